@@ -1,0 +1,1 @@
+"""The simulated world: homes by seed, physics, truth and metrics, and its robot driver."""

@@ -1,0 +1,183 @@
+"""What a home is made of: plain frozen data, metres and radians, world frame z up with the floor at 0.
+
+A `Shape` is geometry in a body's own frame: what is drawn (`visuals`), what is touched (`solids`)
+and where things can stand (`surfaces`). Furniture frames have their origin on the floor under the
+middle of the footprint, +y is the back (towards the wall). Object frames have their origin in the
+middle of the bounding box.
+"""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Rgb = tuple[float, float, float]
+Vec3 = tuple[float, float, float]
+Quat = tuple[float, float, float, float]  # w, x, y, z
+SolidKind = Literal["box", "cylinder", "sphere", "ellipsoid"]
+
+
+@dataclass(frozen=True)
+class Material:
+    """How a surface looks. `texture` names a pattern of `textures.PATTERNS`, tinted by `rgb`."""
+
+    rgb: Rgb
+    texture: str = ""
+    specular: float = 0.15
+    shininess: float = 0.2
+    emission: float = 0.0
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles with one normal and one texture coordinate per vertex."""
+
+    vertices: NDArray[np.float32]  # [n, 3] m
+    normals: NDArray[np.float32]  # [n, 3] unit
+    uv: NDArray[np.float32]  # [n, 2] in repeats of the texture
+    faces: NDArray[np.int32]  # [m, 3] counter-clockwise from outside
+
+
+@dataclass(frozen=True)
+class Visual:
+    """A drawn mesh of one material."""
+
+    mesh: Mesh
+    material: Material
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A collision primitive; `half_extent` as MuJoCo wants it (box half sizes; radius, half height)."""
+
+    kind: SolidKind
+    half_extent: Vec3
+    center: Vec3
+    quat: Quat = (1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A flat rectangle on which things can stand, `height_m` above the frame's floor."""
+
+    center_xy: tuple[float, float]
+    half_extent_xy: tuple[float, float]
+    yaw_rad: float
+    height_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """Geometry in the body's own frame. `size_m` is the bounding box (x, y, z)."""
+
+    size_m: Vec3
+    visuals: tuple[Visual, ...]
+    solids: tuple[Solid, ...]
+    color: Rgb
+    surfaces: tuple[Surface, ...] = ()
+    mass_kg: float = 0.0
+    rolls: bool = False
+
+
+@dataclass(frozen=True)
+class Room:
+    """An axis-aligned room between the wall axes, `kind` such as "kitchen"."""
+
+    index: int
+    kind: str
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    @property
+    def center_xy(self) -> tuple[float, float]:
+        return (self.x0 + self.x1) / 2, (self.y0 + self.y1) / 2
+
+    @property
+    def area_m2(self) -> float:
+        return (self.x1 - self.x0) * (self.y1 - self.y0)
+
+    def contains(self, x: float, y: float) -> bool:
+        return self.x0 <= x < self.x1 and self.y0 <= y < self.y1
+
+
+@dataclass(frozen=True)
+class Doorway:
+    """An opening centred at (x, y). `axis` 0: in a wall of constant x; 1: of constant y."""
+
+    x: float
+    y: float
+    width_m: float
+    axis: int
+    rooms: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Receptacle:
+    """Furniture on which things stand. `surfaces` are in the world frame."""
+
+    name: str
+    class_name: str
+    room: int
+    x: float
+    y: float
+    yaw_rad: float
+    size_m: Vec3
+    surfaces: tuple[Surface, ...]
+    color: Rgb
+    shape: Shape = field(repr=False, compare=False)
+
+
+@dataclass(frozen=True)
+class Fixture:
+    """Furniture and decoration on which nothing is put: chairs, plants, wardrobes, pictures.
+
+    `blocks` says whether it stands in a robot's way; `z_m` is the height of its frame's floor.
+    """
+
+    name: str
+    class_name: str
+    room: int
+    x: float
+    y: float
+    yaw_rad: float
+    size_m: Vec3
+    blocks: bool
+    color: Rgb
+    shape: Shape = field(repr=False, compare=False)
+    z_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """A thing that can be picked, upright at rest; `position_m` is the middle of its box."""
+
+    name: str
+    class_name: str
+    receptacle: str
+    position_m: Vec3
+    yaw_rad: float
+    size_m: Vec3
+    color: Rgb
+    shape: Shape = field(repr=False, compare=False)
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One task: "Move the mug from the coffee table to the kitchen counter"."""
+
+    object_class: str
+    start_receptacle_class: str
+    goal_receptacle_class: str
+    instruction: str
+
+
+@dataclass(frozen=True)
+class RoomStyle:
+    """Paint and floor of a room."""
+
+    wall_rgb: Rgb
+    floor_pattern: str
+    floor_rgb: Rgb
