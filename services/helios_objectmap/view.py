@@ -1,0 +1,56 @@
+"""A camera at a pose, on the pixel grid that the object map works on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class View:
+    """Pinhole camera (OpenCV axes; pixel centres at integers) with its pose in the world."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+    T_world_cam: NDArray[np.float64]  # [4, 4]
+
+    @property
+    def T_cam_world(self) -> NDArray[np.float64]:
+        """[4, 4] world to camera."""
+        rotation = self.T_world_cam[:3, :3].T
+        T = np.eye(4)
+        T[:3, :3] = rotation
+        T[:3, 3] = -rotation @ self.T_world_cam[:3, 3]
+        return T
+
+    def strided(self, stride: int) -> View:
+        """The view whose pixel k is this view's pixel `offset(stride) + k * stride`."""
+        first = offset(stride)
+        return View(
+            self.fx / stride,
+            self.fy / stride,
+            (self.cx - first) / stride,
+            (self.cy - first) / stride,
+            len(range(first, self.width, stride)),
+            len(range(first, self.height, stride)),
+            self.T_world_cam,
+        )
+
+    def lift(self, depth_m: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """World points [k, 3] of the masked pixels, row by row. depth_m: [h, w] along the axis."""
+        v, u = np.nonzero(mask)
+        z = depth_m[v, u].astype(np.float64)
+        points = np.stack([(u - self.cx) / self.fx * z, (v - self.cy) / self.fy * z, z], axis=1)
+        world = points @ self.T_world_cam[:3, :3].T + self.T_world_cam[:3, 3]
+        return world.astype(np.float32)
+
+
+def offset(stride: int) -> int:
+    """First pixel kept at a stride: the middle of the block, so that the grid is not biased."""
+    return stride // 2
