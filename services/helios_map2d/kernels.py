@@ -1,0 +1,346 @@
+"""Numba kernels of the occupancy and value layers; each touches only the view's window.
+
+Reached through `occupancy.py` and `value.py`; readable twins stand in the tests. One thread: a
+frame takes about a millisecond, and the other services need the second core. Of fast-math, only
+flags that keep NaN comparisons meaningful are used: NaN depth must fail every comparison.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+FAST = {"reassoc", "contract", "arcp", "nsz", "afn"}
+
+NOTHING = 0
+FLOOR = 1
+OBSTACLE = 2
+SEEN = 4
+
+THROUGH = 0
+SURFACE = 1
+HIDDEN = 2
+HEIGHT_SAMPLES = 6
+
+
+@njit(cache=True, nogil=True, inline="always", fastmath=FAST)
+def diamond_angle(forward, left):
+    """0..4, rising with the azimuth from -pi to pi; 2 is straight ahead."""
+    total = abs(forward) + abs(left)
+    if total < 1e-9:
+        return np.float32(2.0)
+    a = left / total
+    if forward < 0.0:
+        a = 2.0 - a if left >= 0.0 else -2.0 - a
+    return np.float32(2.0 + a)
+
+
+@njit(cache=True, nogil=True, inline="always", fastmath=FAST)
+def is_veil(depth, v, u, z, jump_m):
+    """Whether a pixel floats between two surfaces, or stands alone: the mixed pixels of an edge."""
+    h, w = depth.shape
+    apart = 0
+    if 0 < u < w - 1:
+        a = depth[v, u - 1]
+        b = depth[v, u + 1]
+        if a > 0.0 and b > 0.0:
+            if (a < z - jump_m and b > z + jump_m) or (a > z + jump_m and b < z - jump_m):
+                return True
+            if abs(a - z) > jump_m and abs(b - z) > jump_m:
+                apart += 1
+    if 0 < v < h - 1:
+        a = depth[v - 1, u]
+        b = depth[v + 1, u]
+        if a > 0.0 and b > 0.0:
+            if (a < z - jump_m and b > z + jump_m) or (a > z + jump_m and b < z - jump_m):
+                return True
+            if abs(a - z) > jump_m and abs(b - z) > jump_m:
+                apart += 1
+    return apart == 2
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def project_depth(
+    depth,  # float32 [h, w]
+    intrinsics,  # float32 [4]: 1 / fx, 1 / fy, cx, cy
+    pose,  # float32 [3, 4]: rotation, and camera position (cells of the window; z in metres)
+    heading,  # float32 [2]
+    limits,  # float32 [8]: depth min, max; floor tolerance; band lo, hi; jump m; jump ratio; 1/cell
+    body,  # float32 [3]: the robot's own disc in cells of the window: column, row, radius²
+    count,  # uint16 [rows, columns] out: obstacle pixels of this frame per cell
+    low,  # float32 [rows, columns] out: lowest obstacle height, valid where count > 0
+    high,  # float32 [rows, columns] out: highest
+    polar,  # uint8 [bins, ranges] out: flags FLOOR, OBSTACLE
+):
+    """Sort every depth pixel into floor, obstacle or neither, by cell and by azimuth and range."""
+    h, w = depth.shape
+    rows, columns = count.shape
+    bins, ranges = polar.shape
+    bin_scale = np.float32(bins / 4.0)
+    near, far, floor_tol, band_lo, band_hi = limits[0], limits[1], limits[2], limits[3], limits[4]
+    px_per_m = limits[7]
+    c, s = heading[0], heading[1]
+    x0, y0, z0 = pose[0, 3], pose[1, 3], pose[2, 3]
+    # Evidence that touches the image edge that looks up may go on higher than was seen.
+    open_row = 0 if pose[2, 1] <= 0.0 else h - 1
+    for v in range(h):
+        dv = (np.float32(v) - intrinsics[3]) * intrinsics[1]
+        ax = pose[0, 1] * dv + pose[0, 2]
+        ay = pose[1, 1] * dv + pose[1, 2]
+        az = pose[2, 1] * dv + pose[2, 2]
+        for u in range(w):
+            z = depth[v, u]
+            if not (z > near and z < far):
+                continue
+            du = (np.float32(u) - intrinsics[2]) * intrinsics[0]
+            height = z * (pose[2, 0] * du + az) + z0
+            floor = abs(height) <= floor_tol
+            if not floor and (height < band_lo or height > band_hi):
+                continue
+            x = z * (pose[0, 0] * du + ax) * px_per_m
+            y = z * (pose[1, 0] * du + ay) * px_per_m
+            column = math.floor(x + x0)
+            row = math.floor(y + y0)
+            if not floor:
+                if is_veil(depth, v, u, z, limits[5] + limits[6] * z):
+                    continue
+                bx = x + x0 - body[0]
+                by = y + y0 - body[1]
+                if bx * bx + by * by <= body[2]:
+                    continue
+                if 0 <= row < rows and 0 <= column < columns:
+                    n = count[row, column]
+                    top = band_hi if v == open_row else height
+                    if n == 0:
+                        low[row, column] = height
+                        high[row, column] = top
+                    else:
+                        low[row, column] = min(low[row, column], height)
+                        high[row, column] = max(high[row, column], top)
+                    if n < 65535:
+                        count[row, column] = n + 1
+            k = int(math.sqrt(x * x + y * y))
+            if k < ranges:
+                b = min(bins - 1, int(diamond_angle(c * x + s * y, c * y - s * x) * bin_scale))
+                polar[b, k] |= np.uint8(FLOOR if floor else OBSTACLE)
+
+
+@njit(cache=True, nogil=True)
+def carve_rays(polar, gap_cells, shadow_cells):
+    """Mark SEEN the floor along each azimuth, joining floor seen twice with no obstacle between.
+
+    Floor within `shadow_cells` behind an obstacle is not believed: it is the foot of that
+    obstacle, thrown behind it by depth noise. Further behind it was seen under or beside it.
+    """
+    bins, ranges = polar.shape
+    for b in range(bins):
+        last_floor = -1
+        last_obstacle = -shadow_cells - 1
+        for k in range(ranges):
+            flags = polar[b, k]
+            if flags == NOTHING:
+                continue
+            if flags & OBSTACLE:
+                last_obstacle = k
+                last_floor = -1
+            elif k - last_obstacle > shadow_cells:
+                start = k
+                if last_floor >= 0 and k - last_floor <= gap_cells:
+                    start = last_floor + 1
+                for i in range(start, k + 1):
+                    polar[b, i] |= np.uint8(SEEN)
+                last_floor = k
+
+
+@njit(cache=True, nogil=True, inline="always", fastmath=FAST)
+def look_at(depth, intrinsics, T_cam_world, x, y, z, half_cell_m, tolerance, far):
+    """What the image says of a world point: seen through, on a surface, or hidden or out of view.
+
+    The pixels that a cell covers are all asked; one that does not see through is enough to keep
+    the point.
+    """
+    h, w = depth.shape
+    zc = T_cam_world[2, 0] * x + T_cam_world[2, 1] * y + T_cam_world[2, 2] * z + T_cam_world[2, 3]
+    if not (zc > 0.05 and zc < far):
+        return HIDDEN
+    xc = T_cam_world[0, 0] * x + T_cam_world[0, 1] * y + T_cam_world[0, 2] * z + T_cam_world[0, 3]
+    yc = T_cam_world[1, 0] * x + T_cam_world[1, 1] * y + T_cam_world[1, 2] * z + T_cam_world[1, 3]
+    u = math.floor(xc / (zc * intrinsics[0]) + intrinsics[2] + 0.5)
+    v = math.floor(yc / (zc * intrinsics[1]) + intrinsics[3] + 0.5)
+    r = min(6, int(half_cell_m / (zc * intrinsics[0])) + 1)
+    if u - r < 0 or v - r < 0 or u + r >= w or v + r >= h:
+        return HIDDEN
+    tol = tolerance[0] + tolerance[1] * zc
+    measured = 0
+    state = THROUGH
+    for i in range(v - r, v + r + 1):
+        for j in range(u - r, u + r + 1):
+            d = depth[i, j]
+            if not d > 0.0:
+                continue
+            measured += 1
+            if d <= zc + tol:
+                if d >= zc - tol:
+                    return SURFACE
+                state = HIDDEN
+    return state if measured > 0 else HIDDEN
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def fuse_window(
+    depth,  # float32 [h, w]
+    intrinsics,  # float32 [4]: 1 / fx, 1 / fy, cx, cy
+    T_cam_world,  # float64 [4, 4]
+    camera_cells,  # float32 [2]: column, row in the window
+    heading,  # float32 [2]
+    count, low, high,  # this frame's obstacles [rows, columns], from project_depth
+    polar,  # uint8 [bins, ranges], from carve_rays
+    origin,  # float64 [3]: x, y of the window's corner in metres; cell size
+    rules,  # int64 [6]: weak pixels, strong pixels, occupied, most, gain, loss
+    tolerance,  # float32 [2]: m, ratio of depth
+    far,  # float: the largest depth at which a cell is judged
+    evidence, floor_seen, z_low, z_high, occupancy, explored,  # the map's window [rows, columns]
+    seen_now,  # uint8 [rows, columns] out: what this frame saw
+):  # fmt: skip
+    """Fold one frame into the map: hits, cells seen through, floor seen, and the states."""
+    rows, columns = count.shape
+    bins, ranges = polar.shape
+    bin_scale = np.float32(bins / 4.0)
+    c, s = heading[0], heading[1]
+    weak, strong, occupied, most, gain, loss = (
+        rules[0], rules[1], rules[2], rules[3], rules[4], rules[5],
+    )  # fmt: skip
+    for row in range(rows):
+        dy = np.float32(row) + np.float32(0.5) - camera_cells[1]
+        for column in range(columns):
+            dx = np.float32(column) + np.float32(0.5) - camera_cells[0]
+            n = count[row, column]
+            hit = n >= weak
+            e = evidence[row, column]
+            if e > 0:
+                x = origin[0] + (column + 0.5) * origin[2]
+                y = origin[1] + (row + 0.5) * origin[2]
+                zl, zh = z_low[row, column], z_high[row, column]
+                samples = HEIGHT_SAMPLES if zh - zl > 0.05 else 1
+                through = surface = 0
+                lowest, highest = np.float32(np.inf), np.float32(-np.inf)
+                for k in range(samples):
+                    f = np.float32(k / (samples - 1)) if samples > 1 else np.float32(0.5)
+                    z = zl + f * (zh - zl)
+                    state = look_at(depth, intrinsics, T_cam_world, x, y, z, 0.5 * origin[2],
+                                    tolerance, far)  # fmt: skip
+                    if state == THROUGH:
+                        through += 1
+                    else:
+                        if state == SURFACE:
+                            surface += 1
+                        lowest = min(lowest, z)
+                        highest = max(highest, z)
+                if samples > 1 and through > 0 and lowest <= highest:
+                    # What was seen through at its ends is lower, or begins higher, than believed.
+                    z_low[row, column] = lowest
+                    z_high[row, column] = highest
+                if not hit and surface == 0 and through > samples - through:
+                    e = max(0, e - loss)
+                    evidence[row, column] = e
+            if hit:
+                if e == 0:
+                    z_low[row, column] = low[row, column]
+                    z_high[row, column] = high[row, column]
+                else:
+                    z_low[row, column] = min(z_low[row, column], low[row, column])
+                    z_high[row, column] = max(z_high[row, column], high[row, column])
+                e = min(most, e + (gain if n >= strong else 1))
+                evidence[row, column] = e
+            seen = False
+            k = int(math.sqrt(dx * dx + dy * dy))
+            if k < ranges:
+                b = int(diamond_angle(c * dx + s * dy, c * dy - s * dx) * bin_scale)
+                b = min(bins - 1, b)
+                seen = (
+                    polar[b, k] >= SEEN
+                    or polar[(b + 1) % bins, k] >= SEEN
+                    or polar[b - 1, k] >= SEEN
+                )
+            if seen:
+                floor_seen[row, column] = 1
+            if e >= occupied:
+                occupancy[row, column] = 100
+                explored[row, column] = 1
+                seen = seen or hit
+            elif floor_seen[row, column]:
+                occupancy[row, column] = 0
+                explored[row, column] = 1
+            else:
+                occupancy[row, column] = -1
+                explored[row, column] = 0
+            seen_now[row, column] = 1 if seen else 0
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def farthest_by_azimuth(depth, intrinsics, rotation, heading, near, far, reach):
+    """The farthest measured horizontal range (m) per azimuth bin; depth beyond `far` counts as it.
+
+    `rotation` is float32 [2, 3], camera axes in world x and y; `reach` float32 [bins] is the result
+    and 0 where nothing was measured.
+    """
+    h, w = depth.shape
+    bins = reach.size
+    bin_scale = np.float32(bins / 4.0)
+    c, s = heading[0], heading[1]
+    reach[:] = 0.0
+    for v in range(h):
+        dv = (np.float32(v) - intrinsics[3]) * intrinsics[1]
+        for u in range(w):
+            z = depth[v, u]
+            if not z > near:
+                continue
+            z = min(z, far)
+            du = (np.float32(u) - intrinsics[2]) * intrinsics[0]
+            x = z * (rotation[0, 0] * du + rotation[0, 1] * dv + rotation[0, 2])
+            y = z * (rotation[1, 0] * du + rotation[1, 1] * dv + rotation[1, 2])
+            b = min(bins - 1, int(diamond_angle(c * x + s * y, c * y - s * x) * bin_scale))
+            reach[b] = max(reach[b], math.sqrt(x * x + y * y))
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def fuse_value(
+    value,  # float32 [rows, columns], the window of one layer
+    confidence,  # float32 [rows, columns]
+    score,
+    camera_cells,  # float32 [2]: column, row in the window
+    heading,  # float32 [2]
+    cell_m,
+    half_fov_rad,
+    least_confidence,
+    drop_below,
+    reach,  # float32 [bins], from farthest_by_azimuth
+):
+    """VLFM's weighted average over the cone of view, cut off at the measured range."""
+    rows, columns = value.shape
+    bins = reach.size
+    bin_scale = np.float32(bins / 4.0)
+    c, s = heading[0], heading[1]
+    for row in range(rows):
+        dy = (np.float32(row) + np.float32(0.5) - camera_cells[1]) * cell_m
+        for column in range(columns):
+            dx = (np.float32(column) + np.float32(0.5) - camera_cells[0]) * cell_m
+            forward = c * dx + s * dy
+            left = c * dy - s * dx
+            b = min(bins - 1, int(diamond_angle(forward, left) * bin_scale))
+            limit = reach[b]
+            if limit == 0.0:
+                # A bin that fell between two pixels takes its nearer neighbour.
+                limit = min(reach[b - 1], reach[(b + 1) % bins])
+            if dx * dx + dy * dy > limit * limit or limit == 0.0:
+                continue
+            theta = min(abs(math.atan2(left, forward)) / half_fov_rad, 1.0)
+            new = least_confidence + (1.0 - least_confidence) * math.cos(theta * math.pi / 2) ** 2
+            old = confidence[row, column]
+            if new < drop_below and new < old:
+                continue
+            total = old + new
+            value[row, column] = (old * value[row, column] + new * score) / total
+            confidence[row, column] = (old * old + new * new) / total

@@ -1,0 +1,156 @@
+"""Occupancy by ground projection of depth (paper 3.1.1): what stands in the way, and what is free.
+
+A cell collects evidence from pixels whose height lies in the obstacle band. Evidence is taken back
+only by seeing *through* the heights at which it was found, never by floor seen in the same cell:
+so a table stays although the floor under it shows, a thin leg stays although most of its cell is
+floor, and a chair that was moved away goes. Floor is believed where depth lies within a tolerance
+of z = 0, and between two such places on one line of sight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from helios_core.errors import InvalidInput
+from helios_core.geometry import invert
+from numpy.typing import NDArray
+
+from helios_map2d import kernels
+from helios_map2d.grid import Box, GridSpec
+from helios_map2d.view import View
+
+UNKNOWN = -1
+FREE = 0
+OCCUPIED = 100
+
+
+@dataclass(frozen=True)
+class OccupancyRules:
+    """How pixels become evidence. Lengths in metres; counts are pixels of one frame in one cell."""
+
+    band_lo_m: float = 0.10
+    band_hi_m: float = 1.50
+    floor_tolerance_m: float = 0.08
+    weak_pixels: int = 2
+    strong_pixels: int = 5
+    occupied_evidence: int = 2
+    most_evidence: int = 5
+    hit_gain: int = 2
+    miss_loss: int = 2
+    through_tolerance_m: float = 0.03
+    through_tolerance_ratio: float = 0.02
+    veil_jump_m: float = 0.05
+    veil_jump_ratio: float = 0.03
+    floor_gap_m: float = 0.30
+    shadow_m: float = 0.30
+    body_margin_m: float = 0.05
+
+
+class OccupancyLayer:
+    """The occupancy arrays over one grid, and the fold of a view into them.
+
+    Attributes, all `[rows, columns]`: `occupancy` int8 (-1 unknown, 0 free, 100 occupied),
+    `explored` uint8 (seen as floor or as an obstacle), `z_low_m` and `z_high_m` float32 (lowest
+    and highest obstacle; meaningful where occupied), `evidence` uint8, `floor_seen` uint8.
+    """
+
+    def __init__(self, grid: GridSpec, rules: OccupancyRules) -> None:
+        if rules.floor_tolerance_m >= rules.band_lo_m:
+            raise InvalidInput(
+                f"floor tolerance {rules.floor_tolerance_m} m reaches into the obstacle band that "
+                f"starts at {rules.band_lo_m} m: make it smaller"
+            )
+        self.grid = grid
+        self.rules = rules
+        self.occupancy = np.full(grid.shape, UNKNOWN, np.int8)
+        self.explored = np.zeros(grid.shape, np.uint8)
+        self.z_low_m = np.zeros(grid.shape, np.float32)
+        self.z_high_m = np.zeros(grid.shape, np.float32)
+        self.evidence = np.zeros(grid.shape, np.uint8)
+        self.floor_seen = np.zeros(grid.shape, np.uint8)
+
+    def integrate(
+        self, view: View, body_xy_m: tuple[float, float], body_radius_m: float
+    ) -> NDArray[np.uint8]:
+        """Fold one view in; return what it saw as uint8 over `view.window`.
+
+        Pixels on the robot's own body (within `body_radius_m` and a margin of `body_xy_m`) are no
+        obstacles.
+        """
+        rules, window, cell_m = self.rules, view.window, self.grid.cell_m
+        shape = (window.rows, window.columns)
+        count = np.zeros(shape, np.uint16)
+        low = np.empty(shape, np.float32)
+        high = np.empty(shape, np.float32)
+        polar = np.zeros((view.azimuth_bins, view.range_cells), np.uint8)
+        intrinsics = intrinsics_of(view)
+        heading = np.array(view.heading, np.float32)
+        camera_cells = camera_in_window(view)
+        pose = np.empty((3, 4), np.float32)
+        pose[:, :3] = view.T_world_cam[:3, :3]
+        pose[:2, 3] = camera_cells
+        pose[2, 3] = view.T_world_cam[2, 3]
+        limits = np.array(
+            [view.min_depth_m, view.max_depth_m, rules.floor_tolerance_m, rules.band_lo_m,
+             rules.band_hi_m, rules.veil_jump_m, rules.veil_jump_ratio, 1.0 / cell_m],
+            np.float32,
+        )  # fmt: skip
+        corner = self.grid.crop(window).origin_m
+        radius = (body_radius_m + rules.body_margin_m) / cell_m if body_radius_m > 0 else 0.0
+        body = np.array(
+            [(body_xy_m[0] - corner[0]) / cell_m, (body_xy_m[1] - corner[1]) / cell_m, radius**2],
+            np.float32,
+        )
+        kernels.project_depth(
+            view.depth_m, intrinsics, pose, heading, limits, body, count, low, high, polar
+        )
+        kernels.carve_rays(polar, int(rules.floor_gap_m / cell_m), int(rules.shadow_m / cell_m))
+
+        seen_now = np.empty(shape, np.uint8)
+        box = window.slices
+        kernels.fuse_window(
+            view.depth_m, intrinsics, invert(view.T_world_cam), camera_cells, heading,
+            count, low, high, polar,
+            np.array([corner[0], corner[1], cell_m]),
+            np.array([rules.weak_pixels, rules.strong_pixels, rules.occupied_evidence,
+                      rules.most_evidence, rules.hit_gain, rules.miss_loss]),
+            np.array([rules.through_tolerance_m, rules.through_tolerance_ratio], np.float32),
+            view.max_depth_m,
+            self.evidence[box], self.floor_seen[box], self.z_low_m[box], self.z_high_m[box],
+            self.occupancy[box], self.explored[box], seen_now,
+        )  # fmt: skip
+        return seen_now
+
+    def clear_disc(self, x_m: float, y_m: float, radius_m: float) -> Box:
+        """The robot stands here: its own disc is free, whatever was believed. Returns its box."""
+        box, disc = disc_cells(self.grid, x_m, y_m, radius_m)
+        at = box.slices
+        self.evidence[at][disc] = 0
+        self.floor_seen[at][disc] = 1
+        self.occupancy[at][disc] = FREE
+        self.explored[at][disc] = 1
+        return box
+
+
+def disc_cells(
+    grid: GridSpec, x_m: float, y_m: float, radius_m: float
+) -> tuple[Box, NDArray[np.bool_]]:
+    """The cells whose centres lie within a disc: their box and a mask over it."""
+    row, column = grid.cell_of(x_m, y_m)
+    reach = int(np.ceil(radius_m / grid.cell_m))
+    box = Box(row, row + 1, column, column + 1).grown(reach, grid.whole)
+    rows = grid.origin_m[1] + (np.arange(box.row_lo, box.row_hi) + 0.5) * grid.cell_m
+    columns = grid.origin_m[0] + (np.arange(box.column_lo, box.column_hi) + 0.5) * grid.cell_m
+    return box, (rows[:, None] - y_m) ** 2 + (columns - x_m) ** 2 <= radius_m**2
+
+
+def intrinsics_of(view: View) -> NDArray[np.float32]:
+    camera = view.camera
+    return np.array([1.0 / camera.fx, 1.0 / camera.fy, camera.cx, camera.cy], np.float32)
+
+
+def camera_in_window(view: View) -> NDArray[np.float32]:
+    """The camera's place in the window's cells: column, row."""
+    column, row = view.camera_xy_cells
+    return np.array([column - view.window.column_lo, row - view.window.row_lo], np.float32)
