@@ -1,0 +1,43 @@
+"""What each Gaussian is believed to be: its most likely class."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .dirichlet import marginal
+from .gaussians import OTHER
+
+# Equal beliefs must stay equal in float32, so that ties are always broken the same way.
+_TIE = 1e-5
+MORE_LIKELY_THAN_NOT = 0.5
+
+
+def believe(
+    positive: NDArray[np.float32],
+    asked: NDArray[np.float32],
+    context_columns: list[int],
+    prior: float,
+) -> NDArray[np.int16]:
+    """Column of the most likely class of each Gaussian, or OTHER; [n].
+
+    positive, asked: [n, classes in the store]. The classes of the present context compete with
+    each other and with "other"; of equal ones "other" wins, then the first class. What the context
+    has no name for keeps the name of an earlier context while that is more likely than not.
+    """
+    n, n_columns = positive.shape
+    believed = np.full(n, OTHER, np.int16)
+    mean, _ = marginal(positive, asked, prior, len(context_columns) + 1)
+    parked = [c for c in range(n_columns) if c not in context_columns]
+    if parked:
+        best = np.argmax(mean[:, parked], axis=1)
+        likely = mean[np.arange(n), np.array(parked)[best]] > MORE_LIKELY_THAN_NOT + _TIE
+        believed[likely] = np.array(parked, np.int16)[best[likely]]
+    if context_columns:
+        present = mean[:, context_columns]
+        order = np.arange(len(context_columns)) * _TIE * 0.01
+        best = np.argmax(present - order, axis=1)
+        other = np.maximum(1 - present.sum(axis=1), 0)
+        named = present[np.arange(n), best] > other + _TIE
+        believed[named] = np.array(context_columns, np.int16)[best[named]]
+    return believed

@@ -1,0 +1,74 @@
+"""What the object map takes from an observation, on its own pixel grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from helios_core.types import Observation, SearchContext
+from numpy.typing import NDArray
+
+from .view import View, offset
+
+OTHER_LABEL = 0
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Depth, colour and class labels of one view."""
+
+    view: View
+    depth_m: NDArray[np.float32]  # [h, w], 0 = invalid, too near or too far
+    color: NDArray[np.uint8]  # [h, w, 3]
+    labels: NDArray[np.int32]  # [h, w], 0 = other, 1 + i = class i of the context
+
+
+def read(
+    observation: Observation,
+    context: SearchContext,
+    stride: int,
+    min_depth_m: float,
+    max_depth_m: float,
+) -> Reading:
+    """Sample an observation every `stride` pixels and paint its masks."""
+    frame, camera = observation.frame, observation.frame.camera
+    view = View(
+        camera.fx,
+        camera.fy,
+        camera.cx,
+        camera.cy,
+        camera.width,
+        camera.height,
+        np.asarray(frame.T_world_cam, np.float64),
+    )
+    first = offset(stride)
+    grid = (slice(first, None, stride), slice(first, None, stride))
+    depth_m = np.ascontiguousarray(frame.depth_m[grid], np.float32)
+    usable = (depth_m >= min_depth_m) & (depth_m <= max_depth_m)  # False for NaN
+    depth_m = np.where(usable, depth_m, np.float32(0))
+    labels = np.zeros(depth_m.shape, np.int32)
+    number = {c.name: 1 + i for i, c in enumerate(context.classes)}
+    threshold = {c.name: c.threshold for c in context.classes}
+    # Small things are painted last, so that a mug is not painted over by its table.
+    for d in sorted(
+        observation.detections, key=lambda d: (-int(d.mask.sum()), d.class_name, d.box_xyxy)
+    ):
+        if d.class_name in number and d.score >= threshold[d.class_name]:
+            labels[d.mask[grid]] = number[d.class_name]
+    color = np.ascontiguousarray(frame.color[grid])
+    return Reading(view.strided(stride), depth_m, color, labels)
+
+
+def without_held(
+    reading: Reading, context: SearchContext, held: str, held_object_m: float
+) -> Reading:
+    """The reading without what the robot holds: near pixels of the held class are not seen."""
+    names = [c.name for c in context.classes]
+    if held not in names:
+        return reading
+    mine = (reading.labels == 1 + names.index(held)) & (reading.depth_m < held_object_m)
+    return replace(
+        reading,
+        depth_m=np.where(mine, np.float32(0), reading.depth_m),
+        labels=np.where(mine, OTHER_LABEL, reading.labels).astype(np.int32),
+    )
