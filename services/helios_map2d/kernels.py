@@ -67,7 +67,7 @@ def project_depth(
     intrinsics,  # float32 [4]: 1 / fx, 1 / fy, cx, cy
     pose,  # float32 [3, 4]: rotation, and camera position (cells of the window; z in metres)
     heading,  # float32 [2]
-    limits,  # float32 [8]: depth min, max; floor tolerance; band lo, hi; jump m; jump ratio; 1/cell
+    limits,  # float32 [9]: depth min, max, floor tolerance, band lo, hi, rise, jump, ratio, 1/m
     body,  # float32 [3]: the robot's own disc in cells of the window: column, row, radius²
     count,  # uint16 [rows, columns] out: obstacle pixels of this frame per cell
     low,  # float32 [rows, columns] out: lowest obstacle height, valid where count > 0
@@ -80,7 +80,7 @@ def project_depth(
     bins, ranges = polar.shape
     bin_scale = np.float32(bins / 4.0)
     near, far, floor_tol, band_lo, band_hi = limits[0], limits[1], limits[2], limits[3], limits[4]
-    px_per_m = limits[7]
+    rise, jump_m, jump_ratio, px_per_m = limits[5], limits[6], limits[7], limits[8]
     c, s = heading[0], heading[1]
     x0, y0, z0 = pose[0, 3], pose[1, 3], pose[2, 3]
     # Evidence that touches the image edge that looks up may go on higher than was seen.
@@ -97,14 +97,14 @@ def project_depth(
             du = (np.float32(u) - intrinsics[2]) * intrinsics[0]
             height = z * (pose[2, 0] * du + az) + z0
             floor = abs(height) <= floor_tol
-            if not floor and (height < band_lo or height > band_hi):
+            if not floor and (height < band_lo + rise * z * z or height > band_hi):
                 continue
             x = z * (pose[0, 0] * du + ax) * px_per_m
             y = z * (pose[1, 0] * du + ay) * px_per_m
             column = math.floor(x + x0)
             row = math.floor(y + y0)
             if not floor:
-                if is_veil(depth, v, u, z, limits[5] + limits[6] * z):
+                if is_veil(depth, v, u, z, jump_m + jump_ratio * z):
                     continue
                 bx = x + x0 - body[0]
                 by = y + y0 - body[1]
@@ -188,6 +188,28 @@ def look_at(depth, intrinsics, T_cam_world, x, y, z, half_cell_m, tolerance, far
     return state if measured > 0 else HIDDEN
 
 
+@njit(cache=True, nogil=True, inline="always")
+def hit_of(count, row, column, weak, strong, tail_ratio):
+    """0 no hit, 1 weak, 2 strong: this frame's obstacle pixels of a cell, with its 8 neighbours.
+
+    A lone pixel is no hit. Neither are the few pixels that noise throws beside a cell with far
+    more of them: the tails of a wall.
+    """
+    n = count[row, column]
+    if n == 0:
+        return 0
+    rows, columns = count.shape
+    support = 0
+    most = 0
+    for r in range(max(0, row - 1), min(rows, row + 2)):
+        for c in range(max(0, column - 1), min(columns, column + 2)):
+            support += count[r, c]
+            most = max(most, count[r, c])
+    if support < weak or n * tail_ratio < most:
+        return 0
+    return 2 if n >= strong or support >= 2 * strong else 1
+
+
 @njit(cache=True, nogil=True, fastmath=FAST)
 def fuse_window(
     depth,  # float32 [h, w]
@@ -198,7 +220,7 @@ def fuse_window(
     count, low, high,  # this frame's obstacles [rows, columns], from project_depth
     polar,  # uint8 [bins, ranges], from carve_rays
     origin,  # float64 [3]: x, y of the window's corner in metres; cell size
-    rules,  # int64 [6]: weak pixels, strong pixels, occupied, most, gain, loss
+    rules,  # int64 [7]: weak pixels, strong pixels, tail ratio, occupied, most, gain, loss
     tolerance,  # float32 [2]: m, ratio of depth
     far,  # float: the largest depth at which a cell is judged
     evidence, floor_seen, z_low, z_high, occupancy, explored,  # the map's window [rows, columns]
@@ -209,15 +231,13 @@ def fuse_window(
     bins, ranges = polar.shape
     bin_scale = np.float32(bins / 4.0)
     c, s = heading[0], heading[1]
-    weak, strong, occupied, most, gain, loss = (
-        rules[0], rules[1], rules[2], rules[3], rules[4], rules[5],
-    )  # fmt: skip
+    weak, strong, tail_ratio = rules[0], rules[1], rules[2]
+    occupied, most, gain, loss = rules[3], rules[4], rules[5], rules[6]
     for row in range(rows):
         dy = np.float32(row) + np.float32(0.5) - camera_cells[1]
         for column in range(columns):
             dx = np.float32(column) + np.float32(0.5) - camera_cells[0]
-            n = count[row, column]
-            hit = n >= weak
+            hit = hit_of(count, row, column, weak, strong, tail_ratio)
             e = evidence[row, column]
             if e > 0:
                 x = origin[0] + (column + 0.5) * origin[2]
@@ -242,17 +262,17 @@ def fuse_window(
                     # What was seen through at its ends is lower, or begins higher, than believed.
                     z_low[row, column] = lowest
                     z_high[row, column] = highest
-                if not hit and surface == 0 and through > samples - through:
+                if hit == 0 and surface == 0 and through > samples - through:
                     e = max(0, e - loss)
                     evidence[row, column] = e
-            if hit:
+            if hit > 0:
                 if e == 0:
                     z_low[row, column] = low[row, column]
                     z_high[row, column] = high[row, column]
                 else:
                     z_low[row, column] = min(z_low[row, column], low[row, column])
                     z_high[row, column] = max(z_high[row, column], high[row, column])
-                e = min(most, e + (gain if n >= strong else 1))
+                e = min(most, e + (gain if hit == 2 else 1))
                 evidence[row, column] = e
             seen = False
             k = int(math.sqrt(dx * dx + dy * dy))
@@ -269,7 +289,7 @@ def fuse_window(
             if e >= occupied:
                 occupancy[row, column] = 100
                 explored[row, column] = 1
-                seen = seen or hit
+                seen = seen or hit > 0
             elif floor_seen[row, column]:
                 occupancy[row, column] = 0
                 explored[row, column] = 1

@@ -27,13 +27,21 @@ OCCUPIED = 100
 
 @dataclass(frozen=True)
 class OccupancyRules:
-    """How pixels become evidence. Lengths in metres; counts are pixels of one frame in one cell."""
+    """How pixels become evidence. Lengths in metres; counts are pixels of one frame.
+
+    The band's lower edge rises by `band_rise_per_m` times depth squared, as depth noise does: the
+    floor far away is no obstacle. `weak_pixels` count a cell and its neighbours, `strong_pixels`
+    the cell itself (or twice as many with its neighbours); a cell with less than one
+    `tail_ratio`-th of a neighbour's pixels is that neighbour's noise.
+    """
 
     band_lo_m: float = 0.10
     band_hi_m: float = 1.50
+    band_rise_per_m: float = 0.006
     floor_tolerance_m: float = 0.08
-    weak_pixels: int = 2
+    weak_pixels: int = 3
     strong_pixels: int = 5
+    tail_ratio: int = 20
     occupied_evidence: int = 2
     most_evidence: int = 5
     hit_gain: int = 2
@@ -93,7 +101,8 @@ class OccupancyLayer:
         pose[2, 3] = view.T_world_cam[2, 3]
         limits = np.array(
             [view.min_depth_m, view.max_depth_m, rules.floor_tolerance_m, rules.band_lo_m,
-             rules.band_hi_m, rules.veil_jump_m, rules.veil_jump_ratio, 1.0 / cell_m],
+             rules.band_hi_m, rules.band_rise_per_m, rules.veil_jump_m, rules.veil_jump_ratio,
+             1.0 / cell_m],
             np.float32,
         )  # fmt: skip
         corner = self.grid.crop(window).origin_m
@@ -113,8 +122,9 @@ class OccupancyLayer:
             view.depth_m, intrinsics, invert(view.T_world_cam), camera_cells, heading,
             count, low, high, polar,
             np.array([corner[0], corner[1], cell_m]),
-            np.array([rules.weak_pixels, rules.strong_pixels, rules.occupied_evidence,
-                      rules.most_evidence, rules.hit_gain, rules.miss_loss]),
+            np.array([rules.weak_pixels, rules.strong_pixels, rules.tail_ratio,
+                      rules.occupied_evidence, rules.most_evidence, rules.hit_gain,
+                      rules.miss_loss]),
             np.array([rules.through_tolerance_m, rules.through_tolerance_ratio], np.float32),
             view.max_depth_m,
             self.evidence[box], self.floor_seen[box], self.z_low_m[box], self.z_high_m[box],

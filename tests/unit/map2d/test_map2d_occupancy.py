@@ -1,0 +1,181 @@
+"""Occupancy of ray-cast rooms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from helios_core.errors import InvalidInput
+from helios_core.types import Frame
+from helios_map2d.occupancy import OccupancyRules
+from helios_map2d.state import MapRules, MapState
+from map2d_scene import Block, Walk, chair, room, table
+from numpy.typing import NDArray
+
+RULES = MapRules(size_cells=480)
+RADIUS_M = 0.2
+
+
+def mapped(frames: list[Frame], rules: MapRules = RULES) -> MapState:
+    base = frames[0].T_world_base
+    state = MapState(rules, (base[0, 3], base[1, 3]), RADIUS_M)
+    for frame in frames:
+        state.integrate_frame(frame)
+    return state
+
+
+def at(state: MapState, x: float, y: float) -> int:
+    return int(state.occupancy.occupancy[state.grid.cell_of(x, y)])
+
+
+def distances_to_walls(state: MapState, width: float, depth: float) -> NDArray[np.float64]:
+    """Distance (m) of every occupied cell's centre to the nearest inner wall face of the room."""
+    cells = np.argwhere(state.occupancy.occupancy == 100)
+    x, y = np.array([state.grid.centre_of(r, c) for r, c in cells]).T
+    return np.min([abs(x), abs(x - width), abs(y), abs(y - depth)], axis=0)
+
+
+@pytest.mark.parametrize("pitch_deg", [10, 30, 45])
+def test_walls_are_within_two_cells_and_the_floor_is_free(pitch_deg: int) -> None:
+    walk = Walk(room())
+    state = mapped(walk.look_around(3.0, 1.5, pitch_down=math.radians(pitch_deg)))
+    far = distances_to_walls(state, 4.0, 3.0)
+    assert len(far) > 200
+    assert far.max() <= 2 * state.grid.cell_m
+    assert at(state, 0.6, 1.5) == 0
+    assert at(state, -0.5, 1.5) == -1  # behind the wall
+
+
+def test_walls_stay_thin_and_free_ground_has_no_specks_with_noise_and_outliers() -> None:
+    walk = Walk(room(), noise_at_1_m=0.0025, outliers=0.002)
+    frames = [f for x in (0.7, 2.0, 3.3) for y in (0.8, 2.2) for f in walk.look_around(x, y)]
+    state = mapped(frames)
+    far = distances_to_walls(state, 4.0, 3.0)
+    assert np.mean(far <= 3 * state.grid.cell_m) > 0.97
+    assert far.max() < 0.2
+    inside = [at(state, x, y) for x in np.arange(0.4, 3.6, 0.05) for y in np.arange(0.4, 2.6, 0.05)]
+    assert np.mean(np.array(inside) == 0) > 0.99
+
+
+def test_a_moved_chair_is_freed_within_three_frames() -> None:
+    walk = Walk([*room(), *chair(3.0, 1.5)])
+    state = mapped([walk.frame(1.0, 1.5, 0.1 * k) for k in (-1, 0, 1, 0, 1)])
+    assert at(state, 3.0, 1.671) == 100
+    assert at(state, 3.0, 1.5) == 100
+    walk.blocks = [*room(), *chair(3.0, 0.6)]
+    for k in (-1, 0, 1):
+        state.integrate_frame(walk.frame(1.0, 1.5, 0.1 * k))
+    for dx in (-0.15, 0.0, 0.15):
+        assert at(state, 3.0 + dx, 1.65) == 0
+        assert at(state, 3.0 + dx, 1.671) == 0
+    assert at(state, 3.0, 0.6) == 100
+
+
+def test_what_stood_behind_a_sofa_is_freed_although_its_floor_is_never_seen() -> None:
+    sofa = Block((2.0, 0.5, 0), (2.4, 2.5, 0.85))
+    person = Block((2.5, 1.3, 0), (2.8, 1.7, 1.2))
+    walk = Walk([*room(), sofa, person])
+    state = mapped([walk.frame(0.5, 1.5, 0.0, math.radians(15))])
+    assert at(state, 2.51, 1.5) == 100
+    walk.blocks = [*room(), sofa]
+    for _ in range(3):
+        state.integrate_frame(walk.frame(0.5, 1.5, 0.0, math.radians(15)))
+    assert at(state, 2.51, 1.5) == -1
+    assert at(state, 2.01, 1.5) == 100
+
+
+def test_a_thin_leg_and_a_table_edge_are_obstacles_although_floor_is_seen_around_them() -> None:
+    pole = Block((1.8, 0.5, 0), (1.82, 0.52, 1.0))
+    walk = Walk([*room(), *table(2.5, 1.5), pole])
+    frames = [walk.frame(0.6, 1.5, 0.0), walk.frame(0.6, 0.9, -0.1), walk.frame(0.6, 2.0, 0.0)]
+    state = mapped(frames)
+    assert at(state, 1.805, 0.51) == 100
+    for y in (1.25, 1.5, 1.75):
+        assert at(state, 2.11, y) == 100, "front edge of the table top"
+    before = state.occupancy.occupancy.copy()
+    for _ in range(5):
+        state.integrate_frame(walk.frame(0.6, 1.5, 0.0))
+    lost = (before == 100) & (state.occupancy.occupancy != 100)
+    assert lost.sum() == 0
+
+
+def test_floor_seen_under_a_table_leaves_the_top_occupied() -> None:
+    walk = Walk([*room(), *table(2.5, 1.5)])
+    state = mapped([walk.frame(0.7, 1.5, 0.0), walk.frame(1.2, 1.5, 0.0), *walk.look_around(1, 1)])
+    row, column = state.grid.cell_of(2.46, 1.5)
+    assert state.occupancy.occupancy[row, column] == 100
+    assert state.occupancy.z_high_m[row, column] == pytest.approx(0.74, abs=0.02)
+
+
+def test_heights_are_kept_within_two_centimetres() -> None:
+    box = Block((2.0, 1.2, 0), (2.5, 1.8, 0.6))
+    state = mapped(Walk([*room(), box]).look_around(0.8, 1.5))
+    row, column = state.grid.cell_of(2.01, 1.5)
+    assert state.occupancy.z_high_m[row, column] == pytest.approx(0.6, abs=0.02)
+    assert state.occupancy.z_low_m[row, column] < 0.15
+
+
+@pytest.mark.parametrize("roll", [math.pi, math.pi / 2, 0.4])
+def test_a_rolled_or_upside_down_camera_sees_the_same_walls(roll: float) -> None:
+    state = mapped(Walk(room()).look_around(2.0, 1.5, roll=roll))
+    assert distances_to_walls(state, 4.0, 3.0).max() <= 2 * state.grid.cell_m
+    assert at(state, 0.7, 1.5) == 0
+
+
+def test_a_camera_looking_straight_down_frees_the_floor_under_it() -> None:
+    state = mapped([Walk(room()).frame(2.0, 1.5, 0.0, math.pi / 2)])
+    for dx in (-0.4, -0.1, 0.1, 0.4):
+        assert at(state, 2.0 + dx, 1.5 + 0.1) == 0
+    assert at(state, 3.5, 1.5) == -1
+
+
+def test_only_the_footprint_is_free_where_the_tilted_camera_cannot_see() -> None:
+    state = mapped([Walk(room()).frame(2.0, 1.5, 0.0)])
+    assert at(state, 2.0, 1.5) == 0
+    assert at(state, 2.0 + RADIUS_M - 0.03, 1.5) == 0
+    assert at(state, 2.0 + RADIUS_M + 0.1, 1.5) == -1  # the blind ring
+    assert at(state, 1.0, 1.5) == -1  # behind the robot
+    assert at(state, 3.5, 1.5) == 0
+
+
+def test_the_robots_own_arm_leaves_nothing() -> None:
+    arm = Block((2.1, 1.45, 0.6), (2.2, 1.55, 0.9))
+    state = mapped(Walk([*room(), arm]).look_around(2.0, 1.5))
+    assert distances_to_walls(state, 4.0, 3.0).max() <= 2 * state.grid.cell_m
+
+
+def test_invalid_pixels_change_nothing() -> None:
+    walk = Walk(room())
+    frame = walk.frame(2.0, 1.5, 0.0)
+    clean = mapped([frame])
+    depth = frame.depth_m.copy()
+    upper = np.zeros(depth.shape, bool)
+    upper[:30] = True
+    for bad in (np.nan, np.inf, -1.0, 0.0):
+        broken = np.where(upper, bad, depth).astype(np.float32)
+        state = mapped([with_depth(frame, broken)])
+        assert set(np.unique(state.occupancy.occupancy)) <= {-1, 0, 100}
+        known = state.occupancy.occupancy != -1
+        assert known.sum() > 500
+        # What is known is a part of what the whole image shows.
+        lost = known & (clean.occupancy.occupancy == -1)
+        assert lost.sum() <= 0.02 * known.sum()
+
+
+def test_depth_beyond_the_range_leaves_unknown() -> None:
+    walk = Walk(room(width=9.0))
+    near = mapped([walk.frame(1.0, 1.5, 0.0)], MapRules(size_cells=800, max_depth_m=3.0))
+    assert at(near, 3.0, 1.5) == 0
+    assert at(near, 5.5, 1.5) == -1
+
+
+def test_a_floor_tolerance_above_the_obstacle_band_is_refused() -> None:
+    rules = MapRules(occupancy=OccupancyRules(floor_tolerance_m=0.2))
+    with pytest.raises(InvalidInput, match="floor tolerance"):
+        MapState(rules, (0, 0), 0.2)
+
+
+def with_depth(frame: Frame, depth_m: NDArray[np.float32]) -> Frame:
+    return Frame(frame.id, frame.stamp_ns, frame.keyframe, frame.color, depth_m, frame.camera,
+                 frame.T_world_cam, frame.T_world_base)  # fmt: skip
