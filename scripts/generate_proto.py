@@ -1,0 +1,90 @@
+"""Generate the Python modules of the messages; `--check` says whether they are stale.
+
+Foxglove's schemas are taken as descriptors from the installed package, so that no copy of their
+`.proto` files has to be kept here.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import pkgutil
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import foxglove_schemas_protobuf
+from google.protobuf import descriptor_pb2, duration_pb2, timestamp_pb2
+from google.protobuf.message import Message
+
+ROOT = Path(__file__).resolve().parent.parent
+PROTO_ROOT = ROOT / "shared/helios_core/proto"
+OUT = ROOT / "shared/helios_core/proto"
+
+
+def foxglove_descriptors() -> descriptor_pb2.FileDescriptorSet:
+    """All of Foxglove's schemas and the well-known types that they import."""
+    out = descriptor_pb2.FileDescriptorSet()
+    files = [timestamp_pb2.DESCRIPTOR, duration_pb2.DESCRIPTOR]
+    for info in pkgutil.iter_modules(foxglove_schemas_protobuf.__path__):
+        if info.name.endswith("_pb2"):
+            module = importlib.import_module(f"foxglove_schemas_protobuf.{info.name}")
+            files.append(module.DESCRIPTOR)
+    for file in files:
+        proto: Message = out.file.add()
+        file.CopyToProto(proto)
+    return out
+
+
+def generate(out: Path) -> None:
+    """Write `helios/v1/*_pb2.py` and `.pyi` below `out`, importing each other by full name."""
+    sources = sorted(str(p.relative_to(PROTO_ROOT)) for p in PROTO_ROOT.rglob("*.proto"))
+    with tempfile.TemporaryDirectory() as scratch:
+        # The foxglove files travel as descriptors; ours are added to the same set.
+        base = Path(scratch) / "foxglove.binpb"
+        base.write_bytes(foxglove_descriptors().SerializeToString())
+        raw = Path(scratch) / "raw"
+        raw.mkdir()
+        full = Path(scratch) / "all.binpb"
+        subprocess.run(
+            [sys.executable, "-m", "grpc_tools.protoc", f"--descriptor_set_in={base}",
+             f"--proto_path={PROTO_ROOT}", f"--descriptor_set_out={full}", *sources],
+            check=True,
+        )  # fmt: skip
+        merged = descriptor_pb2.FileDescriptorSet.FromString(base.read_bytes())
+        merged.MergeFromString(full.read_bytes())
+        base.write_bytes(merged.SerializeToString())
+        subprocess.run(
+            [sys.executable, "-m", "grpc_tools.protoc", f"--descriptor_set_in={base}",
+             f"--python_out={raw}", f"--pyi_out={raw}", *sources],
+            check=True,
+        )  # fmt: skip
+        for path in sorted(raw.rglob("*_pb2.py*")):
+            text = path.read_text()
+            text = re.sub(r"from foxglove import", "from foxglove_schemas_protobuf import", text)
+            text = re.sub(r"from helios\.v1 import", "from helios_core.proto.helios.v1 import", text)
+            target = out / path.relative_to(raw)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(text)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--check", action="store_true", help="change nothing; exit 1 if stale")
+    args = parser.parse_args()
+    if not args.check:
+        generate(OUT)
+        return
+    with tempfile.TemporaryDirectory() as scratch:
+        generate(Path(scratch))
+        fresh = {p.relative_to(scratch): p.read_text() for p in Path(scratch).rglob("*_pb2.py*")}
+    stale = [str(p) for p, text in fresh.items()
+             if not (OUT / p).exists() or (OUT / p).read_text() != text]  # fmt: skip
+    if stale:
+        sys.exit(f"generated messages are stale: {', '.join(stale)}; run scripts/generate_proto.py")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""What every HELIOS process shares: messages, topics, the bus, geometry, settings, life cycle."""

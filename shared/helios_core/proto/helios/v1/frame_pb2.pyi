@@ -1,0 +1,115 @@
+from foxglove_schemas_protobuf import CameraCalibration_pb2 as _CameraCalibration_pb2
+from foxglove_schemas_protobuf import CompressedImage_pb2 as _CompressedImage_pb2
+from foxglove_schemas_protobuf import PoseInFrame_pb2 as _PoseInFrame_pb2
+from foxglove_schemas_protobuf import RawImage_pb2 as _RawImage_pb2
+from google.protobuf import timestamp_pb2 as _timestamp_pb2
+from helios_core.proto.helios.v1 import common_pb2 as _common_pb2
+from google.protobuf.internal import containers as _containers
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class Frame(_message.Message):
+    __slots__ = ("id", "stamp", "keyframe", "raw_color", "compressed_color", "raw_depth", "compressed_depth", "calibration", "T_world_cam", "T_world_base")
+    ID_FIELD_NUMBER: _ClassVar[int]
+    STAMP_FIELD_NUMBER: _ClassVar[int]
+    KEYFRAME_FIELD_NUMBER: _ClassVar[int]
+    RAW_COLOR_FIELD_NUMBER: _ClassVar[int]
+    COMPRESSED_COLOR_FIELD_NUMBER: _ClassVar[int]
+    RAW_DEPTH_FIELD_NUMBER: _ClassVar[int]
+    COMPRESSED_DEPTH_FIELD_NUMBER: _ClassVar[int]
+    CALIBRATION_FIELD_NUMBER: _ClassVar[int]
+    T_WORLD_CAM_FIELD_NUMBER: _ClassVar[int]
+    T_WORLD_BASE_FIELD_NUMBER: _ClassVar[int]
+    id: _common_pb2.FrameId
+    stamp: _timestamp_pb2.Timestamp
+    keyframe: bool
+    raw_color: _RawImage_pb2.RawImage
+    compressed_color: _CompressedImage_pb2.CompressedImage
+    raw_depth: _RawImage_pb2.RawImage
+    compressed_depth: _CompressedImage_pb2.CompressedImage
+    calibration: _CameraCalibration_pb2.CameraCalibration
+    T_world_cam: _PoseInFrame_pb2.PoseInFrame
+    T_world_base: _PoseInFrame_pb2.PoseInFrame
+    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., stamp: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., keyframe: bool = ..., raw_color: _Optional[_Union[_RawImage_pb2.RawImage, _Mapping]] = ..., compressed_color: _Optional[_Union[_CompressedImage_pb2.CompressedImage, _Mapping]] = ..., raw_depth: _Optional[_Union[_RawImage_pb2.RawImage, _Mapping]] = ..., compressed_depth: _Optional[_Union[_CompressedImage_pb2.CompressedImage, _Mapping]] = ..., calibration: _Optional[_Union[_CameraCalibration_pb2.CameraCalibration, _Mapping]] = ..., T_world_cam: _Optional[_Union[_PoseInFrame_pb2.PoseInFrame, _Mapping]] = ..., T_world_base: _Optional[_Union[_PoseInFrame_pb2.PoseInFrame, _Mapping]] = ...) -> None: ...
+
+class Mask(_message.Message):
+    __slots__ = ("x", "y", "width", "height", "bits")
+    X_FIELD_NUMBER: _ClassVar[int]
+    Y_FIELD_NUMBER: _ClassVar[int]
+    WIDTH_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    BITS_FIELD_NUMBER: _ClassVar[int]
+    x: int
+    y: int
+    width: int
+    height: int
+    bits: bytes
+    def __init__(self, x: _Optional[int] = ..., y: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., bits: _Optional[bytes] = ...) -> None: ...
+
+class Detection(_message.Message):
+    __slots__ = ("class_name", "score", "mask")
+    CLASS_NAME_FIELD_NUMBER: _ClassVar[int]
+    SCORE_FIELD_NUMBER: _ClassVar[int]
+    MASK_FIELD_NUMBER: _ClassVar[int]
+    class_name: str
+    score: float
+    mask: Mask
+    def __init__(self, class_name: _Optional[str] = ..., score: _Optional[float] = ..., mask: _Optional[_Union[Mask, _Mapping]] = ...) -> None: ...
+
+class Observation(_message.Message):
+    __slots__ = ("frame", "context_id", "detections", "layer_scores", "detector", "detect_ms", "scorer")
+    class LayerScoresEntry(_message.Message):
+        __slots__ = ("key", "value")
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: float
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[float] = ...) -> None: ...
+    FRAME_FIELD_NUMBER: _ClassVar[int]
+    CONTEXT_ID_FIELD_NUMBER: _ClassVar[int]
+    DETECTIONS_FIELD_NUMBER: _ClassVar[int]
+    LAYER_SCORES_FIELD_NUMBER: _ClassVar[int]
+    DETECTOR_FIELD_NUMBER: _ClassVar[int]
+    DETECT_MS_FIELD_NUMBER: _ClassVar[int]
+    SCORER_FIELD_NUMBER: _ClassVar[int]
+    frame: Frame
+    context_id: str
+    detections: _containers.RepeatedCompositeFieldContainer[Detection]
+    layer_scores: _containers.ScalarMap[str, float]
+    detector: str
+    detect_ms: float
+    scorer: str
+    def __init__(self, frame: _Optional[_Union[Frame, _Mapping]] = ..., context_id: _Optional[str] = ..., detections: _Optional[_Iterable[_Union[Detection, _Mapping]]] = ..., layer_scores: _Optional[_Mapping[str, float]] = ..., detector: _Optional[str] = ..., detect_ms: _Optional[float] = ..., scorer: _Optional[str] = ...) -> None: ...
+
+class Preview(_message.Message):
+    __slots__ = ("id", "jpeg", "detections")
+    ID_FIELD_NUMBER: _ClassVar[int]
+    JPEG_FIELD_NUMBER: _ClassVar[int]
+    DETECTIONS_FIELD_NUMBER: _ClassVar[int]
+    id: _common_pb2.FrameId
+    jpeg: bytes
+    detections: _containers.RepeatedCompositeFieldContainer[Detection]
+    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., jpeg: _Optional[bytes] = ..., detections: _Optional[_Iterable[_Union[Detection, _Mapping]]] = ...) -> None: ...
+
+class Ack(_message.Message):
+    __slots__ = ("service", "part", "id", "accepted", "reason", "version", "update_ms", "context_id")
+    SERVICE_FIELD_NUMBER: _ClassVar[int]
+    PART_FIELD_NUMBER: _ClassVar[int]
+    ID_FIELD_NUMBER: _ClassVar[int]
+    ACCEPTED_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    UPDATE_MS_FIELD_NUMBER: _ClassVar[int]
+    CONTEXT_ID_FIELD_NUMBER: _ClassVar[int]
+    service: str
+    part: str
+    id: _common_pb2.FrameId
+    accepted: bool
+    reason: str
+    version: int
+    update_ms: float
+    context_id: str
+    def __init__(self, service: _Optional[str] = ..., part: _Optional[str] = ..., id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., accepted: bool = ..., reason: _Optional[str] = ..., version: _Optional[int] = ..., update_ms: _Optional[float] = ..., context_id: _Optional[str] = ...) -> None: ...

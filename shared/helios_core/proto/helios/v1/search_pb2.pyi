@@ -1,0 +1,171 @@
+from helios_core.proto.helios.v1 import common_pb2 as _common_pb2
+from google.protobuf.internal import containers as _containers
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class SearchClass(_message.Message):
+    __slots__ = ("name", "role", "threshold", "synonyms")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    ROLE_FIELD_NUMBER: _ClassVar[int]
+    THRESHOLD_FIELD_NUMBER: _ClassVar[int]
+    SYNONYMS_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    role: str
+    threshold: float
+    synonyms: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, name: _Optional[str] = ..., role: _Optional[str] = ..., threshold: _Optional[float] = ..., synonyms: _Optional[_Iterable[str]] = ...) -> None: ...
+
+class SearchContext(_message.Message):
+    __slots__ = ("id", "classes", "prompts")
+    class PromptsEntry(_message.Message):
+        __slots__ = ("key", "value")
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: str
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[str] = ...) -> None: ...
+    ID_FIELD_NUMBER: _ClassVar[int]
+    CLASSES_FIELD_NUMBER: _ClassVar[int]
+    PROMPTS_FIELD_NUMBER: _ClassVar[int]
+    id: str
+    classes: _containers.RepeatedCompositeFieldContainer[SearchClass]
+    prompts: _containers.ScalarMap[str, str]
+    def __init__(self, id: _Optional[str] = ..., classes: _Optional[_Iterable[_Union[SearchClass, _Mapping]]] = ..., prompts: _Optional[_Mapping[str, str]] = ...) -> None: ...
+
+class ObjectInstance(_message.Message):
+    __slots__ = ("id", "class_name", "center_m", "size_m", "score", "class_score", "uncertainty", "views", "gaussians", "probabilities", "top_m", "outline_m", "detection_rate")
+    class ProbabilitiesEntry(_message.Message):
+        __slots__ = ("key", "value")
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: float
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[float] = ...) -> None: ...
+    ID_FIELD_NUMBER: _ClassVar[int]
+    CLASS_NAME_FIELD_NUMBER: _ClassVar[int]
+    CENTER_M_FIELD_NUMBER: _ClassVar[int]
+    SIZE_M_FIELD_NUMBER: _ClassVar[int]
+    SCORE_FIELD_NUMBER: _ClassVar[int]
+    CLASS_SCORE_FIELD_NUMBER: _ClassVar[int]
+    UNCERTAINTY_FIELD_NUMBER: _ClassVar[int]
+    VIEWS_FIELD_NUMBER: _ClassVar[int]
+    GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
+    PROBABILITIES_FIELD_NUMBER: _ClassVar[int]
+    TOP_M_FIELD_NUMBER: _ClassVar[int]
+    OUTLINE_M_FIELD_NUMBER: _ClassVar[int]
+    DETECTION_RATE_FIELD_NUMBER: _ClassVar[int]
+    id: int
+    class_name: str
+    center_m: _common_pb2.Vector3
+    size_m: _common_pb2.Vector3
+    score: float
+    class_score: float
+    uncertainty: float
+    views: int
+    gaussians: int
+    probabilities: _containers.ScalarMap[str, float]
+    top_m: float
+    outline_m: _containers.RepeatedScalarFieldContainer[float]
+    detection_rate: float
+    def __init__(self, id: _Optional[int] = ..., class_name: _Optional[str] = ..., center_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., size_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., score: _Optional[float] = ..., class_score: _Optional[float] = ..., uncertainty: _Optional[float] = ..., views: _Optional[int] = ..., gaussians: _Optional[int] = ..., probabilities: _Optional[_Mapping[str, float]] = ..., top_m: _Optional[float] = ..., outline_m: _Optional[_Iterable[float]] = ..., detection_rate: _Optional[float] = ...) -> None: ...
+
+class ObjectsRequest(_message.Message):
+    __slots__ = ("class_names", "min_class_score")
+    CLASS_NAMES_FIELD_NUMBER: _ClassVar[int]
+    MIN_CLASS_SCORE_FIELD_NUMBER: _ClassVar[int]
+    class_names: _containers.RepeatedScalarFieldContainer[str]
+    min_class_score: float
+    def __init__(self, class_names: _Optional[_Iterable[str]] = ..., min_class_score: _Optional[float] = ...) -> None: ...
+
+class ObjectsReply(_message.Message):
+    __slots__ = ("objects", "id", "version", "gaussians")
+    OBJECTS_FIELD_NUMBER: _ClassVar[int]
+    ID_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
+    objects: _containers.RepeatedCompositeFieldContainer[ObjectInstance]
+    id: _common_pb2.FrameId
+    version: int
+    gaussians: int
+    def __init__(self, objects: _Optional[_Iterable[_Union[ObjectInstance, _Mapping]]] = ..., id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., version: _Optional[int] = ..., gaussians: _Optional[int] = ...) -> None: ...
+
+class WhatIfRequest(_message.Message):
+    __slots__ = ("object_id", "class_name", "T_world_cam", "camera", "joint")
+    OBJECT_ID_FIELD_NUMBER: _ClassVar[int]
+    CLASS_NAME_FIELD_NUMBER: _ClassVar[int]
+    T_WORLD_CAM_FIELD_NUMBER: _ClassVar[int]
+    CAMERA_FIELD_NUMBER: _ClassVar[int]
+    JOINT_FIELD_NUMBER: _ClassVar[int]
+    object_id: int
+    class_name: str
+    T_world_cam: _containers.RepeatedCompositeFieldContainer[_common_pb2.Transform]
+    camera: _common_pb2.Pinhole
+    joint: bool
+    def __init__(self, object_id: _Optional[int] = ..., class_name: _Optional[str] = ..., T_world_cam: _Optional[_Iterable[_Union[_common_pb2.Transform, _Mapping]]] = ..., camera: _Optional[_Union[_common_pb2.Pinhole, _Mapping]] = ..., joint: bool = ...) -> None: ...
+
+class WhatIfReply(_message.Message):
+    __slots__ = ("score", "information_gain")
+    SCORE_FIELD_NUMBER: _ClassVar[int]
+    INFORMATION_GAIN_FIELD_NUMBER: _ClassVar[int]
+    score: _containers.RepeatedScalarFieldContainer[float]
+    information_gain: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, score: _Optional[_Iterable[float]] = ..., information_gain: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class RetireRequest(_message.Message):
+    __slots__ = ("object_id", "point_m", "radius_m", "reason")
+    OBJECT_ID_FIELD_NUMBER: _ClassVar[int]
+    POINT_M_FIELD_NUMBER: _ClassVar[int]
+    RADIUS_M_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    object_id: int
+    point_m: _common_pb2.Vector3
+    radius_m: float
+    reason: str
+    def __init__(self, object_id: _Optional[int] = ..., point_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., radius_m: _Optional[float] = ..., reason: _Optional[str] = ...) -> None: ...
+
+class RetireReply(_message.Message):
+    __slots__ = ("retired_gaussians",)
+    RETIRED_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
+    retired_gaussians: int
+    def __init__(self, retired_gaussians: _Optional[int] = ...) -> None: ...
+
+class GaussiansRequest(_message.Message):
+    __slots__ = ("object_id",)
+    OBJECT_ID_FIELD_NUMBER: _ClassVar[int]
+    object_id: int
+    def __init__(self, object_id: _Optional[int] = ...) -> None: ...
+
+class GaussiansReply(_message.Message):
+    __slots__ = ("count", "means_m", "scales_m", "colors", "instances", "class_names", "concentration", "opacities")
+    COUNT_FIELD_NUMBER: _ClassVar[int]
+    MEANS_M_FIELD_NUMBER: _ClassVar[int]
+    SCALES_M_FIELD_NUMBER: _ClassVar[int]
+    COLORS_FIELD_NUMBER: _ClassVar[int]
+    INSTANCES_FIELD_NUMBER: _ClassVar[int]
+    CLASS_NAMES_FIELD_NUMBER: _ClassVar[int]
+    CONCENTRATION_FIELD_NUMBER: _ClassVar[int]
+    OPACITIES_FIELD_NUMBER: _ClassVar[int]
+    count: int
+    means_m: bytes
+    scales_m: bytes
+    colors: bytes
+    instances: bytes
+    class_names: _containers.RepeatedScalarFieldContainer[str]
+    concentration: bytes
+    opacities: bytes
+    def __init__(self, count: _Optional[int] = ..., means_m: _Optional[bytes] = ..., scales_m: _Optional[bytes] = ..., colors: _Optional[bytes] = ..., instances: _Optional[bytes] = ..., class_names: _Optional[_Iterable[str]] = ..., concentration: _Optional[bytes] = ..., opacities: _Optional[bytes] = ...) -> None: ...
+
+class VocabularyReply(_message.Message):
+    __slots__ = ("open", "names", "detector", "scorer")
+    OPEN_FIELD_NUMBER: _ClassVar[int]
+    NAMES_FIELD_NUMBER: _ClassVar[int]
+    DETECTOR_FIELD_NUMBER: _ClassVar[int]
+    SCORER_FIELD_NUMBER: _ClassVar[int]
+    open: bool
+    names: _containers.RepeatedScalarFieldContainer[str]
+    detector: str
+    scorer: str
+    def __init__(self, open: bool = ..., names: _Optional[_Iterable[str]] = ..., detector: _Optional[str] = ..., scorer: _Optional[str] = ...) -> None: ...

@@ -1,0 +1,137 @@
+"""Every topic and method on the bus: key, message types, quality of service. One file.
+
+Data:     helios/v1/<robot>/<service>/<stream>
+Methods:  helios/v1/<robot>/svc/<service>/<method>
+Truth:    helios/v1/<robot>/truth/**  (the simulated detector and the evaluation only)
+Alive:    helios/v1/<robot>/alive/<service>/<instance>
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Generic, TypeVar
+
+from google.protobuf.message import Message
+
+from helios_core import proto as pb
+
+M = TypeVar("M", bound=Message)
+Req = TypeVar("Req", bound=Message)
+Rep = TypeVar("Rep", bound=Message)
+
+ROOT = "helios/v1"
+
+
+class QoS(Enum):
+    """What the receiver may count on."""
+
+    LATEST_WINS = auto()  # a slow reader sees the newest; older ones are dropped
+    NEVER_DROP = auto()  # every message, in order; the sender paces itself by acknowledgements
+    RETAINED = auto()  # as NEVER_DROP, and the last one is given to late joiners
+    URGENT = auto()  # small, ahead of everything else, latest wins
+
+
+@dataclass(frozen=True)
+class Topic(Generic[M]):
+    """A stream of one message type."""
+
+    name: str  # <service>/<stream>
+    type: type[M]
+    qos: QoS
+
+    def key(self, robot: str) -> str:
+        return f"{ROOT}/{robot}/{self.name}"
+
+
+@dataclass(frozen=True)
+class Method(Generic[Req, Rep]):
+    """A call that is answered with a value or a typed error."""
+
+    name: str  # <service>/<method>
+    request: type[Req]
+    reply: type[Rep]
+    truth: bool = False
+
+    def key(self, robot: str) -> str:
+        return f"{ROOT}/{robot}/{'truth/' if self.truth else ''}svc/{self.name}"
+
+
+def alive_key(robot: str, service: str, instance: str) -> str:
+    return f"{ROOT}/{robot}/alive/{service}/{instance}"
+
+
+# --- bridge ---------------------------------------------------------------------------------
+FRAME = Topic("bridge/frame", pb.Frame, QoS.LATEST_WINS)
+KEYFRAME = Topic("bridge/keyframe", pb.Frame, QoS.NEVER_DROP)
+ROBOT_STATE = Topic("bridge/state", pb.RobotState, QoS.RETAINED)
+ROBOT_DESCRIPTION = Topic("bridge/description", pb.RobotDescription, QoS.RETAINED)
+ACT = Method("bridge/act", pb.ActionRequest, pb.ActionResult)
+LEASE = Method("bridge/lease", pb.LeaseRequest, pb.LeaseReply)
+STOP = Method("bridge/stop", pb.StopRequest, pb.Empty)
+CLEAR_STOP = Method("bridge/clear_stop", pb.Empty, pb.Empty)
+GET_STATE = Method("bridge/get_state", pb.Empty, pb.RobotState)
+
+# --- detector -------------------------------------------------------------------------------
+OBSERVATION = Topic("detector/observation", pb.Observation, QoS.NEVER_DROP)
+PREVIEW = Topic("detector/preview", pb.Preview, QoS.LATEST_WINS)
+VOCABULARY = Method("detector/vocabulary", pb.Empty, pb.VocabularyReply)
+
+# --- maps -----------------------------------------------------------------------------------
+OBJECTMAP_ACK = Topic("objectmap/ack", pb.Ack, QoS.NEVER_DROP)
+OBJECTS = Method("objectmap/objects", pb.ObjectsRequest, pb.ObjectsReply)
+WHAT_IF = Method("objectmap/what_if", pb.WhatIfRequest, pb.WhatIfReply)
+RETIRE = Method("objectmap/retire", pb.RetireRequest, pb.RetireReply)
+GAUSSIANS = Method("objectmap/gaussians", pb.GaussiansRequest, pb.GaussiansReply)
+RESET_OBJECTS = Method("objectmap/reset", pb.Empty, pb.Empty)
+MAP2D_ACK = Topic("map2d/ack", pb.Ack, QoS.NEVER_DROP)
+SNAPSHOT = Method("map2d/snapshot", pb.SnapshotRequest, pb.MapSnapshot)
+PICTURE = Method("map2d/picture", pb.PictureRequest, pb.PictureReply)
+SIGHT = Method("map2d/sight", pb.SightRequest, pb.SightReply)
+RESET_MAP2D = Method("map2d/reset", pb.Empty, pb.Empty)
+
+# --- planner --------------------------------------------------------------------------------
+CONTEXT = Topic("planner/context", pb.SearchContext, QoS.RETAINED)
+TASK = Topic("planner/task", pb.Task, QoS.RETAINED)
+DECISION = Topic("planner/decision", pb.Decision, QoS.NEVER_DROP)
+PLAN = Topic("planner/plan", pb.Plan, QoS.RETAINED)
+SUBMIT = Method("planner/submit", pb.SubmitRequest, pb.Task)
+GET_TASK = Method("planner/get", pb.TaskRequest, pb.Task)
+LIST_TASKS = Method("planner/list", pb.Empty, pb.TaskList)
+CANCEL = Method("planner/cancel", pb.TaskRequest, pb.Task)
+DECISIONS = Method("planner/decisions", pb.TaskRequest, pb.DecisionList)
+
+# --- health ---------------------------------------------------------------------------------
+SUPERVISOR = Topic("supervisor/status", pb.SupervisorStatus, QoS.RETAINED)
+
+
+def status_topic(service: str) -> Topic[pb.ServiceStatus]:
+    """Each service's own word on how it is."""
+    return Topic(f"{service}/status", pb.ServiceStatus, QoS.RETAINED)
+
+
+ANY_STATUS = status_topic("*")
+
+# --- the simulated world --------------------------------------------------------------------
+WORLD_DESCRIBE = Method("world/describe", pb.Empty, pb.RobotDescription)
+WORLD_STATE = Method("world/state", pb.Empty, pb.RobotState)
+WORLD_CAPTURE = Method("world/capture", pb.Empty, pb.WorldCapture)
+WORLD_ACT = Method("world/act", pb.WorldActRequest, pb.ActionResult)
+WORLD_STOP = Method("world/stop", pb.StopRequest, pb.Empty)
+WORLD_CLEAR_STOP = Method("world/clear_stop", pb.Empty, pb.Empty)
+TRUTH_SEGMENTATION = Method(
+    "world/segmentation", pb.TruthSegmentationRequest, pb.TruthSegmentation, truth=True
+)
+TRUTH_EPISODE = Method("world/episode", pb.Empty, pb.TruthEpisode, truth=True)
+TRUTH_METRICS = Method("world/metrics", pb.Empty, pb.TruthMetrics, truth=True)
+
+TOPICS: tuple[Topic, ...] = (
+    FRAME, KEYFRAME, ROBOT_STATE, ROBOT_DESCRIPTION, OBSERVATION, PREVIEW, OBJECTMAP_ACK,
+    MAP2D_ACK, CONTEXT, TASK, DECISION, PLAN, SUPERVISOR,
+)  # fmt: skip
+METHODS: tuple[Method, ...] = (
+    ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, VOCABULARY, OBJECTS, WHAT_IF, RETIRE, GAUSSIANS,
+    RESET_OBJECTS, SNAPSHOT, PICTURE, SIGHT, RESET_MAP2D, SUBMIT, GET_TASK, LIST_TASKS, CANCEL,
+    DECISIONS, WORLD_DESCRIBE, WORLD_STATE, WORLD_CAPTURE, WORLD_ACT, WORLD_STOP,
+    WORLD_CLEAR_STOP, TRUTH_SEGMENTATION, TRUTH_EPISODE, TRUTH_METRICS,
+)  # fmt: skip

@@ -1,0 +1,156 @@
+"""The project's nouns as frozen dataclasses over numpy arrays; protobuf stays at the edge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helios_core.geometry import Matrix, Pinhole
+
+
+@dataclass(frozen=True, order=True)
+class FrameId:
+    """Names one frame of one robot: boot, world epoch within it, number within that."""
+
+    robot_boot_id: str
+    world_epoch: int
+    seq: int
+
+    @property
+    def epoch(self) -> tuple[str, int]:
+        """The world that poses of this frame live in."""
+        return self.robot_boot_id, self.world_epoch
+
+    def __str__(self) -> str:
+        return f"{self.robot_boot_id[:6]}/{self.world_epoch}/{self.seq}"
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A posed RGB-D image."""
+
+    id: FrameId
+    stamp_ns: int  # the robot's clock
+    keyframe: bool
+    color: NDArray[np.uint8]  # [h, w, 3] RGB
+    depth_m: NDArray[np.float32]  # [h, w] along the optical axis; 0 is invalid
+    camera: Pinhole
+    T_world_cam: Matrix  # [4, 4]
+    T_world_base: Matrix  # [4, 4]
+
+
+@dataclass(frozen=True)
+class Detection:
+    """Pixels of one thing that the detector believes to be of a class."""
+
+    class_name: str
+    score: float  # 0 to 1
+    box_xyxy: tuple[int, int, int, int]  # half open: x0 <= x < x1
+    mask: NDArray[np.bool_]  # [h, w]
+
+
+@dataclass(frozen=True)
+class Observation:
+    """All that one frame gave. The only input of the object map and of the value layers."""
+
+    frame: Frame
+    context_id: str
+    detections: tuple[Detection, ...]
+    layer_scores: dict[str, float]  # value layer -> image-text score, 0 to 1
+    detector: str
+    scorer: str = ""
+
+
+class Role(StrEnum):
+    """What a class is to the task."""
+
+    OBJECT = "object"
+    START_RECEPTACLE = "start_receptacle"
+    GOAL_RECEPTACLE = "goal_receptacle"
+    WATCH = "watch"
+
+    @property
+    def is_receptacle(self) -> bool:
+        return self in (Role.START_RECEPTACLE, Role.GOAL_RECEPTACLE)
+
+
+@dataclass(frozen=True)
+class SearchClass:
+    """One class that is looked for."""
+
+    name: str
+    role: Role
+    threshold: float  # detector confidence from which a detection counts, 0 to 1
+    synonyms: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class SearchContext:
+    """What is looked for now. Owned by the planner; everything downstream names it."""
+
+    id: str
+    classes: tuple[SearchClass, ...]
+    prompts: dict[str, str] = field(default_factory=dict)  # value layer -> prompt
+
+    def of_role(self, role: Role) -> tuple[SearchClass, ...]:
+        return tuple(c for c in self.classes if c.role == role)
+
+
+@dataclass(frozen=True)
+class RobotDescription:
+    """What the robot is. Lengths in metres, angles in radians."""
+
+    name: str
+    footprint_radius_m: float
+    height_m: float
+    camera: Pinhole
+    camera_height_m: float
+    reach_m: float  # horizontal, base centre to object centre
+    max_depth_m: float
+    min_forward_m: float = 0.1
+    max_forward_m: float = 1.0
+    min_turn_rad: float = float(np.deg2rad(5))
+    max_turn_rad: float = float(np.deg2rad(30))
+    tilt_range_rad: tuple[float, float] = (0.0, 0.0)  # positive looks down
+    can_move: bool = True
+    can_pick: bool = True
+    can_place: bool = True
+    simulated: bool = False
+
+
+@dataclass(frozen=True)
+class RobotState:
+    """How the robot is now."""
+
+    T_world_base: Matrix
+    tilt_rad: float = 0.0
+    held: str = ""  # class name of what is held
+    moving: bool = False
+    stopped: bool = False  # stop-now is latched
+    world_epoch: int = 0
+    robot_boot_id: str = ""
+    message: str = ""
+    finished: bool = False  # a recording has come to its end
+    last_seq: int = 0
+
+
+@dataclass(frozen=True)
+class ObjectInstance:
+    """One instance of the object map (paper section 3.1.3)."""
+
+    id: int
+    class_name: str
+    center_m: NDArray[np.float64]  # [3] middle of the box of its believed Gaussians
+    size_m: NDArray[np.float64]  # [3]
+    score: float  # Ψ, eq. 7
+    class_score: float  # S
+    uncertainty: float  # U
+    views: int  # distinct viewpoints fused
+    gaussians: int
+    probabilities: dict[str, float]
+    top_m: float  # height of its highest believed Gaussian
+    outline_m: NDArray[np.float64]  # [n, 2] hull of its ground projection
+    detection_rate: float = 0.0  # share of its views in which it was detected as its class
