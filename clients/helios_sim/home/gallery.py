@@ -1,0 +1,180 @@
+"""Pictures of homes: a view from above and views at eye level.
+
+`python -m helios_sim.home.gallery --seeds 0-9 --out DIR` writes one PNG per seed;
+`--sheet FILE` one picture of all seeds.
+"""
+
+import argparse
+import math
+import os
+from pathlib import Path
+
+# Without a display MuJoCo has to be told of EGL before it is imported.
+os.environ.setdefault("MUJOCO_GL", "egl")
+
+import cv2
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from helios_sim.home import PRESETS, Home, generate_home
+from helios_sim.home.assembly import GROUP_CEILING, GROUP_COLLISION
+
+Image = NDArray[np.uint8]
+
+_EYE_M = 1.31
+_EYE_FOVY_DEG = 58.0
+_TILT_RAD = -0.3
+
+
+class Pictures:
+    """Renders one home. Close it when done: it holds a graphics context."""
+
+    def __init__(self, home: Home, width_px: int = 640, height_px: int = 480) -> None:
+        self.home = home
+        self.model = home.spec().compile()
+        self.data = mujoco.MjData(self.model)
+        mujoco.mj_forward(self.model, self.data)
+        self._renderer = mujoco.Renderer(self.model, height_px, width_px)
+
+    def close(self) -> None:
+        self._renderer.close()
+
+    def above(self) -> Image:
+        """The whole home from above, without its ceiling."""
+        x0, y0, x1, y1 = self.home.bounds
+        camera = mujoco.MjvCamera()
+        camera.lookat = [(x0 + x1) / 2, (y0 + y1) / 2 - 0.2, 0.0]
+        camera.azimuth, camera.elevation = 90.0, -72.0
+        camera.distance = 0.62 * max(x1 - x0, (y1 - y0) * 1.25) / math.tan(math.radians(20)) * 0.77
+        return self._render(camera, 40.0, ceiling=False)
+
+    def at_eye_level(self, x: float, y: float, yaw_rad: float) -> Image:
+        """What a robot's camera sees from there."""
+        camera = mujoco.MjvCamera()
+        camera.azimuth, camera.elevation = math.degrees(yaw_rad), math.degrees(_TILT_RAD)
+        camera.distance = 0.1
+        flat = 0.1 * math.cos(_TILT_RAD)
+        camera.lookat = [
+            x + flat * math.cos(yaw_rad),
+            y + flat * math.sin(yaw_rad),
+            _EYE_M + 0.1 * math.sin(_TILT_RAD),
+        ]
+        return self._render(camera, _EYE_FOVY_DEG, ceiling=True)
+
+    def _render(self, camera: mujoco.MjvCamera, fovy_deg: float, *, ceiling: bool) -> Image:
+        self.model.vis.global_.fovy = fovy_deg
+        option = mujoco.MjvOption()
+        option.geomgroup[GROUP_CEILING] = ceiling
+        option.geomgroup[GROUP_COLLISION] = 0
+        self._renderer.update_scene(self.data, camera, option)
+        return self._renderer.render()
+
+
+def room_views(home: Home) -> list[tuple[float, float, float]]:
+    """For each room a free pose (x, y, yaw) that overlooks it."""
+    free, origin = home.free_space(home.preset.robot_radius_m)
+    rows, columns = np.nonzero(free)
+    x, y = origin[0] + (columns + 0.5) * 0.05, origin[1] + (rows + 0.5) * 0.05
+    views = []
+    for room in home.rooms:
+        items = [item for item in home.receptacles if item.room == room.index]
+        cx = float(np.mean([item.x for item in items] or [room.center_xy[0]]))
+        cy = float(np.mean([item.y for item in items] or [room.center_xy[1]]))
+        inside = (x > room.x0) & (x < room.x1) & (y > room.y0) & (y < room.y1)
+        away = np.where(inside, np.hypot(x - cx, y - cy), -1.0)
+        k = int(np.argmax(away))
+        views.append((float(x[k]), float(y[k]), math.atan2(cy - y[k], cx - x[k])))
+    return views
+
+
+def object_views(home: Home, count: int) -> list[tuple[float, float, float]]:
+    """Poses 1.3 m and less from objects, looking at them."""
+    free, origin = home.free_space(home.preset.passage_radius_m)
+    rows, columns = np.nonzero(free)
+    x, y = origin[0] + (columns + 0.5) * 0.05, origin[1] + (rows + 0.5) * 0.05
+    room_of = {item.name: home.rooms[item.room] for item in home.receptacles}
+    views = []
+    for thing in home.objects[:: max(1, len(home.objects) // count)][:count]:
+        room = room_of[thing.receptacle]
+        ox, oy, _ = thing.position_m
+        inside = (x > room.x0) & (x < room.x1) & (y > room.y0) & (y < room.y1)
+        away = np.where(inside, np.hypot(x - ox, y - oy), 1e6)
+        k = int(np.argmin(np.abs(away - 1.1)))
+        views.append((float(x[k]), float(y[k]), math.atan2(oy - y[k], ox - x[k])))
+    return views
+
+
+def contact_sheet(home: Home) -> Image:
+    """From above, every room, and some things near by, in one picture three tiles wide."""
+    pictures = Pictures(home)
+    try:
+        rooms = room_views(home)
+        views = rooms + object_views(home, 8 - len(rooms))
+        tiles = [pictures.above(), *(pictures.at_eye_level(*view) for view in views)]
+    finally:
+        pictures.close()
+    return _grid(tiles, 3)
+
+
+def overview(homes: list[Home], columns: int = 5, tile_px: int = 400) -> Image:
+    """All homes from above with one room of each below."""
+    above, inside = [], []
+    for number, home in enumerate(homes):
+        pictures = Pictures(home)
+        try:
+            views = room_views(home)
+            above.append(_small(pictures.above(), tile_px))
+            view = views[number % len(views)]
+            inside.append(_small(pictures.at_eye_level(*view), tile_px))
+        finally:
+            pictures.close()
+    tiles: list[Image] = []
+    for start in range(0, len(homes), columns):
+        tiles += above[start : start + columns] + inside[start : start + columns]
+    return _grid(tiles, columns)
+
+
+def _small(image: Image, width_px: int) -> Image:
+    height = round(image.shape[0] * width_px / image.shape[1])
+    return cv2.resize(image, (width_px, height), interpolation=cv2.INTER_AREA).astype(np.uint8)
+
+
+def _grid(tiles: list[Image], columns: int) -> Image:
+    blank = np.full_like(tiles[0], 255)
+    padded = tiles + [blank] * (-len(tiles) % columns)
+    framed = [cv2.copyMakeBorder(t, 3, 3, 3, 3, cv2.BORDER_CONSTANT, value=(255,) * 3) for t in padded]
+    rows = [np.hstack(framed[k : k + columns]) for k in range(0, len(framed), columns)]
+    return np.vstack(rows)
+
+
+def _write(path: Path, image: Image) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    options = [cv2.IMWRITE_JPEG_QUALITY, 82] if path.suffix in (".jpg", ".jpeg") else []
+    if not cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options):
+        raise OSError(f"cannot write {path}: give a file name that ends in .png or .jpg")
+
+
+def _seeds(text: str) -> list[int]:
+    first, _, last = text.partition("-")
+    return list(range(int(first), int(last or first) + 1))
+
+
+def main() -> None:
+    """Draws the pictures asked for on the command line."""
+    parser = argparse.ArgumentParser(description="Pictures of homes by seed")
+    parser.add_argument("--seeds", default="0-9", type=_seeds, help="one seed, or FIRST-LAST")
+    parser.add_argument("--preset", default="demo-v1", choices=sorted(PRESETS))
+    parser.add_argument("--out", type=Path, help="folder for one PNG per seed")
+    parser.add_argument("--sheet", type=Path, help="file for one picture of all seeds")
+    arguments = parser.parse_args()
+    homes = [generate_home(seed, PRESETS[arguments.preset]) for seed in arguments.seeds]
+    if arguments.out:
+        for home in homes:
+            _write(arguments.out / f"home_{home.seed}.png", contact_sheet(home))
+    if arguments.sheet:
+        _write(arguments.sheet, overview(homes))
+
+
+if __name__ == "__main__":
+    main()
