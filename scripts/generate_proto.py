@@ -64,7 +64,9 @@ def generate(out: Path) -> None:
         for path in sorted(raw.rglob("*_pb2.py*")):
             text = path.read_text()
             text = re.sub(r"from foxglove import", "from foxglove_schemas_protobuf import", text)
-            text = re.sub(r"from helios\.v1 import", "from helios_core.proto.helios.v1 import", text)
+            text = re.sub(
+                r"from helios\.v1 import", "from helios_core.proto.helios.v1 import", text
+            )
             target = out / path.relative_to(raw)
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_text(text)

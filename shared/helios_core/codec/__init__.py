@@ -1,0 +1,61 @@
+"""Between messages and the dataclasses of `helios_core.types`. Whatever arrives is checked here:
+a message that does not hold together raises InvalidInput that says what came and what was wanted.
+"""
+
+from helios_core.codec.frames import (
+    frame_from_proto,
+    frame_id_from_proto,
+    frame_id_to_proto,
+    frame_to_proto,
+    observation_from_proto,
+    observation_to_proto,
+    pinhole_from_proto,
+    pinhole_to_proto,
+    transform_from_proto,
+    transform_to_proto,
+)
+from helios_core.codec.robots import (
+    action_from_proto,
+    action_to_proto,
+    description_from_proto,
+    description_to_proto,
+    result_from_proto,
+    result_to_proto,
+    state_from_proto,
+    state_to_proto,
+)
+from helios_core.codec.search import (
+    context_from_proto,
+    context_to_proto,
+    object_from_proto,
+    object_to_proto,
+    vector_from_proto,
+    vector_to_proto,
+)
+
+__all__ = [
+    "action_from_proto",
+    "action_to_proto",
+    "context_from_proto",
+    "context_to_proto",
+    "description_from_proto",
+    "description_to_proto",
+    "frame_from_proto",
+    "frame_id_from_proto",
+    "frame_id_to_proto",
+    "frame_to_proto",
+    "object_from_proto",
+    "object_to_proto",
+    "observation_from_proto",
+    "observation_to_proto",
+    "pinhole_from_proto",
+    "pinhole_to_proto",
+    "result_from_proto",
+    "result_to_proto",
+    "state_from_proto",
+    "state_to_proto",
+    "transform_from_proto",
+    "transform_to_proto",
+    "vector_from_proto",
+    "vector_to_proto",
+]

@@ -1,0 +1,196 @@
+"""Frame and Observation."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
+from numpy.typing import NDArray
+
+from helios_core import proto as pb
+from helios_core.codec.images import color_array, depth_array
+from helios_core.errors import InvalidInput
+from helios_core.geometry import (
+    Matrix,
+    Pinhole,
+    is_rigid,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+)
+from helios_core.types import Detection, Frame, FrameId, Observation
+
+
+def frame_id_to_proto(id: FrameId) -> pb.FrameId:
+    return pb.FrameId(robot_boot_id=id.robot_boot_id, world_epoch=id.world_epoch, seq=id.seq)
+
+
+def frame_id_from_proto(id: pb.FrameId) -> FrameId:
+    return FrameId(id.robot_boot_id, id.world_epoch, id.seq)
+
+
+def transform_to_proto(T_a_b: Matrix) -> pb.Transform:
+    return pb.Transform(rows=np.asarray(T_a_b, float).ravel().tolist())
+
+
+def transform_from_proto(transform: pb.Transform, what: str = "the transform") -> Matrix:
+    rows = np.array(transform.rows, float)
+    if rows.size != 16 or not is_rigid(rows.reshape(4, 4)):
+        raise InvalidInput(f"{what} is not a rigid 4x4 matrix; {rows.size} numbers came")
+    return rows.reshape(4, 4)
+
+
+def pinhole_to_proto(camera: Pinhole) -> pb.Pinhole:
+    return pb.Pinhole(
+        fx=camera.fx, fy=camera.fy, cx=camera.cx, cy=camera.cy,
+        width=camera.width, height=camera.height,
+    )  # fmt: skip
+
+
+def pinhole_from_proto(camera: pb.Pinhole) -> Pinhole:
+    good = camera.fx > 0 and camera.fy > 0 and camera.width > 0 and camera.height > 0
+    if not good or not all(map(math.isfinite, (camera.fx, camera.fy, camera.cx, camera.cy))):
+        raise InvalidInput(
+            f"the camera has fx {camera.fx}, fy {camera.fy}, size {camera.width}x{camera.height}; "
+            "focal lengths and sizes must be positive"
+        )
+    return Pinhole(camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
+
+
+def _pose_to_proto(T_world_x: Matrix, stamp_ns: int) -> PoseInFrame:
+    out = PoseInFrame(frame_id="world")
+    out.timestamp.FromNanoseconds(stamp_ns)
+    p, q = out.pose.position, out.pose.orientation
+    p.x, p.y, p.z = (float(v) for v in T_world_x[:3, 3])
+    q.x, q.y, q.z, q.w = quaternion_from_rotation(T_world_x[:3, :3])
+    return out
+
+
+def _pose_from_proto(pose: PoseInFrame, what: str) -> Matrix:
+    p, q = pose.pose.position, pose.pose.orientation
+    numbers = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+    norm = math.sqrt(q.x**2 + q.y**2 + q.z**2 + q.w**2) if all(map(math.isfinite, numbers)) else 0.0
+    if abs(norm - 1.0) > 0.01:
+        raise InvalidInput(
+            f"{what} has position ({p.x}, {p.y}, {p.z}) and a quaternion of norm {norm:.3g}; "
+            "send finite metres and a unit quaternion"
+        )
+    out = np.eye(4)
+    out[:3, :3] = rotation_from_quaternion(q.x, q.y, q.z, q.w)
+    out[:3, 3] = (p.x, p.y, p.z)
+    return out
+
+
+def frame_to_proto(frame: Frame) -> pb.Frame:
+    """Colour as rgb8; depth as 16UC1 millimetres (exact for a sensor of that kind)."""
+    height, width = frame.depth_m.shape
+    out = pb.Frame(id=frame_id_to_proto(frame.id), keyframe=frame.keyframe)
+    out.stamp.FromNanoseconds(frame.stamp_ns)
+    out.raw_color.CopyFrom(
+        RawImage(width=width, height=height, encoding="rgb8", step=3 * width,
+                 frame_id="camera", data=np.ascontiguousarray(frame.color).tobytes())
+    )  # fmt: skip
+    depth_mm = np.rint(np.clip(frame.depth_m, 0, 65.535) * 1000).astype("<u2")
+    out.raw_depth.CopyFrom(
+        RawImage(width=width, height=height, encoding="16UC1", step=2 * width,
+                 frame_id="camera", data=depth_mm.tobytes())
+    )  # fmt: skip
+    out.calibration.CopyFrom(
+        CameraCalibration(width=frame.camera.width, height=frame.camera.height, frame_id="camera",
+                          K=frame.camera.matrix.ravel().tolist())
+    )  # fmt: skip
+    out.T_world_cam.CopyFrom(_pose_to_proto(frame.T_world_cam, frame.stamp_ns))
+    out.T_world_base.CopyFrom(_pose_to_proto(frame.T_world_base, frame.stamp_ns))
+    return out
+
+
+def frame_from_proto(frame: pb.Frame) -> Frame:
+    """Raises InvalidInput on corrupt images, sizes that disagree, bad calibration or poses."""
+    color = color_array(
+        frame.raw_color if frame.HasField("raw_color") else None,
+        frame.compressed_color if frame.HasField("compressed_color") else None,
+    )
+    depth_m = depth_array(
+        frame.raw_depth if frame.HasField("raw_depth") else None,
+        frame.compressed_depth if frame.HasField("compressed_depth") else None,
+    )
+    K = frame.calibration.K
+    if len(K) != 9:
+        raise InvalidInput(f"the calibration's K has {len(K)} numbers; send 9, row by row")
+    camera = pinhole_from_proto(
+        pb.Pinhole(fx=K[0], fy=K[4], cx=K[2], cy=K[5],
+                   width=frame.calibration.width, height=frame.calibration.height)
+    )  # fmt: skip
+    size = (camera.height, camera.width)
+    if color.shape[:2] != size or depth_m.shape != size:
+        raise InvalidInput(
+            f"sizes disagree (height x width): colour {color.shape[:2]}, depth {depth_m.shape}, "
+            f"calibration {size}; send colour and depth registered, of the calibrated size"
+        )
+    return Frame(
+        id=frame_id_from_proto(frame.id),
+        stamp_ns=frame.stamp.ToNanoseconds(),
+        keyframe=frame.keyframe,
+        color=color,
+        depth_m=depth_m,
+        camera=camera,
+        T_world_cam=_pose_from_proto(frame.T_world_cam, "T_world_cam"),
+        T_world_base=_pose_from_proto(frame.T_world_base, "T_world_base"),
+    )
+
+
+def detection_to_proto(detection: Detection, with_mask: bool = True) -> pb.Detection:
+    """Only the part of the mask within the box travels."""
+    x0, y0, x1, y1 = detection.box_xyxy
+    out = pb.Detection(class_name=detection.class_name, score=detection.score)
+    out.mask.x, out.mask.y, out.mask.width, out.mask.height = x0, y0, x1 - x0, y1 - y0
+    if with_mask:
+        out.mask.bits = np.packbits(detection.mask[y0:y1, x0:x1]).tobytes()
+    return out
+
+
+def detection_from_proto(detection: pb.Detection, shape: tuple[int, int]) -> Detection:
+    """The mask over the whole image of `shape` (h, w)."""
+    m = detection.mask
+    if m.x + m.width > shape[1] or m.y + m.height > shape[0] or m.width * m.height == 0:
+        raise InvalidInput(
+            f"a mask of {m.width}x{m.height} at ({m.x}, {m.y}) does not fit the image of "
+            f"{shape[1]}x{shape[0]}"
+        )
+    if len(m.bits) != (m.width * m.height + 7) // 8:
+        raise InvalidInput(f"a mask of {m.width}x{m.height} came with {len(m.bits)} bytes")
+    if not math.isfinite(detection.score):
+        raise InvalidInput("a detection has a score that is not a number")
+    bits = np.unpackbits(np.frombuffer(m.bits, np.uint8), count=m.width * m.height)
+    mask: NDArray[np.bool_] = np.zeros(shape, bool)
+    mask[m.y : m.y + m.height, m.x : m.x + m.width] = bits.reshape(m.height, m.width)
+    box = (m.x, m.y, m.x + m.width, m.y + m.height)
+    return Detection(detection.class_name, detection.score, box, mask)
+
+
+def observation_to_proto(observation: Observation, frame: pb.Frame | None = None) -> pb.Observation:
+    """`frame` spares encoding the frame again where its message is at hand."""
+    return pb.Observation(
+        frame=frame if frame is not None else frame_to_proto(observation.frame),
+        context_id=observation.context_id,
+        detections=[detection_to_proto(d) for d in observation.detections],
+        layer_scores=observation.layer_scores,
+        detector=observation.detector,
+        scorer=observation.scorer,
+    )
+
+
+def observation_from_proto(observation: pb.Observation) -> Observation:
+    """Raises InvalidInput like `frame_from_proto`, and on masks that do not fit."""
+    frame = frame_from_proto(observation.frame)
+    shape = (frame.camera.height, frame.camera.width)
+    return Observation(
+        frame=frame,
+        context_id=observation.context_id,
+        detections=tuple(detection_from_proto(d, shape) for d in observation.detections),
+        layer_scores={k: v for k, v in observation.layer_scores.items() if math.isfinite(v)},
+        detector=observation.detector,
+        scorer=observation.scorer,
+    )

@@ -1,0 +1,120 @@
+"""Colour and depth images of a Frame message to arrays and back."""
+
+from __future__ import annotations
+
+import struct
+
+import cv2
+import numpy as np
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
+from numpy.typing import NDArray
+
+from helios_core.errors import InvalidInput
+
+MAX_PIXELS = 16_000_000  # an image above this is refused before it is decoded
+_BYTES_PER_PIXEL = {"rgb8": 3, "bgr8": 3, "16UC1": 2, "32FC1": 4}
+_JPEG_SIZES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+
+
+def raw_image_array(image: RawImage, what: str) -> NDArray:
+    """The pixels of a raw image, [h, w] or [h, w, 3]; sizes are checked against the data."""
+    if image.encoding not in _BYTES_PER_PIXEL:
+        known = ", ".join(_BYTES_PER_PIXEL)
+        raise InvalidInput(f"{what} has encoding {image.encoding!r}; send one of {known}")
+    size = _BYTES_PER_PIXEL[image.encoding]
+    step = image.step or image.width * size
+    if image.width == 0 or image.height == 0:
+        raise InvalidInput(f"{what} is empty ({image.width}x{image.height}); send a real image")
+    _check_pixels(image.width, image.height, what)
+    if step < image.width * size or len(image.data) != step * image.height:
+        raise InvalidInput(
+            f"{what} is {image.width}x{image.height} {image.encoding} with step {step}, which "
+            f"needs {step * image.height} bytes; {len(image.data)} came"
+        )
+    rows = np.frombuffer(image.data, np.uint8).reshape(image.height, step)
+    pixels = rows[:, : image.width * size]
+    if size == 3:
+        return pixels.reshape(image.height, image.width, 3)
+    dtype = np.dtype("<u2") if size == 2 else np.dtype("<f4")
+    return np.ascontiguousarray(pixels).view(dtype)
+
+
+def encoded_size(data: bytes) -> tuple[int, int] | None:
+    """(width, height) written in the header of a PNG or JPEG; None when there is none."""
+    if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) >= 24:
+        width, height = struct.unpack(">II", data[16:24])
+        return width, height
+    if data[:2] != b"\xff\xd8":
+        return None
+    at = 2
+    while at + 9 < len(data):
+        if data[at] != 0xFF:
+            return None
+        marker = data[at + 1]
+        if marker in _JPEG_SIZES:
+            height, width = struct.unpack(">HH", data[at + 5 : at + 9])
+            return width, height
+        at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+    return None
+
+
+def decode_image(image: CompressedImage, flags: int, what: str) -> NDArray:
+    """The pixels of a JPEG or PNG, as OpenCV gives them."""
+    data = bytes(image.data)
+    size = encoded_size(data)
+    if size is None:
+        raise InvalidInput(
+            f"{what} is {len(data)} bytes that are no JPEG or PNG (format says {image.format!r}); "
+            "send a whole JPEG or PNG file"
+        )
+    _check_pixels(*size, what)
+    try:
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error as error:
+        raise InvalidInput(f"{what} cannot be decoded ({error.err}); send a whole image") from error
+    if pixels is None:
+        raise InvalidInput(f"{what} cannot be decoded; {len(data)} bytes came; send a whole image")
+    return pixels
+
+
+def color_array(raw: RawImage | None, compressed: CompressedImage | None) -> NDArray[np.uint8]:
+    """RGB [h, w, 3] from whichever form came."""
+    if raw is not None:
+        pixels = raw_image_array(raw, "the colour image")
+        if raw.encoding not in ("rgb8", "bgr8"):
+            raise InvalidInput(f"the colour image has encoding {raw.encoding}; send rgb8 or bgr8")
+        return pixels if raw.encoding == "rgb8" else np.ascontiguousarray(pixels[..., ::-1])
+    if compressed is not None:
+        bgr = decode_image(compressed, cv2.IMREAD_COLOR, "the colour image")
+        return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
+    raise InvalidInput("the frame has no colour image; send raw_color or compressed_color")
+
+
+def depth_array(raw: RawImage | None, compressed: CompressedImage | None) -> NDArray[np.float32]:
+    """Depth [h, w] in metres; NaN, infinite and negative values become 0, which is invalid."""
+    if raw is not None:
+        pixels = raw_image_array(raw, "the depth image")
+        if raw.encoding == "16UC1":
+            return pixels.astype(np.float32) * np.float32(0.001)
+        if raw.encoding != "32FC1":
+            raise InvalidInput(f"the depth image has encoding {raw.encoding}; send 16UC1 or 32FC1")
+        good = np.isfinite(pixels) & (pixels > 0)
+        return np.where(good, pixels, np.float32(0)).astype(np.float32, copy=False)
+    if compressed is not None:
+        pixels = decode_image(compressed, cv2.IMREAD_UNCHANGED, "the depth image")
+        if pixels.dtype != np.uint16 or pixels.ndim != 2:
+            raise InvalidInput(
+                f"the depth image decodes to {pixels.dtype} {pixels.shape}; send a PNG with one "
+                "channel of 16 bit, millimetres"
+            )
+        return pixels.astype(np.float32) * np.float32(0.001)
+    raise InvalidInput("the frame has no depth image; send raw_depth or compressed_depth")
+
+
+def _check_pixels(width: int, height: int, what: str) -> None:
+    if width * height > MAX_PIXELS:
+        raise InvalidInput(
+            f"{what} is {width}x{height}; at most {MAX_PIXELS // 10**6} megapixels are taken; "
+            "send a smaller one"
+        )

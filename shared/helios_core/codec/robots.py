@@ -1,0 +1,170 @@
+"""RobotDescription, RobotState, actions."""
+
+from __future__ import annotations
+
+import math
+
+from helios_core import proto as pb
+from helios_core.codec.frames import (
+    pinhole_from_proto,
+    pinhole_to_proto,
+    transform_from_proto,
+    transform_to_proto,
+)
+from helios_core.errors import InvalidInput
+from helios_core.robot import (
+    Action,
+    ActionResult,
+    Forward,
+    Observe,
+    Pick,
+    Place,
+    Tilt,
+    Turn,
+)
+from helios_core.types import RobotDescription, RobotState
+
+
+def description_to_proto(robot: RobotDescription) -> pb.RobotDescription:
+    return pb.RobotDescription(
+        name=robot.name,
+        footprint_radius_m=robot.footprint_radius_m,
+        height_m=robot.height_m,
+        camera=pinhole_to_proto(robot.camera),
+        camera_height_m=robot.camera_height_m,
+        min_forward_m=robot.min_forward_m,
+        max_forward_m=robot.max_forward_m,
+        min_turn_rad=robot.min_turn_rad,
+        max_turn_rad=robot.max_turn_rad,
+        min_tilt_rad=robot.tilt_range_rad[0],
+        max_tilt_rad=robot.tilt_range_rad[1],
+        reach_m=robot.reach_m,
+        can_move=robot.can_move,
+        can_pick=robot.can_pick,
+        can_place=robot.can_place,
+        max_depth_m=robot.max_depth_m,
+        simulated=robot.simulated,
+    )
+
+
+def description_from_proto(robot: pb.RobotDescription) -> RobotDescription:
+    return RobotDescription(
+        name=robot.name,
+        footprint_radius_m=robot.footprint_radius_m,
+        height_m=robot.height_m,
+        camera=pinhole_from_proto(robot.camera),
+        camera_height_m=robot.camera_height_m,
+        reach_m=robot.reach_m,
+        max_depth_m=robot.max_depth_m,
+        min_forward_m=robot.min_forward_m,
+        max_forward_m=robot.max_forward_m,
+        min_turn_rad=robot.min_turn_rad,
+        max_turn_rad=robot.max_turn_rad,
+        tilt_range_rad=(robot.min_tilt_rad, robot.max_tilt_rad),
+        can_move=robot.can_move,
+        can_pick=robot.can_pick,
+        can_place=robot.can_place,
+        simulated=robot.simulated,
+    )
+
+
+def state_to_proto(state: RobotState) -> pb.RobotState:
+    return pb.RobotState(
+        T_world_base=transform_to_proto(state.T_world_base),
+        tilt_rad=state.tilt_rad,
+        held=state.held,
+        moving=state.moving,
+        stopped=state.stopped,
+        world_epoch=state.world_epoch,
+        robot_boot_id=state.robot_boot_id,
+        message=state.message,
+        finished=state.finished,
+        last_seq=state.last_seq,
+    )
+
+
+def state_from_proto(state: pb.RobotState) -> RobotState:
+    return RobotState(
+        T_world_base=transform_from_proto(state.T_world_base, "T_world_base"),
+        tilt_rad=state.tilt_rad,
+        held=state.held,
+        moving=state.moving,
+        stopped=state.stopped,
+        world_epoch=state.world_epoch,
+        robot_boot_id=state.robot_boot_id,
+        message=state.message,
+        finished=state.finished,
+        last_seq=state.last_seq,
+    )
+
+
+def action_to_proto(action: Action) -> pb.Action:
+    match action:
+        case Forward(distance_m):
+            return pb.Action(forward=pb.Action.Forward(distance_m=distance_m))
+        case Turn(angle_rad):
+            return pb.Action(turn=pb.Action.Turn(angle_rad=angle_rad))
+        case Tilt(angle_rad):
+            return pb.Action(tilt=pb.Action.Tilt(angle_rad=angle_rad))
+        case Pick((x, y, z), class_name):
+            point = pb.Vector3(x=x, y=y, z=z)
+            return pb.Action(pick=pb.Action.Pick(point_world_m=point, class_name=class_name))
+        case Place((x, y, z)):
+            return pb.Action(place=pb.Action.Place(point_world_m=pb.Vector3(x=x, y=y, z=z)))
+        case Observe():
+            return pb.Action(observe=pb.Action.Observe())
+
+
+def action_from_proto(action: pb.Action) -> Action:
+    """Raises InvalidInput on an empty action and on numbers that are not finite."""
+    kind = action.WhichOneof("kind")
+    if kind is None:
+        raise InvalidInput("the action is empty; send forward, turn, tilt, pick, place or observe")
+    if kind == "forward":
+        return Forward(_finite(action.forward.distance_m, "forward.distance_m"))
+    if kind == "turn":
+        return Turn(_finite(action.turn.angle_rad, "turn.angle_rad"))
+    if kind == "tilt":
+        return Tilt(_finite(action.tilt.angle_rad, "tilt.angle_rad"))
+    if kind == "pick":
+        return Pick(_point(action.pick.point_world_m, "pick"), action.pick.class_name)
+    if kind == "place":
+        return Place(_point(action.place.point_world_m, "place"))
+    return Observe()
+
+
+def result_from_proto(result: pb.ActionResult) -> ActionResult:
+    return ActionResult(
+        succeeded=result.succeeded,
+        reason=result.reason,
+        moved_m=result.moved_m,
+        turned_rad=result.turned_rad,
+        collided=result.collided,
+        steps=result.steps,
+    )
+
+
+def result_to_proto(result: ActionResult, action_id: str) -> pb.ActionResult:
+    return pb.ActionResult(
+        action_id=action_id,
+        succeeded=result.succeeded,
+        reason=result.reason,
+        moved_m=result.moved_m,
+        turned_rad=result.turned_rad,
+        collided=result.collided,
+        steps=result.steps,
+    )
+
+
+def _finite(value: float, what: str) -> float:
+    if not math.isfinite(value):
+        raise InvalidInput(f"{what} is {value}; send a finite number")
+    return value
+
+
+def _point(p: pb.Vector3, what: str) -> tuple[float, float, float]:
+    return (
+        _finite(p.x, f"{what}.x"),
+        _finite(p.y, f"{what}.y"),
+        _finite(p.z, f"{what}.z"),
+    )

@@ -1,0 +1,85 @@
+"""SearchContext and ObjectInstance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helios_core import proto as pb
+from helios_core.errors import InvalidInput
+from helios_core.types import ObjectInstance, Role, SearchClass, SearchContext
+
+
+def vector_to_proto(v: Sequence[float] | NDArray[np.float64]) -> pb.Vector3:
+    return pb.Vector3(x=float(v[0]), y=float(v[1]), z=float(v[2]))
+
+
+def vector_from_proto(v: pb.Vector3) -> NDArray[np.float64]:
+    return np.array([v.x, v.y, v.z])
+
+
+def context_to_proto(context: SearchContext) -> pb.SearchContext:
+    return pb.SearchContext(
+        id=context.id,
+        classes=[
+            pb.SearchClass(name=c.name, role=c.role, threshold=c.threshold, synonyms=c.synonyms)
+            for c in context.classes
+        ],
+        prompts=context.prompts,
+    )
+
+
+def context_from_proto(context: pb.SearchContext) -> SearchContext:
+    roles = {r.value for r in Role}
+    for c in context.classes:
+        if c.role not in roles or not c.name or not 0 <= c.threshold <= 1:
+            raise InvalidInput(
+                f"search class {c.name!r} has role {c.role!r} and threshold {c.threshold}; wanted "
+                f"a name, a role of {', '.join(sorted(roles))} and a threshold of 0 to 1"
+            )
+    return SearchContext(
+        id=context.id,
+        classes=tuple(
+            SearchClass(c.name, Role(c.role), c.threshold, tuple(c.synonyms))
+            for c in context.classes
+        ),
+        prompts=dict(context.prompts),
+    )
+
+
+def object_to_proto(instance: ObjectInstance) -> pb.ObjectInstance:
+    return pb.ObjectInstance(
+        id=instance.id,
+        class_name=instance.class_name,
+        center_m=vector_to_proto(instance.center_m),
+        size_m=vector_to_proto(instance.size_m),
+        score=instance.score,
+        class_score=instance.class_score,
+        uncertainty=instance.uncertainty,
+        views=instance.views,
+        gaussians=instance.gaussians,
+        probabilities=instance.probabilities,
+        top_m=instance.top_m,
+        outline_m=instance.outline_m.ravel().tolist(),
+        detection_rate=instance.detection_rate,
+    )
+
+
+def object_from_proto(instance: pb.ObjectInstance) -> ObjectInstance:
+    return ObjectInstance(
+        id=instance.id,
+        class_name=instance.class_name,
+        center_m=vector_from_proto(instance.center_m),
+        size_m=vector_from_proto(instance.size_m),
+        score=instance.score,
+        class_score=instance.class_score,
+        uncertainty=instance.uncertainty,
+        views=instance.views,
+        gaussians=instance.gaussians,
+        probabilities=dict(instance.probabilities),
+        top_m=instance.top_m,
+        outline_m=np.array(instance.outline_m, float).reshape(-1, 2),
+        detection_rate=instance.detection_rate,
+    )

@@ -1,0 +1,66 @@
+"""What a service says of itself: its state, the reason, its figures."""
+
+from __future__ import annotations
+
+import statistics
+import threading
+from collections import deque
+
+
+class Health:
+    """Thread-safe. States: starting, waiting, ready, degraded, stopping."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._state, self._reason = "starting", "starting"
+        self._counters: dict[str, float] = {}
+        self._samples: dict[str, deque[float]] = {}
+        self.changed = threading.Event()
+
+    @property
+    def state(self) -> tuple[str, str]:
+        """(state, reason)"""
+        with self._lock:
+            return self._state, self._reason
+
+    def ready(self, note: str = "") -> None:
+        self._set("ready", note)
+
+    def waiting(self, reason: str) -> None:
+        """Not ready, through no fault: says for what it waits."""
+        self._set("waiting", reason)
+
+    def degraded(self, reason: str) -> None:
+        """Running, but something is wrong that a person should mend."""
+        self._set("degraded", reason)
+
+    def stopping(self) -> None:
+        self._set("stopping", "stopping")
+
+    def count(self, name: str, by: float = 1) -> None:
+        """Raise a counter."""
+        with self._lock:
+            self._counters[name] = self._counters.get(name, 0) + by
+
+    def set(self, name: str, value: float) -> None:
+        """A figure as it is now."""
+        with self._lock:
+            self._counters[name] = value
+
+    def sample(self, name: str, value: float) -> None:
+        """A figure of which the median over the last 256 is published as `<name>_median`."""
+        with self._lock:
+            self._samples.setdefault(name, deque(maxlen=256)).append(value)
+
+    def metrics(self) -> dict[str, float]:
+        with self._lock:
+            out = dict(self._counters)
+            samples = {name: list(values) for name, values in self._samples.items()}
+        return out | {f"{n}_median": statistics.median(v) for n, v in samples.items() if v}
+
+    def _set(self, state: str, reason: str) -> None:
+        with self._lock:
+            if (state, reason) == (self._state, self._reason):
+                return
+            self._state, self._reason = state, reason
+        self.changed.set()

@@ -1,0 +1,179 @@
+"""A bus within one process: synchronous, deterministic, still serialising every message.
+
+A message is delivered before `publish` returns, to subscribers in the order in which they
+subscribed. So a step of lockstep is over when the frame's `publish` is.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from google.protobuf.message import Message
+
+from helios_core.bus import Bus, LivelinessHandler, Registration
+from helios_core.errors import (
+    DeadlineExceeded,
+    HeliosError,
+    Unavailable,
+    error_from_proto,
+    error_to_proto,
+)
+from helios_core.topics import M, Method, QoS, Rep, Req, Topic
+
+log = logging.getLogger(__name__)
+
+
+@dataclass
+class MemoryHub:
+    """What the buses of one process meet at; one hub is one network."""
+
+    lock: threading.RLock = field(default_factory=threading.RLock)
+    subscribers: list[_Subscriber] = field(default_factory=list)
+    servers: dict[str, _Server] = field(default_factory=dict)
+    retained: dict[str, bytes] = field(default_factory=dict)
+    alive: list[tuple[str, str, str]] = field(default_factory=list)  # robot, service, instance
+    watchers: list[tuple[str, LivelinessHandler]] = field(default_factory=list)
+
+
+@dataclass(eq=False)
+class _Subscriber:
+    key: str
+    type: type[Message]
+    handler: Callable
+    turn: threading.RLock = field(default_factory=threading.RLock)
+
+    def wants(self, key: str) -> bool:
+        mine, theirs = self.key.split("/"), key.split("/")
+        return len(mine) == len(theirs) and all(
+            a in ("*", b) for a, b in zip(mine, theirs, strict=True)
+        )
+
+    def deliver(self, data: bytes) -> None:
+        try:
+            message = self.type.FromString(data)
+            with self.turn:
+                self.handler(message)
+        except Exception:
+            log.exception("the handler of %s failed; the message is lost to it", self.key)
+
+
+@dataclass(eq=False)
+class _Server:
+    method: Method
+    handler: Callable
+
+
+@dataclass
+class _Undo:
+    undo: Callable[[], None] | None
+
+    def close(self) -> None:
+        undo, self.undo = self.undo, None
+        if undo:
+            undo()
+
+
+class MemoryBus(Bus):
+    """One service's end of a MemoryHub."""
+
+    def __init__(self, hub: MemoryHub, robot: str = "robot") -> None:
+        self.robot = robot
+        self._hub = hub
+        self._mine: list[_Undo] = []
+        self._closed = False
+
+    def publish(self, topic: Topic[M], message: M) -> None:
+        self._check_open()
+        key, data = topic.key(self.robot), message.SerializeToString()
+        with self._hub.lock:
+            if topic.qos is QoS.RETAINED:
+                self._hub.retained[key] = data
+            receivers = [s for s in self._hub.subscribers if s.wants(key)]
+        for subscriber in receivers:
+            subscriber.deliver(data)
+
+    def subscribe(self, topic: Topic[M], handler: Callable[[M], None]) -> Registration:
+        self._check_open()
+        subscriber = _Subscriber(topic.key(self.robot), topic.type, handler)
+        with self._hub.lock:
+            self._hub.subscribers.append(subscriber)
+            past = [d for k, d in self._hub.retained.items() if subscriber.wants(k)]
+        for data in past:
+            subscriber.deliver(data)
+        return self._keep(lambda: self._hub.subscribers.remove(subscriber))
+
+    def serve(self, method: Method[Req, Rep], handler: Callable[[Req], Rep]) -> Registration:
+        self._check_open()
+        key, server = method.key(self.robot), _Server(method, handler)
+
+        def undo() -> None:
+            if self._hub.servers.get(key) is server:
+                del self._hub.servers[key]
+
+        with self._hub.lock:
+            self._hub.servers[key] = server
+        return self._keep(undo)
+
+    def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
+        """As every bus; the handler runs on this thread, so lateness is noticed at its end."""
+        self._check_open()
+        server = self._hub.servers.get(method.key(self.robot))
+        if server is None:
+            raise Unavailable(f"nobody serves {method.name}; start that service, then try again")
+        began = time.monotonic()
+        try:
+            reply = server.handler(method.request.FromString(request.SerializeToString()))
+        except Exception as error:
+            if not isinstance(error, HeliosError):
+                log.exception("the handler of %s failed", method.name)
+            raise error_from_proto(error_to_proto(error)) from error
+        if time.monotonic() - began > timeout_s:
+            raise DeadlineExceeded(f"{method.name} gave no answer in {timeout_s:g} s")
+        return method.reply.FromString(reply.SerializeToString())
+
+    def announce(self, service: str, instance: str) -> Registration:
+        self._check_open()
+        entry = (self.robot, service, instance)
+        with self._hub.lock:
+            self._hub.alive.append(entry)
+        self._tell(entry, True)
+
+        def undo() -> None:
+            with self._hub.lock:
+                self._hub.alive.remove(entry)
+            self._tell(entry, False)
+
+        return self._keep(undo)
+
+    def watch(self, handler: LivelinessHandler) -> Registration:
+        self._check_open()
+        entry = (self.robot, handler)
+        with self._hub.lock:
+            self._hub.watchers.append(entry)
+            present = [a for a in self._hub.alive if a[0] == self.robot]
+        for _, service, instance in present:
+            handler(service, instance, True)
+        return self._keep(lambda: self._hub.watchers.remove(entry))
+
+    def close(self) -> None:
+        for registration in reversed(self._mine):
+            registration.close()
+        self._closed = True
+
+    def _tell(self, entry: tuple[str, str, str], alive: bool) -> None:
+        for robot, handler in list(self._hub.watchers):
+            if robot == entry[0]:
+                handler(entry[1], entry[2], alive)
+
+    def _keep(self, undo: Callable[[], None]) -> _Undo:
+        out = _Undo(undo)
+        self._mine.append(out)
+        return out
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise Unavailable("the bus is closed")

@@ -1,0 +1,133 @@
+"""The life of a service process: connect, announce, run, report, stop cleanly on SIGTERM.
+
+    def build(bus: Bus, health: Health) -> Closeable: ...
+    sys.exit(run_service("map2d", Settings.load(), build))
+
+The process waits for its router for as long as it takes, says so, and ends within two seconds of
+SIGTERM or SIGINT, or when the process that started it is gone.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+import threading
+import time
+import uuid
+from collections.abc import Callable
+from typing import Protocol
+
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.errors import HeliosError, Unavailable
+from helios_core.health import Health
+from helios_core.settings import ServiceSettings
+from helios_core.topics import status_topic
+
+log = logging.getLogger(__name__)
+
+STATUS_PERIOD_S = 1.0
+STOP_WITHIN_S = 2.0
+
+
+class Closeable(Protocol):
+    """What `build` returns: a running service."""
+
+    def close(self) -> None: ...
+
+
+def stop_on_signals(stopped: threading.Event) -> None:
+    """Set `stopped` on SIGTERM and SIGINT, and when the parent process ends."""
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stopped.set())
+    parent = os.getppid()
+
+    def watch_parent() -> None:
+        while not stopped.wait(0.5):
+            if os.getppid() != parent:
+                stopped.set()
+
+    threading.Thread(target=watch_parent, name="watch parent", daemon=True).start()
+
+
+def run_service(
+    name: str, settings: ServiceSettings, build: Callable[[Bus, Health], Closeable]
+) -> int:
+    """Run until told to stop; the exit status. `build` may raise HeliosError: shown, status 1."""
+    logging.basicConfig(
+        level=settings.log_level.upper(),
+        stream=sys.stderr,
+        format=f"%(asctime)s {name} %(levelname)s %(message)s",
+    )
+    stopped = threading.Event()
+    stop_on_signals(stopped)
+    health = Health()
+    bus = _connect(settings, stopped)
+    if bus is None:
+        return 0
+    instance = f"{os.getpid()}-{uuid.uuid4().hex[:6]}"
+    reporter = threading.Thread(
+        target=_report, args=(bus, name, instance, health, stopped), name="report", daemon=True
+    )
+    service: Closeable | None = None
+    try:
+        bus.announce(name, instance)
+        reporter.start()
+        service = build(bus, health)
+        stopped.wait()
+        return 0
+    except HeliosError as error:
+        print(f"helios-{name}: {error.message}", file=sys.stderr)
+        health.degraded(error.message)
+        return 1
+    finally:
+        _force_exit_after(STOP_WITHIN_S)
+        health.stopping()
+        stopped.set()
+        if service is not None:
+            service.close()
+        bus.close()
+
+
+def _connect(settings: ServiceSettings, stopped: threading.Event) -> Bus | None:
+    from helios_core.zenoh_bus import ZenohBus  # here, so that tests of services need no Zenoh
+
+    said = False
+    while not stopped.is_set():
+        try:
+            return ZenohBus(settings.router, settings.robot)
+        except Unavailable as error:
+            if not said:
+                log.warning("waiting for the router: %s", error.message)
+                said = True
+            stopped.wait(0.3)
+    return None
+
+
+def _report(bus: Bus, name: str, instance: str, health: Health, stopped: threading.Event) -> None:
+    topic, began = status_topic(name), time.monotonic()
+    while not stopped.is_set():
+        health.changed.clear()
+        state, reason = health.state
+        status = pb.ServiceStatus(
+            service=name, instance=instance, state=state, reason=reason, pid=os.getpid(),
+            uptime_s=time.monotonic() - began, metrics=health.metrics(),
+        )  # fmt: skip
+        try:
+            bus.publish(topic, status)
+        except HeliosError as error:
+            log.warning("could not report: %s", error.message)
+        health.changed.wait(STATUS_PERIOD_S)
+
+
+def _force_exit_after(seconds: float) -> None:
+    """A stop that hangs in a library must not keep the process: leave without ceremony."""
+
+    def leave() -> None:
+        time.sleep(seconds)
+        log.error("did not stop within %.1f s; leaving", seconds)
+        os._exit(1)
+
+    threading.Thread(target=leave, name="force exit", daemon=True).start()

@@ -1,0 +1,98 @@
+"""Settings: declared once per service, read from flags, then the environment, then a TOML file.
+
+    class Settings(ServiceSettings):
+        model_config = service_config("map2d")
+        cell_m: float = Field(0.025, description="edge of a cell")
+
+Flag `--cell-m 0.05`, variable `HELIOS_MAP2D_CELL_M=0.05`, or in the file that `--config FILE` or
+`HELIOS_CONFIG` names: `[map2d]` `cell_m = 0.05`. Nothing else reads the environment.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import sys
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Self
+
+from pydantic import Field, ValidationError
+from pydantic_settings import (
+    BaseSettings,
+    InitSettingsSource,
+    PydanticBaseSettingsSource,
+    SettingsConfigDict,
+)
+
+
+def service_config(service: str) -> SettingsConfigDict:
+    """Where a service's settings come from."""
+    return SettingsConfigDict(
+        env_prefix=f"HELIOS_{service.upper()}_",
+        cli_prog_name=f"helios-{service}",
+        cli_kebab_case=True,
+        cli_avoid_json=True,
+        cli_implicit_flags=True,
+        frozen=True,
+        extra="forbid",
+    )
+
+
+class ServiceSettings(BaseSettings):
+    """What every service has."""
+
+    model_config = service_config("service")
+
+    config: Path | None = Field(
+        default=None, description="TOML file with a table per service; or HELIOS_CONFIG"
+    )
+    router: str = Field("tcp/127.0.0.1:7447", description="endpoint of the router")
+    robot: str = Field("robot", description="name of the robot: first part of every key")
+    log_level: str = Field("info", description="debug, info, warning or error")
+
+    @classmethod
+    def service_name(cls) -> str:
+        """As in the file's table and the variables' names."""
+        return (
+            str(cls.model_config.get("env_prefix", "")).removeprefix("HELIOS_").strip("_").lower()
+        )
+
+    @classmethod
+    def load(cls, argv: Sequence[str] | None = None) -> Self:
+        """From the command line, the environment and the file. Exits 2 with a sentence if wrong."""
+        args = list(sys.argv[1:] if argv is None else argv)
+        try:
+            return cls(_cli_parse_args=args)  # pyright: ignore[reportCallIssue]
+        except ValidationError as error:
+            wrong = "; ".join(
+                f"{'.'.join(map(str, e['loc']))}: {e['msg']} (got {e.get('input')!r})"
+                for e in error.errors()
+            )
+            print(f"helios-{cls.service_name()}: wrong setting: {wrong}", file=sys.stderr)
+        except (OSError, tomllib.TOMLDecodeError) as error:
+            print(f"helios-{cls.service_name()}: cannot read settings: {error}", file=sys.stderr)
+        sys.exit(2)
+
+    @classmethod
+    def settings_customise_sources(
+        cls,
+        settings_cls: type[BaseSettings],
+        init_settings: PydanticBaseSettingsSource,
+        env_settings: PydanticBaseSettingsSource,
+        dotenv_settings: PydanticBaseSettingsSource,
+        file_secret_settings: PydanticBaseSettingsSource,
+    ) -> tuple[PydanticBaseSettingsSource, ...]:
+        return init_settings, env_settings, InitSettingsSource(settings_cls, _table(cls))
+
+
+def _table(cls: type[ServiceSettings]) -> dict[str, Any]:
+    args = sys.argv[1:]
+    named = [a.partition("=")[2] for a in args if a.startswith("--config=")]
+    named += [b for a, b in itertools.pairwise(args) if a == "--config"]
+    path = named[-1] if named else os.environ.get("HELIOS_CONFIG")
+    if not path:
+        return {}
+    tables = tomllib.loads(Path(path).read_text())
+    return tables.get(cls.service_name(), {})

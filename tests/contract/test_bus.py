@@ -1,0 +1,242 @@
+"""One suite for every kind of bus."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.errors import Conflict, DeadlineExceeded, Internal, InvalidInput, Unavailable
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import (
+    ACT,
+    ANY_STATUS,
+    CONTEXT,
+    DECISION,
+    FRAME,
+    GET_TASK,
+    OBJECTMAP_ACK,
+    SNAPSHOT,
+    status_topic,
+)
+from helios_core.zenoh_bus import ZenohBus
+
+from tests.support import free_port, wait_until
+
+MakeBus = Callable[..., Bus]
+
+
+@pytest.fixture(scope="module")
+def router() -> Iterator[str]:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    process = subprocess.Popen([sys.executable, "-m", "helios_core.router", "--listen", endpoint])
+    yield endpoint
+    process.terminate()
+    assert process.wait(5) == 0
+
+
+@pytest.fixture(params=["memory", "zenoh"])
+def make_bus(request: pytest.FixtureRequest, router: str) -> Iterator[MakeBus]:
+    made: list[Bus] = []
+    hub = MemoryHub()
+
+    def make(robot: str = f"r{time.monotonic_ns()}") -> Bus:
+        if request.param == "memory":
+            made.append(MemoryBus(hub, robot))
+        else:
+            made.append(_open(router, robot))
+        return made[-1]
+
+    yield make
+    for bus in made:
+        bus.close()
+
+
+def _open(router: str, robot: str) -> ZenohBus:
+    opened: list[ZenohBus] = []
+
+    def try_open() -> bool:
+        try:
+            opened.append(ZenohBus(router, robot))
+        except Unavailable:
+            return False
+        return True
+
+    wait_until(try_open, 10, "the router answers")
+    return opened[0]
+
+
+def _frame(seq: int, size: int = 0) -> pb.Frame:
+    frame = pb.Frame(id=pb.FrameId(seq=seq))
+    frame.raw_color.data = bytes(size)
+    return frame
+
+
+def test_a_published_message_arrives_whole_and_as_a_copy(make_bus: MakeBus) -> None:
+    a, b = make_bus("r"), make_bus("r")
+    got: list[pb.Decision] = []
+    b.subscribe(DECISION, got.append)
+    sent = pb.Decision(task_id="t", why="because")
+    wait_until(lambda: a.publish(DECISION, sent) or bool(got), 5, "the decision arrives")
+    assert got[0] == sent
+    assert got[0] is not sent
+
+
+def test_messages_of_a_never_drop_topic_come_all_and_in_order(make_bus: MakeBus) -> None:
+    a, b = make_bus("r"), make_bus("r")
+    got: list[int] = []
+    b.subscribe(OBJECTMAP_ACK, lambda m: got.append(m.version))
+    wait_until(
+        lambda: a.publish(OBJECTMAP_ACK, pb.Ack(version=0)) or bool(got), 5, "the two are joined"
+    )
+    got.clear()
+    for i in range(1, 101):
+        a.publish(OBJECTMAP_ACK, pb.Ack(version=i))
+    wait_until(lambda: bool(got) and got[-1] == 100, 5, "the last one arrives")
+    assert [v for v in got if v] == list(range(1, 101))
+
+
+def test_a_slow_reader_of_a_latest_wins_topic_sees_the_newest(make_bus: MakeBus) -> None:
+    a, b = make_bus("r"), make_bus("r")
+    got: list[int] = []
+    go = threading.Event()
+
+    def slow(message: pb.Frame) -> None:
+        got.append(message.id.seq)
+        if isinstance(b, ZenohBus):
+            go.wait(5)
+
+    b.subscribe(FRAME, slow)
+    wait_until(lambda: a.publish(FRAME, _frame(0)) or bool(got), 5, "the two are joined")
+    for i in range(1, 31):
+        a.publish(FRAME, _frame(i, 10_000))
+    wait_until(lambda: True, 1, "")
+    go.set()
+    wait_until(lambda: got[-1] == 30, 5, "the newest frame arrives")
+
+
+def test_a_late_joiner_gets_the_retained_message_once(make_bus: MakeBus) -> None:
+    a = make_bus("r")
+    a.publish(CONTEXT, pb.SearchContext(id="old"))
+    a.publish(CONTEXT, pb.SearchContext(id="new"))
+    got: list[str] = []
+    make_bus("r").subscribe(CONTEXT, lambda m: got.append(m.id))
+    wait_until(lambda: "new" in got, 5, "the retained context arrives")
+    assert got == ["new"]
+
+
+def test_one_subscription_may_cover_the_status_of_all_services(make_bus: MakeBus) -> None:
+    a, b = make_bus("r"), make_bus("r")
+    a.publish(status_topic("map2d"), pb.ServiceStatus(service="map2d"))
+    got: set[str] = set()
+    b.subscribe(ANY_STATUS, lambda m: got.add(m.service))
+    a.publish(status_topic("planner"), pb.ServiceStatus(service="planner"))
+    wait_until(lambda: got == {"map2d", "planner"}, 5, "both statuses arrive")
+
+
+def test_a_call_returns_the_handlers_value(make_bus: MakeBus) -> None:
+    a, b = make_bus("r"), make_bus("r")
+    b.serve(GET_TASK, lambda request: pb.Task(id=request.id, state="queued"))
+    assert a.call(GET_TASK, pb.TaskRequest(id="7"), 5).id == "7"
+
+
+@pytest.mark.parametrize("size", [0, 1000, 3_000_000])
+def test_a_reply_of_any_size_arrives_whole(make_bus: MakeBus, size: int) -> None:
+    a, b = make_bus("r"), make_bus("r")
+    data = bytes(i % 251 for i in range(size))
+    b.serve(SNAPSHOT, lambda _: pb.MapSnapshot(occupancy=data))
+    assert a.call(SNAPSHOT, pb.SnapshotRequest(), 10).occupancy == data
+
+
+@pytest.mark.parametrize("error", [InvalidInput, Conflict, Unavailable])
+def test_a_typed_error_of_the_handler_reaches_the_caller(make_bus: MakeBus, error) -> None:
+    a, b = make_bus("r"), make_bus("r")
+
+    def refuse(_: pb.ActionRequest) -> pb.ActionResult:
+        raise error("the lease is held by somebody else; ask for it")
+
+    b.serve(ACT, refuse)
+    with pytest.raises(error, match="the lease is held"):
+        a.call(ACT, pb.ActionRequest(), 5)
+
+
+def test_a_fault_in_the_handler_is_an_internal_error_and_the_server_lives_on(
+    make_bus: MakeBus,
+) -> None:
+    a, b = make_bus("r"), make_bus("r")
+    faults = iter([ZeroDivisionError("oops")])
+
+    def handler(request: pb.TaskRequest) -> pb.Task:
+        for fault in faults:
+            raise fault
+        return pb.Task(id=request.id)
+
+    b.serve(GET_TASK, handler)
+    with pytest.raises(Internal, match="oops"):
+        a.call(GET_TASK, pb.TaskRequest(id="1"), 5)
+    assert a.call(GET_TASK, pb.TaskRequest(id="2"), 5).id == "2"
+
+
+def test_a_method_that_nobody_serves_is_unavailable(make_bus: MakeBus) -> None:
+    with pytest.raises(Unavailable, match="planner/get"):
+        make_bus("r").call(GET_TASK, pb.TaskRequest(), 5)
+
+
+def test_an_answer_after_the_deadline_is_a_timeout(make_bus: MakeBus) -> None:
+    a, b = make_bus("r"), make_bus("r")
+
+    def late(_: pb.TaskRequest) -> pb.Task:
+        threading.Event().wait(0.6)
+        return pb.Task()
+
+    b.serve(GET_TASK, late)
+    with pytest.raises(DeadlineExceeded, match=r"0\.2"):
+        a.call(GET_TASK, pb.TaskRequest(), 0.2)
+
+
+def test_a_failing_subscriber_gets_the_next_message(make_bus: MakeBus) -> None:
+    a, b = make_bus("r"), make_bus("r")
+    got: list[int] = []
+
+    def handler(message: pb.Ack) -> None:
+        got.append(message.version)
+        raise ValueError("bad day")
+
+    b.subscribe(OBJECTMAP_ACK, handler)
+    wait_until(lambda: a.publish(OBJECTMAP_ACK, pb.Ack(version=1)) or len(got) > 1, 5, "two arrive")
+
+
+def test_liveliness_tells_who_is_there_comes_and_goes(make_bus: MakeBus) -> None:
+    a, b = make_bus("r"), make_bus("r")
+    a.announce("detector", "1")
+    seen: list[tuple[str, str, bool]] = []
+    b.watch(lambda *event: seen.append(event))
+    wait_until(lambda: ("detector", "1", True) in seen, 5, "the present one is told")
+    later = a.announce("planner", "2")
+    wait_until(lambda: ("planner", "2", True) in seen, 5, "the newcomer is told")
+    later.close()
+    wait_until(lambda: ("planner", "2", False) in seen, 5, "the leaver is told")
+
+
+def test_robots_do_not_hear_each_other(make_bus: MakeBus) -> None:
+    a, b, c = make_bus("one"), make_bus("two"), make_bus("one")
+    other: list[str] = []
+    mine: list[str] = []
+    b.subscribe(CONTEXT, lambda m: other.append(m.id))
+    c.subscribe(CONTEXT, lambda m: mine.append(m.id))
+    a.publish(CONTEXT, pb.SearchContext(id="x"))
+    wait_until(lambda: mine == ["x"], 5, "the same robot hears it")
+    assert other == []
+
+
+def test_a_closed_bus_says_so(make_bus: MakeBus) -> None:
+    bus = make_bus("r")
+    bus.close()
+    bus.close()
+    with pytest.raises(Unavailable, match="closed"):
+        bus.publish(CONTEXT, pb.SearchContext())
