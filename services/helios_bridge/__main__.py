@@ -1,0 +1,51 @@
+"""`python -m helios_bridge`: settings, session, run."""
+
+from __future__ import annotations
+
+import sys
+import threading
+
+from helios_core.bus import Bus
+from helios_core.errors import InvalidInput, Unavailable
+from helios_core.health import Health
+from helios_core.service import run_service
+
+from helios_bridge.drivers import load_driver
+from helios_bridge.service import BridgeService
+from helios_bridge.settings import Settings
+
+
+class Hosted:
+    """The bridge, from the moment its robot can be reached."""
+
+    def __init__(self, bus: Bus, health: Health, settings: Settings) -> None:
+        self._ending = threading.Event()
+        self._service: BridgeService | None = None
+        driver = load_driver(settings, bus)  # wrong settings end the process here
+
+        def connect() -> None:
+            while not self._ending.is_set():
+                try:
+                    service = BridgeService(bus, driver, settings, health)
+                except Unavailable as error:
+                    health.waiting(f"the robot cannot be reached: {error.message}")
+                    self._ending.wait(0.3)
+                    continue
+                except InvalidInput as error:
+                    health.degraded(error.message)
+                    return
+                self._service = service
+                service.start()
+                return
+
+        threading.Thread(target=connect, name="connect", daemon=True).start()
+
+    def close(self) -> None:
+        self._ending.set()
+        if self._service is not None:
+            self._service.close()
+
+
+if __name__ == "__main__":
+    settings = Settings.load()
+    sys.exit(run_service("bridge", settings, lambda bus, health: Hosted(bus, health, settings)))

@@ -1,0 +1,44 @@
+"""Actions by id: done once, however often and from wherever they are asked for."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from concurrent.futures import Future
+
+from helios_core import proto as pb
+
+REMEMBERED = 512
+
+
+class ActionLog:
+    """Results of the newest actions, and the one that is being done."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._results: OrderedDict[str, Future[pb.ActionResult]] = OrderedDict()
+
+    def once(self, action_id: str, do: Callable[[], pb.ActionResult]) -> pb.ActionResult:
+        """The result of `do`, which is called only if the id is new.
+
+        A second asker waits for the first. What raises is not remembered: it was not done.
+        """
+        mine: Future[pb.ActionResult] = Future()
+        with self._lock:
+            known = self._results.get(action_id)
+            if known is None:
+                self._results[action_id] = mine
+                while len(self._results) > REMEMBERED:
+                    self._results.popitem(last=False)
+        if known is not None:
+            return known.result()
+        try:
+            result = do()
+        except BaseException as error:
+            with self._lock:
+                self._results.pop(action_id, None)
+            mine.set_exception(error)
+            raise
+        mine.set_result(result)
+        return result

@@ -1,0 +1,25 @@
+"""Settings of the bridge."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from helios_core.settings import ServiceSettings, service_config
+from pydantic import Field
+
+
+class Settings(ServiceSettings):
+    """Flags of `python -m helios_bridge`."""
+
+    model_config = service_config("bridge")
+
+    driver: str = Field("sim", description="sim, replay, or package:Class of your own driver")
+    source: Path | None = Field(None, description="what a replay plays: a folder of posed frames")
+    limit: int = Field(0, ge=0, description="frames of a replay; 0: all")
+    stream_hz: float = Field(2.0, ge=0, le=60, description="frames a second while standing; 0: off")
+    lockstep: bool = Field(
+        False, description="send a keyframe when the maps have answered the last"
+    )
+    ack_timeout_s: float = Field(30.0, gt=0, description="longest wait for a map's answer")
+    lease_s: float = Field(30.0, gt=0, description="a lease ends after this without an action")
+    autoplay: bool = Field(True, description="play a recording by itself once the maps are ready")

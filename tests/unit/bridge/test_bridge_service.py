@@ -1,0 +1,249 @@
+"""The bridge over a MemoryBus with a robot of arrays."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+from helios_bridge.lease import Lease
+from helios_bridge.service import BridgeService
+from helios_bridge.settings import Settings
+from helios_core import proto as pb
+from helios_core.codec import frame_from_proto
+from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput
+from helios_core.geometry import Pinhole, camera_on_base, se2_to_se3
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.robot import (
+    Action,
+    ActionResult,
+    Capture,
+    EndOfRecording,
+    Forward,
+    RobotDriver,
+)
+from helios_core.topics import (
+    ACT,
+    CLEAR_STOP,
+    CONTEXT,
+    KEYFRAME,
+    LEASE,
+    MAP2D_ACK,
+    OBJECTMAP_ACK,
+    ROBOT_STATE,
+    STOP,
+    status_topic,
+)
+from helios_core.types import RobotDescription, RobotState
+
+from tests.support import wait_until
+
+CAMERA = Pinhole(8.0, 8.0, 8.0, 6.0, 16, 12)
+
+
+class LineRobot(RobotDriver):
+    """Drives along x. With `frames`, it is a recording of that many."""
+
+    def __init__(self, frames: int | None = None) -> None:
+        self.x_m = 0.0
+        self.done: list[Action] = []
+        self.stopped = ""
+        self.hold = threading.Event()
+        self.hold.set()
+        self.left = frames
+
+    def describe(self) -> RobotDescription:
+        movable = self.left is None
+        return RobotDescription("line", 0.3, 1.0, CAMERA, 1.0, 0.8, 5.0, can_move=movable)
+
+    def state(self) -> RobotState:
+        return RobotState(se2_to_se3(self.x_m, 0, 0), stopped=bool(self.stopped))
+
+    def capture(self) -> Capture:
+        if self.left is not None:
+            if self.left == 0:
+                raise EndOfRecording
+            self.left -= 1
+        base = se2_to_se3(self.x_m, 0, 0)
+        return Capture(
+            stamp_ns=len(self.done) + 1,
+            color=np.zeros((12, 16, 3), np.uint8),
+            depth_m=np.full((12, 16), 1.5, np.float32),
+            camera=CAMERA,
+            T_world_cam=camera_on_base(base, 1.0, 0.5),
+            T_world_base=base,
+        )
+
+    def act(self, action: Action, action_id: str) -> ActionResult:
+        self.done.append(action)
+        self.hold.wait(5)
+        if self.stopped:
+            return ActionResult(False, self.stopped)
+        if isinstance(action, Forward):
+            self.x_m += action.distance_m
+        return ActionResult(True, moved_m=self.x_m, steps=len(self.done))
+
+    def stop(self, reason: str) -> None:
+        self.stopped = reason
+        self.hold.set()
+
+    def clear_stop(self) -> None:
+        self.stopped = ""
+
+
+class Stage:
+    """A bridge with its robot, and somebody who drives."""
+
+    def __init__(self, robot: LineRobot | None = None, **settings: object) -> None:
+        hub = MemoryHub()
+        self.robot = robot or LineRobot()
+        self.bus, self.other = MemoryBus(hub), MemoryBus(hub)
+        self.health = Health()
+        values = {"stream_hz": 0.0, **settings}
+        self.bridge = BridgeService(self.bus, self.robot, Settings(**values), self.health, 0)  # pyright: ignore[reportArgumentType]
+        self.keyframes: list[pb.Frame] = []
+        self.other.subscribe(KEYFRAME, self.keyframes.append)
+        self.token = 0
+
+    def drive(self, action_id: str, distance_m: float = 0.5, left_s: float = 5) -> pb.ActionResult:
+        if not self.token:
+            self.token = self.other.call(LEASE, pb.LeaseRequest(holder="planner"), 1).token
+        request = pb.ActionRequest(
+            action_id=action_id,
+            lease_token=self.token,
+            time_remaining_s=left_s,
+            action=pb.Action(forward=pb.Action.Forward(distance_m=distance_m)),
+        )
+        return self.other.call(ACT, request, 10)
+
+
+def test_an_action_ends_with_a_keyframe_that_the_result_names() -> None:
+    stage = Stage()
+    result = stage.drive("a")
+    assert result.succeeded
+    assert [k.id.seq for k in stage.keyframes] == [result.keyframe.seq]
+    frame = frame_from_proto(stage.keyframes[0])
+    assert frame.keyframe
+    np.testing.assert_allclose(frame.T_world_base, se2_to_se3(0.5, 0, 0), atol=1e-9)
+    np.testing.assert_allclose(frame.depth_m, 1.5, atol=5e-4)
+
+
+def test_the_same_action_asked_for_twice_is_done_once() -> None:
+    stage = Stage()
+    first, second = stage.drive("a"), stage.drive("a")
+    assert first == second
+    assert len(stage.robot.done) == 1
+
+
+def test_without_the_present_lease_nobody_drives() -> None:
+    stage = Stage()
+    stage.drive("a")
+    with pytest.raises(Conflict, match="planner drives the robot"):
+        stage.other.call(LEASE, pb.LeaseRequest(holder="other"), 1)
+    stage.other.call(LEASE, pb.LeaseRequest(holder="other", take=True), 1)
+    with pytest.raises(Conflict, match="ask anew"):
+        stage.drive("b")
+    assert len(stage.robot.done) == 1
+
+
+def test_a_refused_action_may_be_asked_for_again_with_its_id() -> None:
+    stage = Stage()
+    stage.drive("a")
+    stage.other.call(LEASE, pb.LeaseRequest(holder="other", take=True), 1)
+    with pytest.raises(Conflict):
+        stage.drive("b")
+    stage.token = stage.other.call(LEASE, pb.LeaseRequest(holder="planner", take=True), 1).token
+    assert stage.drive("b").succeeded
+
+
+def test_a_lease_ends_by_itself() -> None:
+    now = [0.0]
+    lease = Lease(10.0, 0, clock=lambda: now[0])
+    token = lease.grant("planner")
+    now[0] = 9.0
+    lease.check(token)
+    now[0] = 18.0
+    lease.check(token)
+    now[0] = 29.0
+    with pytest.raises(Conflict, match="ran out"):
+        lease.check(token)
+    assert lease.grant("other") > token
+
+
+def test_a_late_action_is_refused() -> None:
+    stage = Stage()
+    with pytest.raises(DeadlineExceeded, match="before it began"):
+        stage.drive("a", left_s=0.0)
+    assert stage.robot.done == []
+
+
+@pytest.mark.parametrize("distance_m", [float("nan"), float("inf")])
+def test_an_action_that_makes_no_sense_is_refused(distance_m: float) -> None:
+    with pytest.raises(InvalidInput, match="finite"):
+        Stage().drive("a", distance_m)
+
+
+def test_stop_now_ends_the_running_action_latches_and_needs_an_explicit_clear() -> None:
+    stage = Stage()
+    stage.robot.hold.clear()
+    results: list[pb.ActionResult] = []
+    runner = threading.Thread(target=lambda: results.append(stage.drive("a")))
+    runner.start()
+    wait_until(lambda: stage.robot.done, 5, "the action runs")
+    stage.other.call(STOP, pb.StopRequest(reason="a child in the way"), 1)
+    runner.join(5)
+    assert not results[0].succeeded
+    with pytest.raises(Conflict, match="a child in the way"):
+        stage.drive("b")
+    stage.other.call(CLEAR_STOP, pb.Empty(), 1)
+    assert stage.drive("b").succeeded
+
+
+def test_the_watchdog_stops_an_action_that_outlives_its_time() -> None:
+    stage = Stage()
+    stage.bridge.start()
+    stage.robot.hold.clear()
+    result = stage.drive("a", left_s=0.2)
+    assert not result.succeeded
+    assert "outlived" in result.reason
+    stage.bridge.close()
+
+
+def test_in_lockstep_a_keyframe_waits_for_the_answers_of_all_maps() -> None:
+    stage = Stage(lockstep=True, ack_timeout_s=5.0)
+
+    def answer(frame: pb.Frame) -> None:
+        for topic, service, part in (
+            (OBJECTMAP_ACK, "objectmap", "objects"),
+            (MAP2D_ACK, "map2d", "occupancy"),
+            (MAP2D_ACK, "map2d", "value"),
+        ):
+            stage.other.publish(topic, pb.Ack(service=service, part=part, id=frame.id))
+
+    stage.other.subscribe(KEYFRAME, answer)
+    assert stage.drive("a").succeeded
+    assert stage.health.state[0] != "degraded"
+
+
+def test_in_lockstep_a_missing_answer_is_said_by_name() -> None:
+    stage = Stage(lockstep=True, ack_timeout_s=0.05)
+    stage.drive("a")
+    state, reason = stage.health.state
+    assert state == "degraded"
+    assert "map2d/value" in reason
+
+
+def test_a_recording_plays_once_the_maps_are_ready_and_says_its_end() -> None:
+    stage = Stage(LineRobot(frames=3))
+    states: list[pb.RobotState] = []
+    stage.other.subscribe(ROBOT_STATE, states.append)
+    stage.bridge.start()
+    stage.other.publish(CONTEXT, pb.SearchContext(id="c"))
+    for service in ("detector", "objectmap"):
+        stage.other.publish(status_topic(service), pb.ServiceStatus(service=service, state="ready"))
+    assert stage.keyframes == []
+    stage.other.publish(status_topic("map2d"), pb.ServiceStatus(service="map2d", state="ready"))
+    wait_until(lambda: states and states[-1].finished, 5, "the recording ends")
+    assert len(stage.keyframes) == 3
+    stage.bridge.close()
