@@ -1,0 +1,99 @@
+"""The 2D map as it travels (`MapSnapshot`), decoded into arrays.
+
+Every array is `[rows, columns]`: row along world y, column along world x, cell [0, 0] at
+`origin_m`. On the wire each is zlib-compressed, in row order, little-endian.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helios_core import proto as pb
+from helios_core.errors import InvalidInput
+from helios_core.types import FrameId
+
+UNKNOWN, FREE, OCCUPIED = -1, 0, 100
+MAX_CELLS = 64_000_000  # a map above this is refused before it is unpacked
+
+
+@dataclass(frozen=True)
+class MapView:
+    """One version of the map, cut to the box of what is known. Arrays are read-only."""
+
+    version: int
+    frame_id: FrameId
+    context_id: str
+    cell_m: float
+    origin_m: tuple[float, float]  # world x, y of the corner of cell [0, 0]
+    occupancy: NDArray[np.int8]  # [rows, columns] UNKNOWN, FREE or OCCUPIED
+    explored: NDArray[np.bool_]  # [rows, columns] seen since the search began
+    top_m: NDArray[np.float32]  # [rows, columns] highest obstacle, 0 where there is none
+    values: Mapping[str, NDArray[np.float32]]  # layer -> [rows, columns]
+    frontiers: tuple[pb.Frontier, ...]
+    robot_pose: tuple[float, float, float]  # x (m), y (m), yaw (rad) in the world
+    trajectory_m: NDArray[np.float32]  # [n, 2]
+    explored_m2: float
+    occupied_m2: float
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns)"""
+        rows, columns = self.occupancy.shape
+        return rows, columns
+
+
+def decode_snapshot(snapshot: pb.MapSnapshot) -> MapView:
+    """Raises InvalidInput when an array does not hold what its size says, or is corrupt."""
+    shape = (snapshot.height, snapshot.width)
+    good = math.isfinite(snapshot.cell_m) and snapshot.cell_m > 0
+    if shape[0] * shape[1] > MAX_CELLS or (not good and shape[0] * shape[1] > 0):
+        raise InvalidInput(
+            f"the map is {shape[1]}x{shape[0]} cells of {snapshot.cell_m} m; wanted cells above "
+            f"0 m and at most {MAX_CELLS // 10**6} million of them"
+        )
+    if len(snapshot.trajectory_m) % 2:
+        raise InvalidInput(f"the trajectory has {len(snapshot.trajectory_m)} numbers; send x, y …")
+    robot = snapshot.robot
+    return MapView(
+        version=snapshot.version,
+        frame_id=FrameId(snapshot.id.robot_boot_id, snapshot.id.world_epoch, snapshot.id.seq),
+        context_id=snapshot.context_id,
+        cell_m=snapshot.cell_m,
+        origin_m=(snapshot.origin_x_m, snapshot.origin_y_m),
+        occupancy=_unpacked(snapshot.occupancy, "<i1", shape, "occupancy").astype(np.int8),
+        explored=_unpacked(snapshot.explored, "<u1", shape, "explored") > 0,
+        top_m=_unpacked(snapshot.top_cm, "<u1", shape, "top_cm").astype(np.float32)
+        * np.float32(0.02),
+        values={
+            name: _unpacked(data, "<f2", shape, f"value layer {name}").astype(np.float32)
+            for name, data in snapshot.values.items()
+        },
+        frontiers=tuple(snapshot.frontiers),
+        robot_pose=(robot.x_m, robot.y_m, robot.yaw_rad),
+        trajectory_m=np.array(snapshot.trajectory_m, np.float32).reshape(-1, 2),
+        explored_m2=snapshot.explored_m2,
+        occupied_m2=snapshot.occupied_m2,
+    )
+
+
+def _unpacked(data: bytes, dtype: str, shape: tuple[int, int], what: str) -> NDArray:
+    """The array; an absent one is all zeros. Never unpacks more than the shape allows."""
+    wanted = shape[0] * shape[1] * np.dtype(dtype).itemsize
+    if not data:
+        return np.zeros(shape, dtype)
+    try:
+        raw = zlib.decompressobj().decompress(data, wanted + 1)
+    except zlib.error as error:
+        raise InvalidInput(f"{what} of the map is corrupt: {error}") from error
+    if len(raw) != wanted:
+        raise InvalidInput(
+            f"{what} of the map is no {shape[1]}x{shape[0]} array: {len(raw)} bytes unpacked, "
+            f"{wanted} wanted"
+        )
+    return np.frombuffer(raw, dtype).reshape(shape)
