@@ -1,0 +1,1 @@
+"""Detector and scorer: what a frame shows of what is sought."""
