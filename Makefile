@@ -1,0 +1,36 @@
+# Two commands set everything up: `make demo` and `make test`. Both install first if needed.
+.DEFAULT_GOAL := help
+SHELL := /bin/bash
+PYTHON ?= python3
+SEED ?= 0
+PORT ?= 8080
+VENV := .venv
+BIN := $(VENV)/bin
+export MUJOCO_GL ?= egl
+
+help: ## show this
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
+
+install: $(VENV)/.installed ## virtual environment with everything in it
+
+$(VENV)/.installed: pyproject.toml constraints.txt scripts/install.sh
+	PYTHON="$(PYTHON)" scripts/install.sh $(VENV)
+	@touch $@
+
+demo: install ## a language task in a simulated home: make demo SEED=3
+	$(BIN)/python -m helios_eval.demo --seed $(SEED) --port $(PORT)
+
+lint: install ## format, lint, types, import rules, generated messages
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/pyright
+	$(BIN)/lint-imports
+	$(BIN)/python scripts/generate_proto.py --check
+
+test: install lint ## everything that CI runs
+	$(BIN)/pytest
+
+proto: install ## generate the Python modules of the messages
+	$(BIN)/python scripts/generate_proto.py
+
+.PHONY: help install demo lint test proto
