@@ -1,0 +1,27 @@
+"""`python -m helios_gateway`: settings, socket, run."""
+
+from __future__ import annotations
+
+import sys
+
+from helios_core.errors import HeliosError
+from helios_core.service import run_service
+
+from helios_gateway.service import Gateway, bind
+from helios_gateway.settings import Settings
+
+
+def main() -> int:
+    settings = Settings.load()
+    try:  # before the router is waited for: a port in use is said at once
+        listener = bind(settings.host, settings.port)
+    except HeliosError as error:
+        print(f"helios-gateway: {error.message}", file=sys.stderr)
+        return 1
+    return run_service(
+        "gateway", settings, lambda bus, health: Gateway(bus, health, settings, listener)
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

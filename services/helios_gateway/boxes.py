@@ -1,0 +1,58 @@
+"""Boxes and labels of detections on a picture."""
+
+from __future__ import annotations
+
+import colorsys
+import zlib
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+@dataclass(frozen=True)
+class Box:
+    """One detection, in pixels."""
+
+    class_name: str
+    score: float
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+def class_color_bgr(name: str) -> tuple[int, int, int]:
+    """A strong colour that is the same for the same class everywhere."""
+    hue = (zlib.crc32(name.encode()) % 360) / 360
+    r, g, b = colorsys.hls_to_rgb(hue, 0.45, 0.9)
+    return int(b * 255), int(g * 255), int(r * 255)
+
+
+def draw_boxes(bgr: NDArray, boxes: tuple[Box, ...]) -> NDArray:
+    """The picture with a frame and a label around each box; what reaches outside is cut off."""
+    out = np.ascontiguousarray(bgr)
+    height, width = out.shape[:2]
+    scale = max(0.4, height / 1100)
+    for box in sorted(boxes, key=lambda b: -b.width * b.height):
+        x0, y0 = min(box.x, width - 1), min(box.y, height - 1)
+        x1, y1 = min(box.x + box.width, width) - 1, min(box.y + box.height, height) - 1
+        color = class_color_bgr(box.class_name)
+        cv2.rectangle(out, (x0, y0), (x1, y1), color, 2, cv2.LINE_AA)
+        text = f"{_printable(box.class_name)} {box.score:.2f}"
+        (w, h), base = cv2.getTextSize(text, FONT, scale, 1)
+        left = max(0, min(x0, width - w - 6))
+        top = y0 - h - base - 4 if y0 > h + base + 4 else y0 + 2
+        cv2.rectangle(out, (left, top), (left + w + 6, top + h + base + 4), color, cv2.FILLED)
+        cv2.putText(
+            out, text, (left + 3, top + h + 2), FONT, scale, (255, 255, 255), 1, cv2.LINE_AA
+        )
+    return out
+
+
+def _printable(text: str) -> str:
+    """Hershey fonts know ASCII only."""
+    return text.encode("ascii", "replace").decode()[:40]

@@ -1,0 +1,163 @@
+"""From messages of the bus to the models of HTTP. Nothing that is not finite gets through."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from helios_core import proto as pb
+from helios_core.errors import Internal
+
+from helios_gateway import models
+
+PHASES = {
+    "move": ("find_object", "pick", "find_receptacle", "place"),
+    "find": ("find_object",),
+    "go_to": ("find_receptacle",),
+}
+_STATES: dict[str, models.TaskState] = {
+    "queued": "queued", "running": "running", "paused": "paused", "succeeded": "succeeded",
+    "failed": "failed", "cancelled": "cancelled",
+}  # fmt: skip
+
+
+def finite(value: float) -> float | None:
+    """The value, or None where JSON has no word for it."""
+    return value if math.isfinite(value) else None
+
+
+def pairs(flat: Sequence[float]) -> list[list[float | None]]:
+    """[x, y] of x, y, x, y …, to a tenth of a millimetre; points not finite are left out."""
+    return [
+        [round(x, 4), round(y, 4)]
+        for x, y in zip(flat[::2], flat[1::2], strict=False)
+        if math.isfinite(x) and math.isfinite(y)
+    ]
+
+
+def _vector(v: pb.Vector3) -> list[float | None]:
+    return [finite(v.x), finite(v.y), finite(v.z)]
+
+
+def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
+    return {name: finite(value) for name, value in sorted(values.items())}
+
+
+def _time(seconds: float) -> float | None:
+    return finite(seconds) or None
+
+
+def task(message: pb.Task) -> models.Task:
+    if message.state not in _STATES:
+        raise Internal(f"the planner named a state {message.state!r} of task {message.id}")
+    return models.Task(
+        id=message.id, instruction=message.instruction, state=_STATES[message.state],
+        phase=message.phase, phases=phases(message.kind, message.phase, message.state),
+        message=message.message, cause=message.cause, seeking=message.seeking,
+        kind=message.kind, object=message.object, start=message.start, goal=message.goal,
+        steps=message.steps, max_steps=message.max_steps, picks=message.picks,
+        progress=finite(message.progress), created_s=_time(message.created_s),
+        started_s=_time(message.started_s), ended_s=_time(message.ended_s),
+        context_id=message.context_id,
+    )  # fmt: skip
+
+
+def phases(kind: str, phase: str, state: str) -> list[models.Phase]:
+    """The phases of a kind of task: those before the present one are done."""
+    names = list(PHASES.get(kind, PHASES["move"]))
+    if phase and phase not in names:
+        names.append(phase)
+    at = len(names) if state == "succeeded" else names.index(phase) if phase else 0
+    out = []
+    for i, name in enumerate(names):
+        if i < at:
+            out.append(models.Phase(name=name, state="done"))
+        elif i > at or state == "queued":
+            out.append(models.Phase(name=name, state="waiting"))
+        elif state in ("failed", "cancelled"):
+            out.append(models.Phase(name=name, state="failed"))
+        else:
+            out.append(models.Phase(name=name, state="active"))
+    return out
+
+
+def decision(message: pb.Decision) -> models.Decision:
+    return models.Decision(
+        task_id=message.task_id, index=message.index, phase=message.phase, rule=message.rule,
+        why=message.why, settings=_numbers(message.settings), made_s=_time(message.made_s),
+        context_id=message.context_id,
+        candidates=[
+            models.Candidate(
+                kind=c.kind, name=c.name, position_m=_vector(c.position_m),
+                terms=_numbers(c.terms), chosen=c.chosen,
+            )
+            for c in message.candidates
+        ],
+    )  # fmt: skip
+
+
+def pose(x_m: float, y_m: float, yaw_rad: float) -> models.RobotPose | None:
+    """None where a number is not finite."""
+    if not all(map(math.isfinite, (x_m, y_m, yaw_rad))):
+        return None
+    return models.RobotPose(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
+
+
+def plan(message: pb.Plan) -> models.Plan:
+    goal = message.goal
+    return models.Plan(
+        task_id=message.task_id,
+        path_m=pairs(message.path_m),
+        goal=pose(goal.x_m, goal.y_m, goal.yaw_rad) if message.HasField("goal") else None,
+        purpose=message.purpose,
+    )
+
+
+def object_list(message: pb.ObjectsReply) -> models.ObjectList:
+    return models.ObjectList(
+        objects=[_object(o) for o in message.objects],
+        version=message.version,
+        gaussians=message.gaussians,
+    )
+
+
+def _object(o: pb.ObjectInstance) -> models.ObjectInstance:
+    return models.ObjectInstance(
+        id=o.id, class_name=o.class_name, center_m=_vector(o.center_m), size_m=_vector(o.size_m),
+        score=finite(o.score), class_score=finite(o.class_score),
+        uncertainty=finite(o.uncertainty), views=o.views, gaussians=o.gaussians,
+        probabilities=_numbers(o.probabilities), detection_rate=finite(o.detection_rate),
+        outline_m=pairs(o.outline_m),
+    )  # fmt: skip
+
+
+def frontier(f: pb.Frontier) -> models.Frontier:
+    return models.Frontier(
+        id=f.id, center_m=[finite(f.x_m), finite(f.y_m)], size_m=finite(f.size_m),
+        reachable=f.reachable, values=_numbers(f.values),
+    )  # fmt: skip
+
+
+def robot_state(message: pb.RobotState) -> models.RobotState:
+    return models.RobotState(
+        pose=_pose_of(message.T_world_base.rows), tilt_rad=finite(message.tilt_rad),
+        held=message.held, moving=message.moving, stopped=message.stopped,
+        finished=message.finished, message=message.message,
+        robot_boot_id=message.robot_boot_id, world_epoch=message.world_epoch,
+    )  # fmt: skip
+
+
+def _pose_of(rows: Sequence[float]) -> models.RobotPose | None:
+    """On the floor, of a row by row T_world_base."""
+    return pose(rows[3], rows[7], math.atan2(rows[4], rows[0])) if len(rows) == 16 else None
+
+
+def robot_description(message: pb.RobotDescription) -> models.RobotDescription:
+    return models.RobotDescription(
+        name=message.name, simulated=message.simulated,
+        footprint_radius_m=finite(message.footprint_radius_m), height_m=finite(message.height_m),
+        reach_m=finite(message.reach_m), max_depth_m=finite(message.max_depth_m),
+        camera_height_m=finite(message.camera_height_m),
+        camera_width_px=message.camera.width, camera_height_px=message.camera.height,
+        can_move=message.can_move, can_pick=message.can_pick, can_place=message.can_place,
+    )  # fmt: skip

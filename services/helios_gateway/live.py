@@ -1,0 +1,147 @@
+"""What the bus says, as it comes: kept for questions, passed on as events."""
+
+from __future__ import annotations
+
+import logging
+import threading
+
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.topics import (
+    ANY_STATUS,
+    CONTEXT,
+    DECISION,
+    FRAME,
+    KEYFRAME,
+    MAP2D_ACK,
+    OBJECTMAP_ACK,
+    OBSERVATION,
+    PLAN,
+    PREVIEW,
+    ROBOT_DESCRIPTION,
+    ROBOT_STATE,
+    SUPERVISOR,
+    TASK,
+)
+
+from helios_gateway import convert, models
+from helios_gateway.camera import Camera
+from helios_gateway.events import EventHub
+from helios_gateway.maps import Maps
+from helios_gateway.roster import Roster
+from helios_gateway.settings import Settings
+
+log = logging.getLogger(__name__)
+
+
+class Live:
+    """Subscribes to everything a viewer may want to know. Thread-safe.
+
+    Happenings (tasks, decisions, plans, a stop) become events at once; what changes all the time
+    (the robot's pose, maps, services) is looked at every `tick_s`.
+    """
+
+    def __init__(self, bus: Bus, settings: Settings) -> None:
+        self.roster = Roster(settings.silent_after_s)
+        self.camera = Camera(settings.boxes_hold_s, settings.jpeg_quality)
+        self.maps = Maps(bus, settings.call_timeout_s, settings.picture_max_age_s)
+        self.events = EventHub(settings.event_backlog, settings.max_viewers, settings.keepalive_s)
+        self._lock = threading.Lock()
+        self._ticking = threading.Lock()
+        self._robot: models.RobotState | None = None
+        self._description: models.RobotDescription | None = None
+        self._told: dict[str, object] = {}
+        self._tick_s = settings.tick_s
+        self._ended = threading.Event()
+        self._ticker = threading.Thread(target=self._run, name="tick", daemon=True)
+
+        bus.watch(self._on_alive)
+        bus.subscribe(ANY_STATUS, self.roster.on_status)
+        bus.subscribe(SUPERVISOR, self.roster.on_supervisor)
+        bus.subscribe(ROBOT_DESCRIPTION, self._on_description)
+        bus.subscribe(ROBOT_STATE, self._on_robot)
+        bus.subscribe(FRAME, self.camera.on_frame)
+        bus.subscribe(KEYFRAME, self.camera.on_frame)
+        bus.subscribe(PREVIEW, self.camera.on_preview)
+        bus.subscribe(OBSERVATION, self.camera.on_observation)
+        bus.subscribe(MAP2D_ACK, self.maps.on_ack)
+        bus.subscribe(OBJECTMAP_ACK, self.maps.on_ack)
+        bus.subscribe(CONTEXT, lambda _: self.maps.on_change())
+        bus.subscribe(TASK, self._on_task)
+        bus.subscribe(DECISION, self._on_decision)
+        bus.subscribe(PLAN, self._on_plan)
+
+    def start(self) -> None:
+        """Begin to look at what changes all the time."""
+        self._ticker.start()
+
+    def close(self) -> None:
+        self._ended.set()
+        self.events.close()
+
+    def robot(self) -> models.Robot:
+        with self._lock:
+            state, description = self._robot, self._description
+        return models.Robot(
+            connected=self.roster.is_alive("bridge"), state=state, description=description
+        )
+
+    def status(self) -> models.Status:
+        return models.Status(ready=not self.roster.reasons(), services=self.roster.services())
+
+    def tick(self) -> None:
+        """Tell of what has changed since the last time."""
+        with self._ticking:
+            robot = self.robot()
+            if robot.state is not None or robot.description is not None:
+                self._tell_if_new("robot", "robot", robot)
+            self._tell_if_new("map", "map", self.maps.change())
+            status = self.status()
+            for service in status.services:
+                self._tell_if_new("service", f"service/{service.name}", service)
+            readiness = models.Readiness(ready=status.ready, reasons=self.roster.reasons())
+            self._tell_if_new("ready", "ready", readiness)
+
+    def _tell_if_new(
+        self, type: str, state_key: str, now: models.Robot | models.MapChange | models.Service
+        | models.Readiness
+    ) -> None:  # fmt: skip
+        if self._told.get(state_key) != now:
+            self._told[state_key] = now
+            self.events.publish(type, now, state_key)
+
+    def _run(self) -> None:
+        while not self._ended.wait(self._tick_s):
+            try:
+                self.tick()
+            except Exception:
+                log.exception("could not tell what has changed; trying again")
+
+    def _on_alive(self, service: str, instance: str, alive: bool) -> None:
+        self.roster.on_alive(service, instance, alive)
+        if service in ("map2d", "objectmap"):
+            self.maps.on_change()
+
+    def _on_description(self, message: pb.RobotDescription) -> None:
+        self.roster.on_description(message)
+        description = convert.robot_description(message)
+        with self._lock:
+            self._description = description
+
+    def _on_robot(self, message: pb.RobotState) -> None:
+        state = convert.robot_state(message)
+        with self._lock:
+            before, self._robot = self._robot, state
+        if before is None or (before.stopped, before.held) != (state.stopped, state.held):
+            self.tick()
+
+    def _on_task(self, message: pb.Task) -> None:
+        task = convert.task(message)
+        self.events.publish("task", task, "task")
+
+    def _on_decision(self, message: pb.Decision) -> None:
+        self.events.publish("decision", convert.decision(message), "decision")
+
+    def _on_plan(self, message: pb.Plan) -> None:
+        self.maps.on_plan(message)
+        self.events.publish("plan", convert.plan(message), "plan")

@@ -1,0 +1,165 @@
+"""The maps, asked for once however many look at them."""
+
+from __future__ import annotations
+
+import threading
+
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
+from helios_core.grids import MapView, decode_snapshot
+from helios_core.topics import OBJECTS, PICTURE, SNAPSHOT
+
+from helios_gateway import cells, convert, models
+from helios_gateway.problems import NotFound
+from helios_gateway.shared_results import SharedResults
+
+
+class Maps:
+    """Thread-safe. What it made stays good until a map says that it changed."""
+
+    def __init__(self, bus: Bus, timeout_s: float, max_age_s: float) -> None:
+        self._bus = bus
+        self._timeout_s = timeout_s
+        self._lock = threading.Lock()
+        self._changes = {"map2d": 0, "objectmap": 0}
+        self._path_m: tuple[float, ...] = ()
+        self._snapshot: MapView | None = None
+        self._views: SharedResults[MapView] = SharedResults(max_age_s)
+        self._objects: SharedResults[pb.ObjectsReply] = SharedResults(max_age_s)
+        self._pictures: SharedResults[bytes] = SharedResults(max_age_s)
+        self._files: SharedResults[bytes] = SharedResults(float("inf"))
+
+    def on_ack(self, ack: pb.Ack) -> None:
+        with self._lock:
+            if ack.accepted and ack.service in self._changes:
+                self._changes[ack.service] += 1
+
+    def on_change(self) -> None:
+        """Another search, another map process: whatever is held may be old."""
+        with self._lock:
+            for service in self._changes:
+                self._changes[service] += 1
+
+    def on_plan(self, plan: pb.Plan) -> None:
+        with self._lock:
+            self._path_m = tuple(plan.path_m)
+
+    def change(self) -> models.MapChange:
+        """Numbers that rise with every change of the maps."""
+        with self._lock:
+            return models.MapChange(map2d=self._changes["map2d"],
+                                    objects=self._changes["objectmap"])  # fmt: skip
+
+    def view(self) -> MapView:
+        """The newest map. Raises Unavailable, DeadlineExceeded, Internal."""
+        return self._views.get("map", self._state("map2d"), self._ask_snapshot)
+
+    def info(self) -> models.MapInfo:
+        view = self.view()
+        rows, columns = view.shape
+        return models.MapInfo(
+            version=view.version, context_id=view.context_id, cell_m=view.cell_m,
+            origin_m=list(view.origin_m), width_cells=columns, height_cells=rows,
+            explored_m2=convert.finite(view.explored_m2),
+            occupied_m2=convert.finite(view.occupied_m2),
+            layers=[
+                models.MapLayer(name=name, max_value=cells.layer_maximum(view, name))
+                for name in sorted(view.values)
+            ],
+            robot=convert.pose(*view.robot_pose),
+            trajectory_m=convert.pairs(view.trajectory_m.ravel().tolist()),
+        )  # fmt: skip
+
+    def frontiers(self) -> models.FrontierList:
+        view = self.view()
+        return models.FrontierList(
+            version=view.version, frontiers=[convert.frontier(f) for f in view.frontiers]
+        )
+
+    def cells(self, layer: str | None) -> tuple[bytes, int]:
+        """`cells.cells_png` and the map's version."""
+        view = self._with_layer(layer)
+        png = self._files.get(("cells", layer), _state(view), lambda: cells.cells_png(view, layer))
+        return png, view.version
+
+    def npz(self, layer: str | None) -> tuple[bytes, int]:
+        """The arrays of occupancy (None) or of a value layer, and the map's version."""
+        view = self._with_layer(layer)
+        data = self._files.get(
+            ("npz", layer),
+            _state(view),
+            lambda: cells.occupancy_npz(view) if layer is None else cells.value_npz(view, layer),
+        )
+        return data, view.version
+
+    def picture(self, layer: str, size_px: int) -> bytes:
+        """PNG for people, as map2d draws it, with the path and the objects. Raises NotFound."""
+        with self._lock:
+            path_m = self._path_m
+        state = (self._state("map2d"), self._state("objectmap"), path_m)
+
+        def make() -> bytes:
+            request = pb.PictureRequest(
+                layer=layer, size_px=size_px, path_m=path_m, objects=self._marked()
+            )
+            try:
+                return self._bus.call(PICTURE, request, self._timeout_s).png
+            except InvalidInput as error:
+                raise NotFound(error.message) from error
+
+        return self._pictures.get((layer, size_px), state, make)
+
+    def objects(self) -> models.ObjectList:
+        """Every instance of the object map."""
+        return convert.object_list(self._ask_objects())
+
+    def _state(self, service: str) -> int:
+        with self._lock:
+            return self._changes[service]
+
+    def _ask_objects(self) -> pb.ObjectsReply:
+        return self._objects.get(
+            "all",
+            self._state("objectmap"),
+            lambda: self._bus.call(OBJECTS, pb.ObjectsRequest(), self._timeout_s),
+        )
+
+    def _marked(self) -> list[pb.MarkedObject]:
+        """What the object map believes, to be drawn on the map; nothing while it is away."""
+        try:
+            reply = self._ask_objects()
+        except HeliosError:
+            return []
+        return [
+            pb.MarkedObject(label=o.class_name, center_m=o.center_m, size_m=o.size_m, score=o.score)
+            for o in reply.objects
+        ]
+
+    def _ask_snapshot(self) -> MapView:
+        known = self._snapshot
+        request = pb.SnapshotRequest(layers=True, if_newer=known.version if known else 0)
+        reply = self._bus.call(SNAPSHOT, request, self._timeout_s)
+        if reply.unchanged and known is not None and reply.version == known.version:
+            return known
+        if reply.unchanged and reply.version > 0:  # a map2d that began anew counts from below
+            request.if_newer = 0
+            reply = self._bus.call(SNAPSHOT, request, self._timeout_s)
+        if reply.unchanged or reply.cell_m <= 0:
+            raise Unavailable("the map is empty: no keyframe has come yet")
+        try:
+            self._snapshot = decode_snapshot(reply)
+        except InvalidInput as error:
+            raise Internal(f"map2d sent a map that cannot be read: {error.message}") from error
+        return self._snapshot
+
+    def _with_layer(self, layer: str | None) -> MapView:
+        view = self.view()
+        if layer is not None and layer not in view.values:
+            known = ", ".join(sorted(view.values)) or "none yet"
+            raise NotFound(f"the map has no value layer {layer[:80]!r}; it has: {known}")
+        return view
+
+
+def _state(view: MapView) -> tuple[int, str, str]:
+    return view.version, str(view.frame_id), view.context_id

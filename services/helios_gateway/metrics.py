@@ -1,0 +1,94 @@
+"""Figures for Prometheus: the gateway's requests, and what each service publishes of itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+
+from prometheus_client import CollectorRegistry, Counter, Histogram
+from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
+from prometheus_client.registry import Collector
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from helios_gateway.live import Live
+
+BUCKETS_S = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
+
+
+class Metrics:
+    """One registry per application; nothing is global."""
+
+    def __init__(self, live: Live) -> None:
+        self.registry = CollectorRegistry()
+        self.requests = Counter(
+            "helios_http_requests_total", "requests by route and status",
+            ["method", "route", "status"], registry=self.registry,
+        )  # fmt: skip
+        self.seconds = Histogram(
+            "helios_http_request_seconds", "time to the start of the answer",
+            ["method", "route"], buckets=BUCKETS_S, registry=self.registry,
+        )  # fmt: skip
+        self.registry.register(_Services(live))
+
+    def text(self) -> tuple[bytes, str]:
+        """(body, content type)"""
+        return generate_latest(self.registry), CONTENT_TYPE_PLAIN_0_0_4
+
+
+class _Services(Collector):
+    def __init__(self, live: Live) -> None:
+        self._live = live
+
+    def collect(self) -> Iterable[Metric]:
+        status = self._live.status()
+        ready = GaugeMetricFamily("helios_ready", "1 where a task would start now")
+        ready.add_metric([], float(status.ready))
+        up = GaugeMetricFamily("helios_service_ready", "1 where it is ready", labels=["service"])
+        restarts = GaugeMetricFamily(
+            "helios_service_restarts", "restarts by the supervisor", labels=["service"]
+        )
+        for service in status.services:
+            up.add_metric([service.name], float(service.state == "ready"))
+            restarts.add_metric([service.name], service.restarts)
+        figures = GaugeMetricFamily(
+            "helios_service_figure", "what a service publishes of itself; the unit is in its name",
+            labels=["service", "name"],
+        )  # fmt: skip
+        for service, values in self._live.roster.metrics().items():
+            for name, value in values.items():
+                figures.add_metric([service, name], value)
+        viewers = GaugeMetricFamily("helios_event_viewers", "open event streams")
+        viewers.add_metric([], self._live.events.viewers)
+        return [ready, up, restarts, figures, viewers]
+
+
+class CountRequests:
+    """ASGI middleware. Routes are counted by their pattern, so that ids make no new series."""
+
+    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
+        self._app = app
+        self._metrics = metrics
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        began_s = time.perf_counter()
+
+        def count(status: int) -> None:
+            route = getattr(scope.get("route"), "path", "other")
+            method = scope["method"] if route != "other" else "any"
+            self._metrics.requests.labels(method, route, str(status)).inc()
+            self._metrics.seconds.labels(method, route).observe(time.perf_counter() - began_s)
+
+        async def counted(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                count(message["status"])
+            await send(message)
+
+        try:
+            await self._app(scope, receive, counted)
+        except Exception:
+            count(500)
+            raise

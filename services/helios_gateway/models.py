@@ -1,0 +1,282 @@
+"""What the HTTP interface takes and gives. Units stand in the names; the world is z up, metres."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+MAX_INSTRUCTION_CHARACTERS = 10_000
+Vector3 = Annotated[list[float | None], Field(description="x, y, z in the world, metres")]
+Vector2 = Annotated[list[float | None], Field(description="x, y in the world, metres")]
+TaskState = Literal["queued", "running", "paused", "succeeded", "failed", "cancelled"]
+ServiceState = Literal["starting", "waiting", "ready", "degraded", "stopping", "down"]
+
+
+class TaskRequest(BaseModel):
+    """A task in words."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        json_schema_extra={
+            "example": {"instruction": "Move the mug from the coffee table to the kitchen counter"}
+        },
+    )
+
+    instruction: str = Field(
+        description=f"what to do, in words; at most {MAX_INSTRUCTION_CHARACTERS} characters"
+    )
+    max_steps: int | None = Field(
+        None, ge=1, le=1_000_000, description="steps of the robot allowed; null: the setting"
+    )
+
+    @field_validator("instruction")
+    @classmethod
+    def _is_text(cls, text: str) -> str:
+        if len(text) > MAX_INSTRUCTION_CHARACTERS:
+            raise ValueError(
+                f"the instruction has {len(text)} characters; send at most "
+                f"{MAX_INSTRUCTION_CHARACTERS}"
+            )
+        if not text.strip():
+            raise ValueError("the instruction is empty; say what to move, find or go to")
+        try:
+            text.encode()
+        except UnicodeEncodeError as error:
+            raise ValueError(
+                "the instruction holds half a character; send whole Unicode"
+            ) from error
+        return text
+
+
+class Phase(BaseModel):
+    """One step of a task on the way to its end."""
+
+    name: str = Field(examples=["find_object"])
+    state: Literal["waiting", "active", "done", "failed"]
+
+
+class Task(BaseModel):
+    """A task and how far it is."""
+
+    id: str
+    instruction: str
+    state: TaskState
+    phase: str = Field(description="find_object, pick, find_receptacle or place")
+    phases: list[Phase] = Field(description="the phases of a task of this kind, in order")
+    message: str = Field(description="what it does now, or why it ended, in one sentence")
+    cause: str = Field(description="of a failure: one of a closed list; else empty")
+    seeking: str = Field(description="what is sought now", examples=["mug"])
+    kind: str = Field(description="move, find or go_to")
+    object: str = Field(examples=["mug"])
+    start: str = Field(description="receptacle to take it from", examples=["coffee table"])
+    goal: str = Field(description="receptacle to bring it to", examples=["kitchen counter"])
+    steps: int = Field(description="steps of the robot so far")
+    max_steps: int
+    picks: int = Field(description="picks tried so far")
+    progress: float | None = Field(description="0 to 1, a rough guide for people")
+    created_s: float | None = Field(description="seconds since 1970")
+    started_s: float | None = Field(description="seconds since 1970; null: not yet")
+    ended_s: float | None = Field(description="seconds since 1970; null: not yet")
+    context_id: str = Field(description="the search context it works in")
+
+
+class TaskList(BaseModel):
+    tasks: list[Task] = Field(description="newest first")
+
+
+class Candidate(BaseModel):
+    """One of the things a decision chose from."""
+
+    kind: str = Field(description="object, receptacle, frontier or gaze")
+    name: str
+    position_m: Vector3
+    terms: dict[str, float | None] = Field(
+        description="what it was judged by", examples=[{"class_score": 0.62, "distance_m": 3.1}]
+    )
+    chosen: bool
+
+
+class Decision(BaseModel):
+    """What was decided, among what, by which rule and why."""
+
+    task_id: str
+    index: int
+    phase: str
+    rule: str = Field(examples=["global_search (eq. 10)"])
+    why: str = Field(description="one sentence")
+    candidates: list[Candidate]
+    settings: dict[str, float | None] = Field(description="the values that the rule used")
+    made_s: float | None = Field(description="seconds since 1970")
+    context_id: str
+
+
+class DecisionList(BaseModel):
+    decisions: list[Decision] = Field(description="oldest first")
+
+
+class Plan(BaseModel):
+    """The path being driven; empty when standing."""
+
+    task_id: str
+    path_m: list[Vector2]
+    goal: RobotPose | None
+    purpose: str
+
+
+class ObjectInstance(BaseModel):
+    """One instance of the object map (paper section 3.1.3)."""
+
+    model_config = ConfigDict(populate_by_name=True)
+
+    id: int
+    class_name: str = Field(
+        validation_alias="class_name", serialization_alias="class", examples=["mug"]
+    )
+    center_m: Vector3 = Field(description="middle of its box")
+    size_m: Vector3
+    score: float | None = Field(description="Ψ, eq. 7: class score less uncertainty")
+    class_score: float | None = Field(description="S")
+    uncertainty: float | None = Field(description="U")
+    views: int = Field(description="distinct viewpoints fused")
+    gaussians: int
+    probabilities: dict[str, float | None] = Field(
+        description="class → mean expected probability", examples=[{"mug": 0.8, "other": 0.2}]
+    )
+    detection_rate: float | None = Field(
+        description="share of its views in which it was detected as its class"
+    )
+    outline_m: list[Vector2] = Field(description="hull of its projection to the ground")
+
+
+class ObjectList(BaseModel):
+    objects: list[ObjectInstance]
+    version: int
+    gaussians: int = Field(description="of the whole map")
+
+
+class RobotPose(BaseModel):
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+class RobotState(BaseModel):
+    """How the robot is now."""
+
+    pose: RobotPose | None = Field(description="null: the robot does not know")
+    tilt_rad: float | None = Field(description="of the head; positive looks down")
+    held: str = Field(description="class of what is held; empty: nothing")
+    moving: bool
+    stopped: bool = Field(description="stop-now is latched; lift it with /v1/robot/clear-stop")
+    finished: bool = Field(description="a recording has come to its end")
+    message: str
+    robot_boot_id: str
+    world_epoch: int
+
+
+class RobotDescription(BaseModel):
+    """What the robot is."""
+
+    name: str
+    simulated: bool
+    footprint_radius_m: float | None
+    height_m: float | None
+    reach_m: float | None
+    max_depth_m: float | None
+    camera_height_m: float | None
+    camera_width_px: int
+    camera_height_px: int
+    can_move: bool
+    can_pick: bool
+    can_place: bool
+
+
+class Robot(BaseModel):
+    connected: bool = Field(description="the bridge is alive")
+    state: RobotState | None = Field(description="null: nothing heard yet")
+    description: RobotDescription | None
+
+
+class Frontier(BaseModel):
+    """A border of what was seen since the search began."""
+
+    id: int
+    center_m: Vector2
+    size_m: float | None
+    reachable: bool
+    values: dict[str, float | None] = Field(examples=[{"pick": 0.31, "place": 0.12}])
+
+
+class FrontierList(BaseModel):
+    version: int
+    frontiers: list[Frontier]
+
+
+class MapLayer(BaseModel):
+    name: str = Field(examples=["pick"])
+    max_value: float = Field(description="the value that 255 stands for in the cells picture")
+
+
+class MapInfo(BaseModel):
+    """The 2D map without its arrays."""
+
+    version: int
+    context_id: str
+    cell_m: float
+    origin_m: Vector2 = Field(description="corner of the lower left cell")
+    width_cells: int
+    height_cells: int
+    explored_m2: float | None
+    occupied_m2: float | None
+    layers: list[MapLayer]
+    robot: RobotPose | None
+    trajectory_m: list[Vector2]
+
+
+class Service(BaseModel):
+    """One process of the robot's backend."""
+
+    name: str = Field(examples=["map2d"])
+    state: ServiceState
+    reason: str = Field(description="what it waits for, or why it is not ready; empty: all is well")
+    restarts: int = Field(description="by the supervisor")
+    pid: int | None
+
+
+class Status(BaseModel):
+    ready: bool = Field(description="a task submitted now would start")
+    services: list[Service]
+
+
+class Readiness(BaseModel):
+    ready: bool
+    reasons: list[str] = Field(description="one sentence for each service that is not ready")
+
+
+class Healthy(BaseModel):
+    healthy: Literal[True] = True
+
+
+class Vocabulary(BaseModel):
+    """What the detector can look for."""
+
+    open: bool = Field(description="any name may be asked for")
+    names: list[str]
+    detector: str
+    scorer: str
+
+
+class StopRequest(BaseModel):
+    """Why the robot shall stop."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    reason: str = Field(default="stop-now was asked for over HTTP", max_length=500)
+
+
+class MapChange(BaseModel):
+    """Event: the 2D map or the object map has a new version."""
+
+    map2d: int
+    objects: int

@@ -1,0 +1,100 @@
+"""Errors as `application/problem+json` (RFC 9457): type, title, status, detail."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Awaitable, Callable
+from http import HTTPStatus
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from helios_core.errors import (
+    Conflict,
+    DeadlineExceeded,
+    HeliosError,
+    InvalidInput,
+    Unavailable,
+)
+from pydantic import BaseModel, Field
+from starlette.exceptions import HTTPException
+
+log = logging.getLogger(__name__)
+
+MEDIA_TYPE = "application/problem+json"
+_KINDS: dict[type[HeliosError], tuple[int, str, str]] = {
+    InvalidInput: (400, "invalid", "The request is wrong"),
+    Unavailable: (503, "unavailable", "A service cannot answer now"),
+    DeadlineExceeded: (504, "timeout", "A service did not answer in time"),
+    Conflict: (409, "conflict", "Refused in the present state"),
+}
+
+
+class NotFound(InvalidInput):
+    """What the address names is not there."""
+
+
+_KINDS[NotFound] = (404, "not-found", "Not found")
+
+
+class Problem(BaseModel):
+    """An error that says what came, what was wanted and what to do."""
+
+    type: str = Field(description="kind of the problem", examples=["helios:invalid"])
+    title: str = Field(description="the kind in words", examples=["The request is wrong"])
+    status: int = Field(description="the HTTP status", examples=[400])
+    detail: str = Field(
+        description="what came, what was wanted, what to do",
+        examples=["'dance' is no instruction; say for example: move the mug to the table"],
+    )
+
+
+def problem(status: int, kind: str, title: str, detail: str) -> JSONResponse:
+    """The response for a problem."""
+    content = Problem(type=f"helios:{kind}", title=title, status=status, detail=detail)
+    return JSONResponse(content.model_dump(), status, media_type=MEDIA_TYPE)
+
+
+def problem_of(error: HeliosError) -> JSONResponse:
+    """The response for a typed error; what is not the caller's or the state's fault is a 500."""
+    status, kind, title = _KINDS.get(type(error), (500, "internal", "A fault in a service"))
+    return problem(status, kind, title, error.message)
+
+
+def add_problems(app: FastAPI) -> None:
+    """Every error of the application leaves as a problem."""
+
+    async def typed(_: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, HeliosError)
+        return problem_of(error)
+
+    async def unreadable(_: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, RequestValidationError)
+        return problem(400, "invalid", "The request is wrong", _sentence(error))
+
+    async def http(_: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, HTTPException)
+        title = HTTPStatus(error.status_code).phrase
+        detail = str(error.detail)
+        if detail == title:
+            detail = f"{title}: see /docs for the addresses and methods there are"
+        kind = title.lower().replace(" ", "-")
+        out = problem(error.status_code, kind, title, detail)
+        out.headers.update(error.headers or {})
+        return out
+
+    handlers: list[tuple[type[Exception], Callable[..., Awaitable[JSONResponse]]]] = [
+        (HeliosError, typed),
+        (RequestValidationError, unreadable),
+        (HTTPException, http),
+    ]
+    for kind, handler in handlers:
+        app.add_exception_handler(kind, handler)
+
+
+def _sentence(error: RequestValidationError) -> str:
+    parts = []
+    for e in error.errors()[:5]:
+        where = ".".join(str(part) for part in e["loc"] if part != "body") or "the body"
+        parts.append(f"{where}: {e['msg'].removeprefix('Value error, ')}")
+    return "; ".join(parts)

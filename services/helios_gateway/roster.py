@@ -1,0 +1,123 @@
+"""How every service is: its own word, whether it is alive, and what the supervisor says."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+
+from helios_core import proto as pb
+
+from helios_gateway.models import Service, ServiceState
+
+NEEDED = ("bridge", "detector", "objectmap", "map2d", "planner")  # for a task to start
+KNOWN = ("router", *NEEDED, "gateway")
+_STATES: dict[str, ServiceState] = {
+    "starting": "starting", "waiting": "waiting", "ready": "ready", "degraded": "degraded",
+    "stopping": "stopping",
+}  # fmt: skip
+
+
+class Roster:
+    """Thread-safe. `clock` is monotonic seconds."""
+
+    def __init__(self, silent_after_s: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._lock = threading.Lock()
+        self._silent_after_s = silent_after_s
+        self._clock = clock
+        self._alive: dict[str, dict[str, None]] = {}  # service -> its instances, oldest first
+        self._said: dict[str, tuple[pb.ServiceStatus, float]] = {}
+        self._processes: dict[str, pb.ProcessStatus] = {}
+        self._simulated = False
+
+    def on_alive(self, service: str, instance: str, alive: bool) -> None:
+        with self._lock:
+            instances = self._alive.setdefault(service, {})
+            if alive:
+                instances[instance] = None
+            else:
+                instances.pop(instance, None)
+
+    def on_status(self, status: pb.ServiceStatus) -> None:
+        with self._lock:
+            self._said[status.service] = (status, self._clock())
+
+    def on_supervisor(self, status: pb.SupervisorStatus) -> None:
+        with self._lock:
+            self._processes = {p.name: p for p in status.processes}
+
+    def on_description(self, robot: pb.RobotDescription) -> None:
+        with self._lock:
+            self._simulated = robot.simulated
+
+    def is_alive(self, service: str) -> bool:
+        with self._lock:
+            return bool(self._alive.get(service))
+
+    def services(self) -> list[Service]:
+        """All that are known or have been seen, in the order in which data flows."""
+        with self._lock:
+            seen = {*self._said, *self._processes} - {"supervisor"}
+            if self._simulated:
+                seen.add("world")
+            first = ["router", "world"] if "world" in seen else ["router"]
+            names = [*first, *(n for n in KNOWN if n != "router")]
+            names += sorted(seen - set(names))
+            return [self._service(name) for name in names]
+
+    def reasons(self) -> list[str]:
+        """Why a task could not start now; empty when it could."""
+        return [
+            f"{s.name} is {s.state}" + (f": {s.reason}" if s.reason else "")
+            for s in self.services()
+            if s.name in NEEDED and s.state != "ready"
+        ]
+
+    def metrics(self) -> Mapping[str, Mapping[str, float]]:
+        """The figures that each service publishes."""
+        with self._lock:
+            return {name: dict(status.metrics) for name, (status, _) in self._said.items()}
+
+    def _service(self, name: str) -> Service:
+        state, reason = self._router() if name == "router" else self._state(name)
+        process, said = self._processes.get(name), self._said.get(name)
+        pid = said[0].pid if said and self._alive.get(name) else process.pid if process else 0
+        return Service(
+            name=name, state=state, reason=reason,
+            restarts=process.restarts if process else 0, pid=pid or None,
+        )  # fmt: skip
+
+    def _state(self, name: str) -> tuple[ServiceState, str]:
+        instances, said = self._alive.get(name, {}), self._said.get(name)
+        if not instances:
+            return "down", self._why_down(name)
+        if said is None or said[0].instance not in instances:
+            return "starting", "it is there and has not said how it is"
+        status, heard_s = said
+        silent_s = self._clock() - heard_s
+        if silent_s > self._silent_after_s:
+            return "degraded", f"it has not reported for {silent_s:.0f} s"
+        if status.state not in _STATES:
+            return "degraded", f"it reports a state {status.state!r} that nobody knows"
+        return _STATES[status.state], status.reason
+
+    def _why_down(self, name: str) -> str:
+        process = self._processes.get(name)
+        if process is not None:
+            return process.reason or f"the supervisor says: {process.state}"
+        if name in self._said:
+            return "it was there and is gone; start it again"
+        return "it has not been seen; start it"
+
+    def _router(self) -> tuple[ServiceState, str]:
+        """The router has no word of its own: hearing anything at all over it is the proof."""
+        now = self._clock()
+        heard = [now - at for _, at in self._said.values()]
+        if heard and min(heard) <= self._silent_after_s:
+            return "ready", ""
+        process = self._processes.get("router")
+        if process is not None and process.state != "running":
+            return "down", process.reason or f"the supervisor says: {process.state}"
+        if not heard:
+            return "starting", "nothing has been heard over it"
+        return "down", f"nothing has been heard over it for {min(heard):.0f} s"
