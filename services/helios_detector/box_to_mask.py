@@ -17,9 +17,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
-
 from helios_core.geometry import Matrix, Pinhole
+from numpy.typing import NDArray
 
 Box = tuple[int, int, int, int]
 Mask = NDArray[np.bool_]

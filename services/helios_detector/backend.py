@@ -1,0 +1,136 @@
+"""What a detector and a scorer are to the service, and how one is chosen by a setting.
+
+    simulated              the simulator's truth through seeded noise
+    ground-truth           the simulator's truth as it is
+    onnx:FILE              a YOLOX model of the 80 COCO classes
+    NAME or NAME:ARGUMENT  an outside package's entry point in the group `helios.detectors`
+
+An outside package's entry point is a callable `(argument: str, options: DetectorOptions) ->
+DetectorBackend`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from helios_core.errors import InvalidInput
+from helios_core.types import Detection, Frame, SearchContext
+
+from helios_detector.truth import TruthSource
+
+ENTRY_POINTS = "helios.detectors"
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A class that the detector believes to be in the image, asked for or not."""
+
+    class_name: str
+    score: float
+
+
+@dataclass(frozen=True)
+class Findings:
+    """All that a detector made of one frame."""
+
+    detections: tuple[Detection, ...]  # of the classes asked for, under the names asked for
+    seen: tuple[Seen, ...]  # of every class it knows
+
+
+class DetectorBackend(ABC):
+    """Finds things in a frame. Calls may come from several threads at once."""
+
+    name: str
+
+    @abstractmethod
+    def vocabulary(self) -> tuple[str, ...] | None:
+        """All names it knows; None when any name may be asked for."""
+
+    @abstractmethod
+    def refused(self, context: SearchContext) -> Mapping[str, str]:
+        """Asked class name -> why it cannot be found, in a sentence; empty when all can."""
+
+    @abstractmethod
+    def detect(self, frame: Frame, context: SearchContext) -> Findings:
+        """Raises InvalidInput when a class of the context cannot be found."""
+
+    @abstractmethod
+    def warm_up(self) -> None:
+        """Make the first frame as fast as the others. Raises Unavailable when it cannot work."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Free what it holds. Idempotent."""
+
+
+class ScorerBackend(ABC):
+    """Says how well an image fits a prompt. Calls may come from several threads at once."""
+
+    name: str
+
+    @abstractmethod
+    def score(
+        self, frame: Frame, seen: Sequence[Seen], prompts: Mapping[str, str]
+    ) -> dict[str, float]:
+        """Value layer -> score of 0 to 1 for its prompt, all layers in one pass."""
+
+    @abstractmethod
+    def warm_up(self) -> None:
+        """Make the first frame as fast as the others. Raises Unavailable when it cannot work."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Free what it holds. Idempotent."""
+
+
+@dataclass(frozen=True)
+class DetectorOptions:
+    """What a back end may need besides its own argument."""
+
+    truth: TruthSource | None = None  # simulator only
+    threads: int = 1
+    noise: str = "demo-v1"  # a table of `noise_tables/` or a path
+    noise_seed: int = 0
+    noise_level: float = 1.0
+    noise_correlation: float | None = None  # None: as in the table
+
+
+def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
+    """The back end that a setting names. Raises InvalidInput (wrong setting) or Unavailable."""
+    kind, _, argument = spec.partition(":")
+    if kind in ("simulated", "ground-truth") and not argument:
+        from helios_detector.ground_truth import GroundTruthDetector
+        from helios_detector.noise import load_noise
+        from helios_detector.simulated import SimulatedDetector
+
+        if options.truth is None:
+            raise InvalidInput(f"detector {spec!r} needs the simulator's truth; none was given")
+        if kind == "ground-truth":
+            return GroundTruthDetector(options.truth)
+        table = load_noise(options.noise).scaled(options.noise_level, options.noise_correlation)
+        return SimulatedDetector(options.truth, table, options.noise_seed)
+    if kind == "onnx" and argument:
+        from helios_detector.yolox import YoloxDetector
+
+        return YoloxDetector(Path(argument), threads=options.threads)
+    for entry in entry_points(group=ENTRY_POINTS, name=kind):
+        return entry.load()(argument, options)
+    outside = sorted(entry.name for entry in entry_points(group=ENTRY_POINTS))
+    also = f", or one of {', '.join(outside)}" if outside else ""
+    raise InvalidInput(
+        f"there is no detector {spec!r} in this build; set simulated, ground-truth or onnx:FILE"
+        f"{also}; a package can add one by an entry point of the group {ENTRY_POINTS}"
+    )
+
+
+def open_scorer(spec: str) -> ScorerBackend:
+    """The back end that a setting names. Raises InvalidInput for an unknown one."""
+    if spec == "lexical":
+        from helios_detector.scorer import LexicalScorer
+
+        return LexicalScorer()
+    raise InvalidInput(f"there is no scorer {spec!r} in this build; set lexical")

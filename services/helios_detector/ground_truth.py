@@ -1,0 +1,89 @@
+"""A detector that does not err: detections straight from the simulator's truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from helios_core.types import Detection, Frame, SearchContext
+from numpy.typing import NDArray
+
+from helios_detector.backend import DetectorBackend, Findings, Seen
+from helios_detector.truth import Truth, TruthInstance, TruthSource, truth_of
+from helios_detector.vocabulary import normalised, open_wanted
+
+MIN_VISIBLE_PX = 10
+
+
+@dataclass(frozen=True)
+class Visible:
+    """One instance as far as it is in the image."""
+
+    instance: TruthInstance
+    pixels: int
+    box_xyxy: tuple[int, int, int, int]
+    crop: NDArray[np.bool_]  # its mask within the box
+
+
+def visible(truth: Truth, min_px: int = MIN_VISIBLE_PX) -> Iterator[Visible]:
+    """The instances with at least `min_px` pixels, by rising id."""
+    counts = np.bincount(truth.ids.ravel(), minlength=1)
+    for id in np.flatnonzero(counts >= min_px):
+        instance = truth.instances.get(int(id))
+        if id == 0 or instance is None:
+            continue
+        mask = truth.ids == id
+        rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+        x0, y0, x1, y1 = int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+        yield Visible(instance, int(counts[id]), (x0, y0, x1, y1), mask[y0:y1, x0:x1])
+
+
+def detection(
+    name: str,
+    score: float,
+    box_xyxy: tuple[int, int, int, int],
+    crop: NDArray[np.bool_],
+    shape: tuple[int, int],
+) -> Detection:
+    """A detection whose mask [h, w] is `crop` within the box."""
+    x0, y0, x1, y1 = box_xyxy
+    mask = np.zeros(shape, bool)
+    mask[y0:y1, x0:x1] = crop
+    return Detection(name, score, box_xyxy, mask)
+
+
+class GroundTruthDetector(DetectorBackend):
+    """Everything asked for that shows at least 10 pixels, with score 1."""
+
+    name = "ground-truth"
+
+    def __init__(self, source: TruthSource) -> None:
+        self._source = source
+
+    def vocabulary(self) -> None:
+        return None
+
+    def refused(self, context: SearchContext) -> Mapping[str, str]:
+        return {}
+
+    def warm_up(self) -> None:
+        self._source.check()
+
+    def close(self) -> None:
+        """Holds nothing."""
+
+    def detect(self, frame: Frame, context: SearchContext) -> Findings:
+        truth = truth_of(frame, self._source)
+        wanted = open_wanted(context)
+        detections: list[Detection] = []
+        seen: dict[str, Seen] = {}
+        for thing in visible(truth):
+            name = thing.instance.class_name
+            seen[name] = Seen(name, 1.0)
+            for want in wanted:
+                if normalised(name) in want.names:
+                    detections.append(
+                        detection(want.name, 1.0, thing.box_xyxy, thing.crop, truth.ids.shape)
+                    )
+        return Findings(tuple(detections), tuple(seen.values()))

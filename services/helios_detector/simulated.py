@@ -1,0 +1,148 @@
+"""A detector that errs like a real one: the simulator's truth through seeded noise (`noise.py`)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import cv2
+import numpy as np
+from helios_core.geometry import Pinhole, lift_pixels
+from helios_core.types import Detection, Frame, SearchContext
+from numpy.typing import NDArray
+
+from helios_detector.backend import DetectorBackend, Findings, Seen
+from helios_detector.ground_truth import Visible, detection, visible
+from helios_detector.noise import Draws, NoiseTable, hashed_voxels
+from helios_detector.truth import TruthSource, truth_of
+from helios_detector.vocabulary import Wanted, normalised, open_wanted
+
+SEEN_SCORE = 0.3  # from which a class that was not asked for counts as seen
+VOXEL_M = 0.15  # in which a false positive keeps its place
+SUBSAMPLE_PX = 4
+
+
+class SimulatedDetector(DetectorBackend):
+    """Misses, confuses, imagines, and draws masks too small, the same way from the same view."""
+
+    def __init__(self, source: TruthSource, table: NoiseTable, seed: int = 0) -> None:
+        self._source, self._table, self._seed = source, table, seed
+        self.name = f"simulated:{table.name}@{table.digest}"
+
+    def vocabulary(self) -> None:
+        return None
+
+    def refused(self, context: SearchContext) -> Mapping[str, str]:
+        return {}
+
+    def warm_up(self) -> None:
+        self._source.check()
+
+    def close(self) -> None:
+        """Holds nothing."""
+
+    def detect(self, frame: Frame, context: SearchContext) -> Findings:
+        truth = truth_of(frame, self._source)
+        wanted = open_wanted(context)
+        shape = frame.depth_m.shape
+        detections: list[Detection] = []
+        seen: dict[str, Seen] = {}
+        for thing in visible(truth, max(1, self._table.always_missed_below_px)):
+            draws, distance_m = self._draws(thing, frame)
+            if not thing.instance.graspable:
+                detections += self._imagined(thing, frame, wanted, draws)
+            if draws.uniform("miss") < self._table.miss(thing.pixels, distance_m):
+                continue
+            name, score = self._named(thing, draws)
+            if score >= SEEN_SCORE and (name not in seen or seen[name].score < score):
+                seen[name] = Seen(name, score)
+            takers = [w for w in wanted if normalised(name) in w.names and score >= w.threshold]
+            if takers:
+                box, crop = eroded(thing, round(self._table.erode_px * self._table.level))
+                detections += [detection(w.name, score, box, crop, shape) for w in takers]
+        return Findings(tuple(detections), tuple(seen.values()))
+
+    def _draws(self, thing: Visible, frame: Frame) -> tuple[Draws, float]:
+        """The thing's draws in this view, and its distance from the camera in metres."""
+        x, y, z = frame.T_world_cam[:3, 3] - thing.instance.center_world_m
+        distance_m = math.sqrt(x * x + y * y + z * z)
+        cell = self._table.cell(math.atan2(y, x), distance_m, thing.pixels)
+        key = f"{self._seed}/{self._table.name}/{thing.instance.id}/{cell}"
+        return Draws(key, frame.stamp_ns, self._table.redrawn), distance_m
+
+    def _named(self, thing: Visible, draws: Draws) -> tuple[str, float]:
+        """The class reported and its score."""
+        table = self._table
+        name, (mean, sd) = thing.instance.class_name, table.true_score
+        u = draws.uniform("confusion")
+        for other, probability in table.confusion.get(normalised(name), {}).items():
+            u -= probability * table.level
+            if u < 0:
+                name, (mean, sd) = other, table.confused_score
+                break
+        mean *= 1 - min(1.0, table.level) * (1 - table.score_factor_by_pixels(thing.pixels))
+        return name, self._score(mean, sd, draws, "score")
+
+    def _score(self, mean: float, sd: float, draws: Draws, purpose: str) -> float:
+        noise = sd * draws.normal(purpose)
+        noise += self._table.score_jitter * draws.frame_normal(f"{purpose} jitter")
+        return min(0.99, max(0.05, mean + self._table.level * noise))
+
+    def _imagined(
+        self, thing: Visible, frame: Frame, wanted: tuple[Wanted, ...], draws: Draws
+    ) -> list[Detection]:
+        """Objects that are not there, on a piece of furniture; at one place of it per view."""
+        out: list[Detection] = []
+        for want in wanted:
+            purpose = f"false {normalised(want.name)}"
+            probability = self._table.false_positive * self._table.level
+            if not want.is_object or draws.uniform(purpose) >= probability:
+                continue
+            score = self._score(*self._table.false_score, draws, f"{purpose} score")
+            if score < want.threshold:
+                continue
+            key = f"{self._seed}/{thing.instance.id}/{purpose}"
+            crop = self._patch(thing, frame, key)
+            if np.count_nonzero(crop) >= self._table.false_min_px:
+                box, crop = trimmed(thing.box_xyxy, crop)
+                out.append(detection(want.name, score, box, crop, frame.depth_m.shape))
+        return out
+
+    def _patch(self, thing: Visible, frame: Frame, key: str) -> NDArray[np.bool_]:
+        """The thing's pixels within a small ball around the place that the key picks."""
+        x0, y0, x1, y1 = thing.box_xyxy
+        c = frame.camera
+        camera = Pinhole(c.fx, c.fy, c.cx - x0, c.cy - y0, x1 - x0, y1 - y0)
+        points_m = lift_pixels(frame.depth_m[y0:y1, x0:x1], camera, frame.T_world_cam)
+        usable = thing.crop & np.isfinite(points_m[..., 2])
+        if not usable.any():
+            return usable
+        coarse = points_m[::SUBSAMPLE_PX, ::SUBSAMPLE_PX][usable[::SUBSAMPLE_PX, ::SUBSAMPLE_PX]]
+        if not len(coarse):
+            return np.zeros_like(usable)
+        voxels = np.floor(coarse / VOXEL_M).astype(np.int64)
+        place = (voxels[np.argmin(hashed_voxels(voxels, key))] + 0.5) * VOXEL_M
+        nearest = coarse[np.argmin(((coarse - place) ** 2).sum(-1))]
+        with np.errstate(invalid="ignore"):
+            close = ((points_m - nearest) ** 2).sum(-1) < self._table.false_radius_m**2
+        return usable & close
+
+
+def trimmed(
+    box_xyxy: tuple[int, int, int, int], crop: NDArray[np.bool_]
+) -> tuple[tuple[int, int, int, int], NDArray[np.bool_]]:
+    """The smallest box and mask with the same pixels; the mask must not be empty."""
+    rows, columns = np.flatnonzero(crop.any(1)), np.flatnonzero(crop.any(0))
+    r0, r1, c0, c1 = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+    x0, y0 = box_xyxy[:2]
+    box = (int(x0 + c0), int(y0 + r0), int(x0 + c1), int(y0 + r1))
+    return box, crop[r0:r1, c0:c1]
+
+
+def eroded(thing: Visible, erode_px: int) -> tuple[tuple[int, int, int, int], NDArray[np.bool_]]:
+    """Box and mask with a rim of `erode_px` taken off; as it is where nothing would be left."""
+    if erode_px <= 0:
+        return thing.box_xyxy, thing.crop
+    kernel = np.ones((2 * erode_px + 1, 2 * erode_px + 1), np.uint8)
+    crop = cv2.erode(thing.crop.astype(np.uint8), kernel, borderValue=0) > 0
+    return trimmed(thing.box_xyxy, crop) if crop.any() else (thing.box_xyxy, thing.crop)

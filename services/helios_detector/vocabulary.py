@@ -1,0 +1,152 @@
+"""From the names that are asked for to the names that a detector knows.
+
+A name is looked up as it is, then by what means the same (`synonyms.toml` and the search
+context), then by what is a kind of it ("table" takes "coffee table"). A detector with a fixed
+vocabulary may also stand in with a wider or neighbouring kind ("coffee table" asked of a detector
+that only knows "dining table"). Whatever way a thing was found, its detection carries the name
+that was asked for.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+
+from helios_core.errors import InvalidInput
+from helios_core.types import SearchClass, SearchContext
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """One asked class as a detector understands it."""
+
+    name: str  # as asked
+    names: frozenset[str]  # normalised names of the detector that count as it
+    threshold: float
+    keep_surface: bool  # a receptacle in one of its roles
+    is_object: bool  # the object of a task in one of its roles
+
+
+def normalised(name: str) -> str:
+    """Lower case, single spaces, underscores and hyphens as spaces."""
+    return " ".join(name.replace("_", " ").replace("-", " ").lower().split())
+
+
+@cache
+def _tables() -> tuple[dict[str, frozenset[str]], dict[str, tuple[str, ...]]]:
+    text = resources.files("helios_detector").joinpath("synonyms.toml").read_text()
+    table = tomllib.loads(text)
+    equal = {name: frozenset(row) for row in table["equal"] for name in row}
+    return equal, {kind: tuple(names) for kind, names in table["kinds"].items()}
+
+
+def equals(name: str) -> frozenset[str]:
+    """The name and what means the same."""
+    name = normalised(name)
+    return _tables()[0].get(name, frozenset({name}))
+
+
+def accepts(asked: str, synonyms: Iterable[str] = ()) -> frozenset[str]:
+    """All names that count as `asked`: itself, its synonyms, and the kinds of any of them."""
+    same = equals(asked).union(*(equals(s) for s in synonyms))
+    kinds = _tables()[1]
+    narrower = (k for name in same for k in kinds.get(name, ()))
+    return same.union(*(equals(k) for k in narrower))
+
+
+def neighbours(asked: str) -> frozenset[str]:
+    """Wider names and other kinds of them: what a fixed vocabulary may stand in with."""
+    same = equals(asked)
+    out: frozenset[str] = frozenset()
+    for kind, names in _tables()[1].items():
+        if same & set(names):
+            out = out.union(equals(kind), *(equals(n) for n in names))
+    return out - same
+
+
+def near_matches(asked: str, vocabulary: Iterable[str], count: int = 3) -> list[str]:
+    """The vocabulary's names that look most like what was asked."""
+    name, names = normalised(asked), list(vocabulary)
+    shared = [n for n in names if set(normalised(n).split()) & set(name.split())]
+    alike = difflib.get_close_matches(name, names, count, cutoff=0.5)
+    return list(dict.fromkeys([*shared, *alike]))[:count]
+
+
+def merged(context: SearchContext) -> tuple[SearchClass, ...]:
+    """One entry per asked name: a name in two roles takes the lower threshold, all synonyms."""
+    out: dict[str, SearchClass] = {}
+    for c in context.classes:
+        old = out.get(normalised(c.name))
+        if old is not None:
+            synonyms = tuple(dict.fromkeys((*old.synonyms, *c.synonyms)))
+            c = SearchClass(old.name, old.role, min(old.threshold, c.threshold), synonyms)
+        out[normalised(c.name)] = c
+    return tuple(out.values())
+
+
+def _wanted(c: SearchClass, names: frozenset[str], context: SearchContext) -> Wanted:
+    roles = {o.role for o in context.classes if normalised(o.name) == normalised(c.name)}
+    receptacle = any(r.is_receptacle for r in roles)
+    return Wanted(c.name, names, c.threshold, receptacle, "object" in roles)
+
+
+def open_wanted(context: SearchContext) -> tuple[Wanted, ...]:
+    """For an open vocabulary: every class is understood; a name asked for itself goes to itself."""
+    classes = merged(context)
+    exact = {normalised(c.name) for c in classes}
+    return tuple(
+        _wanted(c, accepts(c.name, c.synonyms) - (exact - {normalised(c.name)}), context)
+        for c in classes
+    )
+
+
+def fixed_wanted(
+    context: SearchContext, vocabulary: tuple[str, ...]
+) -> tuple[tuple[Wanted, ...], Mapping[str, str]]:
+    """(what can be found, class name -> why it cannot). A detector's name serves one asked class.
+
+    Exact names are served first, then synonyms and kinds, then neighbours.
+    """
+    known = {normalised(n): n for n in vocabulary}
+    classes = merged(context)
+    taken: dict[str, str] = {}
+    got: dict[str, frozenset[str]] = {}
+    ways = (
+        lambda c: frozenset({normalised(c.name)}),
+        lambda c: accepts(c.name, c.synonyms),
+        lambda c: neighbours(c.name),
+    )
+    for way in ways:
+        for c in classes:
+            names = (way(c) & known.keys()) - taken.keys()
+            if names and c.name not in got:
+                got[c.name] = names
+                taken.update(dict.fromkeys(names, c.name))
+    refused: dict[str, str] = {}
+    for c in classes:
+        if c.name in got:
+            continue
+        lost = sorted((accepts(c.name, c.synonyms) | neighbours(c.name)) & taken.keys())
+        if lost:
+            refused[c.name] = (
+                f"this detector calls both {c.name!r} and {taken[lost[0]]!r} {known[lost[0]]!r} "
+                "and cannot tell them apart; ask for one of them, or use a detector that knows both"
+            )
+        else:
+            near = near_matches(c.name, vocabulary)
+            hint = f"near matches: {', '.join(near)}" if near else "nothing in it is near"
+            refused[c.name] = (
+                f"{c.name!r} is not among the {len(vocabulary)} classes this detector knows; "
+                f"{hint}; ask for one it knows, or use an open-vocabulary detector"
+            )
+    return tuple(_wanted(c, got[c.name], context) for c in classes if c.name in got), refused
+
+
+def refuse_unknown(refused: Mapping[str, str]) -> None:
+    """Raises InvalidInput when a class cannot be found."""
+    if refused:
+        raise InvalidInput("; ".join(refused.values()))

@@ -1,0 +1,155 @@
+"""YOLOX through ONNX: letter-box, decode, non-maximum suppression, masks by depth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import cv2
+import numpy as np
+from helios_core.errors import InvalidInput, Unavailable
+from helios_core.types import Detection, Frame, SearchContext
+from numpy.typing import NDArray
+
+from helios_detector.backend import DetectorBackend, Findings, Seen
+from helios_detector.box_to_mask import box_to_mask, clip_box
+from helios_detector.coco import COCO_NAMES
+from helios_detector.vocabulary import fixed_wanted, refuse_unknown
+
+STRIDES_PX = (8, 16, 32)
+PAD_GREY = 114
+NMS_IOU = 0.45
+MAX_PER_CLASS = 50
+SEEN_SCORE = 0.3  # from which a class that was not asked for counts as seen
+
+
+def letter_box(
+    color: NDArray[np.uint8],  # [h, w, 3] RGB
+    size: tuple[int, int],  # (height, width) of the network's input
+) -> tuple[NDArray[np.float32], float]:
+    """([1, 3, H, W] BGR 0-255, image in the upper left corner; input pixels per image pixel)."""
+    scale = min(size[0] / color.shape[0], size[1] / color.shape[1])
+    width, height = round(color.shape[1] * scale), round(color.shape[0] * scale)
+    padded = np.full((*size, 3), PAD_GREY, np.uint8)
+    padded[:height, :width] = cv2.resize(color, (max(1, width), max(1, height)))
+    return np.ascontiguousarray(padded[..., ::-1].transpose(2, 0, 1), np.float32)[None], scale
+
+
+def decode(
+    output: NDArray[np.float32],  # [n, 5 + classes]: centre, size, objectness, classes
+    size: tuple[int, int],
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """(boxes [n, 4] xyxy in input pixels, scores [n, classes]): grid and strides applied."""
+    corners, strides = [], []
+    for stride in STRIDES_PX:
+        rows, columns = size[0] // stride, size[1] // stride
+        y, x = np.mgrid[0:rows, 0:columns]
+        corners.append(np.stack([x, y], -1).reshape(-1, 2))
+        strides.append(np.full((rows * columns, 1), stride))
+    corner, stride = np.concatenate(corners), np.concatenate(strides)
+    if len(corner) != len(output):
+        raise InvalidInput(
+            f"the model gives {len(output)} cells for an input of {size}, wanted {len(corner)}; "
+            f"use a YOLOX model with strides {STRIDES_PX} and undecoded output"
+        )
+    centre = (output[:, :2] + corner) * stride
+    half = np.exp(output[:, 2:4]) * stride / 2
+    boxes = np.concatenate([centre - half, centre + half], 1).astype(np.float32)
+    return boxes, output[:, 4:5] * output[:, 5:]
+
+
+def suppressed(
+    boxes: NDArray[np.float32], scores: NDArray[np.float32], threshold: float
+) -> list[int]:
+    """Indices of the boxes of one class that stay, best first; at most 50."""
+    sizes = np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], 1)
+    kept = cv2.dnn.NMSBoxes(sizes.tolist(), scores.tolist(), threshold, NMS_IOU)
+    return [int(i) for i in np.asarray(kept).ravel()[:MAX_PER_CLASS]]
+
+
+class YoloxDetector(DetectorBackend):
+    """A YOLOX model of the COCO classes on the CPU."""
+
+    def __init__(self, path: Path, threads: int = 1) -> None:
+        """Raises Unavailable when the file or onnxruntime is missing, InvalidInput for a file that
+        is no such model."""
+        if not path.is_file():
+            raise Unavailable(
+                f"the model file {path} is not there; put a YOLOX model (ONNX, 80 COCO classes) "
+                "there, or set detector to onnx:FILE with the right file"
+            )
+        try:
+            import onnxruntime
+        except ImportError as error:
+            raise Unavailable(
+                "helios-detector needs onnxruntime for onnx:FILE: pip install "
+                "'helios-ovmm[detector]'"
+            ) from error
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = threads
+        options.inter_op_num_threads = 1
+        try:
+            self._session = onnxruntime.InferenceSession(
+                str(path), options, providers=["CPUExecutionProvider"]
+            )
+        except Exception as error:  # onnxruntime raises its own unrelated types
+            reason = str(error).splitlines()[0][:200]
+            raise InvalidInput(
+                f"{path} cannot be loaded as an ONNX model ({reason}); use a YOLOX model"
+            ) from error
+        wanted, given = self._session.get_inputs()[0], self._session.get_outputs()[0]
+        shape = wanted.shape
+        if len(shape) != 4 or not all(isinstance(n, int) for n in shape[2:]):
+            raise InvalidInput(f"{path} takes {shape}; wanted [1, 3, height, width] of fixed size")
+        if given.shape[-1] != 5 + len(COCO_NAMES):
+            raise InvalidInput(
+                f"{path} gives {given.shape}; wanted [1, cells, {5 + len(COCO_NAMES)}]: a YOLOX "
+                f"model of the {len(COCO_NAMES)} COCO classes"
+            )
+        self._size = (int(shape[2]), int(shape[3]))
+        self._input = wanted.name
+        self.name = f"onnx:{path.name}"
+
+    def vocabulary(self) -> tuple[str, ...]:
+        return COCO_NAMES
+
+    def refused(self, context: SearchContext) -> Mapping[str, str]:
+        return fixed_wanted(context, COCO_NAMES)[1]
+
+    def warm_up(self) -> None:
+        self._run(np.full((*self._size, 3), PAD_GREY, np.uint8))
+
+    def close(self) -> None:
+        """The session is freed with this object."""
+
+    def detect(self, frame: Frame, context: SearchContext) -> Findings:
+        wanted, refused = fixed_wanted(context, COCO_NAMES)
+        refuse_unknown(refused)
+        boxes, scores = self._run(frame.color)
+        detections: list[Detection] = []
+        for want in wanted:
+            own = [i for i, name in enumerate(COCO_NAMES) if name in want.names]
+            own_scores = scores[:, own].max(1)
+            some = np.flatnonzero(own_scores >= want.threshold)
+            for i in some[suppressed(boxes[some], own_scores[some], want.threshold)]:
+                x0, y0, x1, y1 = (float(v) for v in boxes[i])
+                box = clip_box((x0, y0, x1, y1), *frame.depth_m.shape)
+                if box is None:
+                    continue
+                mask = box_to_mask(
+                    frame.depth_m, box, frame.camera, frame.T_world_cam,
+                    keep_surface=want.keep_surface,
+                )  # fmt: skip
+                detections.append(Detection(want.name, float(own_scores[i]), box, mask))
+        best = scores.max(0)
+        seen = tuple(
+            Seen(COCO_NAMES[i], float(best[i])) for i in np.flatnonzero(best >= SEEN_SCORE)
+        )
+        return Findings(tuple(detections), seen)
+
+    def _run(self, color: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """(boxes [n, 4] in image pixels, scores [n, classes])."""
+        image, scale = letter_box(color, self._size)
+        output = np.asarray(self._session.run(None, {self._input: image})[0], np.float32)[0]
+        boxes, scores = decode(output, self._size)
+        return boxes / scale, scores
