@@ -1,0 +1,81 @@
+"""The life of a task."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from helios_planner.instruction import Instruction
+
+
+class State(StrEnum):
+    QUEUED = "queued"
+    RUNNING = "running"
+    PAUSED = "paused"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+    @property
+    def ended(self) -> bool:
+        return self in (State.SUCCEEDED, State.FAILED, State.CANCELLED)
+
+
+class Phase(StrEnum):
+    FIND_OBJECT = "find_object"
+    PICK = "pick"
+    FIND_RECEPTACLE = "find_receptacle"
+    PLACE = "place"
+
+
+class Cause(StrEnum):
+    """Why a task failed; the closed list that reports count by."""
+
+    OBJECT_NOT_FOUND = "object not found"
+    RECEPTACLE_NOT_FOUND = "receptacle not found"
+    WRONG_OBJECT = "wrong object believed"
+    PICK_FAILED = "pick failed"
+    COLLISION = "collision"
+    PLACE_MISSED = "place missed"
+    ROLLED_OFF = "object rolled off"
+    STUCK = "stuck"
+    STEP_BUDGET = "step budget"
+    SYSTEM_ERROR = "system error"
+
+
+class TaskFailed(Exception):
+    """Ends a task with a cause of the closed list and a sentence."""
+
+    def __init__(self, cause: Cause, message: str) -> None:
+        super().__init__(message)
+        self.cause, self.message = cause, message
+
+
+class TaskCancelled(Exception):
+    """Ends a task that somebody cancelled."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One task; times in seconds since 1970, 0 while unknown."""
+
+    id: str
+    text: str
+    instruction: Instruction
+    state: State
+    max_steps: int
+    created_s: float
+    phase: Phase | None = None
+    cause: Cause | None = None
+    message: str = ""
+    seeking: str = ""
+    steps: int = 0
+    picks: int = 0
+    started_s: float = 0.0
+    ended_s: float = 0.0
+    progress: float = 0.0
+    context_id: str = ""
+
+    def with_(self, **changes: object) -> Task:
+        """A copy with some fields changed."""
+        return replace(self, **changes)  # pyright: ignore[reportArgumentType]
