@@ -137,12 +137,13 @@ def load_noise(name_or_path: str) -> NoiseTable:
         return _table(tomllib.loads(data.decode()), hashlib.sha256(data).hexdigest()[:16])
     except OSError as error:
         raise InvalidInput(
-            f"there is no noise table {name_or_path!r}; name one that is shipped (demo-v1) or a file"
+            f"there is no noise table {name_or_path!r}; name one that is shipped (demo-v1) or give "
+            "a file"
         ) from error
     except (KeyError, TypeError, ValueError) as error:
         raise InvalidInput(
-            f"the noise table {name_or_path!r} is wrong ({type(error).__name__}: {error}); it needs "
-            "the entries of demo-v1.toml"
+            f"the noise table {name_or_path!r} is wrong ({type(error).__name__}: {error}); it "
+            "needs the entries of demo-v1.toml"
         ) from error
 
 

@@ -19,6 +19,8 @@ from importlib import resources
 from helios_core.errors import InvalidInput
 from helios_core.types import SearchClass, SearchContext
 
+from helios_detector.coco import COCO_NAMES
+
 
 @dataclass(frozen=True)
 class Wanted:
@@ -48,6 +50,14 @@ def equals(name: str) -> frozenset[str]:
     """The name and what means the same."""
     name = normalised(name)
     return _tables()[0].get(name, frozenset({name}))
+
+
+@cache
+def known_names() -> frozenset[str]:
+    """Every name of the tables, and those of COCO."""
+    equal, kinds = _tables()
+    narrower = (n for names in kinds.values() for n in names)
+    return frozenset((*equal, *kinds, *narrower, *COCO_NAMES))
 
 
 def accepts(asked: str, synonyms: Iterable[str] = ()) -> frozenset[str]:

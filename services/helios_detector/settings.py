@@ -1,0 +1,33 @@
+"""Settings of the detector."""
+
+from __future__ import annotations
+
+from helios_core.settings import ServiceSettings, service_config
+from pydantic import Field
+
+
+class Settings(ServiceSettings):
+    """Flags of `python -m helios_detector`."""
+
+    model_config = service_config("detector")
+
+    detector: str = Field(
+        "simulated", description="simulated, ground-truth, onnx:FILE, or an outside package's name"
+    )
+    scorer: str = Field("lexical", description="how images are scored against prompts: lexical")
+    threads: int = Field(1, ge=1, le=64, description="threads of one model run")
+    noise: str = Field("demo-v1", description="noise table of the simulated detector, or a file")
+    noise_seed: int = Field(0, description="seed of the simulated detector's errors")
+    noise_level: float = Field(
+        1.0, ge=0, le=10, description="multiplies how often and how much it errs; 0: not at all"
+    )
+    noise_correlation: float | None = Field(
+        None, ge=0, le=1, description="1: no error is redrawn per frame, 0: all; unset: the table's"
+    )
+    truth_timeout_s: float = Field(
+        3.0, gt=0, description="longest wait for the simulated world's truth of a frame"
+    )
+    preview_quality: int = Field(80, ge=1, le=100, description="JPEG quality of previews, percent")
+    retry_s: float = Field(
+        2.0, gt=0, description="pause before a model that cannot load is retried"
+    )
