@@ -1,0 +1,91 @@
+"""How each service is: the supervisor's table joined with the services' own words."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.topics import status_topic
+
+from helios_client.supervisor import ProcessInfo, State
+
+SILENT_S = 8.0  # services report every second; compiling kernels may hold one up
+REPORTLESS = "router"  # a bare Zenoh router: it runs or it does not
+
+
+@dataclass(frozen=True)
+class ServiceRow:
+    """One service as `helios status` shows it."""
+
+    name: str
+    state: str  # starting, waiting, ready, degraded, stopping; restarting, stopped
+    reason: str
+    restarts: int
+    pid: int
+
+
+class Board:
+    """Thread-safe. Fed by the bus, read with the table of processes."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._statuses: dict[str, tuple[float, pb.ServiceStatus]] = {}
+
+    def listen(self, bus: Bus, names: Sequence[str]) -> None:
+        """Hear what the named services say of themselves."""
+        for name in names:
+            if name != REPORTLESS:
+                bus.subscribe(status_topic(name), self.note)
+
+    def note(self, status: pb.ServiceStatus) -> None:
+        """A service's word."""
+        with self._lock:
+            self._statuses[status.service] = (self._clock(), status)
+
+    def status(self, name: str) -> pb.ServiceStatus | None:
+        """The last word of a service."""
+        with self._lock:
+            heard = self._statuses.get(name)
+        return heard[1] if heard else None
+
+    def rows(self, table: Sequence[ProcessInfo]) -> tuple[ServiceRow, ...]:
+        """One row a process, in the table's order."""
+        with self._lock:
+            statuses = dict(self._statuses)
+        now_s = self._clock()
+        return tuple(_row(info, statuses.get(info.name), now_s) for info in table)
+
+
+def is_ready(rows: Sequence[ServiceRow]) -> bool:
+    """Whether all services are."""
+    return bool(rows) and all(row.state == "ready" for row in rows)
+
+
+def as_json(rows: Sequence[ServiceRow]) -> dict[str, Any]:
+    """`{ready, services: [...]}` of `helios status --json`."""
+    return {"ready": is_ready(rows), "services": [asdict(row) for row in rows]}
+
+
+def _row(
+    info: ProcessInfo, heard: tuple[float, pb.ServiceStatus] | None, now_s: float
+) -> ServiceRow:
+    def row(state: str, reason: str) -> ServiceRow:
+        return ServiceRow(info.name, state, reason, info.restarts, info.pid)
+
+    if info.state is not State.RUNNING:
+        return row(info.state.value, info.reason)
+    again = f"started again: {info.reason}" if info.reason else ""
+    if info.name == REPORTLESS:
+        return row("ready", again)
+    if heard is None or heard[1].pid != info.pid:
+        return row("starting", again)
+    heard_s, status = heard
+    if now_s - heard_s > SILENT_S:
+        return row("degraded", f"has said nothing for {now_s - heard_s:.0f} s")
+    return row(status.state, status.reason or again)

@@ -1,0 +1,212 @@
+"""The command `helios`. Each command imports what it needs only when it runs."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import signal
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+app = typer.Typer(
+    name="helios",
+    help="Perception and planning for language-directed pick and place.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+Port = Annotated[int, typer.Option(help="port of the HTTP interface", min=1, max=65535)]
+Json = Annotated[bool, typer.Option("--json", help="print JSON only")]
+State = Annotated[
+    Path | None,
+    typer.Option(help="folder for state and logs  [default: $XDG_STATE_HOME/helios/PORT]"),
+]
+
+
+@app.command()
+def up(
+    robot: Annotated[str, typer.Option(help="sim, replay, spot or package:Class")] = "sim",
+    port: Port = 8080,
+    seed: Annotated[int, typer.Option(help="of the simulated home", min=0)] = 0,
+    preset: Annotated[str, typer.Option(help="kind of the simulated home")] = "demo-v1",
+    state: State = None,
+    detector: Annotated[
+        str | None,
+        typer.Option(help="simulated, ground-truth or onnx:FILE  [default: simulated for sim]"),
+    ] = None,
+    source: Annotated[Path | None, typer.Option(help="data set that --robot replay plays")] = None,
+    router_port: Annotated[
+        int | None, typer.Option(help="port of the router  [default: a free one]", min=1, max=65535)
+    ] = None,
+    name: Annotated[str, typer.Option(help="the robot's name on the bus")] = "robot",
+) -> None:
+    """Start every service on this machine and keep them running until Ctrl-C."""
+    from helios_client import state_file
+    from helios_client.stack import Stack, free_port
+    from helios_client.up import up as run
+    from helios_client.wrong_use import WrongUse
+
+    if detector is None:
+        if robot != "sim":
+            raise WrongUse(f"--robot {robot} needs a detector; name one, --detector onnx:FILE")
+        detector = "simulated"
+    if (source is None) is (robot == "replay"):
+        raise WrongUse("--source DATASET goes with --robot replay, and only with it")
+    run(
+        Stack(
+            robot=robot, router_port=router_port or free_port(),
+            state_dir=state or state_file.default_state_dir(port), name=name, port=port, seed=seed,
+            preset=preset, detector=detector, source=source,
+        ),
+        _console(),
+    )  # fmt: skip
+
+
+@app.command()
+def task(
+    instruction: Annotated[str, typer.Argument(help='such as "Move the mug to the sofa"')],
+    port: Port = 8080,
+    as_json: Json = False,
+    timeout_s: Annotated[float, typer.Option(help="longest wait", min=1.0)] = 3600.0,
+) -> None:
+    """Submit a task and watch it; exit status 0 if it succeeded."""
+    from helios_client.sdk import Helios
+    from helios_client.task_view import run_task
+
+    with Helios(f"http://127.0.0.1:{port}") as helios:
+        # With --json the live view goes to stderr, so that stdout holds JSON and nothing else.
+        ended = run_task(helios, instruction, timeout_s, _console(stderr=as_json))
+    if as_json:
+        _print_json(ended.raw)
+    if not ended.succeeded:
+        print(f"helios: the task {ended.state}: {ended.message}", file=sys.stderr)
+        raise typer.Exit(1)
+
+
+@app.command()
+def status(port: Port = 8080, state: State = None, as_json: Json = False) -> None:
+    """How every service is; works while the gateway is down."""
+    from helios_client.status import find_status, status_table
+
+    found = find_status(port, state)
+    if as_json:
+        _print_json(found)
+    else:
+        console = _console()
+        console.print(status_table(found))
+        console.print("ready" if found["ready"] else "not ready")
+
+
+@app.command()
+def replay(
+    dataset: Annotated[Path, typer.Argument(help="folder with meta.json, poses.csv, frames/")],
+    classes: Annotated[str, typer.Option(help='what to look for: "cup,dining table"')],
+    detector: Annotated[str, typer.Option(help="onnx:FILE or another back end")],
+    out: Annotated[Path, typer.Option(help="folder for the results")],
+    thresholds: Annotated[str, typer.Option(help='"cup=0.25,dining table=0.35"')] = "",
+    limit: Annotated[int, typer.Option(help="frames to play; 0: all", min=0)] = 0,
+) -> None:
+    """Play a data set through the services and write what they found."""
+    from helios_client.replay import ReplayJob
+    from helios_client.replay import replay as run
+    from helios_client.watch_list import watch_list
+
+    console = _console()
+    context = watch_list(classes, thresholds)
+    results = run(ReplayJob(dataset, context, detector, out, limit), console)
+    results.write(out)
+    console.print(results.table())
+    console.print(f"written to {out}", highlight=False)
+
+
+@app.command()
+def bench(
+    json_path: Annotated[Path, typer.Option("--json", help="file for the figures")],
+    only: Annotated[str | None, typer.Option(help="one row by its name")] = None,
+) -> None:
+    """Time the services' inner loops against other implementations."""
+    try:
+        from helios_eval.bench import main as run  # pyright: ignore[reportMissingImports]
+    except ImportError as error:
+        from helios_core.errors import Unavailable
+
+        raise Unavailable(
+            f"the benchmarks cannot be loaded ({error}); pip install 'helios-ovmm[bench]'"
+        ) from error
+    code: Any = run(only, json_path)
+    raise typer.Exit(int(code or 0))
+
+
+@app.command()
+def doctor(port: Port = 8080) -> None:
+    """What is missing on this machine, and how to mend it."""
+    from helios_client.doctor import examine
+
+    findings = examine(port)
+    for finding in findings:
+        mark = "ok     " if finding.ok else "MISSING"
+        print(f"{mark} {finding.what}" + ("" if finding.ok else f": {finding.mend}"))
+    raise typer.Exit(0 if all(f.ok or f.optional for f in findings) else 1)
+
+
+def main() -> int:
+    """Run a command; the exit status: 0 only on success, 2 on wrong use."""
+    signal.signal(signal.SIGTERM, _interrupt)
+    command = typer.main.get_command(app)
+    try:
+        code = command.main(prog_name="helios", standalone_mode=False)
+        return code if isinstance(code, int) else 0
+    except KeyboardInterrupt:
+        print("helios: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        with contextlib.suppress(OSError):
+            sys.stdout.close()
+        return 1
+    except Exception as error:
+        return _tell(error)
+
+
+def _tell(error: Exception) -> int:
+    """One sentence on stderr; faults of ours keep their traceback."""
+    if hasattr(error, "format_message"):  # of the command-line parser, whichever it is built on
+        sentence = error.format_message().rstrip(".")  # pyright: ignore[reportAttributeAccessIssue]
+        if sentence:
+            print(f"helios: {sentence}; see helios --help", file=sys.stderr)
+        return 2
+    if type(error).__name__ == "Abort":
+        return 130
+    from helios_core.errors import HeliosError
+
+    from helios_client.wrong_use import WrongUse
+
+    if not isinstance(error, HeliosError):
+        raise error
+    print(f"helios: {error.message}", file=sys.stderr)
+    return 2 if isinstance(error, WrongUse) else 1
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+def _console(stderr: bool = False) -> Console:
+    from rich.console import Console
+
+    return Console(stderr=stderr)
+
+
+def _print_json(value: object) -> None:
+    print(json.dumps(value, indent=1))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

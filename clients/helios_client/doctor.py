@@ -1,0 +1,99 @@
+"""`helios doctor`: what this machine lacks, and how to mend it."""
+
+from __future__ import annotations
+
+import ctypes.util
+import importlib.util
+import os
+import shutil
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from helios_client import state_file
+from helios_client.stack import port_in_use
+
+MIN_PYTHON = (3, 11)
+FREE_BYTES = 500_000_000
+# what each part of `helios up` imports -> the extra that brings it
+PACKAGES = {
+    "zenoh": "",
+    "foxglove_schemas_protobuf": "",
+    "cv2": "",
+    "numba": "objectmap",
+    "scipy": "objectmap",
+    "onnxruntime": "detector",
+    "fastapi": "gateway",
+    "uvicorn": "gateway",
+    "prometheus_client": "gateway",
+    "mujoco": "sim",
+    "httpx": "client",
+    "rich": "client",
+}
+# what the simulator draws with -> Debian's package
+LIBRARIES = {"EGL": "libegl1", "GL": "libgl1", "OSMesa": "libosmesa6"}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at."""
+
+    what: str
+    ok: bool
+    mend: str  # what to do when it is not ok
+    optional: bool = False
+
+
+def examine(
+    port: int,
+    has_package: Callable[[str], bool] = lambda name: importlib.util.find_spec(name) is not None,
+    find_library: Callable[[str], str | None] = ctypes.util.find_library,
+) -> list[Finding]:
+    """Everything that `helios up` with the simulator needs."""
+    version = ".".join(map(str, sys.version_info[:3]))
+    out = [
+        Finding(
+            f"Python {version}",
+            sys.version_info >= MIN_PYTHON,
+            f"install Python {'.'.join(map(str, MIN_PYTHON))} or newer",
+        )
+    ]
+    for package, extra in PACKAGES.items():
+        name = f"helios-ovmm[{extra}]" if extra else "helios-ovmm"
+        out.append(Finding(f"package {package}", has_package(package), f"pip install '{name}'"))
+    out += _libraries(find_library)
+    out.append(
+        Finding(
+            f"port {port} free",
+            not port_in_use(port),
+            f"something listens there (HELIOS itself?); or: helios up --port {port + 1}",
+            optional=True,
+        )
+    )
+    out.append(_state_dir(state_file.default_state_dir(port)))
+    return out
+
+
+def _libraries(find_library: Callable[[str], str | None]) -> list[Finding]:
+    """The simulator draws with EGL, or with OSMesa where MUJOCO_GL says so."""
+    wanted = ("OSMesa",) if os.environ.get("MUJOCO_GL") == "osmesa" else ("EGL", "GL")
+    return [
+        Finding(
+            f"library {name} (the simulator draws with it)",
+            find_library(name) is not None,
+            f"apt-get install {LIBRARIES[name]}",
+        )
+        for name in wanted
+    ]
+
+
+def _state_dir(path: Path) -> Finding:
+    there = next(p for p in (path, *path.parents) if p.exists())
+    writable = os.access(there, os.W_OK)
+    free = shutil.disk_usage(there).free
+    return Finding(
+        f"state in {path}, {free / 1e9:.1f} GB free",
+        writable and free > FREE_BYTES,
+        "make room or allow writing there, or choose another folder: helios up --state DIR",
+    )

@@ -1,0 +1,85 @@
+"""The supervisor's link to the bus: hears the services, tells the table of processes."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Sequence
+
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.errors import HeliosError, Unavailable
+from helios_core.topics import SUPERVISOR
+
+from helios_client.board import Board
+from helios_client.supervisor import ProcessInfo
+
+log = logging.getLogger(__name__)
+
+TELL_PERIOD_S = 1.0
+RETRY_S = 0.2
+
+
+class Link:
+    """Connects in a thread of its own as soon as there is a router, and stays."""
+
+    def __init__(self, router: str, robot: str, board: Board, names: Sequence[str]) -> None:
+        self._router, self._robot, self._board, self._names = router, robot, board, names
+        self._ending, self._wake = threading.Event(), threading.Event()
+        self._lock = threading.Lock()
+        self._message = pb.SupervisorStatus()
+        self._thread = threading.Thread(target=self._run, name="supervisor link", daemon=True)
+        self._thread.start()
+
+    def tell(self, table: Sequence[ProcessInfo]) -> None:
+        """Publish this table from now on; at once when it is another one."""
+        message = supervisor_status(table)
+        with self._lock:
+            changed, self._message = message != self._message, message
+        if changed:
+            self._wake.set()
+
+    def close(self) -> None:
+        self._ending.set()
+        self._wake.set()
+        self._thread.join(2.0)
+
+    def _run(self) -> None:
+        bus = self._connect()
+        if bus is None:
+            return
+        try:
+            self._board.listen(bus, self._names)
+            while not self._ending.is_set():
+                self._wake.clear()
+                with self._lock:
+                    message = self._message
+                try:
+                    bus.publish(SUPERVISOR, message)
+                except HeliosError as error:
+                    log.warning("the table of processes could not be told: %s", error.message)
+                self._wake.wait(TELL_PERIOD_S)
+        finally:
+            bus.close()
+
+    def _connect(self) -> Bus | None:
+        from helios_core.zenoh_bus import ZenohBus
+
+        while not self._ending.is_set():
+            try:
+                return ZenohBus(self._router, self._robot)
+            except Unavailable:  # the router is starting
+                self._ending.wait(RETRY_S)
+        return None
+
+
+def supervisor_status(table: Sequence[ProcessInfo]) -> pb.SupervisorStatus:
+    """The table as it goes over the bus."""
+    return pb.SupervisorStatus(
+        processes=[
+            pb.ProcessStatus(
+                name=p.name, pid=p.pid, restarts=p.restarts, state=p.state.value, reason=p.reason
+            )
+            for p in table
+        ]
+    )

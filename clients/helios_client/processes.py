@@ -1,0 +1,113 @@
+"""One child process: started with a log file of its own, watched, ended with all it started."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+TAIL_BYTES = 4096
+KEEP_LOG_BYTES = 8_000_000  # a larger log is put aside at the next start
+USAGE_ERROR = 2  # exit status of wrong use: starting again will not help
+
+
+@dataclass(frozen=True)
+class ProcessSpec:
+    """What to run under which name."""
+
+    name: str
+    argv: tuple[str, ...]
+    ends_last: bool = False  # others need it while they end: the router
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a process ended."""
+
+    status: int  # as subprocess has it: negative is a signal
+    said: str  # the last line of its output
+
+    @property
+    def usage_error(self) -> bool:
+        return self.status == USAGE_ERROR
+
+    @property
+    def reason(self) -> str:
+        """One clause, with the last words where there are some."""
+        if self.status < 0:
+            return f"ended by {_signal_name(-self.status)}"
+        return self.said or f"ended with status {self.status}"
+
+
+class Child:
+    """A running process in a session of its own, so that a terminal's Ctrl-C does not reach it."""
+
+    def __init__(self, spec: ProcessSpec, log_path: Path) -> None:
+        self.spec = spec
+        self._log_path = log_path
+        log_path.parent.mkdir(parents=True, exist_ok=True)
+        if log_path.exists() and log_path.stat().st_size > KEEP_LOG_BYTES:
+            log_path.replace(log_path.with_suffix(".log.1"))
+        with log_path.open("ab") as log:
+            self._log_start = log.tell()
+            self._process = subprocess.Popen(
+                spec.argv,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        self.pid = self._process.pid
+
+    def ended(self) -> Ending | None:
+        """How it ended, None while it runs. What it had started ends with it."""
+        status = self._process.poll()
+        if status is None:
+            return None
+        self._kill_group()
+        return Ending(status, last_line(self._log_path, self._log_start))
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        if self._process.poll() is None:
+            self._process.terminate()
+
+    def kill(self) -> None:
+        """End it, and what it started, at once."""
+        self._kill_group()
+        self._process.wait()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Whether it ended in time."""
+        try:
+            self._process.wait(max(0.0, timeout_s))
+        except subprocess.TimeoutExpired:
+            return False
+        self._kill_group()
+        return True
+
+    def _kill_group(self) -> None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.pid, signal.SIGKILL)
+
+
+def last_line(path: Path, start: int) -> str:
+    """The last line with words in it after byte `start` of a log."""
+    try:
+        with path.open("rb") as file:
+            end = file.seek(0, os.SEEK_END)
+            file.seek(max(start, end - TAIL_BYTES))
+            lines = file.read().decode(errors="replace").splitlines()
+    except OSError:
+        return ""
+    return next((line.strip() for line in reversed(lines) if line.strip()), "")
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"

@@ -1,0 +1,162 @@
+"""`helios replay`: a data set through the services, once, in lockstep, and what they made of it."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from helios_core.bus import Bus
+from helios_core.codec import context_to_proto
+from helios_core.errors import DeadlineExceeded, HeliosError, InvalidInput, Unavailable
+from helios_core.topics import CONTEXT
+from helios_core.types import SearchContext
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from helios_client.board import Board
+from helios_client.replay_results import Results, collect
+from helios_client.replay_tally import Tally
+from helios_client.stack import Stack, free_port
+from helios_client.supervisor import Supervisor
+
+CHECK_PERIOD_S = 0.05
+CONNECT_WITHIN_S = 20.0
+TROUBLE_S = 3.0  # a service that is degraded so long while nothing moves has said the last word
+FLUSH_S = 1.5  # services report every second: their figures of the last frame
+
+
+@dataclass(frozen=True)
+class ReplayJob:
+    """What to play and what to look for."""
+
+    source: Path
+    context: SearchContext
+    detector: str
+    out: Path
+    limit: int = 0  # frames; 0: all
+    patience_s: float = 180.0  # longest time without a new frame; kernels are compiled in it
+
+
+def replay(job: ReplayJob, console: Console) -> Results:
+    """Play it to its end; processes of its own on a free port, none of which is left.
+
+    Raises HeliosError: the data set, the detector or a class is not there, or nothing moves.
+    """
+    from helios_replay.dataset import read_dataset  # late: OpenCV
+
+    began_s = time.monotonic()
+    total = len(read_dataset(job.source, job.limit).images)
+    try:
+        job.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInput(f"--out {job.out} cannot be made: {error.strerror}") from error
+    stack = Stack(
+        robot="replay", router_port=free_port(), state_dir=job.out, detector=job.detector,
+        source=job.source, limit=job.limit, lockstep=True, ack_timeout_s=job.patience_s,
+    )  # fmt: skip
+    specs = stack.specs()
+    supervisor = Supervisor(specs, stack.log_dir, restart=False)
+    supervisor.start()
+    try:
+        with _bus(stack, supervisor) as bus:
+            board, tally = Board(), Tally()
+            board.listen(bus, [spec.name for spec in specs])
+            tally.listen(bus)
+            bus.publish(CONTEXT, context_to_proto(job.context))
+            _play(job, total, supervisor, board, tally, console)
+            _settle(supervisor, FLUSH_S)
+            return collect(bus, tally, board, total, time.monotonic() - began_s)
+    finally:
+        supervisor.stop()
+
+
+@contextlib.contextmanager
+def _bus(stack: Stack, supervisor: Supervisor) -> Iterator[Bus]:
+    from helios_core.zenoh_bus import ZenohBus
+
+    deadline_s = time.monotonic() + CONNECT_WITHIN_S
+    while True:
+        _check(supervisor)
+        try:
+            bus = ZenohBus(stack.router, stack.name)
+            break
+        except Unavailable:
+            if time.monotonic() > deadline_s:
+                raise
+            time.sleep(CHECK_PERIOD_S)
+    try:
+        yield bus
+    finally:
+        bus.close()
+
+
+def _play(
+    job: ReplayJob,
+    total: int,
+    supervisor: Supervisor,
+    board: Board,
+    tally: Tally,
+    console: Console,
+) -> None:
+    """Until the recording is over. Raises when a process ends or nothing moves any more."""
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        TextColumn("{task.fields[pace]}"),
+    )  # fmt: skip
+    began_s = moved_s = time.monotonic()
+    frames = 0
+    trouble_since_s: float | None = None
+    with Progress(*columns, console=console) as progress:
+        bar = progress.add_task("starting the services", total=total, pace="")
+        while not tally.finished:
+            time.sleep(CHECK_PERIOD_S)
+            _check(supervisor)
+            now_s = time.monotonic()
+            if tally.frames > frames:
+                frames, moved_s = tally.frames, now_s
+                pace = f"{tally.pace_ms:.0f} ms a frame"
+                progress.update(bar, completed=frames, description="frames", pace=pace)
+            trouble = _trouble(supervisor, board)
+            if not trouble:
+                trouble_since_s = None
+            elif trouble_since_s is None:
+                trouble_since_s = now_s
+            elif now_s - max(trouble_since_s, moved_s) > TROUBLE_S:
+                raise Unavailable(trouble)
+            if now_s - moved_s > job.patience_s:
+                raise DeadlineExceeded(_stalled(job, frames, total, supervisor, board))
+        progress.update(bar, completed=tally.frames)
+    console.print(f"{tally.frames} frames in {time.monotonic() - began_s:.1f} s", highlight=False)
+
+
+def _check(supervisor: Supervisor) -> None:
+    for name, ending in supervisor.check():
+        said = ending.reason.removeprefix(f"helios-{name}: ")
+        raise HeliosError(f"{name} ended: {said}")
+
+
+def _settle(supervisor: Supervisor, seconds: float) -> None:
+    deadline_s = time.monotonic() + seconds
+    while time.monotonic() < deadline_s:
+        _check(supervisor)
+        time.sleep(CHECK_PERIOD_S)
+
+
+def _trouble(supervisor: Supervisor, board: Board) -> str:
+    """What a service says that cannot go on; empty when all is well."""
+    for row in board.rows(supervisor.table()):
+        if row.state == "degraded":
+            return f"{row.name}: {row.reason}"
+    return ""
+
+
+def _stalled(job: ReplayJob, frames: int, total: int, supervisor: Supervisor, board: Board) -> str:
+    rows = board.rows(supervisor.table())
+    waiting = "; ".join(f"{r.name} is {r.state} {r.reason}".strip() for r in rows)
+    return (
+        f"no new frame for {job.patience_s:g} s after {frames} of {total} ({waiting}); see the "
+        f"logs in {job.out / 'logs'}"
+    )

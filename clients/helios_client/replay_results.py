@@ -1,0 +1,118 @@
+"""What a replay leaves: `objects.json`, `occupancy.png`, `occupancy.npz`, `summary.json`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.grids import MapView, decode_snapshot
+from helios_core.topics import OBJECTS, PICTURE, SNAPSHOT
+from rich.table import Table
+
+from helios_client.board import Board
+from helios_client.replay_tally import Tally
+
+ASK_WITHIN_S = 20.0
+PICTURE_PX = 1024
+
+
+@dataclass(frozen=True)
+class Results:
+    """All that is written or shown."""
+
+    objects: list[dict[str, Any]]  # as in objects.json
+    picture_png: bytes
+    map: MapView
+    summary: dict[str, Any]
+
+    def write(self, out: Path) -> None:
+        """Into a folder that exists."""
+        (out / "objects.json").write_text(json.dumps(self.objects, indent=1))
+        (out / "summary.json").write_text(json.dumps(self.summary, indent=1))
+        (out / "occupancy.png").write_bytes(self.picture_png)
+        np.savez_compressed(
+            out / "occupancy.npz",
+            occupancy=self.map.occupancy,
+            explored=self.map.explored.astype(np.uint8),
+            top_m=self.map.top_m,
+            trajectory_m=self.map.trajectory_m,
+            origin_m=np.array(self.map.origin_m),
+            cell_m=np.array(self.map.cell_m),
+        )
+
+    def table(self) -> Table:
+        """The objects, best first."""
+        out = Table("id", "class", "centre m", "size m", "Ψ", "S", "U", "views", "Gaussians")
+        for o in self.objects:
+            out.add_row(
+                str(o["id"]), o["class"], _metres(o["center_m"]), _metres(o["size_m"]),
+                f"{o['score']:.2f}", f"{o['class_score']:.2f}", f"{o['uncertainty']:.2f}",
+                str(o["views"]), str(o["gaussians"]),
+            )  # fmt: skip
+        return out
+
+
+def collect(bus: Bus, tally: Tally, board: Board, frames: int, wall_s: float) -> Results:
+    """Ask the maps; `wall_s` is how long all of it took.
+
+    Raises HeliosError when one does not answer.
+    """
+    reply = bus.call(OBJECTS, pb.ObjectsRequest(), ASK_WITHIN_S)
+    objects = [_object_json(o) for o in sorted(reply.objects, key=lambda o: -o.score)]
+    marked = [
+        pb.MarkedObject(label=o.class_name, center_m=o.center_m, size_m=o.size_m, score=o.score)
+        for o in reply.objects
+    ]
+    picture = bus.call(
+        PICTURE,
+        pb.PictureRequest(layer="occupancy", size_px=PICTURE_PX, objects=marked),
+        ASK_WITHIN_S,
+    )
+    snapshot = bus.call(SNAPSHOT, pb.SnapshotRequest(layers=False), ASK_WITHIN_S)
+    return Results(
+        objects=objects,
+        picture_png=picture.png,
+        map=decode_snapshot(snapshot),
+        summary={
+            "frames": frames,
+            "keyframes": tally.frames,
+            "wall_s": round(wall_s, 3),
+            "ms_per_frame": stage_medians_ms(tally, board),
+            "refused": tally.refusals,
+        },
+    )
+
+
+def stage_medians_ms(tally: Tally, board: Board) -> dict[str, float]:
+    """Stage -> median milliseconds: the maps' by their answers, others by what they report."""
+    out = {"total": tally.pace_ms} | tally.median_ms()
+    for service in ("bridge", "detector"):
+        status = board.status(service)
+        for name, value in status.metrics.items() if status else ():
+            if name.endswith("_ms_median"):
+                out[name.removesuffix("_ms_median")] = value
+    return {stage: round(ms, 3) for stage, ms in sorted(out.items())}
+
+
+def _object_json(o: pb.ObjectInstance) -> dict[str, Any]:
+    return {
+        "id": o.id,
+        "class": o.class_name,
+        "center_m": [o.center_m.x, o.center_m.y, o.center_m.z],
+        "size_m": [o.size_m.x, o.size_m.y, o.size_m.z],
+        "score": o.score,
+        "class_score": o.class_score,
+        "uncertainty": o.uncertainty,
+        "views": o.views,
+        "gaussians": o.gaussians,
+        "probabilities": dict(sorted(o.probabilities.items())),
+    }
+
+
+def _metres(v: list[float]) -> str:
+    return " ".join(f"{x:6.2f}" for x in v)

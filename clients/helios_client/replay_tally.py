@@ -1,0 +1,83 @@
+"""What the services answered to each frame of a replay."""
+
+from __future__ import annotations
+
+import itertools
+import statistics
+import threading
+import time
+from collections import Counter
+
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.topics import MAP2D_ACK, OBJECTMAP_ACK, ROBOT_STATE
+
+PARTS = ("occupancy", "value", "objects")
+
+
+class Tally:
+    """Thread-safe. Fed by the bus."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._parts: dict[tuple[str, int, int], set[str]] = {}
+        self._update_ms: dict[str, list[float]] = {part: [] for part in PARTS}
+        self._done_s: list[float] = []
+        self._refusals: Counter[str] = Counter()
+        self._finished = False
+
+    def listen(self, bus: Bus) -> None:
+        """Hear the maps and the bridge."""
+        bus.subscribe(MAP2D_ACK, self.note_ack)
+        bus.subscribe(OBJECTMAP_ACK, self.note_ack)
+        bus.subscribe(ROBOT_STATE, self.note_state)
+
+    def note_ack(self, ack: pb.Ack) -> None:
+        """A map's answer."""
+        frame = (ack.id.robot_boot_id, ack.id.world_epoch, ack.id.seq)
+        with self._lock:
+            parts = self._parts.setdefault(frame, set())
+            whole_before = len(parts) == len(PARTS)
+            parts.add(ack.part)
+            if ack.accepted:
+                self._update_ms.setdefault(ack.part, []).append(ack.update_ms)
+            else:
+                self._refusals[f"{ack.service}: {ack.reason}"] += 1
+            if len(parts) == len(PARTS) and not whole_before:
+                self._done_s.append(time.monotonic())
+
+    def note_state(self, state: pb.RobotState) -> None:
+        """The bridge's word."""
+        with self._lock:
+            self._finished = state.finished
+
+    @property
+    def finished(self) -> bool:
+        """The recording has come to its end."""
+        with self._lock:
+            return self._finished
+
+    @property
+    def frames(self) -> int:
+        """Frames that all maps have answered."""
+        with self._lock:
+            return len(self._done_s)
+
+    @property
+    def pace_ms(self) -> float:
+        """Median time from one frame to the next."""
+        with self._lock:
+            times_s = list(self._done_s)
+        steps_ms = [(b - a) * 1e3 for a, b in itertools.pairwise(times_s)]
+        return statistics.median(steps_ms) if steps_ms else 0.0
+
+    @property
+    def refusals(self) -> dict[str, int]:
+        """Reasons why maps refused a frame, and how often."""
+        with self._lock:
+            return dict(self._refusals)
+
+    def median_ms(self) -> dict[str, float]:
+        """Part -> median time of its update."""
+        with self._lock:
+            return {part: statistics.median(ms) for part, ms in self._update_ms.items() if ms}

@@ -1,0 +1,101 @@
+"""Which processes make up HELIOS on one machine, and how each is called."""
+
+from __future__ import annotations
+
+import socket
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from helios_client.processes import ProcessSpec
+
+LOOPBACK = "127.0.0.1"
+
+
+@dataclass(frozen=True)
+class Stack:
+    """What `helios up` and `helios replay` start."""
+
+    robot: str  # sim, replay, spot or package:Class
+    router_port: int
+    state_dir: Path
+    name: str = "robot"  # first part of every key on the bus
+    port: int | None = None  # of the gateway; None: neither gateway nor planner
+    seed: int = 0
+    preset: str = "demo-v1"
+    detector: str = "simulated"
+    source: Path | None = None  # what a replay plays
+    limit: int = 0  # frames of a replay; 0: all
+    lockstep: bool = False
+    ack_timeout_s: float | None = None  # of the bridge in lockstep; None: its setting
+
+    @property
+    def router(self) -> str:
+        """Endpoint of the router."""
+        return f"tcp/{LOOPBACK}:{self.router_port}"
+
+    @property
+    def address(self) -> str:
+        """Of the dashboard and the HTTP interface."""
+        return f"http://{LOOPBACK}:{self.port}"
+
+    @property
+    def log_dir(self) -> Path:
+        return self.state_dir / "logs"
+
+    def specs(self) -> tuple[ProcessSpec, ...]:
+        """The processes; the order is that of the table, starting needs none."""
+        out = [
+            ProcessSpec(
+                "router", _python("helios_core.router", "--listen", self.router), ends_last=True
+            )
+        ]
+        if self.robot == "sim":
+            out.append(self._service("world", "helios_sim", seed=self.seed, preset=self.preset))
+        out.append(
+            self._service(
+                "bridge", "helios_bridge", driver=self.robot, source=self.source,
+                limit=self.limit or None, lockstep=self.lockstep or None,
+                ack_timeout_s=self.ack_timeout_s,
+            )
+        )  # fmt: skip
+        out.append(self._service("detector", "helios_detector", detector=self.detector))
+        out.append(self._service("objectmap", "helios_objectmap"))
+        out.append(self._service("map2d", "helios_map2d"))
+        if self.port is not None:
+            out.append(
+                self._service("planner", "helios_planner", state_dir=self.state_dir / "planner")
+            )
+            out.append(self._service("gateway", "helios_gateway", port=self.port))
+        return tuple(out)
+
+    def _service(self, name: str, module: str, **flags: object) -> ProcessSpec:
+        argv = ["--router", self.router, "--robot", self.name]
+        for flag, value in flags.items():
+            if value is True:
+                argv.append(f"--{flag.replace('_', '-')}")
+            elif value is not None:
+                argv += [f"--{flag.replace('_', '-')}", str(value)]
+        return ProcessSpec(name, _python(module, *argv))
+
+
+def _python(module: str, *args: str) -> tuple[str, ...]:
+    return (sys.executable, "-m", module, *args)
+
+
+def free_port() -> int:
+    """A TCP port on loopback that was free a moment ago."""
+    with socket.socket() as s:
+        s.bind((LOOPBACK, 0))
+        return int(s.getsockname()[1])
+
+
+def port_in_use(port: int) -> bool:
+    """Whether somebody listens there, or may not listen there."""
+    with socket.socket() as s:
+        s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as servers do
+        try:
+            s.bind((LOOPBACK, port))
+        except OSError:
+            return True
+    return False

@@ -1,0 +1,80 @@
+"""`supervisor.json`: what the supervisor knows, for whoever asks while the gateway is down.
+
+{"ready": bool, "services": [{"name", "state", "reason", "restarts", "pid"}], "address": str,
+ "supervisor_pid": int, "updated_s": float, "state_dir": str}
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+FILE_NAME = "supervisor.json"
+LOCK_NAME = "supervisor.lock"
+STALE_S = 15.0  # the supervisor writes every two seconds
+
+
+def default_state_dir(port: int) -> Path:
+    """`$XDG_STATE_HOME/helios/<port>`, or under `~/.local/state`."""
+    base = os.environ.get("XDG_STATE_HOME", "")
+    root = Path(base) if os.path.isabs(base) else Path.home() / ".local" / "state"
+    return root / "helios" / str(port)
+
+
+class InUse(Exception):
+    """Another supervisor has the directory."""
+
+
+def lock(directory: Path) -> ExitStack:
+    """Hold the directory until closed or this process ends. Raises InUse, and OSError."""
+    directory.mkdir(parents=True, exist_ok=True)
+    held = ExitStack()
+    file = held.enter_context((directory / LOCK_NAME).open("a"))
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        held.close()
+        raise InUse(str(directory)) from None
+    return held
+
+
+def write(directories: Sequence[Path], status: dict[str, Any]) -> None:
+    """Replace the file in each directory; a reader sees the old or the new one, never half."""
+    text = json.dumps(status | {"supervisor_pid": os.getpid(), "updated_s": time.time()}, indent=1)
+    for directory in directories:
+        directory.mkdir(parents=True, exist_ok=True)
+        half = directory / f".{FILE_NAME}.{os.getpid()}"
+        half.write_text(text)
+        half.replace(directory / FILE_NAME)
+
+
+def read(directory: Path) -> dict[str, Any] | None:
+    """The file of a supervisor that is alive; None when there is none."""
+    try:
+        status = json.loads((directory / FILE_NAME).read_text())
+        fresh = time.time() - status["updated_s"] < STALE_S
+        return status if fresh and _is_alive(status["supervisor_pid"]) else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def remove(directories: Sequence[Path]) -> None:
+    """The supervisor ends: there is nothing to tell any more."""
+    for directory in directories:
+        (directory / FILE_NAME).unlink(missing_ok=True)
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True

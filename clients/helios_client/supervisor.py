@@ -1,0 +1,137 @@
+"""A table of processes that are kept running: whichever ends is started again.
+
+The first restart comes at once, further ones wait longer and longer, up to five seconds; a process
+that has run steadily for a while is forgiven. Wrong use (exit status 2) is reported, not repeated.
+One thread calls `start`, `check` and `stop`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+
+from helios_client.processes import Child, Ending, ProcessSpec
+
+RESTART_DELAYS_S = (0.0, 0.5, 1.0, 2.0, 4.0, 5.0)
+STEADY_S = 20.0  # after running this long, the next restart comes at once again
+TERMINATE_WITHIN_S = 2.3  # services promise two seconds
+LAST_WITHIN_S = 0.5
+
+
+class State(StrEnum):
+    """Of a process; the values are those of `ProcessStatus.state`."""
+
+    RUNNING = "running"
+    RESTARTING = "restarting"  # waits for its next start
+    STOPPED = "stopped"
+
+
+@dataclass(frozen=True)
+class ProcessInfo:
+    """One row of the table."""
+
+    name: str
+    pid: int  # 0 while it does not run
+    restarts: int
+    state: State
+    reason: str  # why it was started again, waits or is stopped; empty at first
+
+
+def restart_delay_s(failures: int) -> float:
+    """How long to wait after so many failures in a row, 1 or more."""
+    return RESTART_DELAYS_S[min(failures, len(RESTART_DELAYS_S)) - 1]
+
+
+@dataclass
+class _Row:
+    spec: ProcessSpec
+    log_path: Path
+    child: Child | None = None
+    started_s: float = 0.0
+    restarts: int = 0
+    failures: int = 0  # in a row
+    due_s: float | None = None  # when it is to be started again
+    reason: str = ""
+    state: State = field(default=State.STOPPED)
+
+
+class Supervisor:
+    """See the module. Logs go to `log_dir/<name>.log`."""
+
+    def __init__(
+        self,
+        specs: Sequence[ProcessSpec],
+        log_dir: Path,
+        restart: bool = True,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._rows = [_Row(spec, log_dir / f"{spec.name}.log") for spec in specs]
+        self._restart = restart
+        self._clock = clock
+
+    def start(self) -> None:
+        """Start all. Raises OSError, with nothing left running, if a program is not there."""
+        try:
+            for row in self._rows:
+                self._start(row)
+        except BaseException:
+            self.stop()
+            raise
+
+    def check(self) -> tuple[tuple[str, Ending], ...]:
+        """Start again what is due; the processes that ended since the last check, and how."""
+        ended: list[tuple[str, Ending]] = []
+        now_s = self._clock()
+        for row in self._rows:
+            ending = row.child.ended() if row.child else None
+            if ending:
+                self._note_ending(row, ending, now_s)
+                ended.append((row.spec.name, ending))
+            if row.due_s is not None and now_s >= row.due_s:
+                row.restarts += 1
+                try:
+                    self._start(row)
+                except OSError as error:
+                    self._note_ending(row, Ending(1, f"could not be started: {error}"), now_s)
+        return tuple(ended)
+
+    def table(self) -> tuple[ProcessInfo, ...]:
+        """All processes, in the order they were named."""
+        return tuple(
+            ProcessInfo(r.spec.name, r.child.pid if r.child else 0, r.restarts, r.state, r.reason)
+            for r in self._rows
+        )
+
+    def stop(self) -> None:
+        """End all within about three seconds: asked first, then killed."""
+        for last, within_s in ((False, TERMINATE_WITHIN_S), (True, LAST_WITHIN_S)):
+            self._end([r for r in self._rows if r.spec.ends_last is last], within_s)
+
+    def _start(self, row: _Row) -> None:
+        row.started_s = self._clock()
+        row.child = Child(row.spec, row.log_path)
+        row.due_s, row.state = None, State.RUNNING
+
+    def _note_ending(self, row: _Row, ending: Ending, now_s: float) -> None:
+        steady = now_s - row.started_s >= STEADY_S
+        row.failures = 1 if steady else row.failures + 1
+        row.child, row.reason = None, ending.reason
+        if not self._restart or ending.usage_error:
+            row.state = State.STOPPED
+            return
+        row.state, row.due_s = State.RESTARTING, now_s + restart_delay_s(row.failures)
+
+    def _end(self, rows: list[_Row], within_s: float) -> None:
+        running = [(row, row.child) for row in rows if row.child]
+        for _, child in running:
+            child.terminate()
+        deadline_s = time.monotonic() + within_s
+        for row, child in running:
+            if not child.wait(deadline_s - time.monotonic()):
+                child.kill()
+            row.child = None
+        for row in rows:
+            row.due_s, row.state, row.reason = None, State.STOPPED, "stopped"

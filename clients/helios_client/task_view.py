@@ -1,0 +1,81 @@
+"""`helios task`: submit, watch live, tell how it ended."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.live import Live
+from rich.markup import escape
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+
+from helios_client.sdk import Helios
+from helios_client.tasks import Task
+
+_COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow"}
+
+
+def panel(task: Task, why: str) -> Table:
+    """What a person wants to know about a running task, one line each."""
+    out = Table.grid(padding=(0, 2))
+    out.add_column(style="dim")
+    out.add_column()
+    color = _COLORS.get(task.state, "bold")
+    out.add_row("task", escape(task.instruction))
+    out.add_row("state", f"[{color}]{task.state}[/]")
+    if not task.ended:
+        out.add_row("phase", task.phase.replace("_", " ") or "waiting")
+        out.add_row("seeking", escape(task.seeking) or "nothing yet")
+    out.add_row("now" if not task.ended else "ended", escape(task.message))
+    if why:
+        out.add_row("why", escape(why))
+    out.add_row("steps", f"{task.steps} of {task.max_steps}" if task.max_steps else f"{task.steps}")
+    out.add_row("progress", ProgressBar(total=1.0, completed=task.progress, width=40))
+    return out
+
+
+def run_task(helios: Helios, instruction: str, timeout_s: float, console: Console) -> Task:
+    """Submit and wait; interrupting cancels the task.
+
+    Without a terminal each change of phase or message is a line. Raises HeliosError.
+    """
+    task = helios.submit(instruction)
+    try:
+        if console.is_terminal:
+            return _watch_live(helios, task, timeout_s, console)
+        return _watch_lines(helios, task, timeout_s, console)
+    except KeyboardInterrupt:
+        console.print("cancelling the task")
+        return helios.cancel(task.id)
+
+
+def _watch_live(helios: Helios, task: Task, timeout_s: float, console: Console) -> Task:
+    with Live(panel(task, ""), console=console, refresh_per_second=8) as live:
+        return helios.wait(
+            task.id, timeout_s, lambda t: live.update(panel(t, newest_why(helios, t)))
+        )
+
+
+def _watch_lines(helios: Helios, task: Task, timeout_s: float, console: Console) -> Task:
+    said: list[tuple[str, str, str]] = []
+
+    def say(t: Task) -> None:
+        line = (t.state, t.phase, t.message)
+        if not said or said[-1] != line:
+            said.append(line)
+            console.print(
+                f"{t.state} {t.progress:4.0%} {t.phase.replace('_', ' ')}: {t.message}",
+                highlight=False, markup=False,
+            )  # fmt: skip
+
+    return helios.wait(task.id, timeout_s, say)
+
+
+def newest_why(helios: Helios, task: Task) -> str:
+    """The reason of the newest decision; empty where it cannot be had now."""
+    from helios_core.errors import HeliosError
+
+    try:
+        decisions = helios.decisions(task.id)
+    except HeliosError:
+        return ""
+    return decisions[-1].why if decisions else ""

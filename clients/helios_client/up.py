@@ -1,0 +1,151 @@
+"""`helios up`: all services of one machine as child processes, kept running until told to stop."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from helios_core.errors import Conflict, InvalidInput
+from rich.console import Console
+from rich.markup import escape
+
+from helios_client import state_file
+from helios_client.board import Board, ServiceRow, as_json, is_ready
+from helios_client.link import Link
+from helios_client.processes import Ending
+from helios_client.stack import Stack, port_in_use
+from helios_client.supervisor import ProcessInfo, State, Supervisor
+from helios_client.wrong_use import WrongUse
+
+CHECK_PERIOD_S = 0.05
+WRITE_PERIOD_S = 2.0
+SAY_WAITING_AFTER_S = 20.0
+
+
+def up(stack: Stack, console: Console) -> None:
+    """Run until SIGINT or SIGTERM.
+
+    Raises HeliosError, with nothing left running: a port or state directory in use, wrong flags.
+    """
+    assert stack.port is not None
+    for port, flag in ((stack.port, "--port"), (stack.router_port, "--router-port")):
+        if port_in_use(port):
+            raise Conflict(
+                f"port {port} is in use; stop what listens there, or choose another with {flag}"
+            )
+    stack = replace(stack, state_dir=stack.state_dir.resolve())
+    try:
+        held = state_file.lock(stack.state_dir)
+    except state_file.InUse:
+        raise Conflict(
+            f"another `helios up` uses {stack.state_dir}; stop it, or choose another with --state"
+        ) from None
+    except OSError as error:
+        raise InvalidInput(
+            f"the state directory {stack.state_dir} cannot be used ({error.strerror}); choose "
+            "another with --state"
+        ) from error
+    stopping = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: stopping.set())
+    with held:
+        _Run(stack, console).run(stopping)
+
+
+class _Run:
+    def __init__(self, stack: Stack, console: Console) -> None:
+        assert stack.port is not None
+        specs = stack.specs()
+        self._stack, self._console = stack, console
+        self._supervisor = Supervisor(specs, stack.log_dir)
+        self._board = Board()
+        self._names = [spec.name for spec in specs]
+        self._state_dirs: list[Path] = [stack.state_dir]
+        if (default := state_file.default_state_dir(stack.port)) != stack.state_dir:
+            self._state_dirs.append(default)  # where `helios status` looks
+        self._was_ready: set[str] = set()
+        self._all_ready = self._ever_ready = False
+        self._written: tuple[ServiceRow, ...] = ()
+        self._written_s = 0.0
+        self._began_s = time.monotonic()
+
+    def run(self, stopping: threading.Event) -> None:
+        self._say(f"starting {', '.join(self._names)}")
+        self._say(f"logs: {self._stack.log_dir}")
+        self._supervisor.start()
+        link = Link(self._stack.router, self._stack.name, self._board, self._names)
+        said_waiting = False
+        try:
+            while not stopping.wait(CHECK_PERIOD_S):
+                ended = self._supervisor.check()
+                table = self._supervisor.table()
+                link.tell(table)
+                rows = self._board.rows(table)
+                self._say_endings(ended, table)
+                self._say_ready(rows)
+                self._write(rows)
+                if not (said_waiting or self._ever_ready) and self._age_s() > SAY_WAITING_AFTER_S:
+                    said_waiting = True
+                    for row in rows:
+                        if row.state != "ready":
+                            self._say(f"{row.name} is {row.state}: {row.reason or 'no word yet'}")
+        finally:
+            self._say("stopping")
+            link.close()
+            self._supervisor.stop()
+            state_file.remove(self._state_dirs)
+            self._say("stopped")
+
+    def _say_endings(
+        self, ended: Sequence[tuple[str, Ending]], table: Sequence[ProcessInfo]
+    ) -> None:
+        rows = {info.name: info for info in table}
+        for name, ending in ended:
+            self._was_ready.discard(name)
+            self._all_ready = False
+            info = rows[name]
+            if ending.usage_error and not self._ever_ready:
+                raise WrongUse(ending.reason)
+            if info.state is State.STOPPED:
+                self._say(f"[red]{name} ended and stays down[/]: {escape(ending.reason)}")
+            elif info.state is State.RUNNING:
+                self._say(
+                    f"[yellow]{name} ended[/] ({escape(ending.reason)}); started again as "
+                    f"pid {info.pid}, restart {info.restarts}"
+                )
+            else:
+                self._say(f"[yellow]{name} ended[/] ({escape(ending.reason)}); will start again")
+
+    def _say_ready(self, rows: Sequence[ServiceRow]) -> None:
+        for row in rows:
+            if row.state == "ready" and row.name not in self._was_ready:
+                self._was_ready.add(row.name)
+                self._say(f"[green]{row.name}[/] is ready, pid {row.pid}")
+        ready = is_ready(rows)
+        if ready and not self._all_ready:
+            self._ever_ready = True
+            self._say(f"[bold green]ready[/]: dashboard at {self._stack.address}")
+        self._all_ready = ready
+
+    def _write(self, rows: tuple[ServiceRow, ...]) -> None:
+        now_s = time.monotonic()
+        if rows == self._written and now_s - self._written_s < WRITE_PERIOD_S:
+            return
+        self._written, self._written_s = rows, now_s
+        about = {"address": self._stack.address, "state_dir": str(self._stack.state_dir)}
+        try:
+            state_file.write(self._state_dirs, as_json(rows) | about)
+        except OSError as error:  # a full disk must not end the robot's services
+            self._say(f"[yellow]the state file cannot be written[/]: {escape(str(error))}")
+
+    def _age_s(self) -> float:
+        return time.monotonic() - self._began_s
+
+    def _say(self, text: str) -> None:
+        with contextlib.suppress(OSError):  # nobody reads any more; that must not stop the robot
+            self._console.print(f"[dim]{self._age_s():6.1f} s[/]  {text}", highlight=False)

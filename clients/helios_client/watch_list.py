@@ -1,0 +1,44 @@
+"""What `helios replay` looks for, from the words of its flags."""
+
+from __future__ import annotations
+
+import math
+import uuid
+
+from helios_core.types import Role, SearchClass, SearchContext
+
+from helios_client.wrong_use import WrongUse
+
+DEFAULT_THRESHOLD = 0.25
+
+
+def watch_list(classes: str, thresholds: str) -> SearchContext:
+    """`"cup,dining table"` and `"cup=0.25"` as a search context. Raises WrongUse."""
+    names = [" ".join(name.split()) for name in classes.split(",")]
+    if not all(names):
+        raise WrongUse(f"--classes is {classes!r}; wanted names with commas between them")
+    if len(set(names)) < len(names):
+        raise WrongUse(f"--classes is {classes!r}; name each class once")
+    by_name = _thresholds(thresholds)
+    if unknown := sorted(set(by_name) - set(names)):
+        raise WrongUse(f"--thresholds names {', '.join(unknown)}, which --classes does not")
+    return SearchContext(
+        id=f"replay-{uuid.uuid4().hex[:8]}",
+        classes=tuple(
+            SearchClass(name, Role.WATCH, by_name.get(name, DEFAULT_THRESHOLD)) for name in names
+        ),
+    )
+
+
+def _thresholds(text: str) -> dict[str, float]:
+    out: dict[str, float] = {}
+    for part in filter(None, (p.strip() for p in text.split(","))):
+        name, _, number = part.rpartition("=")
+        try:
+            value = float(number)
+        except ValueError:
+            value = math.nan
+        if not name.strip() or not 0 <= value <= 1:
+            raise WrongUse(f"--thresholds has {part!r}; wanted class=number, 0 to 1")
+        out[" ".join(name.split())] = value
+    return out

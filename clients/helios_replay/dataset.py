@@ -1,0 +1,171 @@
+"""A folder of posed RGB-D images: what it must hold, read and checked.
+
+meta.json        width, height, fx, fy, cx, cy, depth_scale_m; max_depth_m if known
+poses.csv        frame, t_s, r00 r01 r02 tx r10 ...: camera to world; OpenCV, world z up
+frames/N.jpg     colour, N the frame's number in six digits
+frames/N.png     depth, 16 bit, in units of depth_scale_m; 0 is invalid; registered
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from helios_core.errors import InvalidInput
+from helios_core.geometry import Matrix, Pinhole, is_rigid
+from numpy.typing import NDArray
+
+DEFAULT_MAX_DEPTH_M = 5.0  # beyond it the depth of small consumer cameras is mostly noise
+POSE_TOLERANCE = 1e-2  # recorded rotations carry few digits
+_ROTATION = [f"r{row}{column}" for row in range(3) for column in range(3)]
+_TRANSLATION = ["tx", "ty", "tz"]
+
+
+@dataclass(frozen=True)
+class PosedImage:
+    """Where one image lies and where its camera was."""
+
+    stamp_ns: int
+    color_path: Path
+    depth_path: Path
+    T_world_cam: Matrix  # [4, 4]
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A folder of images that was found whole; the images themselves are read one by one."""
+
+    folder: Path
+    camera: Pinhole
+    depth_scale_m: float
+    max_depth_m: float
+    images: tuple[PosedImage, ...]
+
+
+def read_dataset(folder: Path, limit: int = 0) -> Dataset:
+    """The first `limit` images of a folder, 0 for all.
+
+    Raises InvalidInput, naming the file, when something is missing or makes no sense.
+    """
+    if folder.suffix == ".mcap":
+        raise InvalidInput(
+            f"{folder} is an MCAP recording, which cannot be replayed yet; give a folder with "
+            "meta.json, poses.csv and frames/"
+        )
+    if not folder.is_dir():
+        raise InvalidInput(
+            f"there is no data set at {folder}; give a folder with meta.json, poses.csv and frames/"
+        )
+    meta = _read_meta(folder / "meta.json")
+    camera = Pinhole(
+        *(_number(meta, key, folder) for key in ("fx", "fy", "cx", "cy")),
+        width=int(_number(meta, "width", folder)),
+        height=int(_number(meta, "height", folder)),
+    )
+    images = _read_poses(folder)[: limit or None]
+    for image in images:
+        for path in (image.color_path, image.depth_path):
+            if not path.is_file():
+                raise InvalidInput(f"{path} is missing, but poses.csv names its frame")
+    return Dataset(
+        folder=folder,
+        camera=camera,
+        depth_scale_m=_number(meta, "depth_scale_m", folder),
+        max_depth_m=_number({"max_depth_m": DEFAULT_MAX_DEPTH_M} | meta, "max_depth_m", folder),
+        images=images,
+    )
+
+
+def read_image(dataset: Dataset, index: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """(colour [h, w, 3] RGB, depth [h, w] in metres). Raises InvalidInput, naming the file."""
+    image = dataset.images[index]
+    shape = (dataset.camera.height, dataset.camera.width)
+    color = _decode(image.color_path, cv2.IMREAD_COLOR)
+    depth = _decode(image.depth_path, cv2.IMREAD_UNCHANGED)
+    if color.shape[:2] != shape:
+        raise InvalidInput(_wrong_size(image.color_path, color, shape))
+    if depth.shape != shape or depth.dtype != np.uint16:
+        raise InvalidInput(
+            f"{_wrong_size(image.depth_path, depth, shape)}; depth is one channel of 16 bit"
+        )
+    rgb = cv2.cvtColor(color, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
+    return rgb, depth.astype(np.float32) * np.float32(dataset.depth_scale_m)
+
+
+def _read_meta(path: Path) -> dict[str, Any]:
+    try:
+        meta = json.loads(path.read_text())
+    except OSError as error:
+        raise InvalidInput(f"{path} cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise InvalidInput(f"{path} is no JSON: {error}") from error
+    if not isinstance(meta, dict):
+        raise InvalidInput(f"{path} holds no JSON object; wanted width, height, fx, fy, cx, cy ...")
+    return meta
+
+
+def _number(meta: dict[str, Any], key: str, folder: Path) -> float:
+    value = meta.get(key)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+        raise InvalidInput(
+            f"{folder / 'meta.json'} has {key} = {value!r}; wanted a positive number"
+        )
+    return float(value)
+
+
+def _read_poses(folder: Path) -> tuple[PosedImage, ...]:
+    path = folder / "poses.csv"
+    try:
+        with path.open(newline="") as file:
+            rows = list(csv.DictReader(file))
+    except OSError as error:
+        raise InvalidInput(f"{path} cannot be read: {error.strerror}") from error
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise InvalidInput(f"{path} is no CSV: {error}") from error
+    if not rows:
+        raise InvalidInput(f"{path} names no frame")
+    return tuple(_posed_image(folder, row, line) for line, row in enumerate(rows, start=2))
+
+
+def _posed_image(folder: Path, row: dict[str, str], line: int) -> PosedImage:
+    where = f"{folder / 'poses.csv'} line {line}"
+    T_world_cam = np.eye(4)
+    try:
+        number, stamp_s = int(row["frame"]), float(row["t_s"])
+        T_world_cam[:3, :3] = np.reshape([float(row[c]) for c in _ROTATION], (3, 3))
+        T_world_cam[:3, 3] = [float(row[c]) for c in _TRANSLATION]
+    except KeyError as error:
+        raise InvalidInput(f"{where} has no column {error}; wanted frame, t_s, r00 … tz") from None
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(f"{where} cannot be read: {error}") from None
+    if not is_rigid(T_world_cam, POSE_TOLERANCE) or not math.isfinite(stamp_s):
+        raise InvalidInput(f"{where} is no pose: its rotation is not rigid or a number not finite")
+    stem = folder / "frames" / f"{number:06d}"
+    return PosedImage(
+        stamp_ns=round(stamp_s * 1e9),
+        color_path=stem.with_suffix(".jpg"),
+        depth_path=stem.with_suffix(".png"),
+        T_world_cam=T_world_cam,
+    )
+
+
+def _decode(path: Path, flags: int) -> NDArray:
+    try:
+        data = np.fromfile(path, np.uint8)
+        pixels = cv2.imdecode(data, flags) if data.size else None
+    except (OSError, cv2.error) as error:
+        raise InvalidInput(f"{path} cannot be read: {error}") from error
+    if pixels is None:
+        raise InvalidInput(f"{path} is no whole image; put the original file in its place")
+    return pixels
+
+
+def _wrong_size(path: Path, pixels: NDArray, shape: tuple[int, int]) -> str:
+    came = "x".join(map(str, pixels.shape[1::-1]))
+    return f"{path} is {came} {pixels.dtype}, meta.json says {shape[1]}x{shape[0]}"
