@@ -1,0 +1,134 @@
+"""2D maps against the same work on whole arrays with OpenCV and numpy."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+from helios_core.types import Frame
+from helios_map2d.explored import SearchArea
+from helios_map2d.frontiers import FrontierFinder, FrontierRules
+from helios_map2d.grid import GridSpec
+from helios_map2d.occupancy import OccupancyLayer, OccupancyRules
+from helios_map2d.value import ValueLayers, ValueRules
+from helios_map2d.view import View, view_of
+from numpy.typing import NDArray
+
+from helios_eval.bench.scene import FRAMES, frames
+from helios_eval.bench.timing import Row, compare
+
+CELLS = 2000
+CELL_M = 0.025
+MIN_M, MAX_M = 0.1, 5.0
+BAND_M = (0.10, 1.50)
+
+
+def grid() -> GridSpec:
+    return GridSpec.centred_on(0.0, 0.0, CELL_M, CELLS)
+
+
+def lay(frame: Frame, on: GridSpec) -> View:
+    return view_of(frame.depth_m, frame.camera, frame.T_world_cam, on, MIN_M, MAX_M)
+
+
+def cell_polygon(frame: Frame) -> NDArray[np.int32]:
+    """Corners of what one frame saw, in cells: the camera and the farthest point per column."""
+    depth = np.where((frame.depth_m > MIN_M) & (frame.depth_m < MAX_M), frame.depth_m, 0)
+    reach = depth.max(axis=0)
+    u = np.arange(0, frame.camera.width, 8)
+    rays = np.stack([(u - frame.camera.cx) / frame.camera.fx, np.zeros(len(u)), np.ones(len(u))], 1)
+    points = (rays * reach[u, None]) @ frame.T_world_cam[:3, :3].T + frame.T_world_cam[:3, 3]
+    corners = np.vstack([frame.T_world_cam[:2, 3], points[:, :2]])
+    return (corners / CELL_M + CELLS / 2).astype(np.int32)
+
+
+class PlainMaps:
+    """The readable way: project all pixels, count per cell, close, fill the field of view."""
+
+    def __init__(self) -> None:
+        shape = (CELLS, CELLS)
+        self.hits = np.zeros(shape, np.int32)
+        self.explored = np.zeros(shape, np.uint8)
+        self.occupied = np.zeros(shape, np.uint8)
+        self.values = np.zeros((2, *shape), np.float32)
+        self.confidence = np.zeros(shape, np.float32)
+
+    def occupancy(self, frame: Frame) -> None:
+        c = frame.camera
+        v, u = np.nonzero((frame.depth_m > MIN_M) & (frame.depth_m < MAX_M))
+        z = frame.depth_m[v, u]
+        points = np.stack([(u - c.cx) / c.fx * z, (v - c.cy) / c.fy * z, z], 1)
+        world = points @ frame.T_world_cam[:3, :3].T + frame.T_world_cam[:3, 3]
+        band = (world[:, 2] >= BAND_M[0]) & (world[:, 2] <= BAND_M[1])
+        cells = (world[band, :2] / CELL_M + CELLS / 2).astype(np.int64)
+        inside = ((cells >= 0) & (cells < CELLS)).all(axis=1)
+        np.add.at(self.hits, (cells[inside, 1], cells[inside, 0]), 1)
+        seen = np.zeros((CELLS, CELLS), np.uint8)
+        cv2.fillPoly(seen, [cell_polygon(frame)], 1)
+        self.explored |= seen
+        self.occupied = (self.hits >= 5).astype(np.uint8)
+
+    def value(self, frame: Frame, scores: tuple[float, float]) -> None:
+        cone = np.zeros((CELLS, CELLS), np.uint8)
+        cv2.fillPoly(cone, [cell_polygon(frame)], 1)
+        rows, columns = np.mgrid[0:CELLS, 0:CELLS].astype(np.float32)
+        at = frame.T_world_cam[:2, 3] / CELL_M + CELLS / 2
+        heading = math.atan2(frame.T_world_cam[1, 2], frame.T_world_cam[0, 2])
+        angle = np.arctan2(rows - at[1], columns - at[0]) - heading
+        angle = np.abs((angle + np.pi) % (2 * np.pi) - np.pi)
+        new = 0.25 + 0.75 * np.cos(angle / (frame.camera.hfov_rad / 2) * np.pi / 2) ** 2
+        new = np.where(cone > 0, new, 0)
+        new[(new < 0.35) & (new < self.confidence)] = 0
+        total = self.confidence + new
+        with np.errstate(invalid="ignore", divide="ignore"):
+            for k, score in enumerate(scores):
+                mixed = (self.confidence * self.values[k] + new * score) / total
+                self.values[k] = np.where(new > 0, mixed, self.values[k])
+            mixed = (self.confidence**2 + new**2) / total
+            self.confidence = np.where(new > 0, mixed, self.confidence).astype(np.float32)
+
+    def frontiers(self) -> int:
+        free = (self.explored > 0) & (self.occupied == 0)
+        unknown = ((self.explored == 0) & (self.occupied == 0)).astype(np.uint8)
+        border = cv2.dilate(unknown, np.ones((3, 3), np.uint8)) > 0
+        found, _, _, _ = cv2.connectedComponentsWithStats((free & border).astype(np.uint8))
+        return int(found)
+
+
+def occupancy_update() -> Row:
+    layer, search, plain = OccupancyLayer(grid(), OccupancyRules()), SearchArea(grid()), PlainMaps()
+
+    def ours(i: int) -> None:
+        view = lay(frames()[i % FRAMES], layer.grid)
+        search.add(layer.integrate(view, (0.0, 0.0), 0.3), view.window)
+
+    return compare(
+        "occupancy_update", f"640x480 depth into {CELLS}x{CELLS} cells", ours,
+        "OpenCV and numpy on whole arrays", lambda i: plain.occupancy(frames()[i % FRAMES]),
+    )  # fmt: skip
+
+
+def value_fusion() -> Row:
+    layers, plain, on = ValueLayers(grid(), ValueRules()), PlainMaps(), grid()
+    layers.reset(("pick", "place"))
+    return compare(
+        "value_fusion", f"2 layers, {CELLS}x{CELLS} cells",
+        lambda i: layers.integrate(lay(frames()[i % FRAMES], on), {"pick": 0.3, "place": 0.6}),
+        "OpenCV and numpy on whole arrays",
+        lambda i: plain.value(frames()[i % FRAMES], (0.3, 0.6)), runs=7,
+    )  # fmt: skip
+
+
+def frontiers() -> Row:
+    layer, search, plain = OccupancyLayer(grid(), OccupancyRules()), SearchArea(grid()), PlainMaps()
+    for frame in frames():
+        view = lay(frame, layer.grid)
+        search.add(layer.integrate(view, (0.0, 0.0), 0.3), view.window)
+        plain.occupancy(frame)
+    finder = FrontierFinder(layer.grid, FrontierRules())
+    return compare(
+        "frontiers", f"{CELLS}x{CELLS} cells",
+        lambda _: finder.find(layer.occupancy, search.explored, search.box, (0.8, 0.0), {}),
+        "OpenCV on whole arrays", lambda _: plain.frontiers(),
+    )  # fmt: skip

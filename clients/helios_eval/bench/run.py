@@ -1,0 +1,75 @@
+"""Runs the rows and writes them down."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import platform
+import subprocess
+from pathlib import Path
+
+from helios_core.errors import InvalidInput
+from rich.console import Console
+from rich.table import Table
+
+ROWS = {
+    "occupancy_update": "maps",
+    "value_fusion": "maps",
+    "frontiers": "maps",
+    "plan_fm2": "planning",
+    "render": "objects",
+    "object_update": "objects",
+    "view_scores": "objects",
+    "frame_transport": "transport",
+}
+
+
+def main(only: str | None = None, json_path: Path | None = None) -> None:
+    """Measure all rows, or the one named `only`; print a table; write JSON where asked to."""
+    if only is not None and only not in ROWS:
+        raise InvalidInput(f"no row is called {only!r}; wanted one of {', '.join(ROWS)}")
+    console = Console()
+    rows = []
+    for name in [only] if only else ROWS:
+        with console.status(f"measuring {name}"):
+            module = importlib.import_module(f"helios_eval.bench.{ROWS[name]}")
+            rows.append(getattr(module, name)())
+    table = Table(title=f"{machine()} · commit {commit()}")
+    for heading in ("name", "size", "ours ms", "peer", "peer ms", "ratio"):
+        table.add_column(
+            heading, justify="right" if "ms" in heading or heading == "ratio" else "left"
+        )
+    for row in rows:
+        table.add_row(row.name, row.size, f"{row.ours_ms:.2f}", row.peer, f"{row.peer_ms:.2f}",
+                      f"{row.ratio:.1f}")  # fmt: skip
+    console.print(table)
+    if json_path is not None:
+        document = {
+            "machine": machine(),
+            "commit": commit(),
+            "rows": [row.as_dict() for row in rows],
+        }
+        json_path.parent.mkdir(parents=True, exist_ok=True)
+        json_path.write_text(json.dumps(document, indent=1) + "\n")
+
+
+def machine() -> str:
+    """Processor, cores, system."""
+    name = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        for line in info.read_text().splitlines():
+            if line.startswith("model name"):
+                name = line.partition(":")[2].strip()
+                break
+    return f"{name}, {os.cpu_count()} cores, {platform.system()}"
+
+
+def commit() -> str:
+    """The commit that this source is at, or "unknown" outside a checkout."""
+    done = subprocess.run(
+        ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    return done.stdout.strip() or "unknown"

@@ -1,0 +1,53 @@
+"""Medians of two pieces of work, measured in turn so that a drifting machine hits both alike."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the benchmark. `ratio` is peer_ms / ours_ms: how many times faster ours is."""
+
+    name: str
+    size: str
+    ours_ms: float
+    peer: str
+    peer_ms: float
+
+    @property
+    def ratio(self) -> float:
+        return self.peer_ms / self.ours_ms
+
+    def as_dict(self) -> dict[str, object]:
+        return {
+            "name": self.name,
+            "size": self.size,
+            "ours_ms": round(self.ours_ms, 4),
+            "peer": self.peer,
+            "peer_ms": round(self.peer_ms, 4),
+            "ratio": round(self.ratio, 3),
+        }
+
+
+def compare(
+    name: str,
+    size: str,
+    ours: Callable[[int], object],
+    peer_name: str,
+    peer: Callable[[int], object],
+    runs: int = 15,
+) -> Row:
+    """Median times of `ours(i)` and `peer(i)` over `runs` after one warm-up of each."""
+    ours(0)
+    peer(0)
+    times: dict[int, list[float]] = {0: [], 1: []}
+    for i in range(1, runs + 1):
+        for which, work in enumerate((ours, peer)):
+            began = time.perf_counter()
+            work(i)
+            times[which].append((time.perf_counter() - began) * 1e3)
+    return Row(name, size, statistics.median(times[0]), peer_name, statistics.median(times[1]))

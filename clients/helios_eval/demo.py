@@ -1,0 +1,162 @@
+"""`make demo`: one language task in a simulated home, through all services, judged by the truth.
+
+    python -m helios_eval.demo --seed 3 --out runs/demo
+
+Starts `helios up` (router, world and every service as processes of their own), submits the task
+that the home's seed gives over HTTP, shows how it goes, and leaves `result.json` and pictures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from helios_client.sdk import Helios
+from helios_client.task_view import run_task
+from helios_client.tasks import Task
+from helios_core import proto as pb
+from helios_core.errors import HeliosError, Unavailable
+from helios_core.topics import TRUTH_EPISODE, TRUTH_METRICS
+from helios_core.zenoh_bus import ZenohBus
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from helios_eval.pictures import object_picture
+
+READY_WITHIN_S = 120.0
+TASK_WITHIN_S = 900.0
+CALL_S = 20.0
+
+
+@contextmanager
+def running(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """`helios up` with these arguments, ended at the end."""
+    command = [sys.executable, "-m", "helios_client", "up", *arguments]
+    with log.open("wb") as file:
+        process = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT)
+        try:
+            yield process
+        finally:
+            process.terminate()
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def wait_ready(helios: Helios, up: subprocess.Popen[bytes], log: Path) -> None:
+    """Until a task would start. Raises Unavailable with what is not ready."""
+    deadline_s = time.monotonic() + READY_WITHIN_S
+    while not helios.ready():
+        if up.poll() is not None:
+            raise Unavailable(f"helios up ended: {log.read_text(errors='replace').strip()[-500:]}")
+        if time.monotonic() > deadline_s:
+            waiting = [
+                f"{s['name']}: {s['reason'] or s['state']}"
+                for s in helios.status()["services"]
+                if s["state"] != "ready"
+            ]
+            raise Unavailable(f"not ready after {READY_WITHIN_S:g} s: {'; '.join(waiting)}")
+        time.sleep(0.2)
+
+
+def result_of(task: Task, truth: pb.TruthEpisode, metrics: pb.TruthMetrics, wall_s: float) -> dict:
+    """`result.json`: success is the truth's word (docs/metrics in the issue), not the planner's."""
+    return {
+        "success": metrics.success,
+        "collision": metrics.collision,
+        "phases": {
+            "find_object": metrics.find_object,
+            "pick": metrics.pick,
+            "find_receptacle": metrics.find_receptacle,
+            "place": metrics.place,
+        },
+        "steps": metrics.steps,
+        "wall_s": round(wall_s, 2),
+        "instruction": truth.instruction,
+        "seed": truth.seed,
+        "preset": truth.preset,
+        "task": {"id": task.id, "state": task.state, "message": task.message},
+        "collided_with": list(metrics.collided_with),
+    }
+
+
+def show(result: dict, out: Path, console: Console) -> None:
+    table = Table(title=escape(result["instruction"]), title_style="bold", show_header=False)
+    good = {True: "[green]yes[/]", False: "[red]no[/]"}
+    table.add_row("success", good[result["success"]])
+    for phase, done in result["phases"].items():
+        table.add_row(phase.replace("_", " "), good[done])
+    touched = f" ({', '.join(result['collided_with'])})" if result["collision"] else ""
+    table.add_row("collision", ("[red]yes[/]" if result["collision"] else "[green]no[/]") + touched)
+    table.add_row("steps", str(result["steps"]))
+    table.add_row("seconds", f"{result['wall_s']:.0f}")
+    console.print(table)
+    console.print(f"result and pictures: {out}", highlight=False)
+
+
+def run(seed: int, preset: str, port: int, out: Path, console: Console) -> dict:
+    """One demo; returns what `result.json` holds. Raises HeliosError."""
+    out.mkdir(parents=True, exist_ok=True)
+    log, router_port = out / "up.log", free_port()
+    arguments = [
+        "--robot", "sim", "--seed", str(seed), "--preset", preset, "--port", str(port),
+        "--router-port", str(router_port), "--state", str(out / "state"),
+    ]  # fmt: skip
+    with running(arguments, log) as up, Helios(f"http://127.0.0.1:{port}") as helios:
+        with console.status(f"starting world and services (home {seed}, preset {preset})"):
+            wait_ready(helios, up, log)
+        console.print(f"dashboard: http://127.0.0.1:{port}/", style="bold cyan")
+        bus = ZenohBus(f"tcp/127.0.0.1:{router_port}")
+        try:
+            truth = bus.call(TRUTH_EPISODE, pb.Empty(), CALL_S)
+            began = time.monotonic()
+            task = run_task(helios, truth.instruction, TASK_WITHIN_S, console)
+            wall_s = time.monotonic() - began
+            metrics = bus.call(TRUTH_METRICS, pb.Empty(), CALL_S)
+            result = result_of(task, truth, metrics, wall_s)
+            (out / "result.json").write_text(json.dumps(result, indent=1) + "\n")
+            (out / "map.png").write_bytes(helios.picture("occupancy"))
+            for layer in ("pick", "place"):
+                (out / f"value-{layer}.png").write_bytes(helios.picture(f"value/{layer}"))
+            (out / "objects.png").write_bytes(object_picture(bus, helios.occupancy()))
+        finally:
+            bus.close()
+    show(result, out, console)
+    return result
+
+
+def free_port() -> int:
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return int(s.getsockname()[1])
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="helios-demo", description=__doc__)
+    parser.add_argument("--seed", type=int, default=0, help="of the home")
+    parser.add_argument("--preset", default="demo-v1", help="kind of home and detector noise")
+    parser.add_argument("--port", type=int, default=8080, help="of the HTTP interface")
+    parser.add_argument("--out", type=Path, default=Path("runs/demo"), help="folder for results")
+    args = parser.parse_args()
+    try:
+        result = run(args.seed, args.preset, args.port, args.out, Console())
+    except HeliosError as error:
+        print(f"helios-demo: {error.message}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+    return 0 if result["success"] else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
