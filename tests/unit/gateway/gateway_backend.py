@@ -1,0 +1,308 @@
+"""Made-up services on a MemoryBus: a small home, a robot in it, one task. Deterministic."""
+
+from __future__ import annotations
+
+import math
+import zlib
+
+import cv2
+import numpy as np
+from helios_core import proto as pb
+from helios_core.codec import frame_to_proto, state_to_proto
+from helios_core.errors import Conflict, InvalidInput
+from helios_core.geometry import Pinhole, se2_to_se3
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import (
+    CANCEL,
+    CLEAR_STOP,
+    DECISION,
+    DECISIONS,
+    GET_TASK,
+    KEYFRAME,
+    LIST_TASKS,
+    MAP2D_ACK,
+    OBJECTMAP_ACK,
+    OBJECTS,
+    OBSERVATION,
+    PICTURE,
+    PLAN,
+    ROBOT_DESCRIPTION,
+    ROBOT_STATE,
+    SNAPSHOT,
+    STOP,
+    SUBMIT,
+    SUPERVISOR,
+    TASK,
+    VOCABULARY,
+    status_topic,
+)
+from helios_core.types import Frame, FrameId, RobotState
+from numpy.typing import NDArray
+
+SERVICES = ("world", "bridge", "detector", "objectmap", "map2d", "planner")
+CAMERA = Pinhole(fx=520.0, fy=520.0, cx=319.5, cy=239.5, width=640, height=480)
+CELL_M = 0.05
+WALLS_M = (  # x0, y0, x1, y1
+    (0, 0, 9, 0.1), (0, 6.9, 9, 7), (0, 0, 0.1, 7), (8.9, 0, 9, 7),
+    (4.4, 0, 4.5, 2.4), (4.4, 3.4, 4.5, 7), (0, 3.8, 1.6, 3.9), (2.6, 3.8, 4.5, 3.9),
+    (4.5, 3.8, 6.2, 3.9), (7.2, 3.8, 9, 3.9),
+)  # fmt: skip
+FURNITURE_M = (
+    (1.2, 1.2, 2.2, 1.8), (0.1, 0.8, 0.9, 2.4), (6.0, 0.1, 8.9, 0.7), (6.2, 1.9, 7.6, 2.9),
+    (0.4, 5.0, 2.4, 6.9), (7.6, 5.2, 8.9, 6.0),
+)  # fmt: skip
+
+
+class Backend:
+    """`start` brings everything up; tests then change single things."""
+
+    def __init__(self, hub: MemoryHub) -> None:
+        self.bus = MemoryBus(hub)
+        self.calls: list[str] = []
+        self.tasks: dict[str, pb.Task] = {}
+        self.decided: list[pb.Decision] = []
+        self.found = [
+            thing(1, "mug", (1.55, 1.45, 0.49), (0.11, 0.09, 0.10), 0.71, 7),
+            thing(2, "coffee table", (1.7, 1.5, 0.22), (1.0, 0.6, 0.44), 0.82, 12),
+            thing(3, "kitchen counter", (7.4, 0.4, 0.46), (2.9, 0.6, 0.92), 0.58, 5),
+            thing(4, "mug", (6.6, 2.3, 0.80), (0.10, 0.10, 0.11), 0.31, 2),
+        ]
+        self.pose = (3.1, 2.2, 2.5)
+        self.stopped = False
+        self.map_version = 41
+        self.seq = 0
+
+    def start(self) -> None:
+        serve = self.bus.serve
+        serve(SUBMIT, self._submit)
+        serve(GET_TASK, self._get)
+        serve(LIST_TASKS, lambda _: pb.TaskList(tasks=self.tasks.values()))
+        serve(CANCEL, self._cancel)
+        serve(DECISIONS, self._decisions)
+        serve(SNAPSHOT, self._snapshot)
+        serve(PICTURE, self._picture)
+        serve(OBJECTS, self._objects)
+        serve(STOP, lambda _: self._latch(True))
+        serve(CLEAR_STOP, lambda _: self._latch(False))
+        serve(VOCABULARY, lambda _: pb.VocabularyReply(
+            open=False, names=["bowl", "coffee table", "kitchen counter", "mug", "sofa"],
+            detector="simulated", scorer="words"))  # fmt: skip
+        for pid, name in enumerate(SERVICES, start=4100):
+            self.alive(name, pid)
+        self.supervise()
+        self.bus.publish(ROBOT_DESCRIPTION, description())
+        self.publish_robot()
+
+    def alive(self, name: str, pid: int, state: str = "ready", reason: str = "") -> None:
+        self.bus.announce(name, f"{pid}-test")
+        self.report(name, pid, state, reason)
+
+    def report(self, name: str, pid: int, state: str, reason: str = "") -> None:
+        status = pb.ServiceStatus(
+            service=name, instance=f"{pid}-test", state=state, reason=reason, pid=pid,
+            uptime_s=61.0, metrics={"update_ms_median": 2.5},
+        )  # fmt: skip
+        self.bus.publish(status_topic(name), status)
+
+    def supervise(self, **restarts: int) -> None:
+        names = ("router", *SERVICES, "gateway")
+        self.bus.publish(SUPERVISOR, pb.SupervisorStatus(processes=[
+            pb.ProcessStatus(name=n, pid=4099 + i, restarts=restarts.get(n, 0), state="running")
+            for i, n in enumerate(names)
+        ]))  # fmt: skip
+
+    def publish_robot(self) -> None:
+        state = RobotState(
+            T_world_base=se2_to_se3(*self.pose), moving=True, stopped=self.stopped,
+            robot_boot_id="boot", last_seq=self.seq,
+        )  # fmt: skip
+        self.bus.publish(ROBOT_STATE, state_to_proto(state))
+
+    def publish_frame(self, color: NDArray[np.uint8] | None = None) -> pb.Frame:
+        """A keyframe from where the robot is."""
+        self.seq += 1
+        if color is None:
+            rows, columns = np.mgrid[0:480, 0:640]
+            color = np.stack([rows // 2, columns // 3, (rows + columns) // 5], -1).astype(np.uint8)
+        frame = frame_to_proto(Frame(
+            id=FrameId("boot", 0, self.seq), stamp_ns=self.seq * 10**8, keyframe=True,
+            color=color, depth_m=np.full((480, 640), 2.0, np.float32), camera=CAMERA,
+            T_world_cam=se2_to_se3(*self.pose), T_world_base=se2_to_se3(*self.pose),
+        ))  # fmt: skip
+        self.bus.publish(KEYFRAME, frame)
+        return frame
+
+    def publish_observation(self, frame: pb.Frame) -> None:
+        """What the detector makes of the frame: a mug at pixels (200, 150) to (280, 240)."""
+        mask = pb.Mask(x=200, y=150, width=80, height=90, bits=bytes(900))
+        self.bus.publish(OBSERVATION, pb.Observation(
+            frame=frame, context_id="c1",
+            detections=[pb.Detection(class_name="mug", score=0.83, mask=mask)],
+        ))  # fmt: skip
+
+    def change_map(self) -> None:
+        self.map_version += 1
+        self.bus.publish(MAP2D_ACK, pb.Ack(service="map2d", part="occupancy", accepted=True,
+                                           version=self.map_version))  # fmt: skip
+
+    def change_objects(self) -> None:
+        self.bus.publish(OBJECTMAP_ACK, pb.Ack(service="objectmap", part="objects", accepted=True))
+
+    def publish_plan(self) -> None:
+        self.bus.publish(PLAN, pb.Plan(
+            task_id="t1", path_m=[3.1, 2.2, 2.9, 2.5, 2.6, 2.4, 2.45, 2.0],
+            goal=pb.Pose2(x_m=2.45, y_m=2.0, yaw_rad=-2.5), purpose="to a gaze point of mug 1",
+        ))  # fmt: skip
+
+    def decide(self) -> None:
+        made = decision(len(self.decided))
+        self.decided.append(made)
+        self.bus.publish(DECISION, made)
+
+    def _submit(self, request: pb.SubmitRequest) -> pb.Task:
+        self.calls.append("submit")
+        words = request.instruction.lower().split()
+        if "move" not in words:
+            raise InvalidInput(
+                f"{request.instruction[:60]!r} names no action; understood: nothing; say for "
+                "example: move the mug from the coffee table to the kitchen counter"
+            )
+        task = pb.Task(
+            id=f"t{len(self.tasks) + 1}", instruction=request.instruction, state="queued",
+            kind="move", object="mug", start="coffee table", goal="kitchen counter",
+            created_s=1.8e9 + len(self.tasks), max_steps=request.max_steps or 500,
+        )  # fmt: skip
+        self.tasks[task.id] = task
+        self.bus.publish(TASK, task)
+        return task
+
+    def _get(self, request: pb.TaskRequest) -> pb.Task:
+        if request.id not in self.tasks:
+            raise InvalidInput(f"there is no task {request.id!r}; list them with GET /v1/tasks")
+        return self.tasks[request.id]
+
+    def _cancel(self, request: pb.TaskRequest) -> pb.Task:
+        task = self._get(request)
+        if task.state in ("succeeded", "failed", "cancelled"):
+            raise Conflict(f"task {task.id} has ended ({task.state})")
+        task.state = "cancelled"
+        self.bus.publish(TASK, task)
+        return task
+
+    def _decisions(self, request: pb.TaskRequest) -> pb.DecisionList:
+        self._get(request)
+        return pb.DecisionList(decisions=self.decided)
+
+    def _latch(self, stopped: bool) -> pb.Empty:
+        self.stopped = stopped
+        self.publish_robot()
+        return pb.Empty()
+
+    def _objects(self, _: pb.ObjectsRequest) -> pb.ObjectsReply:
+        self.calls.append("objects")
+        return pb.ObjectsReply(objects=self.found, version=9, gaussians=5120)
+
+    def _snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot:
+        self.calls.append("snapshot")
+        if request.if_newer >= self.map_version:
+            return pb.MapSnapshot(version=self.map_version, unchanged=True)
+        return snapshot(self.map_version, self.pose)
+
+    def _picture(self, request: pb.PictureRequest) -> pb.PictureReply:
+        self.calls.append("picture")
+        if request.layer not in ("occupancy", "pick", "place"):
+            raise InvalidInput(f"no layer {request.layer!r}; there are occupancy, pick, place")
+        side = request.size_px
+        _, png = cv2.imencode(".png", np.full((side, side, 3), 200, np.uint8))
+        return pb.PictureReply(png=png.tobytes(), version=self.map_version)
+
+
+def description() -> pb.RobotDescription:
+    return pb.RobotDescription(
+        name="stretch", footprint_radius_m=0.18, height_m=1.41, camera_height_m=1.31,
+        camera=pb.Pinhole(fx=520, fy=520, cx=319.5, cy=239.5, width=640, height=480),
+        reach_m=0.8, max_depth_m=5.0, can_move=True, can_pick=True, can_place=True, simulated=True,
+    )  # fmt: skip
+
+
+def thing(
+    id: int,
+    name: str,
+    center: tuple[float, float, float],
+    size: tuple[float, float, float],
+    score: float,
+    views: int,
+) -> pb.ObjectInstance:
+    """An instance of the object map with a rectangle for an outline."""
+    (x, y, _), (w, d, _) = center, size
+    outline = [x - w / 2, y - d / 2, x + w / 2, y - d / 2, x + w / 2, y + d / 2, x - w / 2,
+               y + d / 2]  # fmt: skip
+    return pb.ObjectInstance(
+        id=id, class_name=name, center_m=pb.Vector3(x=center[0], y=center[1], z=center[2]),
+        size_m=pb.Vector3(x=size[0], y=size[1], z=size[2]), score=score,
+        class_score=min(score + 0.08, 1.0), uncertainty=0.08, views=views, gaussians=40 * views,
+        probabilities={name: min(score + 0.08, 1.0), "other": max(0.92 - score, 0.0)},
+        top_m=center[2] + size[2] / 2, outline_m=outline, detection_rate=0.8,
+    )  # fmt: skip
+
+
+def decision(index: int) -> pb.Decision:
+    """A global search over two tables and two frontiers."""
+    rows = [
+        ("receptacle", "coffee table 2", (1.7, 1.5), 0.68, 0.74, 1.6, True),
+        ("frontier", "frontier 12", (4.5, 2.9), 0.41, 0.42, 1.5, False),
+        ("frontier", "frontier 15", (2.1, 3.9), 0.22, 0.23, 2.0, False),
+        ("receptacle", "dining table 5", (6.9, 2.4), 0.31, 0.19, 3.8, False),
+    ]
+    candidates = [
+        pb.Candidate(
+            kind=kind, name=name, position_m=pb.Vector3(x=x, y=y), chosen=chosen,
+            terms={"class_score": score, "information_gain": score * 0.4, "distance_m": far,
+                   "total": total},
+        )
+        for kind, name, (x, y), score, total, far, chosen in rows
+    ]  # fmt: skip
+    return pb.Decision(
+        task_id="t1", index=index, phase="find_object", rule="global_search (eq. 10)",
+        candidates=candidates, made_s=1.8e9 + index, context_id="c1",
+        why="coffee table 2 is likely one and may hold the mug: total 0.74 against 0.42 of "
+        "frontier 12",
+        settings={"alpha_cs": 1.0, "alpha_d": 0.001},
+    )  # fmt: skip
+
+
+def snapshot(version: int, pose: tuple[float, float, float]) -> pb.MapSnapshot:
+    """The home as it is known when three of its four rooms have been seen."""
+    rows, columns = round(7 / CELL_M), round(9 / CELL_M)
+    occupancy = np.zeros((rows, columns), np.int8)
+    for x0, y0, x1, y1 in (*WALLS_M, *FURNITURE_M):
+        box = [round(v / CELL_M) for v in (y0, y1, x0, x1)]
+        occupancy[box[0] : box[1], box[2] : box[3]] = 100
+    y, x = (np.mgrid[0:rows, 0:columns] + 0.5) * CELL_M
+    seen = (x < 4.5) | ((y < 3.8) & (x < 8.2))
+    seen &= ~((x < 4.4) & (y > 3.9) & (x + y > 7.8))
+    occupancy[~seen] = -1
+    explored = (seen & (x < 6.4)).astype(np.uint8)
+    pick = np.exp(-((x - 1.7) ** 2 + (y - 1.5) ** 2) / 3) * 0.42 * seen
+    place = np.exp(-((x - 7.2) ** 2 + (y - 0.7) ** 2) / 4) * 0.35 * seen
+    angle = np.linspace(0, 1.6 * math.pi, 60)
+    walked = np.column_stack([2.9 + 0.9 * np.cos(angle) + angle * 0.02, 2.6 + 0.8 * np.sin(angle)])
+    walked = np.vstack([walked, pose[:2]]).astype(np.float32)
+    return pb.MapSnapshot(
+        id=pb.FrameId(robot_boot_id="boot", seq=version), version=version, cell_m=CELL_M,
+        origin_x_m=0.0, origin_y_m=0.0, width=columns, height=rows,
+        occupancy=zlib.compress(occupancy.tobytes()), explored=zlib.compress(explored.tobytes()),
+        values={"pick": zlib.compress(pick.astype("<f2").tobytes()),
+                "place": zlib.compress(place.astype("<f2").tobytes())},
+        frontiers=[
+            pb.Frontier(id=12, x_m=6.4, y_m=2.0, size_m=1.3, reachable=True,
+                        values={"pick": 0.21, "place": 0.33}),
+            pb.Frontier(id=15, x_m=2.1, y_m=5.6, size_m=0.9, reachable=True,
+                        values={"pick": 0.12, "place": 0.05}),
+            pb.Frontier(id=19, x_m=6.7, y_m=3.8, size_m=0.7, reachable=False,
+                        values={"pick": 0.08, "place": 0.11}),
+        ],
+        robot=pb.Pose2(x_m=pose[0], y_m=pose[1], yaw_rad=pose[2]),
+        trajectory_m=walked.ravel().tolist(), context_id="c1",
+        explored_m2=float(explored.sum() * CELL_M**2), occupied_m2=11.2,
+    )  # fmt: skip

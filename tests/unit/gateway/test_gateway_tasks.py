@@ -1,0 +1,183 @@
+"""Tasks over HTTP, and what bad input gets."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+from fastapi.testclient import TestClient
+from gateway_backend import Backend
+from helios_core import proto as pb
+from helios_core.errors import Internal
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import GET_TASK, SUBMIT
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+INSTRUCTION = "Move the mug from the coffee table to the kitchen counter"
+
+
+def is_problem(response, status: int) -> str:
+    """The detail of a well-formed problem."""
+    assert response.status_code == status, response.text
+    assert response.headers["content-type"] == "application/problem+json"
+    body = response.json()
+    assert set(body) == {"type", "title", "status", "detail"}
+    assert body["status"] == status
+    return body["detail"]
+
+
+def test_a_task_is_accepted_watched_and_cancelled(backend: Backend, client: TestClient) -> None:
+    response = client.post("/v1/tasks", json={"instruction": INSTRUCTION})
+    assert response.status_code == 202
+    task = response.json()
+    assert (task["state"], task["instruction"], task["object"]) == ("queued", INSTRUCTION, "mug")
+    assert client.get(f"/v1/tasks/{task['id']}").json() == task
+    assert client.get("/v1/tasks").json() == {"tasks": [task]}
+    assert client.post(f"/v1/tasks/{task['id']}/cancel").json()["state"] == "cancelled"
+    assert "has ended" in is_problem(client.post(f"/v1/tasks/{task['id']}/cancel"), 409)
+
+
+def test_the_newest_task_comes_first(backend: Backend, client: TestClient) -> None:
+    for _ in range(3):
+        client.post("/v1/tasks", json={"instruction": INSTRUCTION})
+    assert [t["id"] for t in client.get("/v1/tasks").json()["tasks"]] == ["t3", "t2", "t1"]
+
+
+def test_phases_before_the_present_one_are_done(backend: Backend, client: TestClient) -> None:
+    client.post("/v1/tasks", json={"instruction": INSTRUCTION})
+    backend.tasks["t1"].state, backend.tasks["t1"].phase = "running", "find_receptacle"
+    phases = client.get("/v1/tasks/t1").json()["phases"]
+    assert [p["name"] for p in phases] == ["find_object", "pick", "find_receptacle", "place"]
+    assert [p["state"] for p in phases] == ["done", "done", "active", "waiting"]
+
+
+def test_an_instruction_that_is_not_understood_says_what_was(
+    backend: Backend, client: TestClient
+) -> None:
+    detail = is_problem(client.post("/v1/tasks", json={"instruction": "dance"}), 400)
+    assert "understood" in detail
+    assert "'dance'" in detail
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        (b"", "required"),
+        (b"{", "JSON"),
+        (b"[1]", "dictionary"),
+        (b'{"instruction": 5}', "instruction: Input should be a valid string"),
+        (b'{"instruction": "  "}', "instruction: the instruction is empty"),
+        (b'{"instruction": "move \\ud800 it"}', "half a character"),
+        (b'{"instruction": "\xff move"}', "body"),
+        (b'{"instruction": "move it", "max_steps": -1}', "max_steps"),
+        (b'{"instruction": "move it", "max_steps": 1e400}', "max_steps"),
+        (b'{"instruction": "move it", "speed": 9}', "speed"),
+        (json.dumps({"instruction": "move " * 2001}).encode(), "10005 characters; send at most"),
+        (b"[" * 50_000, "body"),
+    ],
+)
+def test_a_bad_body_is_a_400_with_the_reason(
+    backend: Backend, client: TestClient, body: bytes, says: str
+) -> None:
+    headers = {"content-type": "application/json"}
+    detail = is_problem(client.post("/v1/tasks", content=body, headers=headers), 400)
+    assert says in detail
+    assert backend.calls == []
+
+
+def test_a_body_above_the_limit_is_refused_unread(backend: Backend, client: TestClient) -> None:
+    big = json.dumps({"instruction": "move " * 20_000}).encode()
+    assert "65536" in is_problem(client.post("/v1/tasks", content=big), 413)
+
+    def pieces():
+        for _ in range(100):
+            yield b"x" * 1024
+
+    is_problem(client.post("/v1/tasks", content=pieces()), 413)
+
+
+def test_another_site_may_not_command(backend: Backend, client: TestClient) -> None:
+    other = {"origin": "https://example.org"}
+    is_problem(client.post("/v1/robot/clear-stop", headers=other), 403)
+    own = {"origin": "http://testserver"}
+    assert client.post("/v1/robot/clear-stop", headers=own).status_code == 200
+
+
+def test_what_is_not_there_is_a_404(backend: Backend, client: TestClient) -> None:
+    for path in ("/v1/tasks/none", "/v1/tasks/none/decisions", "/v1/nothing", "/static/none.js"):
+        is_problem(client.get(path), 404)
+    is_problem(client.post("/v1/tasks/none/cancel"), 404)
+    is_problem(client.delete("/v1/tasks"), 405)
+
+
+def test_a_service_that_is_away_is_a_503_and_a_fault_of_its_own_a_500(
+    hub: MemoryHub, client: TestClient
+) -> None:
+    for path in ("/v1/tasks", "/v1/objects", "/v1/map", "/v1/map/occupancy.png", "/v1/camera.jpg"):
+        is_problem(client.get(path), 503)
+    is_problem(client.post("/v1/robot/stop"), 503)
+
+    def fault(_: pb.SubmitRequest) -> pb.Task:
+        raise Internal("the planner's disk is full")
+
+    MemoryBus(hub).serve(SUBMIT, fault)
+    response = client.post("/v1/tasks", json={"instruction": INSTRUCTION})
+    assert is_problem(response, 500) == "the planner's disk is full"
+
+
+def test_a_late_answer_is_a_504(hub: MemoryHub, backend: Backend, client: TestClient) -> None:
+    from helios_core.errors import DeadlineExceeded
+
+    def late(_: pb.TaskRequest) -> pb.Task:
+        raise DeadlineExceeded("planner/get gave no answer in 5 s")
+
+    MemoryBus(hub).serve(GET_TASK, late)
+    is_problem(client.get("/v1/tasks/t1"), 504)
+
+
+def test_decisions_carry_candidates_with_their_terms(backend: Backend, client: TestClient) -> None:
+    client.post("/v1/tasks", json={"instruction": INSTRUCTION})
+    backend.decide()
+    backend.decided[0].candidates[1].terms["information_gain"] = math.nan
+    backend.decided[0].candidates[1].position_m.z = math.inf
+    response = client.get("/v1/tasks/t1/decisions")
+    [decision] = response.json()["decisions"]
+    assert decision["rule"] == "global_search (eq. 10)"
+    assert [c["chosen"] for c in decision["candidates"]] == [True, False, False, False]
+    assert decision["candidates"][1]["terms"]["information_gain"] is None
+    assert "NaN" not in response.text
+    assert "Infinity" not in response.text
+
+
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(body=st.recursive(
+    st.none() | st.booleans() | st.floats(allow_nan=False) | st.text(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(
+        st.sampled_from(["instruction", "max_steps", "x"]), inner, max_size=3),
+    max_leaves=8))  # fmt: skip
+def test_no_body_makes_a_500(backend: Backend, client: TestClient, body: object) -> None:
+    response = client.post("/v1/tasks", content=json.dumps(body).encode(),
+                           headers={"content-type": "application/json"})  # fmt: skip
+    assert response.status_code in (202, 400)
+
+
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(name=st.text(min_size=1, max_size=30), query=st.text(max_size=10))
+def test_no_address_makes_a_500(
+    backend: Backend, client: TestClient, name: str, query: str
+) -> None:
+    from urllib.parse import quote
+
+    part = quote(name.encode("utf-8", "replace"), safe="")
+    for path in (f"/v1/tasks/{part}", f"/v1/map/value/{part}.png", f"/v1/map/value/{part}.npz"):
+        assert client.get(path).status_code in (200, 404)
+    cells = client.get("/v1/map/cells.png", params={"layer": query.encode("utf-8", "replace")})
+    assert cells.status_code in (200, 404)
+    size = client.get("/v1/map/occupancy.png", params={"size_px": query.encode("utf-8", "replace")})
+    assert size.status_code in (200, 400)
