@@ -13,13 +13,23 @@ class Settings(ServiceSettings):
 
     model_config = service_config("bridge")
 
-    driver: str = Field("sim", description="sim, replay, or package:Class of your own driver")
-    source: Path | None = Field(None, description="what a replay plays: a folder of posed frames")
-    limit: int = Field(0, ge=0, description="frames of a replay; 0: all")
-    stream_hz: float = Field(2.0, ge=0, le=60, description="frames a second while standing; 0: off")
-    lockstep: bool = Field(
-        False, description="send a keyframe when the maps have answered the last"
+    driver: str = Field(
+        default="sim", description="sim, replay, or package:Class of your own driver"
     )
-    ack_timeout_s: float = Field(30.0, gt=0, description="longest wait for a map's answer")
-    lease_s: float = Field(30.0, gt=0, description="a lease ends after this without an action")
-    autoplay: bool = Field(True, description="play a recording by itself once the maps are ready")
+    source: Path | None = Field(
+        default=None, description="what a replay plays: a folder of posed frames"
+    )
+    limit: int = Field(default=0, ge=0, description="frames of a replay; 0: all")
+    stream_hz: float = Field(
+        default=2.0, ge=0, le=60, description="frames a second while standing; 0: off"
+    )
+    lockstep: bool = Field(
+        default=False, description="send a keyframe when the maps have answered the last"
+    )
+    ack_timeout_s: float = Field(default=30.0, gt=0, description="longest wait for a map's answer")
+    lease_s: float = Field(
+        default=30.0, gt=0, description="a lease ends after this without an action"
+    )
+    autoplay: bool = Field(
+        default=True, description="play a recording by itself once the maps are ready"
+    )

@@ -2,7 +2,7 @@
 
     class Settings(ServiceSettings):
         model_config = service_config("map2d")
-        cell_m: float = Field(0.025, description="edge of a cell")
+        cell_m: float = Field(default=0.025, description="edge of a cell")
 
 Flag `--cell-m 0.05`, variable `HELIOS_MAP2D_CELL_M=0.05`, or in the file that `--config FILE` or
 `HELIOS_CONFIG` names: `[map2d]` `cell_m = 0.05`. Nothing else reads the environment.
@@ -48,9 +48,9 @@ class ServiceSettings(BaseSettings):
     config: Path | None = Field(
         default=None, description="TOML file with a table per service; or HELIOS_CONFIG"
     )
-    router: str = Field("tcp/127.0.0.1:7447", description="endpoint of the router")
-    robot: str = Field("robot", description="name of the robot: first part of every key")
-    log_level: str = Field("info", description="debug, info, warning or error")
+    router: str = Field(default="tcp/127.0.0.1:7447", description="endpoint of the router")
+    robot: str = Field(default="robot", description="name of the robot: first part of every key")
+    log_level: str = Field(default="info", description="debug, info, warning or error")
 
     @classmethod
     def service_name(cls) -> str:

@@ -27,14 +27,14 @@ def flat(cells: int) -> NDArray[np.bool_]:
 def plan_fm2(cells: int = 480) -> Row:
     blocked = flat(cells)
     distance = cv2.distanceTransform((~blocked).astype(np.uint8), cv2.DIST_L2, 5) * CELL_M
-    speed = speed_field(distance.astype(np.float32))
-    goal = (cells // 2 + 20, cells // 2 - 40)
+    speed = speed_field(distance.astype(np.float32), 0.35, 0.30, 0.5)
+    goal = np.argwhere(speed == speed.max())[:1]
     phi = np.ones((cells, cells))
-    phi[goal] = -1
-    field = np.ma.MaskedArray(phi, blocked)
+    phi[tuple(goal[0])] = -1
+    field = np.ma.MaskedArray(phi, speed == 0)
     reachable = int(np.isfinite(arrival_time(speed, goal)).sum())
     return compare(
         "plan_fm2", f"{cells}x{cells} cells, {reachable} reachable",
         lambda _: arrival_time(speed, goal), "scikit-fmm",
-        lambda _: skfmm.travel_time(field, np.maximum(speed, 1e-3)), 7,
+        lambda _: skfmm.travel_time(field, np.maximum(speed, 0.05)), 7,
     )  # fmt: skip
