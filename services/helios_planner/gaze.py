@@ -59,9 +59,7 @@ def outline_mask(ground: GroundMap, outline_m: NDArray[np.float64]) -> NDArray[n
     return mask
 
 
-def tilt_towards(
-    distance_m: float, height_m: float, robot: RobotDescription
-) -> float:
+def tilt_towards(distance_m: float, height_m: float, robot: RobotDescription) -> float:
     """Tilt that centres a point at that distance and height, within the head's range."""
     tilt = math.atan2(robot.camera_height_m - height_m, max(distance_m, 0.05))
     low, high = robot.tilt_range_rad
@@ -137,4 +135,8 @@ def _window(
     n = math.ceil(radius_m / ground.cell_m)
     rows, columns = ground.occupancy.shape
     lo = max(0, int(row) - n), max(0, int(column) - n)
-    return *lo, max(lo[0], min(rows, int(row) + n + 1)), max(lo[1], min(columns, int(column) + n + 1))
+    return (
+        *lo,
+        max(lo[0], min(rows, int(row) + n + 1)),
+        max(lo[1], min(columns, int(column) + n + 1)),
+    )

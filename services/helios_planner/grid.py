@@ -85,7 +85,10 @@ class GroundMap:
         if before == after == (0, 0):
             return self
         pad = ((before[0], after[0]), (before[1], after[1]))
-        origin = self.origin_m[0] - before[1] * self.cell_m, self.origin_m[1] - before[0] * self.cell_m
+        origin = (
+            self.origin_m[0] - before[1] * self.cell_m,
+            self.origin_m[1] - before[0] * self.cell_m,
+        )
         return GroundMap(
             np.pad(self.occupancy, pad, constant_values=-1),
             np.pad(self.top_m, pad),

@@ -37,7 +37,9 @@ class Instruction:
 
 # Where a preposition without another hint points: verbs of putting name the goal ("put it on the
 # table"), verbs of taking the start ("grab the cup on the table").
-_PUT = "move bring put place set lay carry transport relocate transfer deliver drop shift return leave"
+_PUT = (
+    "move bring put place set lay carry transport relocate transfer deliver drop shift return leave"
+)
 _TAKE = "take fetch grab get pick collect retrieve remove"
 _FIND = "find locate"
 _TWO_WORDS = {
@@ -46,8 +48,8 @@ _TWO_WORDS = {
     "show me": "find", "hand over": "deliver", "put away": "put", "hand": "deliver",
 }  # fmt: skip
 _GO = ("go", "drive", "navigate", "walk", "head", "come", "travel", "run")
-_VERBS = {v: "put" for v in _PUT.split()} | {v: "take" for v in _TAKE.split()}
-_VERBS |= {v: "find" for v in _FIND.split()} | {v: "go" for v in _GO}
+_VERBS = dict.fromkeys(_PUT.split(), "put") | dict.fromkeys(_TAKE.split(), "take")
+_VERBS |= dict.fromkeys(_FIND.split(), "find") | dict.fromkeys(_GO, "go")
 
 _START_WORDS = (
     "out of", "off of", "from on", "from off", "from inside", "from in", "from within", "from the top of",
@@ -71,7 +73,18 @@ _ARTICLES = (
     r"^(?:one of the|any of the|all of the|the|a|an|my|your|our|his|her|their|this|that|these|those|"
     r"some|any)\s+"
 )
-_PRONOUNS = {"it", "them", "that", "this", "one", "something", "anything", "stuff", "things", "thing"}
+_PRONOUNS = {
+    "it",
+    "them",
+    "that",
+    "this",
+    "one",
+    "something",
+    "anything",
+    "stuff",
+    "things",
+    "thing",
+}
 _PEOPLE = {"me", "us", "him", "her", "them", "you", "here", "there", "somewhere"}
 
 
@@ -209,7 +222,9 @@ def _joined_clauses(rest: str) -> str:
         " to ", rest,
     )  # fmt: skip
     # "find the mug and take it from the table": what is taken is not moved yet.
-    return re.sub(r"[\s,]+(?:and then|and|then)\s+(?:pick|grab|take)\s+(?:it|them)(?: up)?\b", " ", rest)
+    return re.sub(
+        r"[\s,]+(?:and then|and|then)\s+(?:pick|grab|take)\s+(?:it|them)(?: up)?\b", " ", rest
+    )
 
 
 def _phrases(rest: str, weak_is_goal: bool) -> tuple[str, list[str], list[str]]:
@@ -223,9 +238,7 @@ def _phrases(rest: str, weak_is_goal: bool) -> tuple[str, list[str], list[str]]:
     marks = list(re.finditer(rf"(?:^|(?<=\s))(?:{'|'.join(groups)})(?=\s|$)", rest))
     ends = [m.start() for m in marks[1:]] + [len(rest)] * bool(marks)
     thing = rest[: marks[0].start()] if marks else rest
-    found = [
-        (m.lastgroup or "", rest[m.end() : end]) for m, end in zip(marks, ends, strict=True)
-    ]
+    found = [(m.lastgroup or "", rest[m.end() : end]) for m, end in zip(marks, ends, strict=True)]
     starts = [p for g, p in found if g in ("start", "rel")]
     goals = [p for g, p in found if g == "goal"]
     weak = [p for g, p in found if g == "weak"]

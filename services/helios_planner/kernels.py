@@ -9,7 +9,7 @@ UNREACHED = np.float32(1e30)
 
 
 @njit(cache=True, inline="always")
-def _eikonal(t, c, width, slowness):  # noqa: ANN001, ANN202 - numba infers
+def _eikonal(t, c, width, slowness):
     """First-order upwind solution of |grad T| = slowness at flat cell c (Sethian)."""
     a = min(t[c - 1], t[c + 1])
     b = min(t[c - width], t[c + width])
@@ -22,7 +22,7 @@ def _eikonal(t, c, width, slowness):  # noqa: ANN001, ANN202 - numba infers
 
 
 @njit(cache=True)
-def march(speed, sources, arrival, frozen, following, cell_of, head, bucket_width):  # noqa: ANN001, ANN201
+def march(speed, sources, arrival, frozen, following, cell_of, head, bucket_width):
     """Fast marching with a circular bucket queue (Yatziv, Bartesaghi and Sapiro 2006).
 
     speed: float32 [h, w], 0 blocks, border 0; sources: int64 [k] flat; arrival: float32 [h, w] out,
@@ -81,7 +81,7 @@ def march(speed, sources, arrival, frozen, following, cell_of, head, bucket_widt
 
 
 @njit(cache=True)
-def descend(arrival, row, column, out):  # noqa: ANN001, ANN201
+def descend(arrival, row, column, out):
     """Steepest descent over 8 neighbours into out int32 [n, 2]; the number of cells written.
 
     A diagonal step is taken only where both cells beside it were reached too, so that no corner
@@ -112,7 +112,7 @@ def descend(arrival, row, column, out):  # noqa: ANN001, ANN201
 
 
 @njit(cache=True)
-def least_along(field, row0, column0, row1, column1):  # noqa: ANN001, ANN201
+def least_along(field, row0, column0, row1, column1):
     """Smallest value of field [h, w] on the segment between two points in cells (not rounded)."""
     length = np.hypot(row1 - row0, column1 - column0)
     steps = int(length * 2) + 1
@@ -127,7 +127,7 @@ def least_along(field, row0, column0, row1, column1):  # noqa: ANN001, ANN201
 
 
 @njit(cache=True)
-def hidden_along(top_m, row0, column0, z0, row1, column1, z1, near_cells, always_m):  # noqa: ANN001, ANN201
+def hidden_along(top_m, row0, column0, z0, row1, column1, z1, near_cells, always_m):
     """Whether something on the line of sight stands above it, or above always_m.
 
     The last near_cells before the target belong to what is looked at.

@@ -98,9 +98,7 @@ def reach(
     it stands although it is narrow there, never towards narrower ones."""
     ground = ground.padded(robot.x_m, robot.y_m, rules.footprint_m + 0.3)
     marks = np.empty((0, 3)) if marks_m is None else marks_m
-    clear = clearance_m(
-        ground, robot, rules.footprint_m, rules.margin_m, rules.speck_m2, marks
-    )
+    clear = clearance_m(ground, robot, rules.footprint_m, rules.margin_m, rules.speck_m2, marks)
     wanted = rules.footprint_m + rules.margin_m
     row, column = (int(v) for v in ground.cells_of(np.array([robot.xy]))[0])
     required = np.full(clear.shape, wanted, np.float32)

@@ -1,0 +1,224 @@
+"""Driving, turning and looking, with the recoveries that moving needs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from enum import Enum, auto
+
+import numpy as np
+from helios_core.geometry import wrap_angle
+from helios_core.robot import Forward, Observe, Tilt, Turn
+
+from helios_planner.body import Body
+from helios_planner.grid import Pose2
+from helios_planner.motion import (
+    MotionRules,
+    Reach,
+    free_ahead_m,
+    next_primitive,
+    reach,
+    straightened,
+)
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, TaskFailed
+
+NO_MOTION_M = 0.05  # a move forward that gave less met something
+MARK_RADIUS_M = 0.08
+MOST_BLOCKS = 12  # moves without motion in one task before the robot counts as stuck
+ARRIVED_M = 0.12
+
+
+class Outcome(Enum):
+    """How a drive ended."""
+
+    ARRIVED = auto()
+    INTERRUPTED = auto()
+    UNREACHABLE = auto()
+
+
+def never() -> bool:
+    return False
+
+
+class Legs:
+    """Moves a Body over known ground only. Remembers what it felt and could not see."""
+
+    def __init__(self, body: Body, settings: Settings) -> None:
+        robot = body.description
+        self.body, self.settings = body, settings
+        self.rules = MotionRules(
+            footprint_m=robot.footprint_radius_m,
+            margin_m=settings.margins_m[0],
+            saturation_m=settings.saturation_m,
+            speck_m2=settings.speck_m2,
+            min_forward_m=robot.min_forward_m,
+            max_forward_m=robot.max_forward_m,
+            min_turn_rad=robot.min_turn_rad,
+            max_turn_rad=robot.max_turn_rad,
+        )
+        self._marks: list[tuple[float, float, float]] = []
+        self._blocks = 0
+        self._cached: dict[tuple, Reach] = {}
+
+    # --- what can be reached -------------------------------------------------------------------
+    def reach(self, level: int = 0) -> Reach:
+        """Everything reachable now with the margin of that level (0 is the widest)."""
+        ground, robot = self.body.ground(), self.body.pose()
+        key = (ground.version, robot, level, len(self._marks))
+        if key not in self._cached:
+            if len(self._cached) > 8:
+                self._cached.clear()
+            rules = replace(self.rules, margin_m=self.settings.margins_m[level])
+            marks = np.array(self._marks, float).reshape(-1, 3)
+            self._cached[key] = reach(ground, robot, rules, marks)
+        return self._cached[key]
+
+    @property
+    def levels(self) -> range:
+        return range(len(self.settings.margins_m))
+
+    # --- driving -------------------------------------------------------------------------------
+    def go_to(
+        self,
+        goal: Pose2,
+        purpose: str,
+        stop: Callable[[], bool] = never,
+        slip_m: float = 0.3,
+        face: bool = True,
+    ) -> Outcome:
+        """Drive to a pose, looking after every move; `slip_m`: as near as this is near enough when
+        the very place turns out to be taken."""
+        self.tilt(self.settings.travel_tilt_rad)
+        outcome = self._drive(goal, purpose, stop, slip_m)
+        self.body.tell_plan(np.empty((0, 2)), None, "")
+        if outcome is Outcome.ARRIVED and face:
+            self.turn_to(goal.yaw_rad)
+        return outcome
+
+    def _drive(self, goal: Pose2, purpose: str, stop: Callable[[], bool], slip_m: float) -> Outcome:
+        level, looked, turns = 0, False, 0
+        budget = 80 + int(10 * self.body.pose().distance_m(goal.xy))
+        for _ in range(budget):
+            pose = self.body.pose()
+            if pose.distance_m(goal.xy) < ARRIVED_M:
+                return Outcome.ARRIVED
+            reached = self.reach(level)
+            place = reached.nearest(goal.xy, slip_m)
+            if place is None:
+                if level + 1 < len(self.settings.margins_m):
+                    level += 1
+                    continue
+                if not looked and self.look_down_around():
+                    looked, level = True, 0
+                    continue
+                return Outcome.UNREACHABLE
+            route = reached.route_to(place)
+            self.body.tell_plan(straightened(route, reached), goal, purpose)
+            rules = replace(self.rules, margin_m=self.settings.margins_m[level])
+            move = next_primitive(route, reached, rules)
+            if move is None or (isinstance(move, Turn) and turns > 24):
+                if pose.distance_m(place) < ARRIVED_M:
+                    return Outcome.ARRIVED
+                if level + 1 < len(self.settings.margins_m):
+                    level, turns = level + 1, 0
+                    continue
+                if not looked and self.look_down_around():
+                    looked, level, turns = True, 0, 0
+                    continue
+                return Outcome.UNREACHABLE
+            turns = turns + 1 if isinstance(move, Turn) else 0
+            result = self.body.act(move)
+            if isinstance(move, Forward):
+                if result.moved_m < min(NO_MOTION_M, 0.5 * move.distance_m) or result.collided:
+                    self._mark_ahead(pose, result.moved_m)
+                level = 0
+            if stop():
+                return Outcome.INTERRUPTED
+        return Outcome.UNREACHABLE
+
+    def ahead(self, distance_m: float) -> bool:
+        """Move straight ahead if every intermediate position is clear; whether it moved."""
+        rules = replace(self.rules, margin_m=self.settings.margins_m[-1])
+        free_m = free_ahead_m(self.reach(self.levels[-1]), distance_m, rules)
+        if free_m < self.rules.min_forward_m:
+            return False
+        return self.body.act(Forward(free_m)).moved_m > NO_MOTION_M
+
+    def _mark_ahead(self, pose: Pose2, moved_m: float) -> None:
+        """Something unseen is in the way: remember it where the rim met it."""
+        self._blocks += 1
+        if self._blocks > MOST_BLOCKS:
+            raise TaskFailed(
+                Cause.STUCK, f"the robot was told to move {self._blocks} times and did not"
+            )
+        ahead_m = moved_m + self.rules.footprint_m + MARK_RADIUS_M
+        self._marks.append(
+            (
+                pose.x_m + ahead_m * math.cos(pose.yaw_rad),
+                pose.y_m + ahead_m * math.sin(pose.yaw_rad),
+                MARK_RADIUS_M,
+            )
+        )
+
+    # --- turning and looking -------------------------------------------------------------------
+    def turn_to(self, yaw_rad: float) -> None:
+        """Turn on the spot until the heading is within the smallest turn."""
+        for _ in range(16):
+            error = wrap_angle(yaw_rad - self.body.pose().yaw_rad)
+            if abs(error) < self.rules.min_turn_rad:
+                return
+            self.body.act(Turn(float(np.clip(error, -self.rules.max_turn_rad,
+                                             self.rules.max_turn_rad))))  # fmt: skip
+
+    def tilt(self, tilt_rad: float) -> bool:
+        """Point the head; whether that took an action."""
+        low, high = self.body.description.tilt_range_rad
+        wanted = float(np.clip(tilt_rad, low, high))
+        if abs(wanted - self.body.tilt_rad()) < math.radians(2):
+            return False
+        self.body.act(Tilt(wanted))
+        return True
+
+    def look_around(self) -> None:
+        """A full turn; the ground next to the robot is looked at on the way."""
+        self._full_turn(down_only=False)
+
+    def look_down_around(self) -> bool:
+        """Look at the ground next to the robot, all around; False when it is known already."""
+        if not self._near_ground_unknown():
+            return False
+        self._full_turn(down_only=True)
+        self.tilt(self.settings.travel_tilt_rad)
+        return True
+
+    def _full_turn(self, down_only: bool) -> None:
+        camera = self.body.description.camera
+        turns = math.ceil(2 * math.pi / self.rules.max_turn_rad - 1e-6)
+        step = 2 * math.pi / turns
+        apart = max(1, int(0.85 * camera.hfov_rad / step))  # turns between two looks down
+        travel, down = self.settings.travel_tilt_rad, self._down_tilt()
+        both = not down_only and down > travel + math.radians(5)
+        if not self.tilt(down if down_only else travel):
+            self.body.act(Observe())
+        for k in range(turns):
+            if both and k % apart == 0:
+                self.tilt(down)
+                self.tilt(travel)
+            self.body.act(Turn(step))
+
+    def _down_tilt(self) -> float:
+        """Tilt at which the ground at the rim is at the image's lower edge."""
+        robot = self.body.description
+        rim = math.atan2(robot.camera_height_m, robot.footprint_radius_m + 0.05)
+        return float(np.clip(rim - robot.camera.vfov_rad / 2, *robot.tilt_range_rad))
+
+    def _near_ground_unknown(self) -> bool:
+        ground, pose = self.body.ground(), self.body.pose()
+        reach_m = self.rules.footprint_m + 0.7
+        ground = ground.padded(pose.x_m, pose.y_m, reach_m + 0.1)
+        row, column = ground.cells_of(np.array([pose.xy]))[0]
+        n = int(reach_m / ground.cell_m)
+        part = ground.occupancy[row - n : row + n + 1, column - n : column + n + 1]
+        return bool((part < 0).mean() > 0.02)

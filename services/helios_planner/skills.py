@@ -1,0 +1,183 @@
+"""Pick and place: approach, look once more, act, look at what came of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, auto
+
+import numpy as np
+from helios_core.robot import Pick, Place
+from helios_core.types import ObjectInstance
+
+from helios_planner.body import Body
+from helios_planner.gaze import tilt_towards
+from helios_planner.grid import Pose2
+from helios_planner.legs import Legs, Outcome
+from helios_planner.look import nearest_to
+from helios_planner.settings import Settings
+from helios_planner.stand import PlaceRules, Spot, edge_spot, place_spots, stand_for
+from helios_planner.task import Cause, TaskFailed
+
+
+class Done(Enum):
+    """How a skill ended."""
+
+    SUCCEEDED = auto()
+    FAILED = auto()
+    DOUBTED = auto()  # from near it does not look like what it was taken for
+    OUT_OF_REACH = auto()
+
+
+@dataclass
+class Skills:
+    """Acts on one thing at a time. `picks` counts over the whole task."""
+
+    body: Body
+    legs: Legs
+    settings: Settings
+    picks: int = 0
+    last_reason: str = ""
+
+    # --- pick ----------------------------------------------------------------------------------
+    def pick(self, thing: ObjectInstance, class_name: str) -> Done:
+        """Grasp a thing: up to `picks_per_object` attempts, each from another place."""
+        tried: list[tuple[float, float]] = []
+        attempts = 0
+        while attempts < self.settings.picks_per_object:
+            if not self._approach(np.asarray(thing.center_m), tried, f"reach the {class_name}"):
+                return Done.FAILED if attempts else Done.OUT_OF_REACH
+            tried.append(self.body.pose().xy)
+            near = nearest_to(thing.center_m, self.body.objects(class_name), 0.3)
+            if near is None or near.class_score < self.settings.cs_g:
+                return Done.DOUBTED
+            thing = near
+            if self._missing_m(thing.center_m) > 0:
+                continue  # it is further than it was believed to be: another place
+            attempts += 1
+            self._count_pick()
+            x, y, z = (float(v) for v in thing.center_m)
+            result = self.body.act(Pick((x, y, z), class_name))
+            if result.succeeded:
+                self.body.retire(thing.id, np.asarray(thing.center_m), "picked up")
+                return Done.SUCCEEDED
+            self.last_reason = result.reason
+        return Done.FAILED
+
+    def _count_pick(self) -> None:
+        limit = self.settings.max_picks
+        if limit and self.picks >= limit:
+            raise TaskFailed(
+                Cause.PICK_FAILED, f"{self.picks} picks were tried, the limit: {self.last_reason}"
+            )
+        self.picks += 1
+        self.body.tell_picks(self.picks)
+
+    def _approach(
+        self, target_m: np.ndarray, tried: list[tuple[float, float]], purpose: str
+    ) -> bool:
+        """Stand within reach of a point, facing it, the head towards it."""
+        for level in self.legs.levels:
+            stand = stand_for(
+                target_m, self.legs.reach(level), self.body.description, self._reach_m, tried
+            )
+            if stand is None:
+                continue
+            if self._stand_at(stand, target_m, purpose):
+                return True
+            tried.append(stand.xy)
+        return False
+
+    def _stand_at(self, stand: Pose2, target_m: np.ndarray, purpose: str) -> bool:
+        if self.legs.go_to(stand, purpose, slip_m=0.1) is not Outcome.ARRIVED:
+            return False
+        self._face(target_m)
+        if (missing_m := self._missing_m(target_m)) > 0:
+            step_m = max(missing_m + 0.02, self.body.description.min_forward_m)
+            self.legs.ahead(step_m)
+            self._face(target_m)
+        return self._missing_m(target_m) <= 0
+
+    def _face(self, target_m: np.ndarray) -> None:
+        pose = self.body.pose()
+        self.legs.turn_to(pose.yaw_rad + pose.bearing_rad(target_m))
+        distance_m = self.body.pose().distance_m(target_m)
+        self.legs.tilt(tilt_towards(distance_m, float(target_m[2]), self.body.description))
+
+    @property
+    def _reach_m(self) -> float:
+        return self.body.description.reach_m - self.settings.reach_spare_m
+
+    def _missing_m(self, target_m: np.ndarray) -> float:
+        """How much the robot stands too far away; at most 0 when the point is in reach."""
+        spare = self.settings.reach_spare_m / 3
+        return self.body.pose().distance_m(target_m) - self.body.description.reach_m + spare
+
+    # --- place ---------------------------------------------------------------------------------
+    def place(self, receptacle: ObjectInstance, class_name: str) -> Done:
+        """Put the held thing down on a flat part of a receptacle, well inside its edge."""
+        failed: list[tuple[float, float, float]] = []
+        stood = False
+        for _ in range(self.settings.places_per_receptacle):
+            near = nearest_to(receptacle.center_m, self.body.objects(class_name), 0.5)
+            receptacle = near or receptacle
+            spot = self._spot(receptacle, failed)
+            if spot is None:
+                break
+            target = np.array(spot.point_m)
+            if not self._stand_at(spot.stand, target, f"place on the {class_name}"):
+                failed.append(spot.point_m)
+                continue
+            stood = True
+            point = self._point_from_here(receptacle, spot, failed)
+            x, y, z = point
+            result = self.body.act(Place((x, y, z + self.settings.place_drop_m)))
+            if result.succeeded:
+                return Done.SUCCEEDED
+            self.last_reason = result.reason
+            if not self.body.held():
+                raise TaskFailed(Cause.PLACE_MISSED, f"it fell: {result.reason}")
+            failed.append(point)
+        return Done.FAILED if stood else Done.OUT_OF_REACH
+
+    @property
+    def _place_rules(self) -> PlaceRules:
+        return PlaceRules(self.settings.place_inset_m, self.settings.place_flat_m)
+
+    def _spot(
+        self, receptacle: ObjectInstance, failed: list[tuple[float, float, float]]
+    ) -> Spot | None:
+        """The best spot on a surface that was seen; on the second try one without a surface."""
+        for level in self.legs.levels:
+            reached = self.legs.reach(level)
+            for spot in place_spots(receptacle, reached, self._reach_m, self._place_rules):
+                if all(np.hypot(spot.point_m[0] - f[0], spot.point_m[1] - f[1]) > 0.15
+                       for f in failed):  # fmt: skip
+                    return spot
+        here = self.body.pose()
+        for level in self.legs.levels:
+            point = edge_spot(receptacle, here, self.settings.place_inset_m + 0.05)
+            if any(np.hypot(point[0] - f[0], point[1] - f[1]) < 0.15 for f in failed):
+                return None
+            stand = stand_for(point, self.legs.reach(level), self.body.description, self._reach_m)
+            if stand is not None:
+                return Spot(point, stand, 0.0)
+        return None
+
+    def _point_from_here(
+        self, receptacle: ObjectInstance, spot: Spot, failed: list[tuple[float, float, float]]
+    ) -> tuple[float, float, float]:
+        """The point again, now that the surface was seen from near: the best one within reach."""
+        here = self.body.pose()
+        reached = self.legs.reach(self.legs.levels[-1])
+        for better in place_spots(receptacle, reached, self._reach_m, self._place_rules):
+            if (
+                here.distance_m(better.point_m) <= self._reach_m
+                and abs(here.bearing_rad(better.point_m)) < 0.35
+                and better.inset_m >= spot.inset_m - 0.02
+                and all(
+                    np.hypot(better.point_m[0] - f[0], better.point_m[1] - f[1]) > 0.15
+                    for f in failed
+                )  # fmt: skip
+            ):
+                return better.point_m
+        return spot.point_m
