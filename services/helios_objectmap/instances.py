@@ -55,20 +55,24 @@ def relabel(
     n_components = int(component.max(initial=-1)) + 1
     label_of = np.zeros(n_components, np.int32)
     known = former != NO_INSTANCE
-    pairs, counts = np.unique(
-        np.stack([former[known].astype(np.int64), component[known]], axis=1),
-        axis=0,
-        return_counts=True,
-    )
+    labels, parts, counts = count_pairs(former[known], component[known])
     # Most points first; between equal parts the component with the smaller number.
-    by_size = np.lexsort((pairs[:, 1], -counts, pairs[:, 0]))
+    by_size = np.lexsort((parts, -counts, labels))
     heirs: set[int] = set()
-    for label, part in pairs[by_size]:
-        if int(label) not in heirs:
-            heirs.add(int(label))
+    for label, part in zip(labels[by_size].tolist(), parts[by_size].tolist(), strict=True):
+        if label not in heirs:
+            heirs.add(label)
             if label_of[part] == 0:  # labels come in rising order: the first one is the smallest
                 label_of[part] = label
     for part in np.flatnonzero(label_of == 0):
         label_of[part] = next_label
         next_label += 1
     return label_of[component], next_label
+
+
+def count_pairs(
+    a: NDArray[np.integer], b: NDArray[np.integer]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Distinct pairs (a, b) of numbers from 0 to 2^31 - 1, and how often each occurs."""
+    key, counts = np.unique((a.astype(np.int64) << 32) | b, return_counts=True)
+    return key >> 32, key & 0xFFFFFFFF, counts

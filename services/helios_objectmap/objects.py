@@ -12,6 +12,8 @@ from .registry import InstanceRecord
 from .score import score
 
 BELIEVED = 0.5  # Gaussians more likely than not of the class make up an instance's box
+# A pixel on an edge that mixes two depths makes a stray Gaussian; a few must not move the box.
+BOX_QUANTILES = (0.02, 0.98)
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,7 @@ class ObjectInstance:
     center: NDArray[np.float64]  # [3] middle of the box of the believed Gaussians
     size: NDArray[np.float64]  # [3] extent of that box
     box: NDArray[np.float64]  # [2, 3] lowest and highest corner
-    highest_point: NDArray[np.float64]  # [3]
+    highest_point: NDArray[np.float64]  # [3] highest Gaussian in that box
     score: float  # Psi, eq. 7
     class_score: float  # S
     uncertainty: float  # U
@@ -57,7 +59,9 @@ def describe(
     own = class_names.index(record.class_name)
     believed = mean[:, own] > BELIEVED
     points = means[believed if believed.any() else slice(None)].astype(np.float64)
-    box = np.stack([points.min(axis=0), points.max(axis=0)])
+    box = np.quantile(points, BOX_QUANTILES, axis=0)
+    inside = points[((points >= box[0]) & (points <= box[1])).all(axis=1)]
+    top = inside if len(inside) else points
     scored = score(mean[:, own], deviation[:, own], alpha_cs)
     probability = mean.mean(axis=0, dtype=np.float64)
     probabilities = {name: float(p) for name, p in zip(class_names, probability, strict=True)}
@@ -68,7 +72,7 @@ def describe(
         center=box.mean(axis=0),
         size=box[1] - box[0],
         box=box,
-        highest_point=points[np.argmax(points[:, 2])],
+        highest_point=top[np.argmax(top[:, 2])],
         score=scored.psi,
         class_score=scored.class_score,
         uncertainty=scored.uncertainty,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .gaussians import NO_INSTANCE, OTHER, GaussianStore
-from .instances import components, relabel
+from .instances import components, count_pairs, relabel
 
 
 @dataclass
@@ -44,8 +44,8 @@ class InstanceRegistry:
             components(store.means[rows], voxel_m), former, self._next_label
         )
         records: dict[int, InstanceRecord] = {}
-        pairs = np.unique(np.stack([labels, former], axis=1), axis=0)
-        for label, ancestor in pairs.tolist():
+        label_of_pair, former_of_pair, _ = count_pairs(labels, former)
+        for label, ancestor in zip(label_of_pair.tolist(), former_of_pair.tolist(), strict=True):
             record = records.setdefault(label, InstanceRecord(name))
             if ancestor != NO_INSTANCE:
                 record.views |= self.records[ancestor].views

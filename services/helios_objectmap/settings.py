@@ -46,11 +46,12 @@ class ObjectMapSettings(BaseSettings):
     )
     closing_px: int = Field(5, ge=1, description="Holes this small in what is seen again close.")
 
+    # The paper has one observation a step, and its smallest step is 0.1 m or 5 degrees: just below.
     viewpoint_moved_m: float = Field(
-        0.10, gt=0, description="A view counts anew when the camera moved this far, metres."
+        0.08, gt=0, description="A view counts anew when the camera moved this far, metres."
     )
     viewpoint_turned_rad: float = Field(
-        math.radians(10), gt=0, description="A view counts anew when the camera turned this much."
+        math.radians(4), gt=0, description="A view counts anew when the camera turned this much."
     )
 
     object_voxel_m: float = Field(
