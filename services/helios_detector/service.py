@@ -21,6 +21,7 @@ from helios_core.codec.frames import detection_to_proto
 from helios_core.errors import (
     DeadlineExceeded,
     HeliosError,
+    Internal,
     InvalidInput,
     Unavailable,
 )
@@ -146,7 +147,7 @@ class DetectorService:
             return
         try:
             frame = frame_from_proto(message)
-            findings = self._detector.detect(frame, context or SearchContext("", ()))
+            findings = self._detect(frame, context) if context else Findings((), ())
             self._publish_preview(message, frame, findings)
         except HeliosError as error:
             self._refuse("previews_refused", message, error)
@@ -156,6 +157,7 @@ class DetectorService:
 
     # --- what goes out ------------------------------------------------------------------------
     def _detect(self, frame: Frame, context: SearchContext) -> Findings:
+        """Asks again where what the back end needs did not answer; any fault becomes typed."""
         for attempt in range(1, ATTEMPTS + 1):
             try:
                 return self._detector.detect(frame, context)
@@ -164,6 +166,13 @@ class DetectorService:
                 if attempt == ATTEMPTS:
                     raise
                 log.warning("frame %s: %s; asking again", frame.id, error.message)
+            except HeliosError:
+                raise
+            except Exception as error:  # a back end's own fault must not lose the frame silently
+                log.exception("%s failed at frame %s", self._detector.name, frame.id)
+                raise Internal(
+                    f"{self._detector.name} failed ({type(error).__name__}: {error}); see its log"
+                ) from error
         raise AssertionError("not reached")
 
     def _publish_preview(self, message: pb.Frame, frame: Frame, findings: Findings) -> None:

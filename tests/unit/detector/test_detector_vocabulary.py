@@ -1,0 +1,93 @@
+"""Names that are asked for and names that a detector knows."""
+
+import pytest
+from detector_scene import context_of
+from helios_core.errors import InvalidInput
+from helios_core.types import Role, SearchClass, SearchContext
+from helios_detector.coco import COCO_NAMES
+from helios_detector.vocabulary import (
+    accepts,
+    fixed_wanted,
+    near_matches,
+    open_wanted,
+    refuse_unknown,
+)
+
+
+def served(*asked: str) -> dict[str, frozenset[str]]:
+    return {w.name: w.names for w in fixed_wanted(context_of(*asked), COCO_NAMES)[0]}
+
+
+@pytest.mark.parametrize(
+    ("asked", "known"),
+    [
+        ("mug", "cup"), ("Sofa", "couch"), ("television", "tv"), ("TV", "tv"), ("fridge",
+        "refrigerator"), ("coffee table", "dining table"), ("table", "dining table"),
+        ("potted_plant", "potted plant"), ("remote control", "remote"), ("cup", "cup"),
+    ],
+)  # fmt: skip
+def test_asked_name_reaches_the_name_the_detector_knows(asked, known):
+    assert served(asked) == {asked: frozenset({known})}
+
+
+def test_coco_has_80_different_names():
+    assert len(set(COCO_NAMES)) == 80
+
+
+def test_unknown_class_is_refused_with_near_matches():
+    refused = fixed_wanted(context_of("toothpick"), COCO_NAMES)[1]
+    assert "toothbrush" in refused["toothpick"]
+    with pytest.raises(InvalidInput, match="not among the 80 classes"):
+        refuse_unknown(refused)
+
+
+def test_known_and_unknown_classes_are_told_apart():
+    wanted, refused = fixed_wanted(context_of("cup", "unicorn"), COCO_NAMES)
+    assert [w.name for w in wanted] == ["cup"]
+    assert list(refused) == ["unicorn"]
+
+
+def test_a_detectors_name_serves_the_exact_class_and_the_other_is_refused():
+    wanted, refused = fixed_wanted(context_of("coffee table", "dining table"), COCO_NAMES)
+    assert [w.name for w in wanted] == ["dining table"]
+    assert "cannot tell them apart" in refused["coffee table"]
+
+
+def test_mug_and_cup_asked_together_are_refused_for_one_only():
+    wanted, refused = fixed_wanted(context_of("mug", "cup"), COCO_NAMES)
+    assert [w.name for w in wanted] == ["cup"]
+    assert list(refused) == ["mug"]
+
+
+def test_synonyms_of_the_context_are_used():
+    context = SearchContext("c", (SearchClass("beaker", Role.OBJECT, 0.3, ("mug",)),))
+    assert fixed_wanted(context, COCO_NAMES)[0][0].names == frozenset({"cup"})
+    assert "mug" in open_wanted(context)[0].names
+
+
+def test_open_vocabulary_takes_a_kind_for_the_wider_name_and_never_a_neighbour():
+    assert "coffee table" in accepts("table")
+    assert "dining table" not in accepts("coffee table")
+
+
+def test_in_an_open_vocabulary_a_name_asked_for_itself_goes_to_itself():
+    by_name = {w.name: w for w in open_wanted(context_of("table", "coffee table"))}
+    assert "coffee table" not in by_name["table"].names
+    assert "dining table" in by_name["table"].names
+
+
+def test_a_class_in_two_roles_is_one_with_the_lower_threshold_that_keeps_its_surface():
+    context = SearchContext(
+        "c",
+        (
+            SearchClass("table", Role.OBJECT, 0.4),
+            SearchClass("table", Role.GOAL_RECEPTACLE, 0.3),
+        ),
+    )
+    (only,) = open_wanted(context)
+    assert (only.threshold, only.keep_surface, only.is_object) == (0.3, True, True)
+
+
+def test_near_matches_share_words_or_letters():
+    assert near_matches("wine bottle", COCO_NAMES)[:2] == ["bottle", "wine glass"]
+    assert near_matches("qqq", COCO_NAMES) == []
