@@ -213,6 +213,16 @@ class _Model:
     def finish(self, bounds: plan.Rect) -> mujoco.MjSpec:
         """Options and light."""
         spec = self.spec
+        if self._visuals:
+            spec.add_texture(
+                name="outside",
+                type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+                builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+                rgb1=[0.93, 0.94, 0.95],
+                rgb2=[0.93, 0.94, 0.95],
+                width=16,
+                height=96,
+            )
         spec.modelname = "home"
         spec.option.timestep = TIMESTEP_S
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -223,8 +233,8 @@ class _Model:
         spec.stat.center = [(bounds[0] + bounds[2]) / 2, (bounds[1] + bounds[3]) / 2, 1.0]
         spec.visual.map.znear, spec.visual.map.zfar = 0.003, 3.0
         head = spec.visual.headlight
-        head.ambient, head.diffuse, head.specular = [0.42] * 3, [0.22] * 3, [0.08] * 3
-        for direction, strength in (((0.35, 0.25, -1.0), 0.34), ((-0.6, -0.45, -0.5), 0.16)):
+        head.ambient, head.diffuse, head.specular = [0.50] * 3, [0.26] * 3, [0.06] * 3
+        for direction, strength in (((0.35, 0.25, -1.0), 0.34), ((-0.6, -0.45, -0.5), 0.20)):
             light = spec.worldbody.add_light(pos=[0, 0, 4], dir=list(direction))
             light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
             light.castshadow = False

@@ -128,14 +128,14 @@ def window(rng: np.random.Generator, palette: Palette) -> Shape:
         b.box((x, -0.02, height / 2), (0.05, 0.05, height), frame)
     for z in (0.0, height * 0.62, height):
         b.box((0, -0.02, z), (width + 0.05, 0.05, 0.05), frame)
-    b.box((0, -0.06, -0.04), (width + 0.16, 0.14, 0.03), frame, bevel_m=0.006)
+    b.box((0, -0.06, -0.04), (width + 0.02, 0.14, 0.03), frame, bevel_m=0.006)
     cloth = Material(tinted(palette.fabric(rng).rgb, rng), "stripes" if rng.random() < 0.3 else "fabric", 0.02)
     b.tube([(-width / 2 - 0.3, -0.1, height + 0.12), (0, -0.1, height + 0.12), (width / 2 + 0.3, -0.1, height + 0.12)], 0.012, STEEL)
     for side in (-1, 1):
         folds = 5
         for k in range(folds):
             x = side * (width / 2 + 0.02 + 0.05 * k)
-            b.cylinder((x, -0.09 - 0.012 * (k % 2), height / 2 - 0.1), 0.034, height + 0.42, cloth, sides=8)
+            b.cylinder((x, -0.09 - 0.012 * (k % 2), height / 2 - 0.07), 0.034, height + 0.36, cloth, sides=8)
     return b.finish((width + 0.6, 0.15, height), frame)
 
 

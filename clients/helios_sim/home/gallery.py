@@ -44,9 +44,10 @@ class Pictures:
         """The whole home from above, without its ceiling."""
         x0, y0, x1, y1 = self.home.bounds
         camera = mujoco.MjvCamera()
-        camera.lookat = [(x0 + x1) / 2, (y0 + y1) / 2 - 0.2, 0.0]
-        camera.azimuth, camera.elevation = 90.0, -72.0
-        camera.distance = 0.62 * max(x1 - x0, (y1 - y0) * 1.25) / math.tan(math.radians(20)) * 0.77
+        camera.lookat = [(x0 + x1) / 2, (y0 + y1) / 2 + 0.1, 0.8]
+        camera.azimuth, camera.elevation = 90.0, -74.0
+        half = max((x1 - x0) * 3 / 4, y1 - y0) / 2 + 0.4
+        camera.distance = half / math.tan(math.radians(20)) + 1.2
         return self._render(camera, 40.0, ceiling=False)
 
     def at_eye_level(self, x: float, y: float, yaw_rad: float) -> Image:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from helios_core.errors import Internal, InvalidInput
 from helios_sim.home import assembly, freespace, plan, recipes
 from helios_sim.home.clutter import Clutter
 from helios_sim.home.freespace import CELL_M
@@ -35,14 +36,16 @@ def generate_home(seed: int, preset: HomePreset) -> Home:
     """The home of a seed. The same seed and preset give the same home in every process.
 
     Draws until a home meets the preset's counts, everything stands firm, and every object and
-    receptacle can be seen and reached. RuntimeError if that fails, which no seed should cause.
+    receptacle can be seen and reached. InvalidInput for a negative seed, Internal if no draw will do.
     """
+    if seed < 0:
+        raise InvalidInput(f"seed {seed} came; a seed of 0 or more is wanted")
     for attempt in range(_ATTEMPTS):
         rng = np.random.default_rng([zlib.crc32(preset.name.encode()), seed, attempt])
         home = _draw(rng, seed, preset)
         if home is not None:
             return home
-    raise RuntimeError(
+    raise Internal(
         f"no home for seed {seed} of preset {preset.name!r} in {_ATTEMPTS} draws; "
         "take another seed, or loosen the preset's counts"
     )

@@ -166,5 +166,5 @@ def wall_caps(pieces: Sequence[plan.WallPiece]) -> Visual:
     for piece in pieces:
         half = piece.half_extent_xy
         box = meshes.box((2 * half[0], 2 * half[1], 0.02))
-        caps.append(meshes.transformed(box, np.eye(3), (*piece.center_xy, piece.z1_m - 0.009)))
+        caps.append(meshes.transformed(box, np.eye(3), (*piece.center_xy, piece.z1_m + 0.011)))
     return Visual(meshes.merge(caps), CAP)

@@ -64,7 +64,7 @@ def _plaster(rng: np.random.Generator) -> Image:
 
 
 def _ceramic(rng: np.random.Generator) -> Image:
-    return _grey(0.95 + 0.02 * smooth_noise(rng, (64, 64), (8, 8)))
+    return _grey(0.96 + 0.006 * smooth_noise(rng, (64, 64), (8, 8)))
 
 
 def _speckle(rng: np.random.Generator) -> Image:
