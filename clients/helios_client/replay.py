@@ -148,7 +148,8 @@ def _settle(supervisor: Supervisor, seconds: float) -> None:
 def _trouble(supervisor: Supervisor, board: Board) -> str:
     """What a service says that cannot go on; empty when all is well."""
     for row in board.rows(supervisor.table()):
-        if row.state == "degraded":
+        # A detector waits for nothing but its model; what others wait for is still to come.
+        if row.state == "degraded" or (row.name == "detector" and row.state == "waiting"):
             return f"{row.name}: {row.reason}"
     return ""
 

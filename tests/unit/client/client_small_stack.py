@@ -1,0 +1,56 @@
+"""`helios up` with a real router and one small service: `client_small_stack.py PORT DIR`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from helios_client.processes import ProcessSpec
+from helios_client.stack import Stack, free_port
+from helios_client.up import up
+from helios_core.bus import Bus
+from helios_core.errors import HeliosError
+from helios_core.health import Health
+from helios_core.service import run_service
+from helios_core.settings import ServiceSettings
+from rich.console import Console
+
+
+class Small:
+    """A service that does nothing but be ready."""
+
+    def __init__(self, bus: Bus, health: Health) -> None:
+        health.ready()
+
+    def close(self) -> None:
+        return
+
+
+class SmallStack(Stack):
+    """The router, and services that need nothing else."""
+
+    def specs(self) -> tuple[ProcessSpec, ...]:
+        router, *_ = super().specs()
+        flags = ("--router", self.router)
+        bad = ("--no-such-flag",) if self.preset == "wrong" else ()
+        return router, *(
+            ProcessSpec(name, (sys.executable, __file__, "service", name, *flags, *bad))
+            for name in ("map2d", "gateway")
+        )
+
+
+def main() -> int:
+    if sys.argv[1] == "service":
+        return run_service(sys.argv[2], ServiceSettings.load(sys.argv[3:]), Small)
+    port, folder, preset = int(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
+    stack = SmallStack("sim", free_port(), folder, port=port, preset=preset)
+    try:
+        up(stack, Console(width=200))
+    except HeliosError as error:
+        print(error.message, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

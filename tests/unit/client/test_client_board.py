@@ -1,0 +1,83 @@
+"""How a service is, from what the supervisor and the service itself say."""
+
+from __future__ import annotations
+
+from helios_client.board import SILENT_S, Board, ServiceRow, as_json, is_ready
+from helios_client.link import supervisor_status
+from helios_client.supervisor import ProcessInfo, State
+from helios_core import proto as pb
+
+
+class Clock:
+    now_s = 0.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def running(name: str = "map2d", pid: int = 7, restarts: int = 0, reason: str = "") -> ProcessInfo:
+    return ProcessInfo(name, pid, restarts, State.RUNNING, reason)
+
+
+def row(board: Board, info: ProcessInfo) -> ServiceRow:
+    return board.rows([info])[0]
+
+
+def test_a_process_that_has_not_spoken_is_starting() -> None:
+    assert row(Board(), running()).state == "starting"
+
+
+def test_a_service_is_what_it_says() -> None:
+    board = Board()
+    board.note(pb.ServiceStatus(service="map2d", pid=7, state="waiting", reason="for a frame"))
+    assert row(board, running()) == ServiceRow("map2d", "waiting", "for a frame", 0, 7)
+
+
+def test_the_word_of_an_earlier_process_does_not_count() -> None:
+    board = Board()
+    board.note(pb.ServiceStatus(service="map2d", pid=6, state="ready"))
+    assert row(board, running()).state == "starting"
+
+
+def test_a_restart_is_told_with_its_reason() -> None:
+    board = Board()
+    board.note(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
+    told = row(board, running(restarts=1, reason="ended by SIGKILL"))
+    assert (told.state, told.restarts) == ("ready", 1)
+    assert "ended by SIGKILL" in told.reason
+
+
+def test_a_silent_service_is_degraded() -> None:
+    clock = Clock()
+    board = Board(clock)
+    board.note(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
+    clock.now_s = SILENT_S + 1
+    assert row(board, running()).state == "degraded"
+
+
+def test_a_process_that_is_down_is_so_whatever_it_said() -> None:
+    board = Board()
+    board.note(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
+    down = row(board, ProcessInfo("map2d", 0, 3, State.RESTARTING, "no model"))
+    assert (down.state, down.reason, down.pid) == ("restarting", "no model", 0)
+
+
+def test_a_running_router_is_ready() -> None:
+    assert row(Board(), running("router")).state == "ready"
+
+
+def test_all_is_ready_when_every_service_is() -> None:
+    ready, starting = ServiceRow("a", "ready", "", 0, 1), ServiceRow("b", "starting", "", 0, 2)
+    assert is_ready([ready])
+    assert not is_ready([ready, starting])
+    assert not is_ready([])
+    assert as_json([ready])["services"] == [
+        {"name": "a", "state": "ready", "reason": "", "restarts": 0, "pid": 1}
+    ]
+
+
+def test_the_table_goes_over_the_bus_whole() -> None:
+    message = supervisor_status([running(restarts=2, reason="why")])
+    (process,) = pb.SupervisorStatus.FromString(message.SerializeToString()).processes
+    assert (process.name, process.pid, process.restarts) == ("map2d", 7, 2)
+    assert (process.state, process.reason) == ("running", "why")

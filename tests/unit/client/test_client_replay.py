@@ -1,0 +1,90 @@
+"""What a replay counts and writes."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helios_client.board import Board
+from helios_client.replay_results import collect, stage_medians_ms
+from helios_client.replay_tally import PARTS, Tally
+from helios_core import proto as pb
+from helios_core.errors import Unavailable
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import MAP2D_ACK, OBJECTMAP_ACK, OBJECTS, PICTURE, ROBOT_STATE, SNAPSHOT
+
+
+def ack(part: str, seq: int, accepted: bool = True, update_ms: float = 5.0) -> pb.Ack:
+    return pb.Ack(
+        service="objectmap" if part == "objects" else "map2d", part=part,
+        id=pb.FrameId(robot_boot_id="b", seq=seq), accepted=accepted, update_ms=update_ms,
+        reason="" if accepted else "another search context",
+    )  # fmt: skip
+
+
+def test_a_frame_counts_when_all_parts_have_answered() -> None:
+    tally = Tally()
+    for part in PARTS[:-1]:
+        tally.note_ack(ack(part, 1))
+    assert tally.frames == 0
+    tally.note_ack(ack(PARTS[-1], 1))
+    tally.note_ack(ack(PARTS[-1], 1))
+    assert tally.frames == 1
+
+
+def test_refusals_are_counted_with_their_reason_and_not_timed() -> None:
+    tally = Tally()
+    tally.note_ack(ack("objects", 1, accepted=False, update_ms=99))
+    assert tally.refusals == {"objectmap: another search context": 1}
+    assert tally.median_ms() == {}
+
+
+def test_stages_are_medians_of_answers_and_of_what_services_report() -> None:
+    tally, board = Tally(), Board()
+    for seq, ms in enumerate((1.0, 9.0, 2.0)):
+        tally.note_ack(ack("occupancy", seq, update_ms=ms))
+    metrics = {"detect_ms_median": 31.5, "keyframes": 3.0}
+    board.note(pb.ServiceStatus(service="detector", state="ready", metrics=metrics))
+    stages = stage_medians_ms(tally, board)
+    assert (stages["occupancy"], stages["detect"]) == (2.0, 31.5)
+    assert "keyframes" not in stages
+
+
+def test_results_are_asked_for_and_written(tmp_path: Path) -> None:
+    hub = MemoryHub()
+    maps, client = MemoryBus(hub, "robot"), MemoryBus(hub, "robot")
+    cup = pb.ObjectInstance(id=3, class_name="cup", center_m=pb.Vector3(x=1.8, y=0.7, z=0.8),
+                            score=0.6, probabilities={"cup": 0.8, "other": 0.2})  # fmt: skip
+    worse = pb.ObjectInstance(id=2, class_name="cup", score=0.1)
+    cells = np.array([[0, 100, -1]], np.int8)
+    snapshot = pb.MapSnapshot(version=4, cell_m=0.05, width=3, height=1,
+                              occupancy=zlib.compress(cells.tobytes()))  # fmt: skip
+    maps.serve(OBJECTS, lambda _: pb.ObjectsReply(objects=[worse, cup]))
+    maps.serve(PICTURE, lambda request: pb.PictureReply(png=request.layer.encode()))
+    maps.serve(SNAPSHOT, lambda _: snapshot)
+    tally = Tally()
+    tally.listen(client)
+    for part, topic in (
+        ("occupancy", MAP2D_ACK), ("value", MAP2D_ACK), ("objects", OBJECTMAP_ACK)
+    ):  # fmt: skip
+        maps.publish(topic, ack(part, 1))
+    maps.publish(ROBOT_STATE, pb.RobotState(finished=True))
+    assert tally.finished
+    collect(client, tally, Board(), frames=1, wall_s=2.5).write(tmp_path)
+    objects = json.loads((tmp_path / "objects.json").read_text())
+    assert [o["id"] for o in objects] == [3, 2]
+    assert objects[0]["class"] == "cup"
+    assert objects[0]["probabilities"] == {"cup": 0.8, "other": 0.2}
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["frames"], summary["keyframes"], summary["wall_s"]) == (1, 1, 2.5)
+    assert summary["ms_per_frame"]["value"] == 5.0
+    np.testing.assert_array_equal(np.load(tmp_path / "occupancy.npz")["occupancy"], cells)
+    assert (tmp_path / "occupancy.png").read_bytes() == b"occupancy"
+
+
+def test_a_map_that_is_not_there_is_an_error() -> None:
+    with pytest.raises(Unavailable):
+        collect(MemoryBus(MemoryHub(), "robot"), Tally(), Board(), 1, 1.0)

@@ -1,0 +1,161 @@
+"""The SDK against answers as the gateway gives them."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from helios_client.sdk import Helios, parse_events
+from helios_client.task_view import panel, run_task
+from helios_client.tasks import Event, Task
+from helios_core.errors import (
+    Conflict,
+    DeadlineExceeded,
+    HeliosError,
+    Internal,
+    InvalidInput,
+    Unavailable,
+)
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from tests.support import free_port
+
+Answer = Callable[[httpx.Request], httpx.Response]
+
+
+def helios(answer: Answer) -> Helios:
+    return Helios("http://robot", transport=httpx.MockTransport(answer))
+
+
+def task_json(**changes: Any) -> dict[str, Any]:
+    task = {"id": "t1", "instruction": "move it", "state": "running", "phase": "pick",
+            "message": "drives to the mug", "steps": 3, "max_steps": 10, "progress": 0.4,
+            "started_s": None, "something_new": 1}  # fmt: skip
+    return task | changes
+
+
+def test_submit_sends_the_instruction_and_gives_the_task() -> None:
+    def answer(request: httpx.Request) -> httpx.Response:
+        assert (request.method, request.url.path) == ("POST", "/v1/tasks")
+        assert json.loads(request.content) == {"instruction": "move it", "max_steps": 9}
+        return httpx.Response(202, json=task_json(state="queued"))
+
+    task = helios(answer).submit("move it", max_steps=9)
+    assert (task.id, task.state, task.started_s) == ("t1", "queued", 0.0)
+    assert task.raw["something_new"] == 1
+
+
+@pytest.mark.parametrize(
+    ("status", "kind"),
+    [(400, InvalidInput), (404, InvalidInput), (409, Conflict), (503, Unavailable),
+     (504, DeadlineExceeded), (500, Internal)],
+)  # fmt: skip
+def test_a_problem_is_a_typed_error_with_its_sentence(
+    status: int, kind: type[HeliosError]
+) -> None:
+    problem = {"type": "helios:x", "title": "x", "status": status, "detail": "say what to move"}
+    with pytest.raises(kind, match="say what to move"):
+        helios(lambda _: httpx.Response(status, json=problem)).task("t1")
+
+
+def test_an_answer_that_is_no_problem_still_is_an_error() -> None:
+    with pytest.raises(Internal, match="502"):
+        helios(lambda _: httpx.Response(502, text="<html>")).task("t1")
+    with pytest.raises(Internal, match="no JSON"):
+        helios(lambda _: httpx.Response(200, text="<html>")).task("t1")
+
+
+def test_where_nobody_listens_is_said() -> None:
+    with (
+        Helios(f"http://127.0.0.1:{free_port()}") as client,
+        pytest.raises(Unavailable, match="helios up"),
+    ):
+        client.tasks()
+
+
+def test_a_strange_task_id_cannot_reach_another_address() -> None:
+    seen: list[str] = []
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        seen.append(request.url.raw_path.decode())
+        return httpx.Response(200, json=task_json())
+
+    helios(answer).cancel("../robot/stop?x=")
+    assert seen == ["/v1/tasks/..%2Frobot%2Fstop%3Fx%3D/cancel"]
+
+
+def test_wait_outlives_a_gateway_that_is_restarted() -> None:
+    answers = iter([
+        httpx.Response(200, json=task_json()),
+        httpx.Response(503, json={"detail": "starting"}),
+        httpx.Response(200, json=task_json(state="succeeded", message="done")),
+    ])  # fmt: skip
+    heard: list[str] = []
+    ended = helios(lambda _: next(answers)).wait("t1", 30, lambda t: heard.append(t.state))
+    assert ended.succeeded
+    assert heard == ["running", "succeeded"]
+
+
+def test_wait_ends_at_its_deadline() -> None:
+    with pytest.raises(DeadlineExceeded, match="still running"):
+        helios(lambda _: httpx.Response(200, json=task_json())).wait("t1", 0.0)
+
+
+def test_map_arrays_come_as_arrays() -> None:
+    stream = io.BytesIO()
+    np.savez_compressed(stream, occupancy=np.array([[0, 100], [-1, 0]], np.int8))
+    arrays = helios(lambda _: httpx.Response(200, content=stream.getvalue())).occupancy()
+    np.testing.assert_array_equal(arrays["occupancy"], [[0, 100], [-1, 0]])
+
+
+def test_objects_carry_their_class() -> None:
+    answer = {"objects": [{"id": 4, "class": "cup", "center_m": [1, 2, 0.8], "score": None}]}
+    (found,) = helios(lambda _: httpx.Response(200, json=answer)).objects()
+    assert (found.id, found.class_name, found.center_m, found.score) == (4, "cup", [1, 2, 0.8], 0.0)
+
+
+def test_events_are_parsed_and_signs_of_life_skipped() -> None:
+    text = ': still here\n\nid: b-1\nevent: task\ndata: {"id": "t1"}\n\nevent: x\ndata: no JSON\n\n'
+    events = helios(lambda _: httpx.Response(200, text=text)).events()
+    assert list(events) == [Event("task", {"id": "t1"}, "b-1")]
+
+
+@given(st.lists(st.text(alphabet=st.characters(exclude_characters="\n\r"))))
+def test_no_line_breaks_the_event_parser(lines: list[str]) -> None:
+    list(parse_events(lines))
+
+
+@given(st.dictionaries(st.text(), st.integers() | st.text()))
+def test_events_round_trip(data: dict[str, Any]) -> None:
+    lines = ["id: 7", "event: map", f"data: {json.dumps(data)}", ""]
+    assert list(parse_events(lines)) == [Event("map", data, "7")]
+
+
+def test_watching_without_a_terminal_prints_each_change_once() -> None:
+    answers = iter([
+        httpx.Response(202, json=task_json(state="queued")),
+        httpx.Response(200, json=task_json()),
+        httpx.Response(200, json=task_json(steps=4)),
+        httpx.Response(200, json=task_json(state="failed", message="no [mug] found")),
+    ])  # fmt: skip
+    out = io.StringIO()
+    console = Console(file=out, width=100)
+    ended = run_task(helios(lambda _: next(answers)), "move it", 30, console)
+    assert ended.state == "failed"
+    assert out.getvalue().count("drives to the mug") == 1
+    assert "no [mug] found" in out.getvalue()
+
+
+def test_the_live_view_says_phase_what_is_sought_and_why() -> None:
+    out = io.StringIO()
+    task = Task(state="running", phase="find_object", seeking="mug [red]", progress=0.5, steps=3)
+    Console(file=out, width=100).print(panel(task, "the sofa scores best"))
+    for words in ("find object", "mug [red]", "the sofa scores best"):
+        assert words in out.getvalue()

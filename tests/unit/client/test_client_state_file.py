@@ -1,0 +1,77 @@
+"""`supervisor.json` and the lock of the state directory."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from helios_client import state_file
+
+STATUS = {"ready": True, "services": []}
+
+
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    state_file.write([tmp_path / "a", tmp_path / "b"], STATUS)
+    for folder in ("a", "b"):
+        read = state_file.read(tmp_path / folder)
+        assert read is not None
+        assert read["ready"] is True
+        assert read["supervisor_pid"] == os.getpid()
+
+
+def test_a_reader_never_sees_half_a_file(tmp_path: Path) -> None:
+    ending = threading.Event()
+
+    def write() -> None:
+        while not ending.is_set():
+            state_file.write([tmp_path], {"ready": True, "services": ["x" * 200_000]})
+
+    state_file.write([tmp_path], STATUS)
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        for _ in range(100):
+            assert json.loads((tmp_path / state_file.FILE_NAME).read_text())["ready"] is True
+    finally:
+        ending.set()
+        writer.join()
+
+
+def test_the_file_of_a_supervisor_that_is_gone_does_not_count(tmp_path: Path) -> None:
+    gone = subprocess.Popen(["true"])
+    gone.wait()
+    text = json.dumps(STATUS | {"supervisor_pid": gone.pid, "updated_s": time.time()})
+    (tmp_path / state_file.FILE_NAME).write_text(text)
+    assert state_file.read(tmp_path) is None
+
+
+def test_an_old_file_does_not_count(tmp_path: Path) -> None:
+    old = time.time() - state_file.STALE_S - 1
+    text = json.dumps(STATUS | {"supervisor_pid": os.getpid(), "updated_s": old})
+    (tmp_path / state_file.FILE_NAME).write_text(text)
+    assert state_file.read(tmp_path) is None
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"updated_s": "x"}'])
+def test_a_corrupt_file_does_not_count(tmp_path: Path, text: str) -> None:
+    (tmp_path / state_file.FILE_NAME).write_text(text)
+    assert state_file.read(tmp_path) is None
+
+
+def test_a_directory_is_held_by_one(tmp_path: Path) -> None:
+    with state_file.lock(tmp_path), pytest.raises(state_file.InUse):
+        state_file.lock(tmp_path)
+    state_file.lock(tmp_path).close()
+
+
+def test_the_default_directory_is_by_port(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    assert state_file.default_state_dir(8080) == tmp_path / "helios" / "8080"
+    monkeypatch.delenv("XDG_STATE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert state_file.default_state_dir(1) == tmp_path / ".local" / "state" / "helios" / "1"

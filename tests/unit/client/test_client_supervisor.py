@@ -1,0 +1,194 @@
+"""The supervisor with tiny real processes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from helios_client.processes import ProcessSpec
+from helios_client.supervisor import STEADY_S, State, Supervisor, restart_delay_s
+
+from tests.support import wait_until
+
+STAY = "import time; time.sleep(60)"
+STUBBORN = (
+    "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
+    "print('deaf', flush=True); time.sleep(60)"
+)
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+class Bench:
+    """Makes supervisors and stops what is left of them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.clock = folder, Clock()
+        self._made: list[Supervisor] = []
+
+    def __call__(self, *programs: str, restart: bool = True) -> Supervisor:
+        specs = [
+            ProcessSpec(f"p{i}", (sys.executable, "-c", code)) for i, code in enumerate(programs)
+        ]
+        self._made.append(Supervisor(specs, self.folder, restart, self.clock))
+        return self._made[-1]
+
+    def close(self) -> None:
+        for supervisor in self._made:
+            supervisor.stop()
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    bench = Bench(tmp_path)
+    yield bench
+    bench.close()
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2][0] != "Z"
+
+
+def wait_for_ending(supervisor: Supervisor) -> None:
+    wait_until(supervisor.check, 10, "a process ended")
+
+
+def test_a_killed_process_is_started_again_at_once(bench: Bench) -> None:
+    supervisor = bench(STAY)
+    supervisor.start()
+    first = supervisor.table()[0]
+    os.kill(first.pid, signal.SIGKILL)
+    wait_for_ending(supervisor)
+    again = supervisor.table()[0]
+    assert (again.state, again.restarts, again.reason) == (State.RUNNING, 1, "ended by SIGKILL")
+    assert again.pid != first.pid
+    assert is_alive(again.pid)
+
+
+def test_the_first_restart_is_at_once_and_later_ones_wait_up_to_5_s() -> None:
+    delays = [restart_delay_s(n) for n in range(1, 20)]
+    assert delays[0] == 0
+    assert delays == sorted(delays)
+    assert delays[-1] == 5
+
+
+def test_a_process_that_keeps_failing_is_started_less_and_less_often(bench: Bench) -> None:
+    supervisor = bench("import sys; print('no model at x'); sys.exit(1)")
+    supervisor.start()
+    wait_for_ending(supervisor)  # the first restart comes in the same check
+    assert supervisor.table()[0].state is State.RUNNING
+    for failures in (2, 3, 4):
+        wait_for_ending(supervisor)
+        row = supervisor.table()[0]
+        assert (row.state, row.pid, row.reason) == (State.RESTARTING, 0, "no model at x")
+        bench.clock.now_s += restart_delay_s(failures) - 0.01
+        supervisor.check()
+        assert supervisor.table()[0].state is State.RESTARTING
+        bench.clock.now_s += 0.02
+        supervisor.check()
+        assert supervisor.table()[0].restarts == failures
+
+
+def test_a_process_that_ran_steadily_is_forgiven(bench: Bench) -> None:
+    supervisor = bench(STAY)
+    supervisor.start()
+    for restarts in range(1, 5):
+        bench.clock.now_s += STEADY_S + 1
+        os.kill(supervisor.table()[0].pid, signal.SIGKILL)
+        wait_for_ending(supervisor)
+        assert supervisor.table()[0].restarts == restarts
+        assert supervisor.table()[0].state is State.RUNNING
+
+
+def test_wrong_use_is_reported_and_not_repeated(bench: Bench) -> None:
+    supervisor = bench("import sys; print('wrong setting: seed', file=sys.stderr); sys.exit(2)")
+    supervisor.start()
+    wait_for_ending(supervisor)
+    bench.clock.now_s += 60
+    assert supervisor.check() == ()
+    row = supervisor.table()[0]
+    assert (row.state, row.restarts, row.reason) == (State.STOPPED, 0, "wrong setting: seed")
+
+
+def test_without_restart_an_ended_process_stays_down(bench: Bench) -> None:
+    supervisor = bench("print('done')", restart=False)
+    supervisor.start()
+    wait_for_ending(supervisor)
+    assert supervisor.table()[0].state is State.STOPPED
+
+
+def test_the_reason_is_of_this_start_and_not_of_an_earlier_one(bench: Bench) -> None:
+    (bench.folder / "p0.log").write_text("an old complaint\n")
+    supervisor = bench("import sys; sys.exit(3)", restart=False)
+    supervisor.start()
+    wait_for_ending(supervisor)
+    assert supervisor.table()[0].reason == "ended with status 3"
+
+
+def test_stop_ends_also_what_ignores_it_and_its_children(bench: Bench) -> None:
+    parent = (
+        "import subprocess, sys; p = subprocess.Popen([sys.executable, '-c', "
+        f"{STUBBORN!r}]); print(p.pid, flush=True); p.wait()"
+    )
+    supervisor = bench(STAY, STUBBORN, parent)
+    supervisor.start()
+    logs = [bench.folder / "p1.log", bench.folder / "p2.log"]
+    wait_until(
+        lambda: all("deaf" in log.read_text() for log in logs if log.exists()), 10, "they started"
+    )
+    pids = [row.pid for row in supervisor.table()]
+    pids.append(int(logs[1].read_text().split()[0]))
+    supervisor.stop()
+    wait_until(lambda: not any(map(is_alive, pids)), 5, "all are gone")
+    assert {row.state for row in supervisor.table()} == {State.STOPPED}
+    assert supervisor.check() == ()
+
+
+def test_what_others_need_while_they_end_ends_last(bench: Bench) -> None:
+    tell = (
+        "import signal, sys, time\n"
+        "def end(*_):\n"
+        "    time.sleep(float(sys.argv[2]))\n"
+        "    open(sys.argv[1], 'a').write(sys.argv[3]); sys.exit()\n"
+        "signal.signal(signal.SIGTERM, end); print('up', flush=True); time.sleep(60)"
+    )
+    order = bench.folder / "order"
+    supervisor = Supervisor(
+        [
+            ProcessSpec(
+                name, (sys.executable, "-c", tell, str(order), pause, name), ends_last=last
+            )
+            for name, pause, last in (("router", "0", True), ("service", "0.3", False))
+        ],
+        bench.folder,
+    )
+    supervisor.start()
+    logs = [bench.folder / "router.log", bench.folder / "service.log"]
+    wait_until(lambda: all(log.read_text() for log in logs), 10, "both listen for signals")
+    supervisor.stop()
+    assert order.read_text() == "servicerouter"
+
+
+def test_a_program_that_is_not_there_leaves_nothing_running(bench: Bench) -> None:
+    specs = [
+        ProcessSpec("good", (sys.executable, "-c", STAY)),
+        ProcessSpec("bad", ("/no/such/program",)),
+    ]
+    supervisor = Supervisor(specs, bench.folder)
+    with pytest.raises(FileNotFoundError):
+        supervisor.start()
+    assert all(row.pid == 0 for row in supervisor.table())

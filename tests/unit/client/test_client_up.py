@@ -1,0 +1,120 @@
+"""`helios up` over a real router with services that do nothing."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+from helios_client import state_file
+
+from tests.support import free_port, wait_until
+
+PROGRAM = Path(__file__).with_name("client_small_stack.py")
+
+
+class Up:
+    """A running `helios up`."""
+
+    def __init__(self, folder: Path, preset: str = "demo-v1") -> None:
+        self.folder, self.port = folder, free_port()
+        self.process = subprocess.Popen(
+            [sys.executable, str(PROGRAM), str(self.port), str(folder / "state"), preset],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            env=os.environ | {"XDG_STATE_HOME": str(folder / "home")},
+        )  # fmt: skip
+        self.children: set[psutil.Process] = set()
+
+    def status(self) -> dict[str, Any]:
+        """As `helios status` reads it; nothing yet is an empty list of services."""
+        return state_file.read(self.folder / "state") or {"ready": False, "services": []}
+
+    def wait_ready(self) -> None:
+        wait_until(lambda: self.status()["ready"], 20, "all services are ready")
+        self.children |= set(psutil.Process(self.process.pid).children(recursive=True))
+
+    def service(self, name: str) -> dict[str, Any]:
+        return next(s for s in self.status()["services"] if s["name"] == name)
+
+    def nothing_left(self) -> bool:
+        return not any(
+            c.is_running() and c.status() != psutil.STATUS_ZOMBIE for c in self.children
+        )
+
+    def close(self) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.communicate()
+
+
+@pytest.fixture
+def up(tmp_path: Path) -> Iterator[Up]:
+    up = Up(tmp_path)
+    yield up
+    up.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_signal_ends_all_and_leaves_nothing(up: Up, number: signal.Signals) -> None:
+    up.wait_ready()
+    up.process.send_signal(number)
+    out, error = up.process.communicate(timeout=10)
+    assert (up.process.returncode, error) == (0, "")
+    assert f"dashboard at http://127.0.0.1:{up.port}" in out
+    assert up.nothing_left()
+    assert up.status()["services"] == []
+
+
+def test_a_killed_service_comes_back_and_this_is_said(up: Up) -> None:
+    up.wait_ready()
+    before = up.service("gateway")["pid"]
+    os.kill(before, signal.SIGKILL)
+    wait_until(lambda: up.service("gateway")["restarts"] == 1, 5, "the restart is counted")
+    up.wait_ready()
+    after = up.service("gateway")
+    assert after["pid"] != before
+    assert "SIGKILL" in after["reason"]
+    home = state_file.read(up.folder / "home" / "helios" / str(up.port))
+    assert home is not None  # found without knowing --state
+    up.process.terminate()
+    assert "gateway ended (ended by SIGKILL); started again" in up.process.communicate()[0]
+
+
+def test_a_killed_router_comes_back_and_services_find_it(up: Up) -> None:
+    up.wait_ready()
+    os.kill(up.service("router")["pid"], signal.SIGKILL)
+    wait_until(lambda: up.service("router")["restarts"] == 1, 5, "the router was restarted")
+    # Only over the new router can a restarted service's own word reach the supervisor.
+    os.kill(up.service("map2d")["pid"], signal.SIGKILL)
+    wait_until(lambda: up.service("map2d")["restarts"] == 1, 5, "the service was restarted")
+    wait_until(lambda: up.service("map2d")["state"] == "ready", 20, "it is ready again")
+
+
+def test_when_the_supervisor_is_killed_its_services_end(up: Up) -> None:
+    up.wait_ready()
+    up.process.kill()
+    up.process.wait()
+    wait_until(up.nothing_left, 10, "the services have ended by themselves")
+
+
+def test_flags_that_a_service_refuses_end_all_with_its_sentence(tmp_path: Path) -> None:
+    up = Up(tmp_path, preset="wrong")
+    _, error = up.process.communicate(timeout=30)
+    assert up.process.returncode == 1
+    assert "no-such-flag" in error
+    assert up.nothing_left()
+
+
+def test_a_state_directory_is_used_by_one_supervisor(up: Up) -> None:
+    up.wait_ready()
+    second = Up(up.folder)
+    _, error = second.process.communicate(timeout=20)
+    assert second.process.returncode == 1
+    assert "--state" in error
+    assert up.status()["ready"]

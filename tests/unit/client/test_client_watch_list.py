@@ -1,0 +1,40 @@
+"""The words of `helios replay` as a search context."""
+
+from __future__ import annotations
+
+import pytest
+from helios_client.watch_list import DEFAULT_THRESHOLD, watch_list
+from helios_client.wrong_use import WrongUse
+from helios_core.types import Role
+from hypothesis import given
+from hypothesis import strategies as st
+
+
+def test_classes_and_thresholds_by_name() -> None:
+    context = watch_list(" cup, dining  table", "dining table=0.35")
+    assert [(c.name, c.threshold, c.role) for c in context.classes] == [
+        ("cup", DEFAULT_THRESHOLD, Role.WATCH),
+        ("dining table", 0.35, Role.WATCH),
+    ]
+
+
+@pytest.mark.parametrize("classes", ["", ",", "cup,", "cup,cup", "cup, cup"])
+def test_wrong_classes_are_wrong_use(classes: str) -> None:
+    with pytest.raises(WrongUse, match="--classes"):
+        watch_list(classes, "")
+
+
+@pytest.mark.parametrize("text", ["cup", "cup=", "cup=x", "cup=1.5", "cup=nan", "=0.3", "fork=0.2"])
+def test_wrong_thresholds_are_wrong_use(text: str) -> None:
+    with pytest.raises(WrongUse, match="--thresholds"):
+        watch_list("cup", text)
+
+
+@given(st.text(), st.text())
+def test_any_words_give_a_context_or_wrong_use(classes: str, thresholds: str) -> None:
+    try:
+        context = watch_list(classes, thresholds)
+    except WrongUse:
+        return
+    assert context.classes
+    assert all(0 <= c.threshold <= 1 and c.name for c in context.classes)
