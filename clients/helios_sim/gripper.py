@@ -1,0 +1,177 @@
+"""Grasps, carries and releases one object. Held things are moved along; nothing touches them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from helios_core.geometry import Matrix, se2_to_se3
+from numpy.typing import NDArray
+
+from helios_sim.robot_model import CARRY_BASE_M, GRIPPER_BASE_M, RobotIndex
+
+REST_LINEAR_M_S, REST_ANGULAR_RAD_S, REST_STEPS = 0.005, 0.05, 50
+_AWAKE_M_S = 0.01  # a velocity from which the physics does not let a body sleep
+_RELEASE_GAP_M = 0.02
+_RELEASE_STEP_M, _RELEASE_MAX_RISE_M = 0.02, 0.3
+_RELEASE_OVERLAP_M = 0.002
+_SETTLE_S = 4.0
+
+
+@dataclass(frozen=True)
+class Graspable:
+    """A free body that can be grasped; `half_m` of its box, whose middle is the body's origin."""
+
+    name: str
+    body: int
+    qpos: int
+    dof: int
+    geoms: tuple[int, ...]  # those that collide
+    half_m: tuple[float, float, float]
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel, name: str, size_m: Sequence[float]) -> Graspable:
+        body = model.body(name)
+        joint = int(body.jntadr[0])
+        first, count = int(body.geomadr[0]), int(body.geomnum[0])
+        return cls(
+            name=name,
+            body=int(body.id),
+            qpos=int(model.jnt_qposadr[joint]),
+            dof=int(model.jnt_dofadr[joint]),
+            geoms=tuple(g for g in range(first, first + count) if model.geom_contype[g]),
+            half_m=(size_m[0] / 2, size_m[1] / 2, size_m[2] / 2),
+        )
+
+    def distance_m(self, data: mujoco.MjData, point_world_m: Sequence[float]) -> float:
+        """From a point to the object's box; 0 inside."""
+        R = data.xmat[self.body].reshape(3, 3)
+        p_body = R.T @ (np.asarray(point_world_m) - data.xpos[self.body])
+        return float(np.linalg.norm(np.maximum(np.abs(p_body) - self.half_m, 0.0)))
+
+
+@dataclass(frozen=True)
+class Rest:
+    """How a released object ended; `on` are bodies it touched in all of the steps at rest."""
+
+    at_rest: bool
+    on: frozenset[int]
+    height_m: float  # of its middle
+
+
+class Gripper:
+    """The robot's hand."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, robot: RobotIndex) -> None:
+        self._model, self._data, self._robot = model, data, robot
+        self.held: Graspable | None = None
+        self._R_base_object = np.eye(3)
+
+    def rest_world_m(self) -> NDArray[np.float64]:
+        """Where the end effector is when it rests [3]."""
+        T = self._T_world_base()
+        return T[:3, :3] @ np.array(GRIPPER_BASE_M) + T[:3, 3]
+
+    def away_m(self, point_world_m: Sequence[float] | NDArray[np.float64]) -> float:
+        """From the end effector at rest to a point."""
+        return float(np.linalg.norm(np.asarray(point_world_m) - self.rest_world_m()))
+
+    def grasp(self, thing: Graspable) -> None:
+        """Take it to the carrying pose; it touches nothing until released."""
+        R_world_base = self._T_world_base()[:3, :3]
+        self._R_base_object = R_world_base.T @ self._data.xmat[thing.body].reshape(3, 3)
+        self.held = thing
+        self._collide(thing, False)
+        self.follow()
+
+    def follow(self) -> None:
+        """Move the held object with the base; call before every step and after the last."""
+        if self.held is not None:
+            T = self._T_world_base()
+            position = T[:3, :3] @ np.array(CARRY_BASE_M) + T[:3, 3]
+            self._put(self.held, position, T[:3, :3] @ self._R_base_object)
+
+    def release(self, point_world_m: Sequence[float]) -> bool:
+        """Let go above a point, upright as it was grasped. False when there is no room for it."""
+        thing = self.held
+        if thing is None:
+            return False
+        R = self._T_world_base()[:3, :3] @ self._R_base_object
+        half_height_m = float(np.abs(R[2]) @ thing.half_m)
+        self._collide(thing, True)
+        rises = np.arange(0.0, _RELEASE_MAX_RISE_M, _RELEASE_STEP_M)
+        for rise_m in rises:
+            position = np.array(point_world_m, float)
+            position[2] += half_height_m + _RELEASE_GAP_M + rise_m
+            self._put(thing, position, R)
+            mujoco.mj_forward(self._model, self._data)
+            if not self._overlaps(thing):
+                self.held = None
+                return True
+        self._collide(thing, False)
+        self.follow()
+        mujoco.mj_forward(self._model, self._data)
+        return False
+
+    def settle(self, thing: Graspable, step: Callable[[], None]) -> Rest:
+        """Step until it has been at rest for 50 steps, or for 4 s."""
+        data = self._data
+        resting = 0
+        on: frozenset[int] = frozenset()
+        throughout: frozenset[int] = frozenset()
+        for _ in range(math.ceil(_SETTLE_S / self._model.opt.timestep)):
+            step()
+            velocity = data.qvel[thing.dof : thing.dof + 6]
+            # A sleeping body keeps the contacts it fell asleep with, but they are not listed.
+            if data.body_awake[thing.body]:
+                on = self.touched_by(thing)
+            slow = (
+                np.linalg.norm(velocity[:3]) < REST_LINEAR_M_S
+                and np.linalg.norm(velocity[3:]) < REST_ANGULAR_RAD_S
+            )
+            if not slow or not on:
+                resting = 0
+                continue
+            throughout = on if resting == 0 else throughout & on
+            resting += 1
+            if resting >= REST_STEPS:
+                break
+        height_m = float(data.xpos[thing.body][2])
+        at_rest = resting >= REST_STEPS
+        return Rest(at_rest, throughout if at_rest else frozenset(), height_m)
+
+    def touched_by(self, thing: Graspable) -> frozenset[int]:
+        """Bodies in contact with the object."""
+        found = set()
+        for k in range(self._data.ncon):
+            contact = self._data.contact[k]
+            bodies = [int(self._model.geom_bodyid[g]) for g in (contact.geom1, contact.geom2)]
+            if thing.body in bodies:
+                found.add(bodies[0] if bodies[1] == thing.body else bodies[1])
+        return frozenset(found)
+
+    def _T_world_base(self) -> Matrix:
+        return se2_to_se3(*self._robot.pose(self._data))
+
+    def _put(self, thing: Graspable, position: NDArray[np.float64], R_world_object: Matrix) -> None:
+        quat = np.empty(4)
+        mujoco.mju_mat2Quat(quat, np.ascontiguousarray(R_world_object).ravel())
+        self._data.qpos[thing.qpos : thing.qpos + 3] = position
+        self._data.qpos[thing.qpos + 3 : thing.qpos + 7] = quat
+        self._data.qvel[thing.dof : thing.dof + 6] = [0.0, 0.0, -_AWAKE_M_S, 0.0, 0.0, 0.0]
+
+    def _overlaps(self, thing: Graspable) -> bool:
+        for k in range(self._data.ncon):
+            contact = self._data.contact[k]
+            if contact.dist < -_RELEASE_OVERLAP_M and (
+                contact.geom1 in thing.geoms or contact.geom2 in thing.geoms
+            ):
+                return True
+        return False
+
+    def _collide(self, thing: Graspable, on: bool) -> None:
+        for geom in thing.geoms:
+            self._model.geom_contype[geom] = self._model.geom_conaffinity[geom] = int(on)

@@ -1,0 +1,136 @@
+"""Drives the base by its velocity controls, step by step of the physics, and feels for contacts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+
+from helios_sim.robot_model import RobotIndex
+
+MAX_SPEED_M_S, MAX_ACCELERATION_M_S2 = 0.8, 2.0
+MAX_RATE_RAD_S, MAX_ACCELERATION_RAD_S2 = 1.6, 5.0
+_ARRIVED_M, _ARRIVED_RAD = 5e-4, 5e-4
+_HOLD_PER_S = 10.0  # how fast errors of the base's other axes are taken back
+_BLOCKED_COS = 0.2  # a contact within about 78 degrees of straight ahead ends a drive
+_COAST_STEPS = 25  # after the controls are zero
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What came of a drive; `touched` are ids of bodies that are no movable objects."""
+
+    moved_m: float
+    turned_rad: float
+    arrived: bool
+    stopped: bool  # by stop-now
+    touched: frozenset[int]
+
+
+class Base:
+    """The base of a robot in a model. `movable` are bodies that may be touched without a fault."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        robot: RobotIndex,
+        movable: frozenset[int],
+        step: Callable[[], None],
+    ) -> None:
+        """step: advances the physics by one step."""
+        self._model, self._data, self._robot = model, data, robot
+        self._movable = movable
+        self._step = step
+
+    def forward(self, distance_m: float, stop_asked: Callable[[], bool]) -> Drive:
+        """Straight ahead until there, blocked or stopped."""
+        x, y, yaw = self._robot.pose(self._data)
+        goal = (x + distance_m * math.cos(yaw), y + distance_m * math.sin(yaw), yaw)
+        slowest_s = 2.0 * (distance_m / MAX_SPEED_M_S + MAX_SPEED_M_S / MAX_ACCELERATION_M_S2)
+        return self._drive(goal, slowest_s, stop_asked)
+
+    def turn(self, angle_rad: float, stop_asked: Callable[[], bool]) -> Drive:
+        """On the spot; positive to the left."""
+        x, y, yaw = self._robot.pose(self._data)
+        rate, acceleration = MAX_RATE_RAD_S, MAX_ACCELERATION_RAD_S2
+        slowest_s = 2.0 * (abs(angle_rad) / rate + rate / acceleration)
+        return self._drive((x, y, yaw + angle_rad), slowest_s, stop_asked)
+
+    def touching(self) -> dict[int, tuple[float, float]]:
+        """Bodies in contact that are no movable objects, with the direction to each, on the floor."""
+        found: dict[int, tuple[float, float]] = {}
+        data, geoms = self._data, self._robot.geoms
+        for k in range(data.ncon):
+            contact = data.contact[k]
+            a, b = int(contact.geom1), int(contact.geom2)
+            if (a in geoms) == (b in geoms):
+                continue
+            # The contact's first axis points from geom1 to geom2.
+            sign, other = (1.0, b) if a in geoms else (-1.0, a)
+            body = int(self._model.geom_bodyid[other])
+            if body not in self._movable:
+                found[body] = (sign * float(contact.frame[0]), sign * float(contact.frame[1]))
+        return found
+
+    def _drive(
+        self,
+        goal: tuple[float, float, float],
+        slowest_s: float,
+        stop_asked: Callable[[], bool],
+    ) -> Drive:
+        data, robot = self._data, self._robot
+        start = robot.pose(data)
+        dt = float(self._model.opt.timestep)
+        speed = rate = 0.0
+        touched: set[int] = set()
+        arrived = stopped = False
+        for _ in range(math.ceil(slowest_s / dt)):
+            x, y, yaw = robot.pose(data)
+            dx, dy, turn = goal[0] - x, goal[1] - y, goal[2] - yaw
+            away = math.hypot(dx, dy)
+            if away < _ARRIVED_M and abs(turn) < _ARRIVED_RAD:
+                arrived = True
+                break
+            stopped = stop_asked()
+            if stopped:
+                break
+            speed = _ramp(speed, away, MAX_SPEED_M_S, MAX_ACCELERATION_M_S2, dt)
+            rate = _ramp(rate, abs(turn), MAX_RATE_RAD_S, MAX_ACCELERATION_RAD_S2, dt)
+            across = min(speed, _HOLD_PER_S * away)
+            ahead = (dx / away, dy / away) if away > 0 else (0.0, 0.0)
+            self._control(
+                across * ahead[0],
+                across * ahead[1],
+                math.copysign(min(rate, 2 * _HOLD_PER_S * abs(turn)), turn),
+            )
+            self._step()
+            contacts = self.touching()
+            touched |= contacts.keys()
+            if away > _ARRIVED_M and any(
+                ahead[0] * nx + ahead[1] * ny > _BLOCKED_COS for nx, ny in contacts.values()
+            ):
+                break
+        self._control(0.0, 0.0, 0.0)
+        for _ in range(_COAST_STEPS):
+            self._step()
+            touched |= self.touching().keys()
+        x, y, yaw = robot.pose(data)
+        return Drive(
+            moved_m=math.hypot(x - start[0], y - start[1]),
+            turned_rad=yaw - start[2],
+            arrived=arrived,
+            stopped=stopped,
+            touched=frozenset(touched),
+        )
+
+    def _control(self, vx_m_s: float, vy_m_s: float, rate_rad_s: float) -> None:
+        for control, value in zip(self._robot.controls, (vx_m_s, vy_m_s, rate_rad_s), strict=True):
+            self._data.ctrl[control] = value
+
+
+def _ramp(speed: float, remaining: float, top: float, acceleration: float, dt: float) -> float:
+    """The next speed: rising by the acceleration, low enough to brake within what remains."""
+    return min(speed + acceleration * dt, top, math.sqrt(2 * acceleration * remaining))

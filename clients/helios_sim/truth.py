@@ -1,0 +1,29 @@
+"""What only the simulated detector and the evaluation may know."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class TruthInstance:
+    """One body of the home that is seen in a picture."""
+
+    id: int
+    name: str
+    class_name: str
+    graspable: bool
+    center_m: tuple[float, float, float]  # world
+    on: str = ""  # body on which it stands, as far as it is a graspable thing
+
+
+@dataclass(frozen=True)
+class Segmentation:
+    """Which instance each pixel of a picture shows; 0 is background."""
+
+    stamp_ns: int
+    ids: NDArray[np.int32]  # [h, w]
+    instances: tuple[TruthInstance, ...]  # those that the picture shows

@@ -1,0 +1,384 @@
+"""The simulated world: a home, a robot in it, physics, pictures, truth and the task's metrics.
+
+One thread uses a World (it holds a GL context), except for `stop`, which may come from any. In its
+own process it is served by `service.py`; `thread.py` gives it a thread within a process.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import uuid
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from helios_core.errors import InvalidInput
+from helios_core.geometry import se2_to_se3, wrap_angle
+from helios_core.robot import (
+    Action,
+    ActionResult,
+    Capture,
+    Forward,
+    Observe,
+    Pick,
+    Place,
+    RobotDriver,
+    Tilt,
+    Turn,
+)
+from helios_core.types import RobotDescription, RobotState
+from numpy.typing import NDArray
+
+from helios_sim.episode import Tracker
+from helios_sim.gripper import Graspable, Gripper
+from helios_sim.home import Episode, Home
+from helios_sim.metrics import Progress, Released
+from helios_sim.motion import Base, Drive
+from helios_sim.robot_model import (
+    MAX_DEPTH_M,
+    REACH_M,
+    START_TILT_RAD,
+    RobotIndex,
+    add_robot,
+    camera_pose,
+    description,
+    pinhole,
+)
+from helios_sim.render import Painter
+from helios_sim.truth import Segmentation, TruthInstance
+
+DRAWN_GROUPS = (0, 1, 2)
+PICK_WITHIN_M = 0.15  # from the asked point to the object's box
+MIN_PICK_PIXELS = 30
+_REMEMBERED_CAPTURES, _REMEMBERED_ACTIONS = 64, 1024
+_START_SETTLE_S, _PAUSE_S = 1.0, 0.1
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """What an action came to, with the truth that the robot is not told."""
+
+    result: ActionResult
+    touched: frozenset[int] = frozenset()
+    released: Released | None = None
+
+
+class World(RobotDriver):
+    """See the module. Also a driver of itself, for use within one thread."""
+
+    def __init__(self, home: Home, episode: Episode | None = None, *, boot_id: str = "") -> None:
+        """episode: the task to measure; None takes no metrics but steps and collisions."""
+        spec = home.spec()
+        add_robot(spec)
+        self._model = model = spec.compile()
+        # Before the data is made: what lies still costs nothing.
+        model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
+        self._data = mujoco.MjData(model)
+        self._past = mujoco.MjData(model)  # for pictures of the past
+        self._robot = robot = RobotIndex.of(model)
+        self._home = home
+        self._things = {
+            int(model.body(t.name).id): Graspable.of(model, t.name, t.size_m) for t in home.objects
+        }
+        self._on = {thing.name: thing.receptacle for thing in home.objects}
+        self._names = [model.body(b).name for b in range(model.nbody)]
+        self._instances = {b: self._static_truth(b) for b in self._bodies_of_home()}
+        self._gripper = Gripper(model, self._data, robot)
+        self._base = Base(model, self._data, robot, frozenset(self._things), self._step)
+        self._description = description()
+        episode = episode or Episode("", "", "", "")
+        self._tracker = Tracker(home, episode, self._description.footprint_radius_m)
+        self._held_as = ""
+        self._boot_id = boot_id or uuid.uuid4().hex
+        self._stop_lock = threading.Lock()
+        self._stop_reason: str | None = None
+        self._captures: OrderedDict[int, NDArray[np.float64]] = OrderedDict()
+        self._results: OrderedDict[str, ActionResult] = OrderedDict()
+        self._last_stamp_ns = 0
+        for address, value in zip(robot.qpos, home.start_pose, strict=True):
+            self._data.qpos[address] = value
+        self._set_tilt(START_TILT_RAD)
+        self._pause(_START_SETTLE_S)
+        camera = self._description.camera
+        self._painter = Painter(model, robot.camera, (camera.width, camera.height), DRAWN_GROUPS)
+
+    # --- what a driver offers -----------------------------------------------------------------
+    def describe(self) -> RobotDescription:
+        return self._description
+
+    def state(self) -> RobotState:
+        """How the robot is; `held` is the class it was asked to pick, not what it truly holds."""
+        with self._stop_lock:
+            reason = self._stop_reason
+        return RobotState(
+            T_world_base=se2_to_se3(*self._robot.pose(self._data)),
+            tilt_rad=float(self._data.qpos[self._robot.tilt_qpos]),
+            held=self._held_as,
+            stopped=reason is not None,
+            world_epoch=0,
+            robot_boot_id=self._boot_id,
+            message=reason or "",
+        )
+
+    def capture(self) -> Capture:
+        """RGB and depth of one pass, with the stamp of simulated time."""
+        stamp_ns = max(round(float(self._data.time) * 1e9), self._last_stamp_ns + 1)
+        self._last_stamp_ns = stamp_ns
+        color, depth_m = self._painter.color_and_depth(self._data, MAX_DEPTH_M)
+        self._captures[stamp_ns] = self._data.qpos.copy()
+        while len(self._captures) > _REMEMBERED_CAPTURES:
+            self._captures.popitem(last=False)
+        return Capture(
+            stamp_ns=stamp_ns,
+            color=color,
+            depth_m=depth_m,
+            camera=pinhole(),
+            T_world_cam=camera_pose(self._data, self._robot.camera),
+            T_world_base=se2_to_se3(*self._robot.pose(self._data)),
+        )
+
+    def act(self, action: Action, action_id: str) -> ActionResult:
+        """Do it once; the same id again is answered from memory. A refusal is not remembered."""
+        if not action_id:
+            raise InvalidInput("the action has no id; give each action an id of its own")
+        if action_id in self._results:
+            return self._results[action_id]
+        refusal = self._refusal(action)
+        if refusal:
+            return ActionResult(False, refusal, steps=self.progress.steps)
+        outcome = self._do(action)
+        self._measure(outcome)
+        result = ActionResult(
+            succeeded=outcome.result.succeeded,
+            reason=outcome.result.reason,
+            moved_m=outcome.result.moved_m,
+            turned_rad=outcome.result.turned_rad,
+            collided=bool(outcome.touched),
+            steps=self.progress.steps,
+        )
+        self._results[action_id] = result
+        while len(self._results) > _REMEMBERED_ACTIONS:
+            self._results.popitem(last=False)
+        return result
+
+    def stop(self, reason: str) -> None:
+        """From any thread: ends a drive within one step of the physics, and latches."""
+        with self._stop_lock:
+            self._stop_reason = reason or "stop-now"
+
+    def clear_stop(self) -> None:
+        with self._stop_lock:
+            self._stop_reason = None
+
+    def close(self) -> None:
+        """Give the graphics back; from the thread that made the world."""
+        self._painter.close()
+
+    # --- the truth ----------------------------------------------------------------------------
+    @property
+    def home(self) -> Home:
+        """The home that the robot is in."""
+        return self._home
+
+    @property
+    def episode(self) -> Episode:
+        """The task that is measured; empty where there is none."""
+        return self._tracker.episode
+
+    @property
+    def tracker(self) -> Tracker:
+        """Candidates, goals and viewpoints of the task."""
+        return self._tracker
+
+    @property
+    def progress(self) -> Progress:
+        """The metrics so far."""
+        return self._tracker.progress
+
+    @property
+    def held_name(self) -> str:
+        """Body that the gripper holds; empty: none."""
+        return self._gripper.held.name if self._gripper.held else ""
+
+    def position_m(self, name: str) -> NDArray[np.float64]:
+        """Where a body of the home is now [3]; the middle of a graspable thing's box."""
+        return self._data.body(name).xpos.copy()
+
+    def segmentation(self, stamp_ns: int) -> Segmentation:
+        """Of one of the last 64 captures. Raises InvalidInput for any other stamp."""
+        qpos = self._captures.get(stamp_ns)
+        if qpos is None:
+            raise InvalidInput(
+                f"no capture with stamp {stamp_ns}; the last {_REMEMBERED_CAPTURES} are kept: ask "
+                "sooner"
+            )
+        self._past.qpos[:] = qpos
+        mujoco.mj_kinematics(self._model, self._past)
+        mujoco.mj_camlight(self._model, self._past)
+        ids = self._painter.bodies(self._past)
+        seen = np.flatnonzero(np.bincount(ids.ravel()))
+        return Segmentation(
+            stamp_ns, ids, tuple(self._truth_of(int(b)) for b in seen if int(b) in self._instances)
+        )
+
+    def _bodies_of_home(self) -> list[int]:
+        known = set(self._home.body_names())
+        return [b for b, name in enumerate(self._names) if name in known]
+
+    def _static_truth(self, body: int) -> TruthInstance:
+        name = self._names[body]
+        sizes = {i.name: i.size_m for i in (*self._home.receptacles, *self._home.fixtures)}
+        x, y, z = (float(v) for v in self._model.body_pos[body])
+        z += sizes[name][2] / 2 if name in sizes else 0.0
+        class_name = self._home.class_of(name)
+        return TruthInstance(body, name, class_name, body in self._things, (x, y, z))
+
+    def _truth_of(self, body: int) -> TruthInstance:
+        static = self._instances[body]
+        if not static.graspable:
+            return static
+        x, y, z = (float(v) for v in self._past.xpos[body])
+        on = self._on[static.name]
+        return TruthInstance(body, static.name, static.class_name, True, (x, y, z), on)
+
+    # --- actions ------------------------------------------------------------------------------
+    def _refusal(self, action: Action) -> str:
+        """Why this cannot be begun; empty if it can."""
+        with self._stop_lock:
+            if self._stop_reason is not None:
+                return f"the robot is stopped ({self._stop_reason}); clear the stop first"
+        d, slack = self._description, 1e-6
+        match action:
+            case Forward(distance) if not (
+                d.min_forward_m - slack <= distance <= d.max_forward_m + slack
+            ):
+                return f"forward {distance:.3g} m is outside {d.min_forward_m} to {d.max_forward_m}"
+            case Turn(angle) if not (
+                d.min_turn_rad - slack <= abs(angle) <= d.max_turn_rad + slack
+            ):
+                low, high = math.degrees(d.min_turn_rad), math.degrees(d.max_turn_rad)
+                return f"turn {math.degrees(angle):.3g}° is outside ±{low:.0f}° to ±{high:.0f}°"
+            case Tilt(angle) if not (
+                d.tilt_range_rad[0] - slack <= angle <= d.tilt_range_rad[1] + slack
+            ):
+                low, high = d.tilt_range_rad
+                return f"tilt {angle:.3g} rad is outside {low} to {high}"
+            case _:
+                return ""
+
+    def _do(self, action: Action) -> _Outcome:
+        match action:
+            case Forward(distance_m):
+                return self._driven(self._base.forward(distance_m, self._stop_asked))
+            case Turn(angle_rad):
+                return self._driven(self._base.turn(angle_rad, self._stop_asked))
+            case Tilt(angle_rad):
+                self._set_tilt(angle_rad)
+                self._pause(_PAUSE_S)
+                return _Outcome(ActionResult(True))
+            case Pick(point, class_name):
+                return self._pick(point, class_name)
+            case Place(point):
+                return self._place(point)
+            case Observe():
+                self._pause(_PAUSE_S)
+                return _Outcome(ActionResult(True))
+
+    def _driven(self, drive: Drive) -> _Outcome:
+        mujoco.mj_forward(self._model, self._data)
+        done = f"after {drive.moved_m:.2f} m and {math.degrees(drive.turned_rad):.0f}°"
+        if drive.stopped:
+            reason = f"stopped {done}: {self.state().message or 'stop-now'}"
+        elif not drive.arrived:
+            reason = f"blocked {done}; look, and go another way"
+        else:
+            reason = ""
+        turned_rad = wrap_angle(drive.turned_rad)
+        result = ActionResult(drive.arrived, reason, drive.moved_m, turned_rad)
+        return _Outcome(result, drive.touched)
+
+    def _pick(self, point: tuple[float, float, float], class_name: str) -> _Outcome:
+        self._pause(_PAUSE_S)
+        if self._gripper.held:
+            return _failed("the gripper already holds something; place it first")
+        spot = f"({point[0]:.2f}, {point[1]:.2f}, {point[2]:.2f})"
+        things = sorted(
+            self._things.values(),
+            key=lambda t: (t.distance_m(self._data, point), math.dist(self._center(t), point)),
+        )
+        if not things or things[0].distance_m(self._data, point) > PICK_WITHIN_M:
+            return _failed(f"nothing to grasp within {PICK_WITHIN_M} m of {spot}; look again")
+        thing = things[0]
+        if self._gripper.away_m(self._center(thing)) > REACH_M:
+            return _failed(f"what is at {spot} is out of reach ({REACH_M} m); drive nearer")
+        if np.count_nonzero(self._painter.bodies(self._data) == thing.body) < MIN_PICK_PIXELS:
+            return _failed(f"what is at {spot} is not in view; look at it first")
+        self._gripper.grasp(thing)
+        self._held_as = class_name
+        self._on[thing.name] = ""
+        self._pause(_PAUSE_S)
+        return _Outcome(ActionResult(True))
+
+    def _place(self, point: tuple[float, float, float]) -> _Outcome:
+        self._pause(_PAUSE_S)
+        thing = self._gripper.held
+        spot = f"({point[0]:.2f}, {point[1]:.2f}, {point[2]:.2f})"
+        if thing is None:
+            return _failed("the gripper is empty; pick something first")
+        if self._gripper.away_m(point) > REACH_M:
+            return _failed(f"{spot} is out of reach ({REACH_M} m); drive nearer")
+        if not self._gripper.release(point):
+            return _failed(f"there is no room above {spot}; choose another place")
+        self._held_as = ""
+        rest = self._gripper.settle(thing, self._step)
+        on = frozenset(self._names[body] for body in rest.on)
+        self._on[thing.name] = min(on, default="")
+        released = Released(thing.name, rest.at_rest, on, rest.height_m)
+        return _Outcome(ActionResult(True), released=released)
+
+    def _measure(self, outcome: _Outcome) -> None:
+        x, y, _ = self._robot.pose(self._data)
+        asked = self._tracker.in_question((x, y), self.held_name)
+        coverage: dict[str, float] = {}
+        if asked:
+            ids = self._painter.bodies(self._data)
+            counts = np.bincount(ids.ravel(), minlength=len(self._names)) / ids.size
+            coverage = {name: float(counts[self._names.index(name)]) for name in asked}
+        touched = outcome.touched | self._base.touching().keys()
+        self._tracker.note(
+            (x, y),
+            coverage,
+            self.held_name,
+            frozenset(self._names[body] for body in touched),
+            outcome.result.moved_m,
+            outcome.released,
+        )
+
+    # --- small things -------------------------------------------------------------------------
+    def _center(self, thing: Graspable) -> NDArray[np.float64]:
+        return self._data.xpos[thing.body]
+
+    def _stop_asked(self) -> bool:
+        return self._stop_reason is not None
+
+    def _set_tilt(self, angle_rad: float) -> None:
+        self._data.qpos[self._robot.tilt_qpos] = angle_rad
+        self._data.qvel[self._robot.tilt_dof] = 0.0
+        mujoco.mj_forward(self._model, self._data)
+
+    def _step(self) -> None:
+        self._gripper.follow()
+        mujoco.mj_step(self._model, self._data)
+
+    def _pause(self, seconds: float) -> None:
+        """Let the physics run; the pictures' poses are of the last step's begin, so bring them on."""
+        for _ in range(math.ceil(seconds / self._model.opt.timestep)):
+            self._step()
+        self._gripper.follow()
+        mujoco.mj_forward(self._model, self._data)
+
+
+def _failed(reason: str) -> _Outcome:
+    return _Outcome(ActionResult(False, reason))
