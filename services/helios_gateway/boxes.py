@@ -36,7 +36,7 @@ def draw_boxes(bgr: NDArray, boxes: tuple[Box, ...]) -> NDArray:
     """The picture with a frame and a label around each box; what reaches outside is cut off."""
     out = np.ascontiguousarray(bgr)
     height, width = out.shape[:2]
-    scale = max(0.4, height / 1100)
+    scale = max(0.4, height / 800)
     for box in sorted(boxes, key=lambda b: -b.width * b.height):
         x0, y0 = min(box.x, width - 1), min(box.y, height - 1)
         x1, y1 = min(box.x + box.width, width) - 1, min(box.y + box.height, height) - 1

@@ -8,7 +8,6 @@ import threading
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.topics import (
-    ANY_STATUS,
     CONTEXT,
     DECISION,
     FRAME,
@@ -22,13 +21,14 @@ from helios_core.topics import (
     ROBOT_STATE,
     SUPERVISOR,
     TASK,
+    status_topic,
 )
 
 from helios_gateway import convert, models
 from helios_gateway.camera import Camera
 from helios_gateway.events import EventHub
 from helios_gateway.maps import Maps
-from helios_gateway.roster import Roster
+from helios_gateway.roster import REPORTING, Roster
 from helios_gateway.settings import Settings
 
 log = logging.getLogger(__name__)
@@ -56,7 +56,8 @@ class Live:
         self._ticker = threading.Thread(target=self._run, name="tick", daemon=True)
 
         bus.watch(self._on_alive)
-        bus.subscribe(ANY_STATUS, self.roster.on_status)
+        for service in REPORTING:  # by name: `*/status` would match the supervisor's, too
+            bus.subscribe(status_topic(service), self.roster.on_status)
         bus.subscribe(SUPERVISOR, self.roster.on_supervisor)
         bus.subscribe(ROBOT_DESCRIPTION, self._on_description)
         bus.subscribe(ROBOT_STATE, self._on_robot)

@@ -11,7 +11,8 @@ from helios_core import proto as pb
 from helios_gateway.models import Service, ServiceState
 
 NEEDED = ("bridge", "detector", "objectmap", "map2d", "planner")  # for a task to start
-KNOWN = ("router", *NEEDED, "gateway")
+KNOWN = ("router", *NEEDED, "gateway")  # always listed
+REPORTING = ("world", *NEEDED, "gateway", "recorder")  # publish a ServiceStatus
 _STATES: dict[str, ServiceState] = {
     "starting": "starting", "waiting": "waiting", "ready": "ready", "degraded": "degraded",
     "stopping": "stopping",

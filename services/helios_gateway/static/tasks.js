@@ -1,0 +1,164 @@
+// The task box, the task in view, and the tasks before it.
+import { $, Problem, ask, element, facts, send, words } from "./api.js";
+
+const SUGGESTIONS = [
+  "Move the mug from the coffee table to the kitchen counter",
+  "Find the apple",
+  "Go to the sofa",
+];
+const MARKS = { done: "✓", failed: "✕", active: "", waiting: "" };
+const ENDED = ["succeeded", "failed", "cancelled"];
+
+export class Tasks {
+  /** `onView(task)` is called when another task comes into view. */
+  constructor(onView) {
+    this.tasks = new Map();
+    this.inView = null;
+    this.onView = onView;
+    $("suggestions").replaceChildren(...SUGGESTIONS.map((text) => element("li", {}, this.chip(text))));
+    $("ask").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.submit();
+    });
+    $("instruction").addEventListener("keydown", (event) => {
+      if (event.key === "Enter" && !event.shiftKey && !event.isComposing) {
+        event.preventDefault();
+        $("ask").requestSubmit();
+      }
+    });
+    $("cancel").addEventListener("click", () => this.cancel());
+  }
+
+  chip(text) {
+    const button = element("button", { type: "button", textContent: text });
+    button.addEventListener("click", () => {
+      $("instruction").value = text;
+      $("instruction").focus();
+    });
+    return button;
+  }
+
+  async load() {
+    const { tasks } = await ask("/v1/tasks");
+    this.tasks = new Map(tasks.reverse().map((task) => [task.id, task]));
+    const running = tasks.find((task) => task.state === "running");
+    this.view((running ?? this.tasks.get(this.inView) ?? tasks.at(-1))?.id ?? null);
+  }
+
+  async loadVocabulary() {
+    const { open, names, detector } = await ask("/v1/vocabulary");
+    $("vocabulary").textContent = open
+      ? `The detector (${detector}) can look for anything.`
+      : `Can look for: ${names.join(", ")}.`;
+  }
+
+  take(task) {
+    const isNew = !this.tasks.has(task.id);
+    const began = task.state === "running" && this.tasks.get(task.id)?.state !== "running";
+    this.tasks.set(task.id, task);
+    const seen = this.tasks.get(this.inView);
+    if (began || (isNew && (!seen || ENDED.includes(seen.state)))) this.view(task.id);
+    else this.draw();
+  }
+
+  view(id) {
+    const other = id !== this.inView;
+    this.inView = id;
+    this.draw();
+    if (other) this.onView(this.tasks.get(id) ?? null);
+  }
+
+  async submit() {
+    const button = $("ask").querySelector("button");
+    button.disabled = true;
+    $("ask-error").hidden = true;
+    try {
+      const task = await send("/v1/tasks", { instruction: $("instruction").value });
+      $("instruction").value = "";
+      this.take(task);
+    } catch (error) {
+      $("ask-error").textContent =
+        error instanceof Problem ? error.message : "The gateway cannot be reached; try again.";
+      $("ask-error").hidden = false;
+    } finally {
+      button.disabled = false;
+    }
+  }
+
+  async cancel() {
+    $("cancel").disabled = true;
+    try {
+      this.take(await send(`/v1/tasks/${encodeURIComponent(this.inView)}/cancel`));
+    } catch (error) {
+      if (!(error instanceof Problem)) throw error;
+      $("task-message").textContent = error.message;
+    } finally {
+      $("cancel").disabled = false;
+    }
+  }
+
+  draw() {
+    this.drawHistory();
+    const task = this.tasks.get(this.inView);
+    $("task").hidden = !task;
+    $("task-empty").hidden = Boolean(task);
+    $("task-state").hidden = !task;
+    $("cancel").hidden = !task || ENDED.includes(task.state);
+    if (!task) return;
+    $("task-state").textContent = task.state;
+    $("task-state").dataset.state = task.state;
+    $("task-instruction").textContent = task.instruction;
+    $("task-message").textContent = task.message || (task.state === "queued" ? "Waits for its turn." : "");
+    $("phases").replaceChildren(...task.phases.map(phaseElement));
+    const percent = Math.round(100 * (task.state === "succeeded" ? 1 : (task.progress ?? 0)));
+    $("progress").setAttribute("aria-valuenow", percent);
+    $("progress").firstElementChild.style.width = `${percent}%`;
+    this.drawFacts();
+  }
+
+  /** Also called as time goes by. */
+  drawFacts() {
+    const task = this.tasks.get(this.inView);
+    if (!task) return;
+    const seconds = task.started_s && (task.ended_s ?? Date.now() / 1000) - task.started_s;
+    facts($("task-facts"), [
+      ["seeks", ENDED.includes(task.state) ? "" : task.seeking],
+      ["steps", task.max_steps ? `${task.steps} of ${task.max_steps}` : task.steps],
+      ["picks", task.picks || ""],
+      ["time", seconds > 0 && seconds < 86400 ? `${Math.round(seconds)} s` : ""],
+      ["cause", task.cause],
+    ]);
+  }
+
+  drawHistory() {
+    $("history-empty").hidden = this.tasks.size > 0;
+    const newest = [...this.tasks.values()].reverse().slice(0, 20);
+    const drawn = newest.map((task) => `${task.id} ${task.state}`).join() + this.inView;
+    if (drawn === this.drawn) return; // a list that is drawn anew loses the keyboard's place
+    this.drawn = drawn;
+    const focused = document.activeElement?.closest("#history button")?.dataset.id;
+    $("history").replaceChildren(
+      ...newest.map((task) => {
+        const badge = element("span", { className: "badge", textContent: task.state });
+        badge.dataset.state = task.state;
+        const text = element("span", { className: "text", textContent: task.instruction });
+        const button = element("button", { type: "button", title: task.instruction }, text, badge);
+        button.dataset.id = task.id;
+        button.setAttribute("aria-current", task.id === this.inView);
+        button.addEventListener("click", () => this.view(task.id));
+        return element("li", {}, button);
+      }),
+    );
+    if (focused) $("history").querySelector(`[data-id="${CSS.escape(focused)}"]`)?.focus();
+  }
+}
+
+function phaseElement(phase) {
+  const dot = element("span", { className: "dot", textContent: MARKS[phase.state] });
+  dot.ariaHidden = "true";
+  const said = element("span", { className: "hidden", textContent: `: ${phase.state}` });
+  const out = element("li", {}, dot, element("span", { textContent: words(phase.name) }, said));
+  out.dataset.state = phase.state;
+  if (phase.state !== "waiting") out.dataset.done = "";
+  return out;
+}

@@ -1,0 +1,79 @@
+// Decisions: what was chosen, among what, and why.
+import { $, ask, coalesced, element, number, words } from "./api.js";
+
+const LAST = ["score", "total"]; // the terms that decide stand at the end
+
+export class Why {
+  /** `onShow(decision)` is called with the decision on show. */
+  constructor(onShow) {
+    this.onShow = onShow;
+    this.taskId = null;
+    this.decisions = [];
+    this.at = -1;
+    this.load = coalesced(() => this.fetch());
+    $("why-back").addEventListener("click", () => this.show(this.at - 1));
+    $("why-on").addEventListener("click", () => this.show(this.at + 1));
+  }
+
+  view(task) {
+    this.taskId = task?.id ?? null;
+    this.decisions = [];
+    this.show(-1);
+    this.load();
+  }
+
+  take(decision) {
+    if (decision.task_id !== this.taskId) return;
+    const newest = this.at === this.decisions.length - 1;
+    const known = this.decisions.findIndex((d) => d.index === decision.index);
+    if (known >= 0) this.decisions[known] = decision;
+    else this.decisions.push(decision);
+    this.show(newest ? this.decisions.length - 1 : this.at);
+  }
+
+  async fetch() {
+    const id = this.taskId;
+    if (id === null) return;
+    const { decisions } = await ask(`/v1/tasks/${encodeURIComponent(id)}/decisions`);
+    if (id !== this.taskId) return;
+    const newest = this.at === this.decisions.length - 1;
+    this.decisions = decisions;
+    this.show(newest ? decisions.length - 1 : Math.min(this.at, decisions.length - 1));
+  }
+
+  show(at) {
+    this.at = at;
+    const decision = this.decisions[at];
+    $("why-empty").hidden = Boolean(decision);
+    $("why-table").hidden = !decision?.candidates.length;
+    $("why-back").disabled = at <= 0;
+    $("why-on").disabled = at >= this.decisions.length - 1;
+    $("why-count").textContent = decision ? `${at + 1} of ${this.decisions.length}` : "";
+    $("why-rule").textContent = decision ? [words(decision.phase), words(decision.rule)].join(" · ") : "";
+    $("why-text").textContent = decision?.why ?? "";
+    if (decision) drawTable(decision.candidates);
+    this.onShow(decision ?? null);
+  }
+}
+
+function drawTable(candidates) {
+  const names = [...new Set(candidates.flatMap((c) => Object.keys(c.terms)))];
+  names.sort((a, b) => LAST.indexOf(a) - LAST.indexOf(b));
+  const head = element("tr", {}, element("th", { textContent: "candidate", scope: "col" }));
+  head.append(...names.map((name) => element("th", { textContent: termName(name), scope: "col" })));
+  const rows = candidates.map((candidate) => {
+    const first = element("td", { textContent: candidate.name || candidate.kind });
+    if (candidate.name) first.append(element("small", { textContent: candidate.kind }));
+    if (candidate.chosen) first.append(element("span", { className: "hidden", textContent: " (chosen)" }));
+    const row = element("tr", { className: candidate.chosen ? "chosen" : "" }, first);
+    row.append(...names.map((name) => element("td", { textContent: number(candidate.terms[name], 3) })));
+    return row;
+  });
+  $("why-table").replaceChildren(element("thead", {}, head), element("tbody", {}, ...rows));
+}
+
+/** distance_m → distance (m) */
+function termName(name) {
+  const unit = /_(m|s|rad|nats|m2)$/.exec(name)?.[1];
+  return unit ? `${words(name.slice(0, -unit.length - 1))} (${unit})` : words(name);
+}
