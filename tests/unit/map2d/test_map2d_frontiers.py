@@ -1,0 +1,211 @@
+"""Frontiers against brute force, and what becomes of their identity."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helios_map2d.explored import SearchArea, near_ground
+from helios_map2d.frontiers import (
+    Frontier,
+    FrontierFinder,
+    FrontierRules,
+    frontier_cells,
+    reachable_ground,
+    snapped_centre,
+)
+from helios_map2d.grid import Box, GridSpec
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+from scipy import ndimage
+
+SHAPE = (17, 23)
+OCCUPANCIES = arrays(np.int8, SHAPE, elements=st.sampled_from([-1, 0, 0, 0, 100]))
+EXPLOREDS = arrays(np.uint8, SHAPE, elements=st.sampled_from([0, 1, 1]))
+GRID = GridSpec(0.025, 200, 200, (-2.5, -2.5))
+RULES = FrontierRules(robot_radius_m=0.1, blind_radius_m=0.1, min_size_m=0.3)
+
+
+def brute_mask(occupancy: NDArray[np.int8], explored: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    mask = np.zeros(occupancy.shape, bool)
+    for r, c in np.ndindex(*occupancy.shape):
+        if occupancy[r, c] != 0 or not explored[r, c]:
+            continue
+        for rr, cc in ((r - 1, c), (r + 1, c), (r, c - 1), (r, c + 1)):
+            inside = 0 <= rr < occupancy.shape[0] and 0 <= cc < occupancy.shape[1]
+            if not inside or (not explored[rr, cc] and occupancy[rr, cc] != 100):
+                mask[r, c] = True
+    return mask
+
+
+@settings(max_examples=60, deadline=None)
+@given(OCCUPANCIES, EXPLOREDS)
+def test_frontier_cells_and_clusters_equal_brute_force(
+    occupancy: NDArray[np.int8], explored: NDArray[np.uint8]
+) -> None:
+    cells, labels = frontier_cells(occupancy, explored)
+    mask = brute_mask(occupancy, explored)
+    found = np.zeros(SHAPE, int)
+    found[cells[:, 0], cells[:, 1]] = labels + 1
+    assert ((found > 0) == mask).all()
+    expected, n = ndimage.label(mask, structure=np.ones((3, 3)))
+    assert len(np.unique(labels)) == n
+    pairs = set(zip(found[mask].tolist(), expected[mask].tolist(), strict=True))
+    assert len(pairs) == n  # one to one
+    assert (np.diff([np.flatnonzero(labels == k)[0] for k in range(n)]) > 0).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(OCCUPANCIES, st.integers(0, 16), st.integers(0, 22), st.floats(0, 12))
+def test_near_ground_is_the_flood_of_open_cells_in_the_disc(
+    occupancy: NDArray[np.int8], row: int, column: int, radius: float
+) -> None:
+    near = near_ground(occupancy, Box(0, SHAPE[0], 0, SHAPE[1]), (row, column), radius)
+    r, c = np.indices(SHAPE)
+    open_cells = (occupancy != 100) & ((r - row) ** 2 + (c - column) ** 2 <= radius**2)
+    labels, _ = ndimage.label(open_cells)
+    expected = (labels == labels[row, column]) & open_cells
+    assert (near.astype(bool) == expected).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(OCCUPANCIES, st.integers(0, 16), st.integers(0, 22), st.floats(0.5, 3), st.floats(0, 4))
+def test_reachable_ground_equals_brute_force(
+    occupancy: NDArray[np.int8], row: int, column: int, radius: float, blind: float
+) -> None:
+    got = reachable_ground(occupancy, (row, column), radius, blind)
+    r, c = np.indices(SHAPE)
+    obstacles = np.argwhere(occupancy == 100)
+    off = (r[..., None] - obstacles[:, 0]) ** 2 + (c[..., None] - obstacles[:, 1]) ** 2
+    clear = (off > radius**2 + 1e-4).all(axis=-1) if len(obstacles) else np.ones(SHAPE, bool)
+    whole = Box(0, SHAPE[0], 0, SHAPE[1])
+    known = (occupancy == 0) | (near_ground(occupancy, whole, (row, column), blind) > 0)
+    own = ((r - row) ** 2 + (c - column) ** 2 <= radius**2) & (occupancy != 100)
+    own &= (abs(r - row) <= int(radius)) & (abs(c - column) <= int(radius))
+    open_cells = (clear & known) | own
+    open_cells[row, column] = True
+    labels, _ = ndimage.label(open_cells)
+    assert (got == (labels == labels[row, column])).all()
+
+
+@given(st.lists(st.tuples(st.integers(0, 50), st.integers(0, 50)), min_size=1, max_size=30))
+def test_a_centre_is_one_of_its_cells_and_nearest_to_the_mean(cells: list[tuple[int, int]]) -> None:
+    own = np.array(cells, np.int32)
+    centre = snapped_centre(own)
+    assert centre in cells
+    off = np.hypot(*(own - own.mean(axis=0)).T)
+    assert np.hypot(*(np.array(centre) - own.mean(axis=0))) == pytest.approx(off.min())
+
+
+class World:
+    """A grid to paint on, and a finder."""
+
+    def __init__(self, rules: FrontierRules = RULES) -> None:
+        self.occupancy = np.full(GRID.shape, -1, np.int8)
+        self.area = SearchArea(GRID)
+        self.finder = FrontierFinder(GRID, rules)
+        self.values = {"pick": np.zeros(GRID.shape, np.float32)}
+
+    def free(self, rows: slice, columns: slice) -> None:
+        self.occupancy[rows, columns] = 0
+        box = Box(rows.start, rows.stop, columns.start, columns.stop)
+        self.area.add(np.ones((box.rows, box.columns), np.uint8), box)
+
+    def wall(self, rows: slice, columns: slice) -> None:
+        self.free(rows, columns)
+        self.occupancy[rows, columns] = 100
+
+    def find(self, x_m: float = 0.0, y_m: float = 0.0) -> tuple[Frontier, ...]:
+        return self.finder.find(
+            self.occupancy, self.area.explored, self.area.box, (x_m, y_m), self.values
+        )
+
+
+def corridor() -> World:
+    """Free ground 1.5 m wide, walled on both sides, open at both ends."""
+    world = World()
+    world.wall(slice(68, 70), slice(60, 140))
+    world.wall(slice(130, 132), slice(60, 140))
+    world.free(slice(70, 130), slice(60, 140))
+    return world
+
+
+def test_a_corridor_has_a_frontier_at_each_open_end_and_none_along_its_walls() -> None:
+    found = corridor().find()
+    assert len(found) == 2
+    for frontier in found:
+        assert frontier.size_m == pytest.approx(1.5)
+        assert frontier.reachable
+        assert abs(frontier.centre_m[0]) == pytest.approx(1.0, abs=0.02)
+        assert frontier.centre_m[1] == pytest.approx(0.0, abs=0.03)
+
+
+def test_small_frontiers_are_dropped() -> None:
+    world = corridor()
+    world.wall(slice(80, 132), slice(138, 140))
+    assert len(world.find()) == 1  # the right end is open over 0.25 m only
+
+
+def test_a_frontier_keeps_its_number_while_it_persists_and_moves_a_little() -> None:
+    world = corridor()
+    left, right = sorted(world.find(), key=lambda f: f.centre_m[0])
+    world.free(slice(70, 130), slice(140, 144))
+    world.wall(slice(68, 70), slice(140, 144))
+    world.wall(slice(130, 132), slice(140, 144))
+    moved_left, moved_right = sorted(world.find(), key=lambda f: f.centre_m[0])
+    assert (moved_left.id, moved_right.id) == (left.id, right.id)
+
+
+def test_a_frontier_that_jumps_or_comes_back_gets_a_new_number() -> None:
+    world = corridor()
+    before = {f.id for f in world.find()}
+    saved = world.area.explored.copy(), world.occupancy.copy()
+    world.wall(slice(70, 130), slice(138, 140))  # the right end is closed
+    kept = world.find()
+    assert len(kept) == 1
+    assert kept[0].id in before
+    world.area.explored[:], world.occupancy[:] = saved
+    again = {f.id for f in world.find()}
+    assert len(again & before) == 1
+    assert max(again) > max(before)
+
+
+def test_when_a_frontier_splits_the_larger_part_keeps_the_number() -> None:
+    world = corridor()
+    right = max(world.find(), key=lambda f: f.centre_m[0])
+    world.wall(slice(90, 94), slice(138, 140))
+    parts = [f for f in world.find() if f.centre_m[0] > 0]
+    assert len(parts) == 2
+    larger, smaller = sorted(parts, key=lambda f: -f.size_m)
+    assert larger.id == right.id
+    assert smaller.id > right.id
+
+
+def test_a_frontier_behind_a_gap_narrower_than_the_robot_is_not_reachable() -> None:
+    world = corridor()
+    world.wall(slice(70, 98), slice(120, 122))
+    world.wall(slice(102, 130), slice(120, 122))  # a gap of 0.1 m
+    left, right = sorted(world.find(), key=lambda f: f.centre_m[0])
+    assert left.reachable
+    assert not right.reachable
+
+
+def test_the_value_is_the_median_of_the_non_zero_cells_within_half_a_metre() -> None:
+    world = corridor()
+    rng = np.random.default_rng(3)
+    layer = rng.choice([0.0, 0.2, 0.5, 0.9], GRID.shape).astype(np.float32)
+    world.values["pick"][:] = layer
+    for frontier in world.find():
+        row, column = GRID.cell_of(*frontier.centre_m)
+        r, c = np.indices(GRID.shape)
+        near = (r - row) ** 2 + (c - column) ** 2 <= 20**2
+        expected = np.median(layer[near & (layer != 0)])
+        assert frontier.values["pick"] == pytest.approx(float(expected))
+
+
+def test_a_new_search_area_has_no_frontiers() -> None:
+    world = corridor()
+    assert world.find()
+    world.area.reset()
+    assert world.find() == ()

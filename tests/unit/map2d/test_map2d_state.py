@@ -1,0 +1,230 @@
+"""The map of an epoch: refusals, searches, versions."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from helios_core.errors import Conflict, HeliosError, InvalidInput
+from helios_core.types import Frame, Observation, SearchContext
+from helios_map2d.epochs import EpochMaps
+from helios_map2d.snapshot import decode_npz, encode_npz
+from helios_map2d.state import MapRules, MapState
+from map2d_scene import Block, Walk, room, table
+
+RULES = MapRules(size_cells=400)
+
+
+def context(name: str) -> SearchContext:
+    return SearchContext(id=name, classes=(), prompts={"pick": "a mug", "place": "a counter"})
+
+
+def observed(frame: Frame, context_id: str, **scores: float) -> Observation:
+    return Observation(frame, context_id, (), scores, "test")
+
+
+def searching(walk: Walk) -> MapState:
+    state = MapState(RULES, (2.0, 1.5), 0.2)
+    state.reset_search(context("first"))
+    for frame in walk.look_around(2.0, 1.5):
+        state.integrate_frame(frame)
+        state.integrate_values(observed(frame, "first", pick=0.4, place=0.2))
+    return state
+
+
+def open_room() -> Walk:
+    """A room with a doorway of 1 m in its right wall, and a table."""
+    walls = room()
+    walls[3:] = [Block((4.0, 0, 0), (4.1, 1.0, 2.5)), Block((4.0, 2.0, 0), (4.1, 3.0, 2.5))]
+    return Walk([*walls, *table(2.5, 2.4)])
+
+
+def test_the_doorway_of_a_room_is_a_reachable_frontier_with_values() -> None:
+    state = searching(open_room())
+    found = state.snapshot().frontiers
+    beyond = [f for f in found if f.centre_m[0] > 3.5]
+    assert beyond
+    assert beyond[0].reachable
+    assert beyond[0].values["pick"] == pytest.approx(0.4, abs=1e-3)
+    assert beyond[0].values["place"] == pytest.approx(0.2, abs=1e-3)
+    # The blind ring around the robot is no frontier.
+    assert all(math.hypot(f.centre_m[0] - 2.0, f.centre_m[1] - 1.5) > 0.9 for f in found)
+
+
+def test_a_new_search_forgets_what_was_searched_and_keeps_the_occupancy() -> None:
+    walk = open_room()
+    state = searching(walk)
+    before = state.snapshot()
+    assert state.reset_search(context("second"))
+    after = state.snapshot()
+    assert after.frontiers == ()
+    assert not after.explored_for_search.any()
+    assert not any(layer.any() for layer in after.values.values())
+    assert (after.occupancy == 100).sum() == (before.occupancy == 100).sum()
+    state.integrate_frame(walk.frame(2.0, 1.5, math.pi / 2))
+    assert state.snapshot().frontiers  # a known room must be searched again
+    assert not state.reset_search(context("second"))  # the same context again changes nothing
+    assert state.snapshot().frontiers
+
+
+def test_an_observation_of_another_context_is_refused() -> None:
+    walk = open_room()
+    state = searching(walk)
+    with pytest.raises(Conflict, match="'old'"):
+        state.integrate_values(observed(walk.frame(2, 1.5, 0), "old", pick=1.0))
+
+
+def test_a_frame_sent_twice_changes_nothing() -> None:
+    walk = open_room()
+    state = searching(walk)
+    frame = walk.frame(2.0, 1.5, 0.0)
+    assert state.integrate_frame(frame)
+    version = state.snapshot().version
+    assert not state.integrate_frame(frame)
+    assert state.integrate_values(observed(frame, "first", pick=0.9))
+    assert not state.integrate_values(observed(frame, "first", pick=0.9))
+    assert state.snapshot().version == version + 1
+
+
+def test_a_late_stream_frame_is_refused_and_a_late_keyframe_is_taken() -> None:
+    walk = open_room()
+    late, late_key = walk.frame(2, 1.5, 0, keyframe=False), walk.frame(2, 1.5, 0.2)
+    state = searching(walk)
+    pose, newest = state.snapshot().robot_pose, state.snapshot().frame_id
+    with pytest.raises(Conflict, match="older"):
+        state.integrate_frame(late)
+    assert state.integrate_frame(late_key)
+    assert state.snapshot().robot_pose == pose  # the newest frame says where the robot is
+    assert state.snapshot().frame_id == newest
+
+
+def broken_frames() -> list[tuple[str, Frame]]:
+    frame = Walk(room()).frame(2.0, 1.5, 0.0)
+    nan_pose = frame.T_world_cam.copy()
+    nan_pose[0, 3] = np.nan
+    scaled = frame.T_world_cam.copy()
+    scaled[:3, :3] *= 1.1
+    far = frame.T_world_base.copy()
+    far[0, 3] = 500.0
+    far_cam = frame.T_world_cam.copy()
+    far_cam[1, 3] = -500.0
+    change = dataclasses.replace
+    return [
+        ("NaN", change(frame, T_world_cam=nan_pose)),
+        ("rigid", change(frame, T_world_cam=scaled)),
+        ("the robot is at", change(frame, T_world_base=far)),
+        ("the camera is at", change(frame, T_world_cam=far_cam)),
+        ("calibration", change(frame, depth_m=frame.depth_m[:-1])),
+        ("float32", change(frame, depth_m=frame.depth_m.astype(np.uint16))),
+        ("focal", change(frame, camera=dataclasses.replace(frame.camera, fx=0.0))),
+    ]
+
+
+@pytest.mark.parametrize(("reason", "frame"), broken_frames())
+def test_a_broken_frame_is_refused_with_its_reason_and_changes_nothing(
+    reason: str, frame: Frame
+) -> None:
+    state = MapState(RULES, (2.0, 1.5), 0.2)
+    before = state.snapshot()
+    with pytest.raises(InvalidInput, match=reason):
+        state.integrate_frame(frame)
+    with pytest.raises(HeliosError):
+        state.integrate_values(observed(frame, "", pick=0.3))
+    assert state.snapshot() is before
+    assert (state.occupancy.occupancy == -1).all()
+
+
+def test_a_view_that_reaches_over_the_maps_edge_is_cut_there() -> None:
+    walk = open_room()
+    state = MapState(MapRules(size_cells=60), (2.0, 1.5), 0.2)
+    for frame in walk.look_around(2.0, 1.5):
+        state.integrate_frame(frame)
+    assert state.snapshot().occupancy.shape <= (60, 60)
+
+
+def test_a_published_version_never_changes() -> None:
+    walk = open_room()
+    state = searching(walk)
+    snapshot = state.snapshot()
+    copy = snapshot.occupancy.copy()
+    walk.blocks = room()
+    for frame in walk.look_around(2.0, 1.5):
+        state.integrate_frame(frame)
+    assert (snapshot.occupancy == copy).all()
+    assert state.snapshot().version > snapshot.version
+    with pytest.raises(ValueError, match="read-only"):
+        snapshot.occupancy[0, 0] = 1
+
+
+def test_snapshot_coordinates_are_those_of_the_world() -> None:
+    snapshot = searching(open_room()).snapshot()
+    assert snapshot.occupancy.shape == snapshot.grid.shape
+    row, column = snapshot.grid.cell_of(0.0 - 0.01, 1.5)
+    assert 100 in snapshot.occupancy[row, max(0, column - 2) : column + 3]
+    assert snapshot.occupancy[snapshot.grid.cell_of(1.0, 1.5)] == 0
+    assert snapshot.robot_pose is not None
+    assert snapshot.robot_pose[:2] == pytest.approx((2.0, 1.5))
+
+
+def test_a_snapshot_round_trips_through_npz() -> None:
+    snapshot = searching(open_room()).snapshot()
+    again = decode_npz(encode_npz(snapshot))
+    for field in dataclasses.fields(snapshot):
+        one, other = getattr(snapshot, field.name), getattr(again, field.name)
+        if isinstance(one, np.ndarray):
+            np.testing.assert_array_equal(one, other)
+        elif field.name in ("values", "confidences"):
+            assert list(one) == list(other)
+            for name in one:
+                np.testing.assert_array_equal(one[name], other[name])
+        elif field.name == "frontiers":
+            assert [(f.id, f.centre_m, f.size_m, f.reachable) for f in one] == [
+                (f.id, f.centre_m, f.size_m, f.reachable) for f in other
+            ]
+            for f, g in zip(one, other, strict=True):
+                np.testing.assert_array_equal(f.cells, g.cells)
+                assert dict(f.values) == dict(g.values)
+        else:
+            assert one == other
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"no zip", encode_npz(MapState(RULES, (0, 0), 0).published)[:90]]
+)
+def test_bytes_that_are_no_snapshot_are_refused(data: bytes) -> None:
+    with pytest.raises(InvalidInput, match="no map snapshot"):
+        decode_npz(data)
+
+
+def test_a_new_epoch_parks_the_map_and_starts_a_fresh_one_in_the_same_search() -> None:
+    walk = open_room()
+    maps = EpochMaps(RULES, 0.2)
+    maps.reset_search(context("first"))
+    first = maps.state_for(walk.frame(2.0, 1.5, 0.0))
+    old_frame = walk.frame(2.0, 1.5, 0.0)
+    assert first.integrate_frame(old_frame)
+    walk.epoch = 1
+    second = maps.state_for(walk.frame(3.0, 1.5, 0.0))
+    assert second is not first
+    assert second.context_id == "first"
+    assert list(maps.parked.values()) == [first]
+    assert second.snapshot().empty
+    with pytest.raises(Conflict, match="which is over"):
+        maps.state_for(old_frame)
+
+
+def test_line_of_sight_is_blocked_by_a_wall_and_passes_over_a_table() -> None:
+    snapshot = searching(open_room()).snapshot()
+    eye = (2.0, 1.0, 1.31)
+    assert snapshot.line_of_sight(eye, (2.5, 2.7, 0.9)).visible
+    wall = snapshot.line_of_sight(eye, (-1.0, 1.0, 1.0))
+    assert not wall.visible
+    assert wall.blocked_at_m is not None
+    assert wall.blocked_at_m[0] == pytest.approx(0.0, abs=0.06)
+    assert not snapshot.line_of_sight((2.5, 1.0, 0.4), (2.5, 3.0, 0.4)).visible  # below its top
+    assert snapshot.line_of_sight(eye, (2.5, 2.4, 0.75)).visible  # a thing on the table
+    assert snapshot.line_of_sight((1e12, 0, 1), (-1e12, 5e11, 1)).visible in (True, False)
+    with pytest.raises(InvalidInput, match="finite"):
+        snapshot.line_of_sight(eye, (math.nan, 0, 0))

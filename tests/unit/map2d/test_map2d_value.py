@@ -1,0 +1,133 @@
+"""Value layers against VLFM's formula."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from helios_core.errors import InvalidInput
+from helios_map2d.grid import GridSpec
+from helios_map2d.value import ValueLayers, ValueRules, value_near
+from helios_map2d.view import View, view_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from map2d_scene import CAMERA, Walk, camera_pose, cast, room
+from numpy.typing import NDArray
+
+GRID = GridSpec.centred_on(2.0, 1.5, 0.05, 200)
+ANGLES = st.floats(-math.pi, math.pi)
+
+
+def seen_from(x: float, y: float, yaw: float, pitch_down: float = 0.0) -> View:
+    pose = camera_pose(x, y, yaw, pitch_down)
+    return view_of(cast(room(), pose), CAMERA, pose, GRID, 0.1, 5.0)
+
+
+def vlfm_cone(view: View, x: float, y: float, yaw: float) -> NDArray[np.float64]:
+    """VLFM's confidence, cell by cell, for a level camera: 0 outside the measured cone."""
+    reach = np.minimum(view.depth_m.max(axis=0), view.max_depth_m)  # per image column
+    half_fov = view.half_fov_rad
+    cone = np.zeros(GRID.shape)
+    for row, column in np.ndindex(*GRID.shape):
+        px, py = GRID.centre_of(row, column)
+        forward = math.cos(yaw) * (px - x) + math.sin(yaw) * (py - y)
+        left = -math.sin(yaw) * (px - x) + math.cos(yaw) * (py - y)
+        if forward <= 0:
+            continue
+        u = CAMERA.cx - CAMERA.fx * left / forward
+        if not -0.5 < u < CAMERA.width - 0.5 or forward > reach[round(u)]:
+            continue
+        theta = math.atan2(left, forward)
+        cone[row, column] = 0.25 + 0.75 * math.cos(theta / half_fov * math.pi / 2) ** 2
+    return cone
+
+
+def fused(
+    value: NDArray[np.float64], old: NDArray[np.float64], new: NDArray[np.float64], score: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """VLFM's weighted average."""
+    new = np.where((new < 0.35) & (new < old), 0, new)
+    total = old + new
+    with np.errstate(invalid="ignore"):
+        averaged = np.where(new > 0, (old * value + new * score) / total, value)
+        confidence = np.where(new > 0, (old**2 + new**2) / total, old)
+    return averaged, confidence
+
+
+@settings(max_examples=6, deadline=None)
+@given(st.lists(st.tuples(ANGLES, st.floats(-1, 1)), min_size=1, max_size=3))
+def test_fusion_equals_vlfms_formula_for_a_level_camera(looks: list[tuple[float, float]]) -> None:
+    layers = ValueLayers(GRID, ValueRules())
+    layers.reset(("pick",))
+    value, confidence = np.zeros(GRID.shape), np.zeros(GRID.shape)
+    for yaw, score in looks:
+        view = seen_from(2.0, 1.5, yaw)
+        layers.integrate(view, {"pick": score})
+        value, confidence = fused(value, confidence, vlfm_cone(view, 2.0, 1.5, yaw), score)
+    got = layers.layers["pick"]
+    both = (got.confidence > 0) & (confidence > 0)
+    # They may differ on the rim of a cone, where a cell's centre falls beside the last pixel.
+    rim = (got.confidence > 0) != (confidence > 0)
+    assert rim.sum() <= 0.06 * both.sum() * len(looks)
+    off = abs(got.confidence - confidence)[both] > 1e-4
+    assert off.mean() <= 0.05
+    np.testing.assert_allclose(got.value[both][~off], value[both][~off], atol=1e-4)
+
+
+@pytest.mark.parametrize("pitch_deg", [0, 30, 60])
+def test_values_stop_at_the_walls_whatever_the_pitch(pitch_deg: int) -> None:
+    layers = ValueLayers(GRID, ValueRules())
+    for k in range(12):
+        layers.integrate(seen_from(2.0, 1.5, k * math.pi / 6, math.radians(pitch_deg)), {"a": 0.5})
+    rows, columns = np.nonzero(layers.layers["a"].confidence)
+    x = GRID.origin_m[0] + (columns + 0.5) * GRID.cell_m
+    y = GRID.origin_m[1] + (rows + 0.5) * GRID.cell_m
+    assert len(x) > 300
+    assert x.min() > -0.05
+    assert x.max() < 4.05
+    assert y.min() > -0.05
+    assert y.max() < 3.05
+
+
+def test_any_number_of_layers_is_kept_apart() -> None:
+    layers = ValueLayers(GRID, ValueRules())
+    layers.integrate(seen_from(2.0, 1.5, 0.0), {"pick": 0.3, "place": 0.1, "a third": 0.9})
+    row, column = GRID.cell_of(3.0, 1.5)
+    got = {name: round(float(layer.value[row, column]), 3) for name, layer in layers.layers.items()}
+    assert got == {"pick": 0.3, "place": 0.1, "a third": 0.9}
+    layers.reset(("pick",))
+    assert list(layers.layers) == ["pick"]
+    assert not layers.layers["pick"].value.any()
+
+
+@given(st.floats(-1, 1), st.integers(1, 6))
+def test_the_same_score_again_leaves_the_value(score: float, times: int) -> None:
+    layers = ValueLayers(GRID, ValueRules())
+    view = SAME_VIEW
+    for _ in range(times):
+        layers.integrate(view, {"pick": score})
+    layer = layers.layers["pick"]
+    assert layer.value[layer.confidence > 0] == pytest.approx(score, abs=1e-5)
+
+
+def test_a_score_that_is_not_finite_is_refused_and_changes_nothing() -> None:
+    layers = ValueLayers(GRID, ValueRules())
+    with pytest.raises(InvalidInput, match="score of layer 'place' is nan"):
+        layers.integrate(SAME_VIEW, {"pick": 0.5, "place": math.nan})
+    assert not layers.layers
+
+
+def test_nothing_measured_changes_nothing() -> None:
+    frame = Walk(room()).frame(2.0, 1.5, 0.0)
+    depth = np.full_like(frame.depth_m, np.nan)
+    layers = ValueLayers(GRID, ValueRules())
+    layers.integrate(view_of(depth, CAMERA, frame.T_world_cam, GRID, 0.1, 5.0), {"pick": 0.5})
+    assert not layers.layers["pick"].confidence.any()
+
+
+def test_the_value_near_a_place_without_values_is_zero() -> None:
+    assert value_near(np.zeros((20, 20), np.float32), 3, 3, 5.0) == 0.0
+
+
+SAME_VIEW = seen_from(2.0, 1.5, 0.3, 0.4)
