@@ -1,0 +1,46 @@
+"""Settings come from flags, then the environment, then the file; what is wrong is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from helios_core.settings import ServiceSettings, service_config
+from pydantic import Field
+
+
+class Settings(ServiceSettings):
+    model_config = service_config("sample")
+
+    cell_m: float = Field(default=0.025, gt=0, description="edge of a cell")
+
+
+def test_defaults_hold_without_any_source() -> None:
+    assert Settings.load([]).cell_m == 0.025
+
+
+def test_a_flag_wins_over_the_environment_and_that_over_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "helios.toml"
+    file.write_text("[sample]\ncell_m = 0.1\nrobot = 'spot'\n")
+    monkeypatch.setenv("HELIOS_CONFIG", str(file))
+    assert Settings.load([]).cell_m == 0.1
+    monkeypatch.setenv("HELIOS_SAMPLE_CELL_M", "0.2")
+    assert Settings.load([]).cell_m == 0.2
+    loaded = Settings.load(["--cell-m", "0.3"])
+    assert loaded.cell_m == 0.3
+    assert loaded.robot == "spot"
+
+
+@pytest.mark.parametrize("argv", [["--cell-m", "-1"], ["--cell-m", "wide"], ["--no-such-flag"]])
+def test_wrong_use_exits_with_2(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        Settings.load(argv)
+    assert ended.value.code == 2
+    assert "helios-sample" in capsys.readouterr().err
+
+
+def test_settings_cannot_be_changed() -> None:
+    with pytest.raises(Exception, match="frozen"):
+        Settings.load([]).cell_m = 1.0  # pyright: ignore[reportAttributeAccessIssue]
