@@ -39,10 +39,15 @@ class Link:
         if changed:
             self._wake.set()
 
-    def close(self) -> None:
+    def end(self) -> None:
+        """Leave the bus soon."""
         self._ending.set()
         self._wake.set()
-        self._thread.join(2.0)
+
+    def close(self) -> None:
+        """Leave the bus, and wait until that is done."""
+        self.end()
+        self._thread.join(1.0)
 
     def _run(self) -> None:
         bus = self._connect()

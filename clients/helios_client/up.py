@@ -96,8 +96,9 @@ class _Run:
                             self._say(f"{row.name} is {row.state}: {row.reason or 'no word yet'}")
         finally:
             self._say("stopping")
-            link.close()
+            link.end()
             self._supervisor.stop()
+            link.close()
             state_file.remove(self._state_dirs)
             self._say("stopped")
 

@@ -57,9 +57,7 @@ def test_submit_sends_the_instruction_and_gives_the_task() -> None:
     [(400, InvalidInput), (404, InvalidInput), (409, Conflict), (503, Unavailable),
      (504, DeadlineExceeded), (500, Internal)],
 )  # fmt: skip
-def test_a_problem_is_a_typed_error_with_its_sentence(
-    status: int, kind: type[HeliosError]
-) -> None:
+def test_a_problem_is_a_typed_error_with_its_sentence(status: int, kind: type[HeliosError]) -> None:
     problem = {"type": "helios:x", "title": "x", "status": status, "detail": "say what to move"}
     with pytest.raises(kind, match="say what to move"):
         helios(lambda _: httpx.Response(status, json=problem)).task("t1")

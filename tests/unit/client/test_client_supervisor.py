@@ -169,9 +169,7 @@ def test_what_others_need_while_they_end_ends_last(bench: Bench) -> None:
     order = bench.folder / "order"
     supervisor = Supervisor(
         [
-            ProcessSpec(
-                name, (sys.executable, "-c", tell, str(order), pause, name), ends_last=last
-            )
+            ProcessSpec(name, (sys.executable, "-c", tell, str(order), pause, name), ends_last=last)
             for name, pause, last in (("router", "0", True), ("service", "0.3", False))
         ],
         bench.folder,

@@ -43,9 +43,7 @@ class Up:
         return next(s for s in self.status()["services"] if s["name"] == name)
 
     def nothing_left(self) -> bool:
-        return not any(
-            c.is_running() and c.status() != psutil.STATUS_ZOMBIE for c in self.children
-        )
+        return not any(c.is_running() and c.status() != psutil.STATUS_ZOMBIE for c in self.children)
 
     def close(self) -> None:
         if self.process.poll() is None:

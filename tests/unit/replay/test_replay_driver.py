@@ -74,7 +74,7 @@ def test_images_are_rgb_and_metres(folder: Path) -> None:
 def test_it_cannot_move_and_says_so(folder: Path) -> None:
     driver = ReplayDriver(folder)
     robot = driver.describe()
-    assert not (robot.can_move or robot.can_pick or robot.can_place)
+    assert (robot.can_move, robot.can_pick, robot.can_place) == (False, False, False)
     assert robot.camera_height_m == pytest.approx(1.3)
     actions = (Forward(1), Turn(1), Tilt(1), Pick((0, 0, 0), "cup"), Place((0, 0, 0)))
     for k, action in enumerate(actions):
@@ -139,7 +139,7 @@ def test_a_corrupt_image_is_named_and_the_next_one_still_plays(
     path.write_bytes(path.read_bytes()[:30] if data is None else data)
     driver = ReplayDriver(folder)
     driver.capture()
-    with pytest.raises(InvalidInput, match=f"000004.{suffix}"):
+    with pytest.raises(InvalidInput, match=rf"000004\.{suffix}"):
         driver.capture()
     assert driver.capture().stamp_ns == 200_000_000
 
@@ -147,7 +147,7 @@ def test_a_corrupt_image_is_named_and_the_next_one_still_plays(
 def test_an_image_of_another_size_is_refused(folder: Path) -> None:
     path = folder / "frames/000000.png"
     cv2.imwrite(str(path), np.ones((HEIGHT, WIDTH + 1), np.uint16))
-    with pytest.raises(InvalidInput, match="65x48 uint16, meta.json says 64x48"):
+    with pytest.raises(InvalidInput, match="65x48 uint16"):
         ReplayDriver(folder).capture()
     cv2.imwrite(str(path), np.ones((HEIGHT, WIDTH), np.uint8))
     with pytest.raises(InvalidInput, match="16 bit"):

@@ -1,0 +1,82 @@
+"""Real camera frames through real processes: a mug on a table is found where it stands."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import uuid
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+SHARED = Path(__file__).resolve().parents[2].parent / "shared"
+DATASET, MODEL = SHARED / "data" / "redkitchen", SHARED / "models" / "yolox_nano.onnx"
+FRAMES = 20
+MUG_A_M = (1.80, 0.715, 0.80)  # measured from all frames; see the data set's README
+
+needs_data = pytest.mark.skipif(
+    not (DATASET.is_dir() and MODEL.is_file()),
+    reason=f"the data set and the model are not at {SHARED}, and are not part of the project",
+)
+
+
+def replay(
+    out: Path, classes: str, detector: str = f"onnx:{MODEL}"
+) -> subprocess.CompletedProcess[str]:
+    """`helios replay` of the first frames; no process of it is left."""
+    mark = uuid.uuid4().hex  # in the environment of all that is started
+    done = subprocess.run(
+        [sys.executable, "-m", "helios_client", "replay", str(DATASET), "--classes", classes,
+         "--detector", detector, "--out", str(out), "--limit", str(FRAMES)],
+        capture_output=True, text=True, timeout=280, check=False,
+        env=os.environ | {"COLUMNS": "160", "TEST_MARK": mark},
+    )  # fmt: skip
+    assert [p.pid for p in psutil.process_iter() if _environment(p).get("TEST_MARK") == mark] == []
+    return done
+
+
+def _environment(process: psutil.Process) -> dict[str, str]:
+    try:
+        return process.environ()
+    except psutil.Error:  # ended meanwhile, or another user's
+        return {}
+
+
+@needs_data
+def test_a_mug_is_found_in_real_frames(tmp_path: Path) -> None:
+    done = replay(tmp_path, "cup,dining table")
+    assert done.returncode == 0, done.stderr
+    objects = json.loads((tmp_path / "objects.json").read_text())
+    cups = [o for o in objects if o["class"] == "cup"]
+    nearest_m = min(np.linalg.norm(np.subtract(o["center_m"], MUG_A_M)) for o in cups)
+    assert nearest_m < 0.10
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["frames"], summary["keyframes"]) == (FRAMES, FRAMES)
+    assert {"occupancy", "value", "objects", "detect", "total"} <= set(summary["ms_per_frame"])
+    occupancy = np.load(tmp_path / "occupancy.npz")["occupancy"]
+    assert set(np.unique(occupancy)) == {-1, 0, 100}
+    assert (tmp_path / "occupancy.png").read_bytes().startswith(b"\x89PNG")
+    assert "cup" in done.stdout
+
+
+@needs_data
+@pytest.mark.parametrize(
+    ("classes", "detector", "words"),
+    [
+        ("cup,unicorn", f"onnx:{MODEL}", "unicorn"),
+        ("cup", "onnx:/no/such/model.onnx", "/no/such/model.onnx"),
+        ("cup", "crystal-ball", "crystal-ball"),
+    ],
+)
+def test_what_cannot_be_found_is_said_in_one_sentence(
+    classes: str, detector: str, words: str, tmp_path: Path
+) -> None:
+    done = replay(tmp_path, classes, detector)
+    assert done.returncode == 1
+    assert words in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "objects.json").exists()
