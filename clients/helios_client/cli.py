@@ -6,6 +6,7 @@ import contextlib
 import json
 import signal
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -51,7 +52,7 @@ def up(
     """Start every service on this machine and keep them running until Ctrl-C."""
     from helios_client import state_file
     from helios_client.stack import Stack, free_port
-    from helios_client.up import up as run
+    from helios_client.up import up as run_up
     from helios_client.wrong_use import WrongUse
 
     if detector is None:
@@ -60,7 +61,7 @@ def up(
         detector = "simulated"
     if (source is None) is (robot == "replay"):
         raise WrongUse("--source DATASET goes with --robot replay, and only with it")
-    run(
+    run_up(
         Stack(
             robot=robot, router_port=router_port or free_port(),
             state_dir=state or state_file.default_state_dir(port), name=name, port=port, seed=seed,
@@ -116,12 +117,12 @@ def replay(
 ) -> None:
     """Play a data set through the services and write what they found."""
     from helios_client.replay import ReplayJob
-    from helios_client.replay import replay as run
+    from helios_client.replay import replay as run_replay
     from helios_client.watch_list import watch_list
 
     console = _console()
     context = watch_list(classes, thresholds)
-    results = run(ReplayJob(dataset, context, detector, out, limit), console)
+    results = run_replay(ReplayJob(dataset, context, detector, out, limit), console)
     results.write(out)
     console.print(results.table())
     console.print(f"written to {out}", highlight=False)
@@ -134,14 +135,14 @@ def bench(
 ) -> None:
     """Time the services' inner loops against other implementations."""
     try:
-        from helios_eval.bench import main as run  # pyright: ignore[reportMissingImports]
+        from helios_eval.bench import main as run_bench  # pyright: ignore[reportMissingImports]
     except ImportError as error:
         from helios_core.errors import Unavailable
 
         raise Unavailable(
             f"the benchmarks cannot be loaded ({error}); pip install 'helios-ovmm[bench]'"
         ) from error
-    code: Any = run(only, json_path)
+    code: Any = run_bench(only, json_path)
     raise typer.Exit(int(code or 0))
 
 
@@ -158,11 +159,16 @@ def doctor(port: Port = 8080) -> None:
 
 
 def main() -> int:
-    """Run a command; the exit status: 0 only on success, 2 on wrong use."""
+    """The entry point."""
     signal.signal(signal.SIGTERM, _interrupt)
+    return run(sys.argv[1:])
+
+
+def run(args: Sequence[str]) -> int:
+    """Run a command; the exit status: 0 only on success, 2 on wrong use."""
     command = typer.main.get_command(app)
     try:
-        code = command.main(prog_name="helios", standalone_mode=False)
+        code = command.main(args=list(args), prog_name="helios", standalone_mode=False)
         return code if isinstance(code, int) else 0
     except KeyboardInterrupt:
         print("helios: interrupted", file=sys.stderr)

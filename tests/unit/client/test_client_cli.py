@@ -1,24 +1,45 @@
-"""The command as a person calls it, in processes of its own."""
+"""The command as a person calls it."""
 
 from __future__ import annotations
 
-import os
 import socket
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from helios_client.cli import run
 from helios_client.doctor import examine
 
 from tests.support import free_port
 
 
-def helios(*args: str, home: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "helios_client", *args], capture_output=True, text=True, timeout=60,
-        env=os.environ | {"XDG_STATE_HOME": str(home)}, check=False,
-    )  # fmt: skip
+@dataclass(frozen=True)
+class Done:
+    status: int
+    out: str
+    error: str
+
+
+class Helios:
+    """The command with a state folder of its own."""
+
+    def __init__(self, home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        self.home, self._capsys = home, capsys
+
+    def __call__(self, *args: str) -> Done:
+        status = run(args)
+        said = self._capsys.readouterr()
+        return Done(status, said.out, said.err)
+
+
+@pytest.fixture
+def helios(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Helios:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    return Helios(tmp_path, capsys)
 
 
 @pytest.mark.parametrize("heavy", ["numpy", "cv2", "zenoh", "httpx", "google.protobuf"])
@@ -30,10 +51,10 @@ def test_help_does_not_wait_for_heavy_imports(heavy: str) -> None:
 @pytest.mark.parametrize(
     "command", [[], ["up"], ["task"], ["status"], ["replay"], ["bench"], ["doctor"]]
 )
-def test_every_command_has_help(command: list[str], tmp_path: Path) -> None:
-    done = helios(*command, "--help", home=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "Usage: helios" in done.stdout
+def test_every_command_has_help(command: list[str], helios: Helios) -> None:
+    done = helios(*command, "--help")
+    assert (done.status, done.error) == (0, "")
+    assert "Usage: helios" in done.out
 
 
 @pytest.mark.parametrize(
@@ -48,42 +69,48 @@ def test_every_command_has_help(command: list[str], tmp_path: Path) -> None:
         ["replay", "x", "--classes", "cup,,", "--detector", "simulated", "--out", "y"],
     ],
 )
-def test_wrong_use_is_one_sentence_and_status_2(args: list[str], tmp_path: Path) -> None:
-    done = helios(*args, home=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith("helios: ")
-    assert done.stderr.count("\n") == 1
+def test_wrong_use_is_one_sentence_and_status_2(args: list[str], helios: Helios) -> None:
+    done = helios(*args)
+    assert done.status == 2
+    assert done.error.startswith("helios: ")
+    assert done.error.count("\n") == 1
 
 
-def test_nobody_there_is_one_sentence_and_status_1(tmp_path: Path) -> None:
+def test_nobody_there_is_one_sentence_and_status_1(helios: Helios) -> None:
     for args in (["status"], ["task", "move it"]):
-        done = helios(*args, "--port", str(free_port()), home=tmp_path)
-        assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-        assert "helios up" in done.stderr
+        done = helios(*args, "--port", str(free_port()))
+        assert (done.status, done.error.count("\n")) == (1, 1)
+        assert "helios up" in done.error
 
 
-def test_a_port_in_use_is_named_and_nothing_is_left(tmp_path: Path) -> None:
+def test_a_port_in_use_is_named_and_nothing_is_left(helios: Helios) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        done = helios("up", "--port", str(port), home=tmp_path)
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert str(port) in done.stderr
-    assert "--port" in done.stderr
-    assert not list(tmp_path.iterdir())
+        done = helios("up", "--port", str(port))
+    assert (done.status, done.error.count("\n")) == (1, 1)
+    assert str(port) in done.error
+    assert "--port" in done.error
+    assert not list(helios.home.iterdir())
 
 
 @pytest.mark.parametrize(
     ("name", "words"), [("tour.mcap", "MCAP"), ("nowhere", "no data set at"), (".", "meta.json")]
 )
-def test_a_data_set_that_cannot_be_played_is_said(name: str, words: str, tmp_path: Path) -> None:
+def test_a_data_set_that_cannot_be_played_is_said(name: str, words: str, helios: Helios) -> None:
     done = helios(
-        "replay", str(tmp_path / name), "--classes", "cup", "--detector", "onnx:x.onnx", "--out",
-        str(tmp_path / "out"), home=tmp_path,
-    )  # fmt: skip
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert words in done.stderr
+        "replay",
+        str(helios.home / name),
+        "--classes",
+        "cup",
+        "--detector",
+        "onnx:x.onnx",
+        "--out",
+        str(helios.home / "out"),
+    )
+    assert (done.status, done.error.count("\n")) == (1, 1)
+    assert words in done.error
 
 
 def test_the_doctor_names_what_is_missing_and_how_to_mend_it() -> None:
