@@ -60,6 +60,7 @@ class NoiseTable:
     score_factor_by_pixels: Knots
     erode_px: int
     false_positive: float
+    false_never_on: frozenset[str]  # normalised true classes
     false_radius_m: float
     false_min_px: int
     confusion: Mapping[str, Mapping[str, float]]  # normalised true class -> reported -> probability
@@ -174,6 +175,7 @@ def _table(t: dict[str, Any], digest: str) -> NoiseTable:
         score_factor_by_pixels=_knots(score["pixels"], score["factor_by_pixels"], log=True),
         erode_px=int(t["mask"]["erode_px"]),
         false_positive=float(false["probability"]),
+        false_never_on=frozenset(normalised(str(name)) for name in false["never_on"]),
         false_radius_m=float(false["radius_m"]),
         false_min_px=int(false["min_px"]),
         confusion=confusion,

@@ -19,7 +19,7 @@ from helios_core.types import Frame
 from helios_detector.backend import ScorerBackend, Seen
 from helios_detector.vocabulary import accepts, equals, known_names, normalised
 
-PRIOR = 0.2  # nothing is seen, or the prompt has no known name
+PRIOR = 0.2  # nothing the table knows is seen, or the prompt has no known name
 FLOOR = 0.05  # only unrelated things are seen
 HOST_WEIGHT = 0.8  # sought things' usual furniture is seen
 GUEST_WEIGHT = 0.5  # what usually stands on the sought furniture is seen
@@ -33,6 +33,10 @@ class Affinity:
 
     hosts: Mapping[str, Mapping[str, float]]  # thing -> furniture -> weight
     rooms: Mapping[str, Mapping[str, float]]  # name -> room -> share, adding up to 1
+
+    def knows(self, name: str) -> bool:
+        """Whether seeing it says anything; a wall does not."""
+        return key_of(name) in self.hosts or key_of(name) in self.rooms
 
     def relation(self, seen: str, sought: str) -> float:
         """How much seeing one name says that the other is near, 0 to 1."""
@@ -107,6 +111,7 @@ class LexicalScorer(ScorerBackend):
         return {layer: self._score(seen, names_in(prompt)) for layer, prompt in prompts.items()}
 
     def _score(self, seen: Sequence[Seen], sought: tuple[str, ...]) -> float:
+        seen = [s for s in seen if self._affinity.knows(s.class_name)]
         if not seen or not sought:
             return PRIOR
         relations = [

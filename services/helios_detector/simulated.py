@@ -49,7 +49,7 @@ class SimulatedDetector(DetectorBackend):
         seen: dict[str, Seen] = {}
         for thing in visible(truth, max(1, self._table.always_missed_below_px)):
             draws, distance_m = self._draws(thing, frame)
-            if not thing.instance.graspable:
+            if self._deceives(thing):
                 detections += self._imagined(thing, frame, wanted, draws)
             if draws.uniform("miss") < self._table.miss(thing.pixels, distance_m):
                 continue
@@ -87,6 +87,12 @@ class SimulatedDetector(DetectorBackend):
         noise = sd * draws.normal(purpose)
         noise += self._table.score_jitter * draws.frame_normal(f"{purpose} jitter")
         return min(0.99, max(0.05, mean + self._table.level * noise))
+
+    def _deceives(self, thing: Visible) -> bool:
+        """Whether objects may be imagined on it: furniture."""
+        instance = thing.instance
+        never = normalised(instance.class_name) in self._table.false_never_on
+        return not instance.graspable and not never
 
     def _imagined(
         self, thing: Visible, frame: Frame, wanted: tuple[Wanted, ...], draws: Draws

@@ -33,6 +33,12 @@ def test_nothing_seen_is_the_prior_and_better_than_only_unrelated_things():
     assert score(prompt) == PRIOR > score(prompt, "kitchen counter")
 
 
+def test_walls_and_floors_say_nothing():
+    prompt = "Seems like there is a bed ahead."
+    assert score(prompt, "wall", "floor") == PRIOR
+    assert score(prompt, "wall", "nightstand") == score(prompt, "nightstand")
+
+
 def test_a_prompt_without_a_known_name_scores_the_prior():
     assert score("a flurb ahead", "bed") == PRIOR
 

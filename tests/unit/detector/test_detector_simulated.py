@@ -149,6 +149,13 @@ def test_false_positives_come_for_objects_and_not_for_receptacles():
     assert detector.detect(truth.frame(), context).detections == ()
 
 
+def test_nothing_is_imagined_on_walls_or_on_objects():
+    truth = SceneTruth((*ROOM[1:],))  # mug, bowl and wall
+    detector = simulated(truth, replace(FAITHFUL, false_positive=1.0, false_min_px=1))
+    found = detector.detect(truth.frame(), context_of("teapot", threshold=0.05)).detections
+    assert found == ()
+
+
 def test_masks_are_eroded_and_never_empty():
     truth = SceneTruth()
     frame = truth.frame()
