@@ -32,13 +32,13 @@ def backend(hub: MemoryHub) -> Backend:
 @pytest.fixture
 def live(hub: MemoryHub) -> Iterator[Live]:
     """Without its ticker: tests call `tick`."""
-    live = Live(MemoryBus(hub), Settings())
+    live = Live(MemoryBus(hub), Settings.load([]))
     yield live
     live.close()
 
 
 @pytest.fixture
 def client(hub: MemoryHub, live: Live) -> Iterator[TestClient]:
-    app = create_app(MemoryBus(hub), live, Settings())
+    app = create_app(MemoryBus(hub), live, Settings.load([]))
     with TestClient(app, raise_server_exceptions=False) as client:
         yield client

@@ -1,0 +1,191 @@
+"""The stream of events: numbered, resumable, bounded, closed with the gateway."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import threading
+from collections.abc import AsyncIterator
+
+import pytest
+from gateway_backend import Backend
+from helios_core import proto as pb
+from helios_core.errors import Unavailable
+from helios_core.topics import TASK
+from helios_gateway.events import KEEPALIVE, EventHub
+from helios_gateway.live import Live
+from helios_gateway.models import Healthy, MapChange, RobotPose
+
+
+def parsed(raw: bytes) -> tuple[str, str, dict]:
+    """(id, type, data) of one event as sent."""
+    fields = dict(line.split(": ", 1) for line in raw.decode().strip().split("\n"))
+    return fields["id"], fields["event"], json.loads(fields["data"])
+
+
+async def take(stream: AsyncIterator[bytes], count: int) -> list[tuple[str, str, dict]]:
+    return [parsed(await anext(stream)) for _ in range(count)]
+
+
+async def opened(hub: EventHub, last_id: str | None = None) -> AsyncIterator[bytes]:
+    stream = hub.stream(last_id)
+    assert await anext(stream) == b"retry: 1000\n\n"
+    return stream
+
+
+def change(n: int) -> MapChange:
+    return MapChange(map2d=n, objects=0)
+
+
+def test_who_comes_back_gets_what_was_missed_and_nothing_twice() -> None:
+    hub = EventHub(backlog=100, max_viewers=5, keepalive_s=5)
+
+    async def run() -> None:
+        stream = await opened(hub)
+        for n in range(3):
+            hub.publish("map", change(n))
+        seen = await take(stream, 2)
+        again = await opened(hub, seen[-1][0])
+        hub.publish("map", change(3))
+        assert [data["map2d"] for _, _, data in await take(again, 2)] == [2, 3]
+
+    asyncio.run(run())
+
+
+def test_a_newcomer_is_given_the_newest_of_each_state() -> None:
+    hub = EventHub(backlog=100, max_viewers=9, keepalive_s=5)
+    for n in range(4):
+        hub.publish("map", change(n), "map")
+    hub.publish("alive", Healthy())
+    hub.publish("map", change(9), "other map")
+
+    async def run() -> None:
+        for last_id in (None, "", "nonsense", "gone-1", "-", "x-99999999999999999999999"):
+            stream = await opened(hub, last_id)
+            assert [data["map2d"] for _, _, data in await take(stream, 2)] == [3, 9]
+
+    asyncio.run(run())
+
+
+def test_an_id_that_is_no_longer_held_gets_the_states_anew() -> None:
+    hub = EventHub(backlog=2, max_viewers=5, keepalive_s=5)
+    hub.publish("map", change(0), "map")
+
+    async def run() -> None:
+        [(first, _, _)] = await take(await opened(hub), 1)
+        for n in range(1, 6):
+            hub.publish("map", change(n), "map")
+        [(_, _, data)] = await take(await opened(hub, first), 1)
+        assert data["map2d"] == 5
+
+    asyncio.run(run())
+
+
+def test_events_of_many_threads_arrive_in_the_order_of_their_numbers() -> None:
+    hub = EventHub(backlog=1000, max_viewers=5, keepalive_s=5)
+
+    async def run() -> None:
+        stream = await opened(hub)
+        threads = [
+            threading.Thread(target=lambda: [hub.publish("map", change(n)) for n in range(50)])
+            for _ in range(4)
+        ]
+        for thread in threads:
+            thread.start()
+        numbers = [int(id.rpartition("-")[2]) for id, _, _ in await take(stream, 200)]
+        assert numbers == sorted(set(numbers))
+        for thread in threads:
+            thread.join()
+
+    asyncio.run(run())
+
+
+def test_a_viewer_that_does_not_read_is_ended_and_not_held_for_ever() -> None:
+    hub = EventHub(backlog=5, max_viewers=5, keepalive_s=5)
+
+    async def run() -> None:
+        stream = await opened(hub)
+        for n in range(100):
+            hub.publish("map", change(n))
+        await asyncio.sleep(0)
+        assert len([raw async for raw in stream]) <= 11
+        assert hub.viewers == 0
+
+    asyncio.run(run())
+
+
+def test_silence_is_broken_and_viewers_are_counted_and_bounded() -> None:
+    hub = EventHub(backlog=5, max_viewers=1, keepalive_s=0.01)
+
+    async def run() -> None:
+        stream = hub.stream(None)
+        await anext(stream)
+        assert await anext(stream) == KEEPALIVE
+        with pytest.raises(Unavailable, match="max-viewers"):
+            hub.stream(None)
+        await stream.aclose()  # pyright: ignore[reportAttributeAccessIssue]
+        assert hub.viewers == 0
+
+    asyncio.run(run())
+
+
+def test_closing_ends_open_streams_and_refuses_new_ones() -> None:
+    hub = EventHub(backlog=5, max_viewers=5, keepalive_s=60)
+
+    async def run() -> None:
+        stream = await opened(hub)
+        hub.close()
+        assert [raw async for raw in stream] == []
+        with pytest.raises(Unavailable):
+            hub.stream(None)
+
+    asyncio.run(run())
+
+
+def test_numbers_that_are_not_finite_become_null() -> None:
+    hub = EventHub(backlog=5, max_viewers=5, keepalive_s=5)
+    hub.publish("robot", RobotPose(x_m=math.nan, y_m=math.inf, yaw_rad=1.0), "robot")
+
+    async def run() -> None:
+        [(_, _, data)] = await take(await opened(hub), 1)
+        assert data == {"x_m": None, "y_m": None, "yaw_rad": 1.0}
+
+    asyncio.run(run())
+
+
+def types_since(live: Live, past: int) -> list[str]:
+    return [event.type for event in live.events._past][past:]
+
+
+def test_tasks_decisions_and_plans_are_told_at_once(live: Live, backend: Backend) -> None:
+    live.tick()
+    past = len(live.events._past)
+    backend.bus.publish(TASK, pb.Task(id="t1", state="running", kind="move", phase="pick"))
+    backend.decide()
+    backend.publish_plan()
+    assert types_since(live, past) == ["task", "decision", "plan"]
+
+
+def test_the_pose_is_told_once_a_tick_and_a_stop_at_once(live: Live, backend: Backend) -> None:
+    live.tick()
+    past = len(live.events._past)
+    for step in range(20):
+        backend.pose = (1.0 + step / 10, 2.0, 0.0)
+        backend.publish_robot()
+    assert types_since(live, past) == []
+    live.tick()
+    live.tick()
+    assert types_since(live, past) == ["robot"]
+    backend.stopped = True
+    backend.publish_robot()
+    assert types_since(live, past) == ["robot", "robot"]
+
+
+def test_a_service_that_goes_is_told_once(live: Live, backend: Backend) -> None:
+    live.tick()
+    past = len(live.events._past)
+    backend.report("detector", 4102, "waiting", "waits for a model")
+    live.tick()
+    live.tick()
+    assert types_since(live, past) == ["service", "ready"]

@@ -1,0 +1,92 @@
+"""The gateway as a process: ports, start, clean stop."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import httpx
+import pytest
+from gateway_backend import Backend
+from helios_core.errors import Unavailable
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_gateway.service import Gateway, bind
+from helios_gateway.settings import Settings
+
+from tests.support import free_port, wait_until
+
+
+def test_a_port_in_use_is_one_sentence_and_status_1() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        command = [sys.executable, "-m", "helios_gateway", "--port", str(port)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert done.stderr == (
+        f"helios-gateway: port {port} on 127.0.0.1 is in use; choose another with --port\n"
+    )
+
+
+def test_a_host_that_is_not_ours_is_refused() -> None:
+    with pytest.raises(Unavailable, match="--host"):
+        bind("192.0.2.1", 0)
+
+
+def test_it_serves_streams_events_and_closes_with_streams_open(
+    hub: MemoryHub, backend: Backend
+) -> None:
+    health = Health()
+    listener = bind("127.0.0.1", 0)
+    port = listener.getsockname()[1]
+    settings = Settings.load(["--tick-s", "0.05"])
+    gateway = Gateway(MemoryBus(hub), health, settings, listener)
+    assert health.state == ("ready", f"http://127.0.0.1:{port}/")
+    with (
+        httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=20) as client,
+        client.stream("GET", "/v1/events") as stream,
+    ):
+        assert stream.headers["content-type"].startswith("text/event-stream")
+        lines = stream.iter_lines()
+        assert next(line for line in lines if line == "event: ready")
+        client.post("/v1/tasks", json={"instruction": "move the mug"})
+        assert next(line for line in lines if line == "event: task")
+        began = time.monotonic()
+        gateway.close()
+        assert list(lines) is not None  # the stream has come to its end
+        assert time.monotonic() - began < Settings.load([]).keepalive_s
+
+
+def test_alone_it_says_what_it_waits_for_and_stops_on_sigterm() -> None:
+    endpoint, port = f"tcp/127.0.0.1:{free_port()}", free_port()
+    gateway = subprocess.Popen(
+        [sys.executable, "-m", "helios_gateway", "--port", str(port), "--router", endpoint]
+    )
+    router = subprocess.Popen([sys.executable, "-m", "helios_core.router", "--listen", endpoint])
+    try:
+        with httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=20) as client:
+
+            def up() -> bool:
+                try:
+                    return client.get("/healthz").status_code == 200
+                except httpx.TransportError:
+                    return False
+
+            wait_until(up, 60, "the gateway answers")
+            ready = client.get("/readyz")
+            assert ready.status_code == 503
+            assert "planner is down: it has not been seen; start it" in ready.json()["reasons"]
+            assert client.post("/v1/robot/stop").status_code == 503
+            with client.stream("GET", "/v1/events") as stream:
+                next(stream.iter_lines())
+                gateway.send_signal(signal.SIGTERM)
+                assert gateway.wait(20) == 0  # it forces itself out with 1 after 2 s
+    finally:
+        for process in (gateway, router):
+            process.kill()
+            process.wait()

@@ -1,0 +1,140 @@
+"""Services, readiness, health, metrics."""
+
+from __future__ import annotations
+
+import pytest
+from fastapi.testclient import TestClient
+from gateway_backend import Backend
+from helios_core import proto as pb
+from helios_gateway.roster import Roster
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def roster(clock: Clock) -> Roster:
+    return Roster(silent_after_s=5, clock=clock)
+
+
+def says(service: str, state: str, reason: str = "", instance: str = "1") -> pb.ServiceStatus:
+    return pb.ServiceStatus(service=service, instance=instance, state=state, reason=reason, pid=7)
+
+
+def state_of(roster: Roster, name: str) -> tuple[str, str]:
+    [service] = [s for s in roster.services() if s.name == name]
+    return service.state, service.reason
+
+
+def test_a_known_service_that_was_never_seen_is_down_with_a_reason(roster: Roster) -> None:
+    names = [s.name for s in roster.services()]
+    assert names == ["router", "bridge", "detector", "objectmap", "map2d", "planner", "gateway"]
+    assert state_of(roster, "map2d") == ("down", "it has not been seen; start it")
+    assert len(roster.reasons()) == 5
+
+
+def test_its_own_word_counts_while_it_is_alive(roster: Roster) -> None:
+    roster.on_status(says("map2d", "waiting", "waits for a frame"))
+    assert state_of(roster, "map2d")[0] == "down"
+    roster.on_alive("map2d", "1", True)
+    assert state_of(roster, "map2d") == ("waiting", "waits for a frame")
+    roster.on_alive("map2d", "1", False)
+    assert state_of(roster, "map2d") == ("down", "it was there and is gone; start it again")
+
+
+def test_the_word_of_a_dead_instance_is_not_that_of_its_successor(roster: Roster) -> None:
+    roster.on_alive("map2d", "1", True)
+    roster.on_status(says("map2d", "ready"))
+    roster.on_alive("map2d", "2", True)
+    roster.on_alive("map2d", "1", False)
+    assert state_of(roster, "map2d")[0] == "starting"
+    roster.on_status(says("map2d", "ready", instance="2"))
+    assert state_of(roster, "map2d") == ("ready", "")
+
+
+def test_one_that_falls_silent_is_degraded(roster: Roster, clock: Clock) -> None:
+    roster.on_alive("map2d", "1", True)
+    roster.on_status(says("map2d", "ready"))
+    clock.now += 6
+    assert state_of(roster, "map2d") == ("degraded", "it has not reported for 6 s")
+    assert state_of(roster, "router") == ("down", "nothing has been heard over it for 6 s")
+
+
+def test_the_supervisor_gives_restarts_and_why_one_is_down(roster: Roster) -> None:
+    process = pb.ProcessStatus(
+        name="map2d", pid=12, restarts=3, state="restarting", reason="killed by signal 9"
+    )
+    roster.on_supervisor(pb.SupervisorStatus(processes=[process]))
+    [service] = [s for s in roster.services() if s.name == "map2d"]
+    assert (service.state, service.reason) == ("down", "killed by signal 9")
+    assert (service.restarts, service.pid) == (3, 12)
+
+
+def test_the_world_is_listed_only_where_it_is_simulated(roster: Roster) -> None:
+    assert "world" not in [s.name for s in roster.services()]
+    roster.on_description(pb.RobotDescription(simulated=True))
+    assert [s.name for s in roster.services()][:2] == ["router", "world"]
+
+
+def test_ready_when_all_five_are(backend: Backend, client: TestClient) -> None:
+    assert client.get("/readyz").json() == {"ready": True, "reasons": []}
+    backend.report("planner", 4105, "waiting", "waits for the bridge")
+    response = client.get("/readyz")
+    assert response.status_code == 503
+    assert response.json()["reasons"] == ["planner is waiting: waits for the bridge"]
+    assert client.get("/v1/status").json()["ready"] is False
+    assert client.get("/healthz").json() == {"healthy": True}
+
+
+def test_status_names_every_service_with_restarts_and_pid(
+    backend: Backend, client: TestClient
+) -> None:
+    backend.supervise(detector=2)
+    status = client.get("/v1/status").json()
+    assert set(status) == {"ready", "services"}
+    by_name = {s["name"]: s for s in status["services"]}
+    assert by_name["detector"] == {
+        "name": "detector", "state": "ready", "reason": "", "restarts": 2, "pid": 4102,
+    }  # fmt: skip
+    assert by_name["router"]["state"] == "ready"
+
+
+def test_metrics_count_routes_by_pattern(backend: Backend, client: TestClient) -> None:
+    for id in ("a", "b", "c"):
+        client.get(f"/v1/tasks/{id}")
+    text = client.get("/metrics").text
+    line = 'helios_http_requests_total{method="GET",route="/v1/tasks/{id}",status="404"} 3.0'
+    assert line in text
+    assert 'helios_service_ready{service="map2d"} 1.0' in text
+    assert 'helios_service_figure{name="update_ms_median",service="map2d"} 2.5' in text
+
+
+def test_the_page_and_the_docs_name_no_other_host(client: TestClient) -> None:
+    page = client.get("/")
+    assert "default-src 'self'" in page.headers["content-security-policy"]
+    for text in (page.text, client.get("/docs").text):
+        assert "https://" not in text
+    names = ("style.css", "parts.css", "main.js", "api.js", "map.js", "overlay.js", "icon.svg")
+    for name in names:
+        assert client.get(f"/static/{name}").status_code == 200
+    assert client.get("/static-offline-docs/swagger-ui-bundle.js").status_code == 200
+
+
+def test_the_description_has_every_promised_address(client: TestClient) -> None:
+    paths = set(client.get("/openapi.json").json()["paths"])
+    assert paths >= {
+        "/v1/tasks", "/v1/tasks/{id}", "/v1/tasks/{id}/cancel", "/v1/tasks/{id}/decisions",
+        "/v1/events", "/v1/map/occupancy.png", "/v1/map/occupancy.npz",
+        "/v1/map/value/{layer}.png", "/v1/map/value/{layer}.npz", "/v1/map/frontiers",
+        "/v1/objects", "/v1/camera.jpg", "/v1/robot", "/v1/robot/stop", "/v1/robot/clear-stop",
+        "/v1/status", "/healthz", "/readyz", "/metrics",
+    }  # fmt: skip
