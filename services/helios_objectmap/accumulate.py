@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .gaussians import GaussianStore
+from helios_objectmap.gaussians import GaussianStore
 
 
 def accumulate(

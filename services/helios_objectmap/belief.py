@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .dirichlet import marginal
-from .gaussians import OTHER
+from helios_objectmap.dirichlet import marginal
+from helios_objectmap.gaussians import OTHER
 
 # Equal beliefs must stay equal in float32, so that ties are always broken the same way.
 _TIE = 1e-5

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .splat import Projection, Rendering
+from helios_objectmap.splat import Projection, Rendering
 
 Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -50,7 +50,7 @@ def seen_through(projection: Projection, depth_m: Float32, front_m: float) -> ND
 
     All nine pixels must be valid and farther, so that an edge that is off by a pixel is kept.
     """
-    farthest_safe = cv2.erode(depth_m, np.ones((3, 3), np.uint8), borderValue=0.0)
+    nearest = cv2.erode(depth_m, np.ones((3, 3), np.uint8), borderValue=0.0)
     rows = projection.visible
     uv = np.rint(projection.uv[rows]).astype(np.int32)
     inside = (
@@ -60,7 +60,7 @@ def seen_through(projection: Projection, depth_m: Float32, front_m: float) -> ND
         & (uv[:, 1] < projection.height)
     )
     rows, uv = rows[inside], uv[inside]
-    measured_m = farthest_safe[uv[:, 1], uv[:, 0]]
+    measured_m = nearest[uv[:, 1], uv[:, 0]].astype(np.float32)
     z = projection.depth_m[rows]
     return rows[(measured_m > 0) & (z < measured_m - tolerance_m(measured_m, front_m))]
 

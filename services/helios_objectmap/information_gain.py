@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from . import splat
-from .dirichlet import concentration_of, entropy, marginal
-from .score import score
-from .view import View
+from helios_objectmap import splat
+from helios_objectmap.dirichlet import concentration_of, entropy, marginal
+from helios_objectmap.score import score
+from helios_objectmap.view import View
 
 Float32 = NDArray[np.float32]
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from . import kernels
-from .gaussians import NO_INSTANCE
+from helios_objectmap import kernels
+from helios_objectmap.gaussians import NO_INSTANCE
 
 _BITS = 21
 _HALF = 1 << (_BITS - 1)

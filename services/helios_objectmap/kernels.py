@@ -78,10 +78,10 @@ def project_kernel(
             continue
         half_w = math.sqrt(reach * cov_a)
         half_h = math.sqrt(reach * cov_c)
-        u0 = max(0, int(math.ceil(u - half_w)))
-        u1 = min(width - 1, int(math.floor(u + half_w)))
-        v0 = max(0, int(math.ceil(v - half_h)))
-        v1 = min(height - 1, int(math.floor(v + half_h)))
+        u0 = max(0, math.ceil(u - half_w))
+        u1 = min(width - 1, math.floor(u + half_w))
+        v0 = max(0, math.ceil(v - half_h))
+        v1 = min(height - 1, math.floor(v + half_h))
         if u0 > u1 or v0 > v1:
             continue
         inverse_det = _f4(1) / (cov_a * cov_c - cov_b * cov_b)
@@ -152,8 +152,8 @@ def _blend_run(params, g, tile_v, pu, pv, trans, kappa, int_bits, float_bits):
     mv = params[g, V]
     op = params[g, OPACITY]
     half = params[g, HALF_HEIGHT]
-    row0 = max(0, int(math.ceil(mv - half)) - tile_v)
-    row1 = min(TILE - 1, int(math.floor(mv + half)) - tile_v)
+    row0 = max(0, math.ceil(mv - half) - tile_v)
+    row1 = min(TILE - 1, math.floor(mv + half) - tile_v)
     first = row0 * TILE
     n = max(0, (row1 - row0 + 1) * TILE)
     run_u = pu[first : first + n]
@@ -209,20 +209,16 @@ def raster_kernel(params, features, offsets, entries, width, height, out, transm
             int_bits = np.empty(n_pixels, np.int32)
             float_bits = int_bits.view(np.float32)
             _pixel_grid(tile_u, tile_v, pu, pv)
-            count = 0
             for k in range(offsets[t], offsets[t + 1]):
                 g = entries[k]
-                first, n = _blend_run(
-                    params, g, tile_v, pu, pv, trans, kappa, int_bits, float_bits
-                )
+                first, n = _blend_run(params, g, tile_v, pu, pv, trans, kappa, int_bits, float_bits)
                 run_k = kappa[first : first + n]
                 for ch in range(n_channels):
                     value = features[g, ch]
                     run_a = acc[ch, first : first + n]
                     for i in range(n):
                         run_a[i] += run_k[i] * value
-                count += 1
-                if count & 15 == 0 and _is_opaque(trans):
+                if (k - offsets[t]) & 15 == 15 and _is_opaque(trans):
                     break
             for r in range(min(TILE, height - tile_v)):
                 for ch in range(n_channels):
@@ -259,7 +255,6 @@ def kappa_sums_kernel(params, offsets, entries, labels, n_labels, width, height,
                 int_bits = np.empty(n_pixels, np.int32)
                 float_bits = int_bits.view(np.float32)
                 _pixel_grid(tile_u, tile_v, pu, pv)
-                count = 0
                 for k in range(offsets[t], offsets[t + 1]):
                     first, n = _blend_run(
                         params, entries[k], tile_v, pu, pv, trans, kappa, int_bits, float_bits
@@ -272,8 +267,7 @@ def kappa_sums_kernel(params, offsets, entries, labels, n_labels, width, height,
                             for i in range(n):
                                 s += run_k[i] * run_y[i]
                             partial[k, label] = s
-                    count += 1
-                    if count & 15 == 0 and _is_opaque(trans):
+                    if (k - offsets[t]) & 15 == 15 and _is_opaque(trans):
                         break
 
 

@@ -6,24 +6,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from helios_core.types import Observation, Role, SearchContext
+from helios_core.types import ObjectInstance, Observation, Role, SearchContext
 from numpy.typing import NDArray
 
-from . import create, information_gain, splat
-from .accumulate import accumulate
-from .belief import believe
-from .dirichlet import marginal
-from .gaussians import NO_INSTANCE, GaussianStore
-from .information_gain import Expected, Member
-from .objects import InstanceGaussians, ObjectInstance, describe, gaussians_of
-from .reading import OTHER_LABEL, Reading, read, without_held
-from .registry import InstanceRegistry
-from .reobserve import reobserved
-from .settings import ObjectMapSettings
-from .view import View
-from .viewpoints import Viewpoints
-
-RETIRE_WITHIN_M = 0.5
+from helios_objectmap import create, information_gain, splat
+from helios_objectmap.accumulate import accumulate
+from helios_objectmap.belief import believe
+from helios_objectmap.dirichlet import marginal
+from helios_objectmap.gaussians import NO_INSTANCE, GaussianStore
+from helios_objectmap.information_gain import Expected, Member
+from helios_objectmap.objects import InstanceGaussians, describe, gaussians_of
+from helios_objectmap.reading import OTHER_LABEL, Reading, read, without_held
+from helios_objectmap.registry import InstanceRegistry
+from helios_objectmap.reobserve import reobserved
+from helios_objectmap.settings import ObjectMapSettings
+from helios_objectmap.view import View
+from helios_objectmap.viewpoints import Viewpoints
 
 
 @dataclass(frozen=True)
@@ -106,20 +104,15 @@ class ObjectMap:
         self._updates += 1
         return UpdateReport(created, carved, len(projection.visible), fused, len(store))
 
-    def retire(
-        self, instance_id: int | None = None, point: Sequence[float] | None = None
-    ) -> int | None:
-        """Remove an object that was picked: by id, or the nearest one within 0.5 m of a point.
+    def retire(self, instance_id: int) -> int:
+        """Remove an object that was picked; the number of Gaussians removed, 0 if unknown.
 
-        Everything in its box that is not believed to be a receptacle goes with it. Returns the id
-        of the removed instance, or None where there is none.
+        Everything in its box that is not believed to be a receptacle goes with it.
         """
-        if instance_id is None and point is not None:
-            instance_id = self._nearest_object(np.asarray(point, np.float64))
-        if instance_id is None or instance_id not in self._registry.records:
-            return None
         store = self._store
         member = store.instance == instance_id
+        if instance_id == NO_INSTANCE or not member.any():
+            return 0
         low, high = store.means[member].min(axis=0), store.means[member].max(axis=0)
         inside = ((store.means >= low) & (store.means <= high)).all(axis=1)
         receptacles = [i for i, name in enumerate(store.class_names) if self._is_receptacle(name)]
@@ -127,7 +120,17 @@ class ObjectMap:
         changed = set(store.believed[gone].tolist())
         store.remove(gone)
         self._cluster(changed)
-        return instance_id
+        return len(gone)
+
+    def nearest_object(self, point_m: NDArray[np.float64], within_m: float) -> int | None:
+        """Id of the nearest instance that is no receptacle, or None where none is that near."""
+        near = [
+            (float(np.linalg.norm(o.center_m - point_m)), o.id)
+            for o in self.objects()
+            if not self._is_receptacle(o.class_name)
+        ]
+        distance, label = min(near, default=(np.inf, NO_INSTANCE))
+        return label if distance <= within_m else None
 
     # Questions ----------------------------------------------------------------------------------
 
@@ -162,7 +165,7 @@ class ObjectMap:
             store.means[rows],
             store.radius_m[rows],
             store.opacity[rows],
-            store.positive[np.ix_(rows, columns)],
+            store.positive[rows][:, columns],
             store.asked[rows, column],
         )
         return information_gain.what_if(
@@ -179,7 +182,7 @@ class ObjectMap:
         """Copies of the Gaussians of an instance, or of all instances."""
         instance = self._store.instance
         member = instance != NO_INSTANCE if instance_id is None else instance == instance_id
-        return gaussians_of(self._store, np.flatnonzero(member))
+        return gaussians_of(self._store, np.flatnonzero(member), self._settings.prior_concentration)
 
     # Parts --------------------------------------------------------------------------------------
 
@@ -240,20 +243,11 @@ class ObjectMap:
         self._registry.cluster(self._store, sorted(columns), self._voxel_m)
 
     def _is_receptacle(self, class_name: str) -> bool:
-        return self._roles[class_name] in (Role.START_RECEPTACLE, Role.GOAL_RECEPTACLE)
+        return self._roles[class_name].is_receptacle
 
     def _voxel_m(self, class_name: str) -> float:
         s = self._settings
         return s.receptacle_voxel_m if self._is_receptacle(class_name) else s.object_voxel_m
-
-    def _nearest_object(self, point: NDArray[np.float64]) -> int | None:
-        near = [
-            (float(np.linalg.norm(o.center - point)), o.id)
-            for o in self.objects()
-            if not self._is_receptacle(o.class_name)
-        ]
-        distance, label = min(near, default=(np.inf, 0))
-        return label if distance <= RETIRE_WITHIN_M else None
 
     def _describe(self, label: int, rows: NDArray[np.integer]) -> ObjectInstance:
         store, s = self._store, self._settings
@@ -263,8 +257,10 @@ class ObjectMap:
         if record.class_name not in names:
             names.append(record.class_name)
             columns.append(store.class_names.index(record.class_name))
-        index = np.ix_(rows, columns)
         mean, deviation = marginal(
-            store.positive[index], store.asked[index], s.prior_concentration, len(self._columns) + 1
+            store.positive[rows][:, columns],
+            store.asked[rows][:, columns],
+            s.prior_concentration,
+            len(self._columns) + 1,
         )
         return describe(label, record, store.means[rows], mean, deviation, names, s.alpha_cs)

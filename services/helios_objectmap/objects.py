@@ -4,35 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
+from helios_core.types import ObjectInstance
 from numpy.typing import NDArray
 
-from .gaussians import GaussianStore
-from .registry import InstanceRecord
-from .score import score
+from helios_objectmap.dirichlet import concentration_of
+from helios_objectmap.gaussians import GaussianStore
+from helios_objectmap.registry import InstanceRecord
+from helios_objectmap.score import score
 
 BELIEVED = 0.5  # Gaussians more likely than not of the class make up an instance's box
 # A pixel on an edge that mixes two depths makes a stray Gaussian; a few must not move the box.
 BOX_QUANTILES = (0.02, 0.98)
-
-
-@dataclass(frozen=True)
-class ObjectInstance:
-    """One believed object. Positions in the world frame, metres."""
-
-    id: int
-    class_name: str
-    center: NDArray[np.float64]  # [3] middle of the box of the believed Gaussians
-    size: NDArray[np.float64]  # [3] extent of that box
-    box: NDArray[np.float64]  # [2, 3] lowest and highest corner
-    highest_point: NDArray[np.float64]  # [3] highest Gaussian in that box
-    score: float  # Psi, eq. 7
-    class_score: float  # S
-    uncertainty: float  # U
-    views: int  # distinct viewpoints that gave evidence
-    detected_views: int  # those in which it was detected as its class
-    gaussians: int
-    probabilities: dict[str, float]  # mean probability of "other" and each class of the context
 
 
 @dataclass(frozen=True)
@@ -44,14 +28,16 @@ class InstanceGaussians:
     opacity: NDArray[np.float32]  # [n]
     color: NDArray[np.uint8]  # [n, 3] RGB
     instance: NDArray[np.int32]  # [n] id, 0 for none
+    class_names: tuple[str, ...]  # "other" first
+    concentration: NDArray[np.float32]  # [n, classes] Dirichlet parameters
 
 
 def describe(
     label: int,
     record: InstanceRecord,
     means: NDArray[np.float32],
-    mean: NDArray[np.float32],
-    deviation: NDArray[np.float32],
+    mean: NDArray[np.floating],
+    deviation: NDArray[np.floating],
     class_names: list[str],
     alpha_cs: float,
 ) -> ObjectInstance:
@@ -61,7 +47,7 @@ def describe(
     points = means[believed if believed.any() else slice(None)].astype(np.float64)
     box = np.quantile(points, BOX_QUANTILES, axis=0)
     inside = points[((points >= box[0]) & (points <= box[1])).all(axis=1)]
-    top = inside if len(inside) else points
+    solid = inside if len(inside) else points
     scored = score(mean[:, own], deviation[:, own], alpha_cs)
     probability = mean.mean(axis=0, dtype=np.float64)
     probabilities = {name: float(p) for name, p in zip(class_names, probability, strict=True)}
@@ -69,26 +55,39 @@ def describe(
     return ObjectInstance(
         id=label,
         class_name=record.class_name,
-        center=box.mean(axis=0),
-        size=box[1] - box[0],
-        box=box,
-        highest_point=top[np.argmax(top[:, 2])],
+        center_m=box.mean(axis=0),
+        size_m=box[1] - box[0],
         score=scored.psi,
         class_score=scored.class_score,
         uncertainty=scored.uncertainty,
         views=len(record.views),
-        detected_views=len(record.detected),
         gaussians=len(means),
         probabilities=probabilities,
+        top_m=float(solid[:, 2].max()),
+        outline_m=outline(solid),
+        detection_rate=len(record.detected) / max(1, len(record.views)),
     )
 
 
-def gaussians_of(store: GaussianStore, rows: NDArray[np.integer]) -> InstanceGaussians:
+def outline(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Convex hull [k, 2] of the ground projection of points [n, 3]."""
+    hull = cv2.convexHull(np.ascontiguousarray(points[:, :2], np.float32))
+    return np.asarray(hull, np.float64).reshape(-1, 2)
+
+
+def gaussians_of(
+    store: GaussianStore, rows: NDArray[np.integer], prior: float
+) -> InstanceGaussians:
     """Copies of some Gaussians of the store."""
+    asked = store.asked[rows]
+    most_asked = asked.max(axis=1, initial=0)
+    concentration = concentration_of(store.positive[rows], most_asked, prior)
     return InstanceGaussians(
         store.means[rows],
         store.radius_m[rows],
         store.opacity[rows],
         store.color[rows],
         store.instance[rows],
+        ("other", *store.class_names),
+        concentration.astype(np.float32),
     )

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .gaussians import NO_INSTANCE, OTHER, GaussianStore
-from .instances import components, count_pairs, relabel
+from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
+from helios_objectmap.instances import components, count_pairs, relabel
 
 
 @dataclass

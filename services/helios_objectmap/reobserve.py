@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .create import MODELLED
-from .splat import Rendering
+from helios_objectmap.create import MODELLED
+from helios_objectmap.splat import Rendering
 
 
 def reobserved(

@@ -17,9 +17,7 @@ class Score:
     psi: float
 
 
-def score(
-    mean: NDArray[np.floating], deviation: NDArray[np.floating], alpha_cs: float
-) -> Score:
+def score(mean: NDArray[np.floating], deviation: NDArray[np.floating], alpha_cs: float) -> Score:
     """Score an instance. mean, deviation: [n] E and sqrt(Var) of theta^c of its Gaussians."""
     class_score = float(mean.mean(dtype=np.float64))
     uncertainty = float(deviation.mean(dtype=np.float64))

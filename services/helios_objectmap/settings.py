@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
+from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field
-from pydantic_settings import BaseSettings, SettingsConfigDict
 
 
-class ObjectMapSettings(BaseSettings):
+class ObjectMapSettings(ServiceSettings):
     """Defaults are those of Table 3 and of the reading notes; `creation_rule` has the paper's."""
 
-    model_config = SettingsConfigDict(env_prefix="HELIOS_OBJECTMAP_", frozen=True)
+    model_config = service_config("objectmap")
 
     stride_px: int = Field(2, ge=1, le=8, description="Every n-th pixel is mapped, both ways.")
     min_depth_m: float = Field(
@@ -28,10 +29,8 @@ class ObjectMapSettings(BaseSettings):
     alpha_cpa: float = Field(3.0, gt=0, description="How often each observation counts (eq. 3).")
     alpha_cs: float = Field(1.0, ge=0, description="Weight of the uncertainty in a score (eq. 7).")
 
-    creation_rule: str = Field(
-        "noise-scaled",
-        pattern="^(noise-scaled|paper)$",
-        description="`noise-scaled` creates and carves by depth noise; `paper` is the literal rule.",
+    creation_rule: Literal["noise-scaled", "paper"] = Field(
+        "noise-scaled", description="noise-scaled creates and carves by depth noise; paper: literal"
     )
     opacity: float = Field(0.99, gt=0, lt=1, description="Opacity of a new Gaussian.")
     radius_px: float = Field(1.0, gt=0, description="Standard deviation of a new Gaussian, pixels.")

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from . import kernels
-from .view import View
+from helios_objectmap import kernels
+from helios_objectmap.view import View
 
 LOW_PASS_PX2 = 0.3  # as in 3DGS: a splat never falls between two pixels
 NEAR_M = 0.05

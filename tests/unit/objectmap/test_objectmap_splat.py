@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from helios_objectmap import splat
+from helios_objectmap.view import View
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-
-from helios_objectmap import splat
-from helios_objectmap.view import View
 
 VIEW = View(60.0, 60.0, 23.5, 17.5, 48, 36, np.eye(4))
 # An alpha below 1/255 and the last 1e-4 of a pixel's light are dropped in the kernel, at different
@@ -17,7 +16,10 @@ KAPPA_TOLERANCE = 3e-3
 
 
 def reference_kappa(
-    means: NDArray[np.float32], radius: NDArray[np.float32], opacity: NDArray[np.float32], view: View
+    means: NDArray[np.float32],
+    radius: NDArray[np.float32],
+    opacity: NDArray[np.float32],
+    view: View,
 ) -> NDArray[np.float64]:
     """kappa [h, w, n] in float64, pixel by pixel in closed form: eq. 1 with nothing left out."""
     n = len(means)
@@ -29,9 +31,7 @@ def reference_kappa(
         x, y, z = p[g]
         if z <= splat.NEAR_M:
             continue
-        J = np.array(
-            [[view.fx / z, 0, -view.fx * x / z**2], [0, view.fy / z, -view.fy * y / z**2]]
-        )
+        J = np.array([[view.fx / z, 0, -view.fx * x / z**2], [0, view.fy / z, -view.fy * y / z**2]])
         cov = J @ (radius[g].astype(np.float64) ** 2 * np.eye(3)) @ J.T
         inverse = np.linalg.inv(cov + splat.LOW_PASS_PX2 * np.eye(2))
         d = np.stack([u - (view.fx * x / z + view.cx), v - (view.fy * y / z + view.cy)], axis=-1)
@@ -83,7 +83,8 @@ def test_kappa_sums_match_the_reference(scene, seed):
 @settings(max_examples=25, deadline=None)
 @given(scenes())
 def test_kappa_of_a_pixel_sums_to_at_most_one(scene):
-    rendering = splat.render(splat.project(*scene, VIEW))
+    means, radius, opacity = scene
+    rendering = splat.render(splat.project(means, radius, opacity, VIEW))
     assert rendering.coverage.min() >= 0
     assert rendering.coverage.max() <= 1 + 1e-6
 
