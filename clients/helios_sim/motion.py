@@ -60,7 +60,7 @@ class Base:
         return self._drive((x, y, yaw + angle_rad), slowest_s, stop_asked)
 
     def touching(self) -> dict[int, tuple[float, float]]:
-        """Bodies in contact that are no movable objects, with the direction to each, on the floor."""
+        """Bodies in contact that are no movable objects, with the way to each on the floor."""
         found: dict[int, tuple[float, float]] = {}
         data, geoms = self._data, self._robot.geoms
         for k in range(data.ncon):

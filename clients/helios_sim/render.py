@@ -43,14 +43,15 @@ class Painter:
         self._model = model
         self._width, self._height = size
         try:
-            self._gl: mujoco.GLContext | None = mujoco.GLContext(*size)
-            self._gl.make_current()
+            gl = mujoco.GLContext(*size)
+            gl.make_current()
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
         except Exception as error:
             raise Unavailable(
                 f"no OpenGL context ({error}); install libegl1 libegl-mesa0 libgl1-mesa-dri, or "
                 "libosmesa6 and set MUJOCO_GL=osmesa"
             ) from error
+        self._gl: mujoco.GLContext | None = gl
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
         self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value
         self._viewport = mujoco.MjrRect(0, 0, self._width, self._height)

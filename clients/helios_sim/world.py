@@ -10,7 +10,7 @@ import math
 import threading
 import uuid
 from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -34,8 +34,11 @@ from numpy.typing import NDArray
 from helios_sim.episode import Tracker
 from helios_sim.gripper import Graspable, Gripper
 from helios_sim.home import Episode, Home
+from helios_sim.limits import refusal
 from helios_sim.metrics import Progress, Released
 from helios_sim.motion import Base, Drive
+from helios_sim.past import Past
+from helios_sim.render import Painter
 from helios_sim.robot_model import (
     MAX_DEPTH_M,
     REACH_M,
@@ -46,13 +49,12 @@ from helios_sim.robot_model import (
     description,
     pinhole,
 )
-from helios_sim.render import Painter
-from helios_sim.truth import Segmentation, TruthInstance
+from helios_sim.truth import Segmentation
 
 DRAWN_GROUPS = (0, 1, 2)
 PICK_WITHIN_M = 0.15  # from the asked point to the object's box
 MIN_PICK_PIXELS = 30
-_REMEMBERED_CAPTURES, _REMEMBERED_ACTIONS = 64, 1024
+_REMEMBERED_ACTIONS = 1024
 _START_SETTLE_S, _PAUSE_S = 1.0, 0.1
 
 
@@ -76,7 +78,6 @@ class World(RobotDriver):
         # Before the data is made: what lies still costs nothing.
         model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
         self._data = mujoco.MjData(model)
-        self._past = mujoco.MjData(model)  # for pictures of the past
         self._robot = robot = RobotIndex.of(model)
         self._home = home
         self._things = {
@@ -84,7 +85,6 @@ class World(RobotDriver):
         }
         self._on = {thing.name: thing.receptacle for thing in home.objects}
         self._names = [model.body(b).name for b in range(model.nbody)]
-        self._instances = {b: self._static_truth(b) for b in self._bodies_of_home()}
         self._gripper = Gripper(model, self._data, robot)
         self._base = Base(model, self._data, robot, frozenset(self._things), self._step)
         self._description = description()
@@ -94,7 +94,6 @@ class World(RobotDriver):
         self._boot_id = boot_id or uuid.uuid4().hex
         self._stop_lock = threading.Lock()
         self._stop_reason: str | None = None
-        self._captures: OrderedDict[int, NDArray[np.float64]] = OrderedDict()
         self._results: OrderedDict[str, ActionResult] = OrderedDict()
         self._last_stamp_ns = 0
         for address, value in zip(robot.qpos, home.start_pose, strict=True):
@@ -103,6 +102,7 @@ class World(RobotDriver):
         self._pause(_START_SETTLE_S)
         camera = self._description.camera
         self._painter = Painter(model, robot.camera, (camera.width, camera.height), DRAWN_GROUPS)
+        self._past = Past(model, self._painter, home, self._things)
 
     # --- what a driver offers -----------------------------------------------------------------
     def describe(self) -> RobotDescription:
@@ -127,9 +127,7 @@ class World(RobotDriver):
         stamp_ns = max(round(float(self._data.time) * 1e9), self._last_stamp_ns + 1)
         self._last_stamp_ns = stamp_ns
         color, depth_m = self._painter.color_and_depth(self._data, MAX_DEPTH_M)
-        self._captures[stamp_ns] = self._data.qpos.copy()
-        while len(self._captures) > _REMEMBERED_CAPTURES:
-            self._captures.popitem(last=False)
+        self._past.remember(stamp_ns, self._data.qpos, self._on)
         return Capture(
             stamp_ns=stamp_ns,
             color=color,
@@ -145,19 +143,12 @@ class World(RobotDriver):
             raise InvalidInput("the action has no id; give each action an id of its own")
         if action_id in self._results:
             return self._results[action_id]
-        refusal = self._refusal(action)
-        if refusal:
-            return ActionResult(False, refusal, steps=self.progress.steps)
+        why_not = self._refusal(action)
+        if why_not:
+            return ActionResult(False, why_not, steps=self.progress.steps)
         outcome = self._do(action)
         self._measure(outcome)
-        result = ActionResult(
-            succeeded=outcome.result.succeeded,
-            reason=outcome.result.reason,
-            moved_m=outcome.result.moved_m,
-            turned_rad=outcome.result.turned_rad,
-            collided=bool(outcome.touched),
-            steps=self.progress.steps,
-        )
+        result = replace(outcome.result, collided=bool(outcome.touched), steps=self.progress.steps)
         self._results[action_id] = result
         while len(self._results) > _REMEMBERED_ACTIONS:
             self._results.popitem(last=False)
@@ -208,65 +199,16 @@ class World(RobotDriver):
 
     def segmentation(self, stamp_ns: int) -> Segmentation:
         """Of one of the last 64 captures. Raises InvalidInput for any other stamp."""
-        qpos = self._captures.get(stamp_ns)
-        if qpos is None:
-            raise InvalidInput(
-                f"no capture with stamp {stamp_ns}; the last {_REMEMBERED_CAPTURES} are kept: ask "
-                "sooner"
-            )
-        self._past.qpos[:] = qpos
-        mujoco.mj_kinematics(self._model, self._past)
-        mujoco.mj_camlight(self._model, self._past)
-        ids = self._painter.bodies(self._past)
-        seen = np.flatnonzero(np.bincount(ids.ravel()))
-        return Segmentation(
-            stamp_ns, ids, tuple(self._truth_of(int(b)) for b in seen if int(b) in self._instances)
-        )
-
-    def _bodies_of_home(self) -> list[int]:
-        known = set(self._home.body_names())
-        return [b for b, name in enumerate(self._names) if name in known]
-
-    def _static_truth(self, body: int) -> TruthInstance:
-        name = self._names[body]
-        sizes = {i.name: i.size_m for i in (*self._home.receptacles, *self._home.fixtures)}
-        x, y, z = (float(v) for v in self._model.body_pos[body])
-        z += sizes[name][2] / 2 if name in sizes else 0.0
-        class_name = self._home.class_of(name)
-        return TruthInstance(body, name, class_name, body in self._things, (x, y, z))
-
-    def _truth_of(self, body: int) -> TruthInstance:
-        static = self._instances[body]
-        if not static.graspable:
-            return static
-        x, y, z = (float(v) for v in self._past.xpos[body])
-        on = self._on[static.name]
-        return TruthInstance(body, static.name, static.class_name, True, (x, y, z), on)
+        return self._past.segmentation(stamp_ns)
 
     # --- actions ------------------------------------------------------------------------------
     def _refusal(self, action: Action) -> str:
         """Why this cannot be begun; empty if it can."""
         with self._stop_lock:
-            if self._stop_reason is not None:
-                return f"the robot is stopped ({self._stop_reason}); clear the stop first"
-        d, slack = self._description, 1e-6
-        match action:
-            case Forward(distance) if not (
-                d.min_forward_m - slack <= distance <= d.max_forward_m + slack
-            ):
-                return f"forward {distance:.3g} m is outside {d.min_forward_m} to {d.max_forward_m}"
-            case Turn(angle) if not (
-                d.min_turn_rad - slack <= abs(angle) <= d.max_turn_rad + slack
-            ):
-                low, high = math.degrees(d.min_turn_rad), math.degrees(d.max_turn_rad)
-                return f"turn {math.degrees(angle):.3g}° is outside ±{low:.0f}° to ±{high:.0f}°"
-            case Tilt(angle) if not (
-                d.tilt_range_rad[0] - slack <= angle <= d.tilt_range_rad[1] + slack
-            ):
-                low, high = d.tilt_range_rad
-                return f"tilt {angle:.3g} rad is outside {low} to {high}"
-            case _:
-                return ""
+            reason = self._stop_reason
+        if reason is not None:
+            return f"the robot is stopped ({reason}); clear the stop first"
+        return refusal(action, self._description)
 
     def _do(self, action: Action) -> _Outcome:
         match action:
@@ -373,7 +315,7 @@ class World(RobotDriver):
         mujoco.mj_step(self._model, self._data)
 
     def _pause(self, seconds: float) -> None:
-        """Let the physics run; the pictures' poses are of the last step's begin, so bring them on."""
+        """Let the physics run, then bring all poses to its last instant."""
         for _ in range(math.ceil(seconds / self._model.opt.timestep)):
             self._step()
         self._gripper.follow()

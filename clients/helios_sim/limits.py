@@ -1,0 +1,33 @@
+"""Which actions a robot can be asked to begin."""
+
+from __future__ import annotations
+
+import math
+
+from helios_core.robot import Action, Forward, Tilt, Turn
+from helios_core.types import RobotDescription
+
+_SLACK = 1e-6  # angles and lengths that were added up in floating point
+
+
+def refusal(action: Action, robot: RobotDescription) -> str:
+    """Why an action is outside the robot's limits, as a sentence; empty if it is not."""
+    match action:
+        case Forward(distance_m):
+            low, high = robot.min_forward_m, robot.max_forward_m
+            if not low - _SLACK <= distance_m <= high + _SLACK:
+                return f"forward {distance_m:.3g} m is outside {low:g} to {high:g} m"
+        case Turn(angle_rad):
+            low, high = robot.min_turn_rad, robot.max_turn_rad
+            if not low - _SLACK <= abs(angle_rad) <= high + _SLACK:
+                return (
+                    f"turn {math.degrees(angle_rad):.3g}° is outside {math.degrees(low):g}° to "
+                    f"{math.degrees(high):g}° to either side"
+                )
+        case Tilt(angle_rad):
+            low, high = robot.tilt_range_rad
+            if not low - _SLACK <= angle_rad <= high + _SLACK:
+                return f"tilt {angle_rad:.3g} rad is outside {low:g} to {high:g} rad"
+        case _:
+            pass
+    return ""

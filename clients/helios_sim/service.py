@@ -1,0 +1,143 @@
+"""The world process: one world behind the bus, for its driver and, under truth/, for the judges."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.codec import (
+    action_from_proto,
+    description_to_proto,
+    result_to_proto,
+    state_to_proto,
+)
+from helios_core.errors import HeliosError
+from helios_core.health import Health
+from helios_core.topics import (
+    TRUTH_EPISODE,
+    TRUTH_METRICS,
+    TRUTH_SEGMENTATION,
+    WORLD_ACT,
+    WORLD_CAPTURE,
+    WORLD_CLEAR_STOP,
+    WORLD_DESCRIBE,
+    WORLD_STATE,
+    WORLD_STOP,
+)
+
+from helios_sim.captures import capture_to_proto
+from helios_sim.episode import episode_of
+from helios_sim.home import PRESETS, generate_home
+from helios_sim.settings import Settings
+from helios_sim.thread import WorldThread
+from helios_sim.truth_messages import episode_to_proto, metrics_to_proto, segmentation_to_proto
+from helios_sim.world import World
+
+log = logging.getLogger(__name__)
+T = TypeVar("T")
+
+
+class WorldService:
+    """Serves a world that is already made. The world's thread does everything but stop."""
+
+    def __init__(self, bus: Bus, thread: WorldThread, health: Health) -> None:
+        self._thread, self._health = thread, health
+        bus.serve(WORLD_STATE, lambda _: state_to_proto(thread.state()))
+        bus.serve(WORLD_CAPTURE, self._capture)
+        bus.serve(WORLD_ACT, self._act)
+        bus.serve(WORLD_STOP, self._stop)
+        bus.serve(WORLD_CLEAR_STOP, self._clear_stop)
+        bus.serve(TRUTH_SEGMENTATION, self._segmentation)
+        bus.serve(
+            TRUTH_EPISODE, lambda _: thread.run(lambda w: episode_to_proto(w.home, w.episode))
+        )
+        bus.serve(TRUTH_METRICS, lambda _: thread.run(lambda w: metrics_to_proto(w.progress)))
+        # Last: who finds the description finds everything.
+        bus.serve(WORLD_DESCRIBE, lambda _: description_to_proto(thread.describe()))
+        health.ready()
+
+    def close(self) -> None:
+        self._thread.close()
+
+    def _capture(self, _: pb.Empty) -> pb.WorldCapture:
+        return capture_to_proto(self._timed("capture_ms", lambda world: world.capture()))
+
+    def _act(self, request: pb.WorldActRequest) -> pb.ActionResult:
+        action = action_from_proto(request.action)
+        done = self._timed("act_ms", lambda world: world.act(action, request.action_id))
+        self._health.count("actions")
+        return result_to_proto(done, request.action_id)
+
+    def _stop(self, request: pb.StopRequest) -> pb.Empty:
+        self._thread.stop(request.reason)
+        return pb.Empty()
+
+    def _clear_stop(self, _: pb.Empty) -> pb.Empty:
+        self._thread.clear_stop()
+        return pb.Empty()
+
+    def _segmentation(self, request: pb.TruthSegmentationRequest) -> pb.TruthSegmentation:
+        stamp_ns = request.stamp_ns
+        truth = self._timed("segmentation_ms", lambda world: world.segmentation(stamp_ns))
+        return segmentation_to_proto(truth)
+
+    def _timed(self, name: str, call: Callable[[World], T]) -> T:
+        began = time.monotonic()
+        out = self._thread.run(call)
+        self._health.sample(name, (time.monotonic() - began) * 1e3)
+        return out
+
+
+def _episode(world: World) -> pb.TruthEpisode:
+    return episode_to_proto(world.home, world.episode)
+
+
+def _metrics(world: World) -> pb.TruthMetrics:
+    return metrics_to_proto(world.progress)
+
+
+class HostedWorld:
+    """The world's process: makes the world in the background, then serves it."""
+
+    def __init__(self, bus: Bus, health: Health, settings: Settings) -> None:
+        self._ending = threading.Event()
+        self._service: WorldService | None = None
+        self._lock = threading.Lock()
+        health.waiting(f"the home of seed {settings.seed} is being built")
+
+        def make() -> World:
+            home = generate_home(settings.seed, PRESETS[settings.preset])
+            task_seed = settings.seed if settings.task_seed is None else settings.task_seed
+            world = World(home, episode_of(home, task_seed))
+            log.info("home %s, task: %s", home.structure_hash()[:12], world.episode.instruction)
+            return world
+
+        def build() -> None:
+            try:
+                thread = WorldThread(make)
+            except HeliosError as error:
+                log.error("no world: %s", error.message)
+                health.degraded(error.message)
+                return
+            except Exception as error:
+                log.exception("no world")
+                health.degraded(f"the world could not be made: {type(error).__name__}: {error}")
+                return
+            with self._lock:
+                if self._ending.is_set():
+                    thread.close()
+                else:
+                    self._service = WorldService(bus, thread, health)
+
+        threading.Thread(target=build, name="build", daemon=True).start()
+
+    def close(self) -> None:
+        self._ending.set()
+        with self._lock:
+            if self._service is not None:
+                self._service.close()

@@ -1,0 +1,25 @@
+"""Settings of the simulated world."""
+
+from __future__ import annotations
+
+from helios_core.settings import ServiceSettings, service_config
+from pydantic import Field, field_validator
+
+from helios_sim.home import PRESETS
+
+
+class Settings(ServiceSettings):
+    """Flags of `python -m helios_sim`."""
+
+    model_config = service_config("world")
+
+    seed: int = Field(0, ge=0, description="which home")
+    preset: str = Field("demo-v1", description="which kind of home")
+    task_seed: int | None = Field(None, ge=0, description="which task in it; default: as the seed")
+
+    @field_validator("preset")
+    @classmethod
+    def _known(cls, preset: str) -> str:
+        if preset not in PRESETS:
+            raise ValueError(f"no such preset; choose one of {', '.join(sorted(PRESETS))}")
+        return preset
