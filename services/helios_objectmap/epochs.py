@@ -1,0 +1,46 @@
+"""One map per world epoch: the present one and the parked ones of worlds that are over."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from helios_core.errors import Conflict
+from helios_core.types import FrameId
+
+from helios_objectmap.object_map import ObjectMap
+from helios_objectmap.settings import ObjectMapSettings
+
+Epoch = tuple[str, int]  # robot boot id, world epoch
+
+MOST_PARKED = 2
+MOST_REMEMBERED = 256
+
+
+class EpochMaps:
+    """A frame of a new epoch parks the present map and starts a fresh one."""
+
+    def __init__(self, settings: ObjectMapSettings) -> None:
+        self._settings = settings
+        self._over: deque[Epoch] = deque(maxlen=MOST_REMEMBERED)
+        self.epoch: Epoch | None = None
+        self.current = ObjectMap(settings)
+        self.parked: deque[tuple[Epoch, ObjectMap]] = deque(maxlen=MOST_PARKED)
+
+    def map_for(self, id: FrameId) -> ObjectMap:
+        """The map a frame belongs to. Raises Conflict for an epoch that is over."""
+        if id.epoch == self.epoch:
+            return self.current
+        same_boot = self.epoch is not None and id.robot_boot_id == self.epoch[0]
+        if id.epoch in self._over or (
+            same_boot and self.epoch is not None and id.world_epoch < self.epoch[1]
+        ):
+            raise Conflict(
+                f"frame {id} is of world epoch {id.world_epoch}, which is over (now "
+                f"{self.epoch}): its map is parked; send frames of the present epoch"
+            )
+        if self.epoch is not None:
+            self._over.append(self.epoch)
+            self.parked.append((self.epoch, self.current))
+            self.current = ObjectMap(self._settings)
+        self.epoch = id.epoch
+        return self.current

@@ -1,0 +1,282 @@
+"""The object map's shell: observations in, acknowledgements out, questions answered.
+
+Every observation gets one acknowledgement on `objectmap/ack`: accepted, or the reason. One that
+comes before the search context it names waits for it. One lock guards the maps; it is never held
+while the bus is used.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.codec import (
+    context_from_proto,
+    frame_id_to_proto,
+    object_to_proto,
+    observation_from_proto,
+    state_from_proto,
+    vector_from_proto,
+)
+from helios_core.codec.frames import pinhole_from_proto, transform_from_proto
+from helios_core.errors import Conflict, HeliosError, InvalidInput
+from helios_core.health import Health
+from helios_core.topics import (
+    CONTEXT,
+    GAUSSIANS,
+    OBJECTMAP_ACK,
+    OBJECTS,
+    OBSERVATION,
+    RESET_OBJECTS,
+    RETIRE,
+    ROBOT_STATE,
+    WHAT_IF,
+)
+from helios_core.types import FrameId, ObjectInstance, Observation, SearchContext
+
+from helios_objectmap.epochs import EpochMaps
+from helios_objectmap.settings import ObjectMapSettings
+from helios_objectmap.view import View
+from helios_objectmap.warmup import warm_up
+
+log = logging.getLogger(__name__)
+
+MOST_WAITING = 4  # observations kept until their search context is known
+MOST_POSES = 256
+
+
+@dataclass(frozen=True)
+class _Published:
+    """The answer to `objects` as of one version; computed when first asked for."""
+
+    version: int
+    objects: tuple[ObjectInstance, ...]
+
+
+class ObjectMapService:
+    """One robot's object map behind the bus."""
+
+    def __init__(self, bus: Bus, settings: ObjectMapSettings, health: Health) -> None:
+        self._bus, self._settings, self._health = bus, settings, health
+        self._lock = threading.Lock()  # guards everything below
+        self._maps = EpochMaps(settings)
+        self._context: SearchContext | None = None
+        self._over: deque[str] = deque(maxlen=256)  # ids of contexts that are over
+        self._waiting: deque[tuple[pb.Observation, Observation]] = deque()
+        self._held = ""
+        self._version = 0
+        self._newest: FrameId | None = None
+        self._published: _Published | None = None
+        bus.subscribe(CONTEXT, self.on_context)
+        bus.subscribe(ROBOT_STATE, self.on_robot_state)
+        bus.serve(OBJECTS, self.objects)
+        bus.serve(WHAT_IF, self.what_if)
+        bus.serve(RETIRE, self.retire)
+        bus.serve(RESET_OBJECTS, self.reset)
+        bus.serve(GAUSSIANS, self.gaussians)
+        bus.subscribe(OBSERVATION, self.on_observation)
+
+    def warm_up(self) -> None:
+        """Compile the kernels, then be ready. Observations wait meanwhile; nothing is lost."""
+        with self._lock:
+            warm_up(self._settings)
+        self._health.ready()
+
+    def close(self) -> None:
+        """The bus ends with the process; there is nothing else to take back."""
+
+    # --- what comes in ------------------------------------------------------------------------
+    def on_context(self, message: pb.SearchContext) -> None:
+        """What is looked for from now on; observations that waited for it are integrated."""
+        try:
+            context = context_from_proto(message)
+        except InvalidInput as error:
+            self._health.count("contexts_refused")
+            log.warning("search context %s refused: %s", message.id, error.message)
+            return
+        with self._lock:
+            if self._context is not None and self._context.id != context.id:
+                self._over.append(self._context.id)
+            self._context = context
+            self._maps.current.set_context(context)
+            self._changed()
+            waiting, self._waiting = self._waiting, deque()
+        for raw, observation in waiting:
+            self._integrate(raw, observation)
+
+    def on_robot_state(self, message: pb.RobotState) -> None:
+        """What the robot holds is not an object of the map."""
+        try:
+            held = state_from_proto(message).held
+        except InvalidInput as error:
+            self._health.count("states_refused")
+            log.warning("robot state refused: %s", error.message)
+            return
+        with self._lock:
+            self._held = held
+
+    def on_observation(self, message: pb.Observation) -> None:
+        """Integrate, or say why not. Never raises."""
+        try:
+            observation = observation_from_proto(message)
+        except HeliosError as error:
+            self._refuse(message, error.message)
+            return
+        dropped = None
+        with self._lock:
+            current = self._context.id if self._context is not None else None
+            is_unknown = observation.context_id != current and (
+                observation.context_id not in self._over
+            )
+            if is_unknown:
+                self._waiting.append((message, observation))
+                if len(self._waiting) > MOST_WAITING:
+                    dropped = self._waiting.popleft()[0]
+        if dropped is not None:
+            self._refuse(dropped, f"search context {dropped.context_id!r} never came")
+        if not is_unknown:
+            self._integrate(message, observation)
+
+    # --- what is asked ------------------------------------------------------------------------
+    def objects(self, request: pb.ObjectsRequest) -> pb.ObjectsReply:
+        """All instances, or those of some classes above a class score."""
+        wanted = set(request.class_names)
+        with self._lock:
+            if self._published is None:
+                self._published = _Published(self._version, self._maps.current.objects())
+            published, count, newest = self._published, len(self._maps.current), self._newest
+        reply = pb.ObjectsReply(version=published.version, gaussians=count)
+        if newest is not None:
+            reply.id.CopyFrom(frame_id_to_proto(newest))
+        reply.objects.extend(
+            object_to_proto(o)
+            for o in published.objects
+            if (not wanted or o.class_name in wanted) and o.class_score >= request.min_class_score
+        )
+        return reply
+
+    def what_if(self, request: pb.WhatIfRequest) -> pb.WhatIfReply:
+        """Score and information gain if an instance were seen as a class (eq. 6, 11, 12)."""
+        if len(request.T_world_cam) > MOST_POSES:
+            raise InvalidInput(
+                f"{len(request.T_world_cam)} poses asked for; at most {MOST_POSES} in one call"
+            )
+        camera = pinhole_from_proto(request.camera)
+        intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
+        views = [View(*intrinsics, transform_from_proto(T)) for T in request.T_world_cam]
+        with self._lock:
+            answer = self._maps.current.what_if(request.object_id, request.class_name, views)
+        if answer is None:
+            raise InvalidInput(
+                f"no object {request.object_id}, or no class {request.class_name!r} in any search "
+                "so far: ask for the objects again, they may have changed"
+            )
+        alone, together = answer
+        outcomes = [together] if request.joint else alone
+        return pb.WhatIfReply(
+            score=[e.psi for e in outcomes],
+            information_gain=[e.information_gain for e in outcomes],
+        )
+
+    def retire(self, request: pb.RetireRequest) -> pb.RetireReply:
+        """Take out an object that was picked: by id, or the nearest one around a point."""
+        if not request.object_id and not request.radius_m > 0:
+            raise InvalidInput("give an object_id, or point_m with a radius_m above 0")
+        with self._lock:
+            present = self._maps.current
+            label: int | None = request.object_id
+            if not request.object_id:
+                point = vector_from_proto(request.point_m)
+                if not np.isfinite(point).all():
+                    raise InvalidInput(f"point_m is {point.tolist()}; wanted finite metres")
+                label = present.nearest_object(point, request.radius_m)
+            count = present.retire(label) if label is not None else 0
+            self._changed()
+        log.info("retired object %s (%d Gaussians): %s", label, count, request.reason)
+        return pb.RetireReply(retired_gaussians=count)
+
+    def reset(self, _: pb.Empty) -> pb.Empty:
+        """Forget the present map; parked ones stay."""
+        with self._lock:
+            self._maps.current.reset()
+            if self._context is not None:
+                self._maps.current.set_context(self._context)
+            self._changed()
+        return pb.Empty()
+
+    def gaussians(self, request: pb.GaussiansRequest) -> pb.GaussiansReply:
+        """The Gaussians of one instance, or of all."""
+        with self._lock:
+            g = self._maps.current.gaussians(request.object_id or None)
+        return pb.GaussiansReply(
+            count=len(g.means),
+            means_m=g.means.astype("<f4").tobytes(),
+            scales_m=g.radius_m.astype("<f4").tobytes(),
+            colors=g.color.tobytes(),
+            instances=g.instance.astype("<u4").tobytes(),
+            class_names=g.class_names,
+            concentration=g.concentration.astype("<f4").tobytes(),
+            opacities=g.opacity.astype("<f4").tobytes(),
+        )
+
+    # --- parts --------------------------------------------------------------------------------
+    def _integrate(self, message: pb.Observation, observation: Observation) -> None:
+        began = time.perf_counter()
+        try:
+            with self._lock:
+                report = self._update(observation)
+                version = self._version
+        except HeliosError as error:
+            self._refuse(message, error.message)
+            return
+        except Exception as error:  # a fault of ours must not end the process: it is said instead
+            log.exception("observation %s failed", observation.frame.id)
+            self._refuse(message, f"a fault in the object map: {type(error).__name__}: {error}")
+            return
+        update_ms = (time.perf_counter() - began) * 1e3
+        self._health.count("observations_accepted")
+        self._health.sample("update_ms", update_ms)
+        self._health.set("gaussians", report.total)
+        self._bus.publish(
+            OBJECTMAP_ACK,
+            pb.Ack(
+                service="objectmap", part="objects", id=message.frame.id, accepted=True,
+                version=version, update_ms=update_ms, context_id=observation.context_id,
+            ),
+        )  # fmt: skip
+
+    def _update(self, observation: Observation):
+        context = self._context
+        if context is None or observation.context_id != context.id:
+            raise Conflict(
+                f"the observation answers search context {observation.context_id!r}; the present "
+                f"one is {context.id if context else None!r}: observe again"
+            )
+        present = self._maps.map_for(observation.frame.id)
+        report = present.update(observation, context, self._held)
+        self._newest = observation.frame.id
+        self._changed()
+        return report
+
+    def _changed(self) -> None:
+        self._version += 1
+        self._published = None
+
+    def _refuse(self, message: pb.Observation, reason: str) -> None:
+        self._health.count("observations_refused")
+        log.warning("observation of frame %d refused: %s", message.frame.id.seq, reason)
+        with self._lock:
+            version = self._version
+        self._bus.publish(
+            OBJECTMAP_ACK,
+            pb.Ack(
+                service="objectmap", part="objects", id=message.frame.id, accepted=False,
+                reason=reason, version=version, context_id=message.context_id,
+            ),
+        )  # fmt: skip
