@@ -7,7 +7,17 @@ from dataclasses import replace
 import numpy as np
 
 from helios_sim.home import meshes
-from helios_sim.home.types import Material, Mesh, Quat, Shape, Solid, SolidKind, Surface, Vec3, Visual
+from helios_sim.home.types import (
+    Material,
+    Mesh,
+    Quat,
+    Shape,
+    Solid,
+    SolidKind,
+    Surface,
+    Vec3,
+    Visual,
+)
 
 
 class ShapeBuilder:

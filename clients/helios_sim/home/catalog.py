@@ -1,6 +1,6 @@
 """Which classes there are, how they are made, and where each stands by custom."""
 
-from helios_sim.home import decor, seating, storage, tables, tableware, things
+from helios_sim.home import decor, fitted, seating, storage, tables, tableware, things
 from helios_sim.home.seating import Maker
 
 # Receptacle class -> (stem of the body name, maker).
@@ -11,14 +11,14 @@ RECEPTACLES: dict[str, tuple[str, Maker]] = {
     "side table": ("side_table", tables.side_table),
     "TV stand": ("tv_stand", storage.tv_stand),
     "bookcase": ("bookcase", storage.bookcase),
-    "kitchen counter": ("kitchen_counter", storage.kitchen_counter),
+    "kitchen counter": ("kitchen_counter", fitted.kitchen_counter),
     "dining table": ("dining_table", tables.dining_table),
     "bench": ("bench", seating.bench),
     "bed": ("bed", seating.bed),
     "nightstand": ("nightstand", storage.nightstand),
     "dresser": ("dresser", storage.dresser),
     "desk": ("desk", tables.desk),
-    "washstand": ("washstand", storage.washstand),
+    "washstand": ("washstand", fitted.washstand),
 }
 
 # Furniture and decoration that is no receptacle.

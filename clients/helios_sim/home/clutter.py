@@ -1,7 +1,7 @@
 """Puts things on furniture: within reach, apart from one another, room left for one more."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,13 +135,12 @@ class Clutter:
         return distances <= self._f.preset.reach_m - _REACH_SLACK_M
 
 
-def settled(thing: SceneObject, position_m: tuple[float, float, float], yaw_rad: float) -> SceneObject:
-    """The object where it came to rest."""
-    return replace(thing, position_m=position_m, yaw_rad=yaw_rad)
-
-
 def _radius(shape: Shape) -> float:
-    return math.hypot(shape.size_m[0], shape.size_m[1]) / 2 if not _round(shape) else shape.size_m[0] / 2
+    return (
+        math.hypot(shape.size_m[0], shape.size_m[1]) / 2
+        if not _round(shape)
+        else shape.size_m[0] / 2
+    )
 
 
 def _round(shape: Shape) -> bool:

@@ -17,8 +17,20 @@ def plant(rng: np.random.Generator, palette: Palette) -> Shape:
     leaf = Material(tinted((0.24, 0.46, 0.22), rng, 0.07), "foliage", 0.15)
     stem = Material((0.38, 0.30, 0.20), "wood")
     b = ShapeBuilder()
-    b.lathe([(0, 0), (pot * 0.75, 0), (pot, 0.28), (pot + 0.015, 0.28), (pot + 0.015, 0.31),
-             (pot - 0.01, 0.31), (pot - 0.015, 0.27), (0, 0.27)], (0, 0, 0), clay)
+    b.lathe(
+        [
+            (0, 0),
+            (pot * 0.75, 0),
+            (pot, 0.28),
+            (pot + 0.015, 0.28),
+            (pot + 0.015, 0.31),
+            (pot - 0.01, 0.31),
+            (pot - 0.015, 0.27),
+            (0, 0.27),
+        ],
+        (0, 0, 0),
+        clay,
+    )
     b.cylinder((0, 0, height * 0.3 + 0.12), 0.012, height * 0.6 - 0.2, stem, sides=8)
     count = 16
     for k in range(count):
@@ -26,14 +38,17 @@ def plant(rng: np.random.Generator, palette: Palette) -> Shape:
         z = 0.36 + (height - 0.42) * (k / count) ** 0.8
         reach = float(rng.uniform(0.13, 0.19)) * (1.15 - 0.5 * k / count)
         b.ellipsoid(
-            (reach * np.cos(turn), reach * np.sin(turn), z + 0.03),
-            (reach * 0.85, reach * 0.42, 0.008),
-            leaf, sides=8, rings=6, tilt_rad=(0.0, float(rng.uniform(-0.7, -0.25)), turn),
+            (0.6 * reach * np.cos(turn), 0.6 * reach * np.sin(turn), z + 0.03),
+            (reach * 0.62, reach * 0.36, 0.008),
+            leaf,
+            sides=8,
+            rings=6,
+            tilt_rad=(0.0, float(rng.uniform(-0.7, -0.25)), turn),
         )
     b.solid("cylinder", (0, 0, 0.155), (2 * pot, 2 * pot, 0.31))
     b.solid("cylinder", (0, 0, height / 2 + 0.15), (0.1, 0.1, height - 0.3))
     del palette
-    return b.finish((0.44, 0.44, height), leaf)
+    return b.finish((0.48, 0.48, height), leaf)
 
 
 def floor_lamp(rng: np.random.Generator, palette: Palette) -> Shape:
@@ -42,7 +57,12 @@ def floor_lamp(rng: np.random.Generator, palette: Palette) -> Shape:
     b = ShapeBuilder()
     b.cylinder((0, 0, 0.0125), 0.14, 0.025, metal, bevel_m=0.006, sides=20)
     b.cylinder((0, 0, height / 2), 0.011, height - 0.2, metal, sides=8)
-    b.lathe([(0.19, height - 0.28), (0.12, height), (0.115, height), (0.185, height - 0.28)], (0, 0, 0), _GLOW, sides=20)
+    b.lathe(
+        [(0.19, height - 0.28), (0.12, height), (0.115, height), (0.185, height - 0.28)],
+        (0, 0, 0),
+        _GLOW,
+        sides=20,
+    )
     b.solid("cylinder", (0, 0, 0.0125), (0.28, 0.28, 0.025))
     b.solid("cylinder", (0, 0, height / 2), (0.05, 0.05, height))
     b.solid("cylinder", (0, 0, height - 0.14), (0.36, 0.36, 0.28))
@@ -55,7 +75,17 @@ def wardrobe(rng: np.random.Generator, palette: Palette) -> Shape:
     body = palette.wood_or_paint(rng)
     b = ShapeBuilder()
     b.box((0, 0.01, height / 2), (width, depth - 0.02, height), darker(body, 0.93), bevel_m=0.008)
-    fronts(b, (-width / 2 + 0.01, width / 2 - 0.01), (0.08, height - 0.03), -depth / 2 + 0.02, round(width / 0.5), 1, body, STEEL, bar=True)
+    fronts(
+        b,
+        (-width / 2 + 0.01, width / 2 - 0.01),
+        (0.08, height - 0.03),
+        -depth / 2 + 0.02,
+        round(width / 0.5),
+        1,
+        body,
+        STEEL,
+        bar=True,
+    )
     b.solid("box", (0, 0, height / 2), (width, depth, height))
     return b.finish((width, depth, height), body)
 
@@ -67,8 +97,18 @@ def fridge(rng: np.random.Generator, palette: Palette) -> Shape:
     b.box((0, 0.02, height / 2), (width, depth - 0.04, height), darker(coat, 0.85), bevel_m=0.01)
     split = height * 0.38
     for lo, hi, grip in ((0.05, split, split - 0.2), (split, height - 0.01, split + 0.24)):
-        b.box((0, -depth / 2 + 0.03, (lo + hi) / 2), (width - 0.01, 0.05, hi - lo - 0.01), coat, bevel_m=0.014)
-        b.box((-width / 2 + 0.06, -depth / 2 - 0.01, grip), (0.022, 0.03, 0.32), darker(STEEL, 0.8), bevel_m=0.006)
+        b.box(
+            (0, -depth / 2 + 0.03, (lo + hi) / 2),
+            (width - 0.01, 0.05, hi - lo - 0.01),
+            coat,
+            bevel_m=0.014,
+        )
+        b.box(
+            (-width / 2 + 0.06, -depth / 2 - 0.01, grip),
+            (0.022, 0.03, 0.32),
+            darker(STEEL, 0.8),
+            bevel_m=0.006,
+        )
     b.solid("box", (0, 0, height / 2), (width, depth, height))
     del palette
     return b.finish((width, depth + 0.03, height), coat)
@@ -79,7 +119,17 @@ def wall_cabinet(rng: np.random.Generator, palette: Palette, width: float = 1.6)
     front = palette.wood_or_paint(rng)
     b = ShapeBuilder()
     b.box((0, 0.01, height / 2), (width, depth - 0.02, height), darker(front, 0.9))
-    fronts(b, (-width / 2, width / 2), (0, height), -depth / 2 + 0.02, max(2, round(width / 0.45)), 1, front, STEEL, bar=True)
+    fronts(
+        b,
+        (-width / 2, width / 2),
+        (0, height),
+        -depth / 2 + 0.02,
+        max(2, round(width / 0.45)),
+        1,
+        front,
+        STEEL,
+        bar=True,
+    )
     b.solid("box", (0, 0, height / 2), (width, depth, height))
     return b.finish((width, depth, height), front)
 
@@ -105,7 +155,10 @@ def picture(rng: np.random.Generator, palette: Palette) -> Shape:
     b.box((0, -0.014, height / 2), (width - 0.05, 0.006, height - 0.05), LINEN)
     w, h = width - 0.13, height - 0.13
     panel = meshes.quad((-w / 2, -0.018, height / 2 - h / 2), (w, 0, 0), (0, 0, h))
-    b.mesh(meshes.Mesh(panel.vertices, panel.normals, panel.uv / np.float32([w, h]), panel.faces), art)
+    b.mesh(
+        meshes.covered_once(panel, (w, h)),
+        art,
+    )
     return b.finish((width, 0.04, height), frame)
 
 
@@ -113,7 +166,11 @@ def mirror(rng: np.random.Generator, palette: Palette) -> Shape:
     width, height = float(rng.uniform(0.6, 0.8)), 0.8
     b = ShapeBuilder()
     b.box((0, 0, height / 2), (width, 0.025, height), palette.wood(rng), bevel_m=0.006)
-    b.box((0, -0.012, height / 2), (width - 0.05, 0.006, height - 0.05), Material((0.74, 0.82, 0.85), "", 0.8, 0.8, 0.15))
+    b.box(
+        (0, -0.012, height / 2),
+        (width - 0.05, 0.006, height - 0.05),
+        Material((0.74, 0.82, 0.85), "", 0.8, 0.8, 0.15),
+    )
     return b.finish((width, 0.03, height), WHITE)
 
 
@@ -123,23 +180,44 @@ def window(rng: np.random.Generator, palette: Palette) -> Shape:
     sky = Material((1, 1, 1), "sky", 0.0, 0.0, 0.55)
     b = ShapeBuilder()
     panel = meshes.quad((-width / 2, -0.012, 0), (width, 0, 0), (0, 0, height))
-    b.mesh(meshes.Mesh(panel.vertices, panel.normals, panel.uv / np.float32([width, height]), panel.faces), sky)
+    b.mesh(
+        meshes.covered_once(panel, (width, height)),
+        sky,
+    )
     for x in (-width / 2, 0.0, width / 2):
         b.box((x, -0.02, height / 2), (0.05, 0.05, height), frame)
     for z in (0.0, height * 0.62, height):
         b.box((0, -0.02, z), (width + 0.05, 0.05, 0.05), frame)
     b.box((0, -0.06, -0.04), (width + 0.02, 0.14, 0.03), frame, bevel_m=0.006)
-    cloth = Material(tinted(palette.fabric(rng).rgb, rng), "stripes" if rng.random() < 0.3 else "fabric", 0.02)
-    b.tube([(-width / 2 - 0.3, -0.1, height + 0.12), (0, -0.1, height + 0.12), (width / 2 + 0.3, -0.1, height + 0.12)], 0.012, STEEL)
+    cloth = Material(
+        tinted(palette.fabric(rng).rgb, rng), "stripes" if rng.random() < 0.3 else "fabric", 0.02
+    )
+    b.tube(
+        [
+            (-width / 2 - 0.3, -0.1, height + 0.12),
+            (0, -0.1, height + 0.12),
+            (width / 2 + 0.3, -0.1, height + 0.12),
+        ],
+        0.012,
+        STEEL,
+    )
     for side in (-1, 1):
         folds = 5
         for k in range(folds):
             x = side * (width / 2 + 0.02 + 0.05 * k)
-            b.cylinder((x, -0.09 - 0.012 * (k % 2), height / 2 - 0.07), 0.034, height + 0.36, cloth, sides=8)
+            b.cylinder(
+                (x, -0.09 - 0.012 * (k % 2), height / 2 - 0.07),
+                0.034,
+                height + 0.36,
+                cloth,
+                sides=8,
+            )
     return b.finish((width + 0.6, 0.15, height), frame)
 
 
-def rug(rng: np.random.Generator, palette: Palette, size: tuple[float, float] = (2.0, 1.4)) -> Shape:
+def rug(
+    rng: np.random.Generator, palette: Palette, size: tuple[float, float] = (2.0, 1.4)
+) -> Shape:
     base = palette.accent(rng).rgb if rng.random() < 0.5 else palette.fabric(rng).rgb
     cloth = Material(base, "rug", 0.0, 0.0)
     b = ShapeBuilder()
@@ -169,10 +247,31 @@ def bathtub(rng: np.random.Generator, palette: Palette) -> Shape:
     b = ShapeBuilder()
     wall = 0.07
     for s in (-1, 1):
-        b.box((0, s * (depth - wall) / 2, height / 2), (width, wall, height), WHITE, bevel_m=0.025, segments=2)
-        b.box((s * (width - wall) / 2, 0, height / 2), (wall, depth, height), WHITE, bevel_m=0.025, segments=2)
+        b.box(
+            (0, s * (depth - wall) / 2, height / 2),
+            (width, wall, height),
+            WHITE,
+            bevel_m=0.025,
+            segments=2,
+        )
+        b.box(
+            (s * (width - wall) / 2, 0, height / 2),
+            (wall, depth, height),
+            WHITE,
+            bevel_m=0.025,
+            segments=2,
+        )
     b.box((0, 0, 0.1), (width - 0.1, depth - 0.1, 0.1), darker(WHITE, 0.93))
-    b.tube([(-width / 2 + 0.04, 0, height), (-width / 2 + 0.04, 0, height + 0.14), (-width / 2 + 0.1, 0, height + 0.17), (-width / 2 + 0.17, 0, height + 0.13)], 0.014, STEEL)
+    b.tube(
+        [
+            (-width / 2 + 0.04, 0, height),
+            (-width / 2 + 0.04, 0, height + 0.14),
+            (-width / 2 + 0.1, 0, height + 0.17),
+            (-width / 2 + 0.17, 0, height + 0.13),
+        ],
+        0.014,
+        STEEL,
+    )
     b.solid("box", (0, 0, 0.08), (width, depth, 0.16))
     for s in (-1, 1):
         b.solid("box", (0, s * (depth - wall) / 2, height / 2), (width, wall, height))

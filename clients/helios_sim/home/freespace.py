@@ -59,8 +59,8 @@ def cell_centers(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """x [columns] and y [rows] of the cells' middles."""
     rows, columns = grid_shape(bounds, cell_m)
-    x = bounds[0] + (np.arange(columns) + 0.5) * cell_m
-    y = bounds[1] + (np.arange(rows) + 0.5) * cell_m
+    x = bounds[0] + (np.arange(columns, dtype=np.float64) + 0.5) * cell_m
+    y = bounds[1] + (np.arange(rows, dtype=np.float64) + 0.5) * cell_m
     return x, y
 
 

@@ -1,7 +1,6 @@
 """Puts furniture into rooms: each piece at a fitting place that keeps the home passable."""
 
 import math
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -11,50 +10,13 @@ from helios_sim.home import freespace, plan
 from helios_sim.home.catalog import FIXTURES, RECEPTACLES
 from helios_sim.home.freespace import CELL_M, Obstacle
 from helios_sim.home.palette import Palette
+from helios_sim.home.places import Placed, Pose, Poses
 from helios_sim.home.presets import HomePreset
 from helios_sim.home.types import Doorway, Fixture, Receptacle, Room, Shape, Surface
 
-Pose = tuple[float, float, float]  # x, y, yaw
-Placed = Receptacle | Fixture
-Poses = Callable[[Shape, Room], Iterator[Pose]]  # places to try, best first
-
-WEST, EAST, SOUTH, NORTH = range(4)
-# Yaw with which furniture stands with its back (+y) to a wall.
-WALL_YAW = {
-    WEST: math.pi / 2,
-    EAST: -math.pi / 2,
-    SOUTH: math.pi,
-    NORTH: 0.0,
-}
-_GAP_TO_WALL_M = 0.01
 _DOOR_CLEARANCE_M = 0.95
-_TRIES = 40
 _LATTICE_M = 0.1
 _REACHABLE_SHARE = 0.2
-
-
-def wall_pose(room: Room, side: int, along: float, off_wall: float) -> Pose:
-    """A pose `off_wall` metres in front of a wall's face, `along` it in world coordinates."""
-    off = plan.WALL_HALF_M + off_wall
-    yaw = WALL_YAW[side]
-    if side == WEST:
-        return room.x0 + off, along, yaw
-    if side == EAST:
-        return room.x1 - off, along, yaw
-    if side == SOUTH:
-        return along, room.y0 + off, yaw
-    return along, room.y1 - off, yaw
-
-
-def wall_range(room: Room, side: int) -> tuple[float, float]:
-    """The inner extent of a wall along itself."""
-    lo, hi = (room.y0, room.y1) if side in (WEST, EAST) else (room.x0, room.x1)
-    return lo + plan.WALL_HALF_M, hi - plan.WALL_HALF_M
-
-
-def side_of(yaw_rad: float) -> int:
-    """The wall to which furniture of that yaw has its back."""
-    return min(WALL_YAW, key=lambda side: abs(math.remainder(WALL_YAW[side] - yaw_rad, math.tau)))
 
 
 def world_surface(surface: Surface, pose: Pose) -> Surface:
@@ -171,6 +133,11 @@ class Furnisher:
             self._occupy(freespace.footprint(item), room)
         return item
 
+    def lay(self, class_name: str, room: Room, pose: Pose, shape: Shape) -> None:
+        """A rug or the like, if it fits between the walls."""
+        if _inside(_rect(shape, pose), room):
+            self.hang(class_name, room, pose, shape)
+
     # ---- where it fits
 
     def passable(self) -> NDArray[np.bool_]:
@@ -192,7 +159,7 @@ class Furnisher:
     ) -> Pose | None:
         spared = freespace.footprint(ignore) if ignore else None
         for pose in poses(shape, room):
-            rect = Obstacle(pose[0], pose[1], shape.size_m[0] / 2, shape.size_m[1] / 2, pose[2])
+            rect = _rect(shape, pose)
             if not _inside(rect, room):
                 continue
             others = [other for other in self._taken[room.index] if other != spared]
@@ -206,9 +173,7 @@ class Furnisher:
         return None
 
     def _stays_passable(self, rect: Obstacle, room: Room, surfaces: list[Surface]) -> bool:
-        clearance = np.minimum(
-            self.clearance, freespace.distance_m(self.bounds, rect, CELL_M)
-        )
+        clearance = np.minimum(self.clearance, freespace.distance_m(self.bounds, rect, CELL_M))
         free = clearance > self.preset.passage_radius_m
         main = freespace.largest_region(free)
         if int(free.sum()) - int(main.sum()) > 0.5 / CELL_M**2:
@@ -233,9 +198,7 @@ class Furnisher:
         """Values of a reach map at points [n, 2]."""
         columns = ((points[:, 0] - self.bounds[0]) / CELL_M).astype(int)
         rows = ((points[:, 1] - self.bounds[1]) / CELL_M).astype(int)
-        return reach[
-            np.clip(rows, 0, reach.shape[0] - 1), np.clip(columns, 0, reach.shape[1] - 1)
-        ]
+        return reach[np.clip(rows, 0, reach.shape[0] - 1), np.clip(columns, 0, reach.shape[1] - 1)]
 
     def _occupy(self, rect: Obstacle, room: Room) -> None:
         self._taken[room.index].append(rect)
@@ -248,130 +211,9 @@ class Furnisher:
         self._counts[stem] = number + 1
         return f"{stem}_{number}"
 
-    # ---- ways to choose a place
 
-    def along_walls(self, sides: tuple[int, ...] = (WEST, EAST, SOUTH, NORTH)) -> Poses:
-        """Back to a wall, anywhere along it."""
-
-        def poses(shape: Shape, room: Room) -> Iterator[Pose]:
-            for _ in range(_TRIES):
-                side = sides[int(self.rng.integers(len(sides)))]
-                lo, hi = wall_range(room, side)
-                half = shape.size_m[0] / 2 + 0.02
-                if hi - lo <= 2 * half:
-                    continue
-                along = float(self.rng.uniform(lo + half, hi - half))
-                # Furniture that nearly fills a corner goes right into it.
-                if along - half - lo < 0.35:
-                    along = lo + half
-                elif hi - along - half < 0.35:
-                    along = hi - half
-                yield wall_pose(room, side, along, shape.size_m[1] / 2 + _GAP_TO_WALL_M)
-
-        return poses
-
-    def corners(self) -> Poses:
-        """Back to a wall in a corner."""
-
-        def poses(shape: Shape, room: Room) -> Iterator[Pose]:
-            for k in self.rng.permutation(8):
-                side = int(k) // 2
-                lo, hi = wall_range(room, side)
-                half = shape.size_m[0] / 2 + 0.03
-                along = lo + half if k % 2 else hi - half
-                yield wall_pose(room, side, along, shape.size_m[1] / 2 + 0.03)
-
-        return poses
-
-    def opposite(self, anchor: Placed) -> Poses:
-        """Back to the wall that the anchor faces."""
-        facing = {WEST: EAST, EAST: WEST, SOUTH: NORTH, NORTH: SOUTH}[side_of(anchor.yaw_rad)]
-        center = anchor.y if facing in (WEST, EAST) else anchor.x
-
-        def poses(shape: Shape, room: Room) -> Iterator[Pose]:
-            for k in range(_TRIES):
-                along = center + float(self.rng.normal(0, 0.04 * k))
-                yield wall_pose(room, facing, along, shape.size_m[1] / 2 + _GAP_TO_WALL_M)
-
-        return poses
-
-    def in_front_of(self, anchor: Placed, gap_m: tuple[float, float]) -> Poses:
-        """Before the anchor's front, in line with it."""
-
-        def poses(shape: Shape, room: Room) -> Iterator[Pose]:
-            del room
-            for k in range(_TRIES):
-                gap = float(self.rng.uniform(*gap_m))
-                ahead = anchor.size_m[1] / 2 + gap + shape.size_m[1] / 2
-                yield _shifted(anchor, float(self.rng.normal(0, 0.01 * k)), -ahead)
-
-        return poses
-
-    def beside(self, anchor: Placed) -> Poses:
-        """At the anchor's left or right, backs in line."""
-
-        def poses(shape: Shape, room: Room) -> Iterator[Pose]:
-            del room
-            order = (-1, 1) if self.rng.random() < 0.5 else (1, -1)
-            back = (anchor.size_m[1] - shape.size_m[1]) / 2
-            for gap in (0.05, 0.1, 0.2, 0.35):
-                for side in order:
-                    sideways = side * (anchor.size_m[0] / 2 + gap + shape.size_m[0] / 2)
-                    yield _shifted(anchor, sideways, back)
-
-        return poses
-
-    def in_the_middle(self) -> Poses:
-        """Free in the room, along one of its axes, by preference near its middle."""
-
-        def poses(shape: Shape, room: Room) -> Iterator[Pose]:
-            del shape
-            cx, cy = room.center_xy
-            for k in range(_TRIES):
-                yaw = float(self.rng.choice([0.0, math.pi / 2]))
-                spread = 0.1 + 0.02 * k
-                yield (
-                    cx + float(self.rng.normal(0, spread)),
-                    cy + float(self.rng.normal(0, spread)),
-                    yaw,
-                )
-
-        return poses
-
-    def tucked_under(self, table: Placed) -> Poses:
-        """Chairs pushed under a table's long sides or ends, backs outward."""
-
-        def poses(shape: Shape, room: Room) -> Iterator[Pose]:
-            del room
-            seats = []
-            w, d = table.size_m[0] / 2, table.size_m[1] / 2
-            out = shape.size_m[1] / 2 - 0.2
-            for x in (-w * 0.45, w * 0.45) if w > 0.55 else (0.0,):
-                seats += [(x, d + out, 0.0), (x, -d - out, math.pi)]
-            seats += [(w + out, 0.0, -math.pi / 2), (-w - out, 0.0, math.pi / 2)]
-            for k in self.rng.permutation(len(seats)):
-                x, y, turn = seats[int(k)]
-                px, py, yaw = _shifted(table, x, y)
-                yield px, py, yaw + turn + float(self.rng.normal(0, 0.05))
-
-        return poses
-
-    def at_desk(self, desk: Placed) -> Poses:
-        """A chair at a desk's front, its back to the room."""
-
-        def poses(shape: Shape, room: Room) -> Iterator[Pose]:
-            del room
-            for _ in range(6):
-                x = float(self.rng.uniform(-0.2, 0.2))
-                px, py, yaw = _shifted(desk, x, -desk.size_m[1] / 2 - shape.size_m[1] / 2 + 0.06)
-                yield px, py, yaw + math.pi + float(self.rng.normal(0, 0.12))
-
-        return poses
-
-
-def _shifted(anchor: Placed, dx: float, dy: float) -> Pose:
-    cos, sin = math.cos(anchor.yaw_rad), math.sin(anchor.yaw_rad)
-    return anchor.x + cos * dx - sin * dy, anchor.y + sin * dx + cos * dy, anchor.yaw_rad
+def _rect(shape: Shape, pose: Pose) -> Obstacle:
+    return Obstacle(pose[0], pose[1], shape.size_m[0] / 2, shape.size_m[1] / 2, pose[2])
 
 
 def _corners(rect: Obstacle, grow: float) -> NDArray[np.float64]:

@@ -46,8 +46,8 @@ class Pictures:
         camera = mujoco.MjvCamera()
         camera.lookat = [(x0 + x1) / 2, (y0 + y1) / 2 + 0.1, 0.8]
         camera.azimuth, camera.elevation = 90.0, -74.0
-        half = max((x1 - x0) * 3 / 4, y1 - y0) / 2 + 0.4
-        camera.distance = half / math.tan(math.radians(20)) + 1.2
+        half = max((x1 - x0) * 3 / 4, y1 - y0) / 2 + 0.5
+        camera.distance = half / math.tan(math.radians(20)) + 2.0
         return self._render(camera, 40.0, ceiling=False)
 
     def at_eye_level(self, x: float, y: float, yaw_rad: float) -> Image:
@@ -144,9 +144,11 @@ def _small(image: Image, width_px: int) -> Image:
 def _grid(tiles: list[Image], columns: int) -> Image:
     blank = np.full_like(tiles[0], 255)
     padded = tiles + [blank] * (-len(tiles) % columns)
-    framed = [cv2.copyMakeBorder(t, 3, 3, 3, 3, cv2.BORDER_CONSTANT, value=(255,) * 3) for t in padded]
+    framed = [
+        cv2.copyMakeBorder(t, 3, 3, 3, 3, cv2.BORDER_CONSTANT, value=(255,) * 3) for t in padded
+    ]
     rows = [np.hstack(framed[k : k + columns]) for k in range(0, len(framed), columns)]
-    return np.vstack(rows)
+    return np.vstack(rows).astype(np.uint8)
 
 
 def _write(path: Path, image: Image) -> None:

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
-
 from helios_core.errors import Internal, InvalidInput
-from helios_sim.home import assembly, freespace, plan, recipes
+
+from helios_sim.home import freespace, plan, recipes
 from helios_sim.home.clutter import Clutter
 from helios_sim.home.freespace import CELL_M
 from helios_sim.home.furnish import Furnisher
@@ -36,7 +36,8 @@ def generate_home(seed: int, preset: HomePreset) -> Home:
     """The home of a seed. The same seed and preset give the same home in every process.
 
     Draws until a home meets the preset's counts, everything stands firm, and every object and
-    receptacle can be seen and reached. InvalidInput for a negative seed, Internal if no draw will do.
+    receptacle can be seen and reached. InvalidInput for a negative seed; Internal if no draw
+    will do.
     """
     if seed < 0:
         raise InvalidInput(f"seed {seed} came; a seed of 0 or more is wanted")
@@ -134,7 +135,7 @@ def _settle(home: Home, furnisher: Furnisher) -> Home:
         up = float(body.xmat[8])
         yaw = math.atan2(float(body.xmat[3]), float(body.xmat[0]))
         # A ball has no upright.
-        upright = up > _MAX_TILT_COS or len(thing.shape.solids) == 1 and thing.shape.rolls
+        upright = up > _MAX_TILT_COS or (len(thing.shape.solids) == 1 and thing.shape.rolls)
         if drift > _MAX_DRIFT_M or not upright:
             continue
         x, y, z = (float(value) for value in body.xpos)
@@ -163,7 +164,8 @@ def _can_be_seen(
     for k in in_reach[::step]:
         eye = np.array([x_of[columns[k]], y_of[rows[k]], home.preset.camera_height_m])
         for lift in (0.0, 0.4):
-            target = np.array(thing.position_m) + [0, 0, lift * thing.size_m[2]]
+            target = np.array(thing.position_m)
+            target[2] += lift * thing.size_m[2]
             if _first_body(model, data, eye, target) == thing.name:
                 return True
     return False

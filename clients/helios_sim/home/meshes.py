@@ -70,7 +70,8 @@ _BOX_FACES = (
 def box(size: Vec3, bevel_m: float = 0.0, segments: int = 1) -> Mesh:
     """A box of that size about the origin; with `bevel_m` its edges are rounded in `segments`."""
     half = np.asarray(size, dtype=np.float64) / 2
-    radius = min(bevel_m, float(half.min()) * 0.98)
+    # Less than 0.1 mm cannot be seen, and its normals cannot be told.
+    radius = min(bevel_m, float(half.min()) * 0.98) if bevel_m > 1e-4 else 0.0
     parts = []
     for axis, sign, u_axis, v_axis in _BOX_FACES:
         u = _grid_line(half[u_axis], radius, segments)
@@ -228,6 +229,12 @@ def quad(corner: Vec3, edge_u: Vec3, edge_v: Vec3, cells_u: int = 1, cells_v: in
     return _mesh(
         vertices, np.tile(normal, (len(vertices), 1)), uv, _grid_faces(cells_v + 1, cells_u + 1)
     )
+
+
+def covered_once(mesh: Mesh, size_m: tuple[float, float]) -> Mesh:
+    """The same flat mesh of that size, its texture laid over it once."""
+    uv = (mesh.uv / np.asarray(size_m)).astype(np.float32)
+    return Mesh(mesh.vertices, mesh.normals, uv, mesh.faces)
 
 
 def _without_slivers(mesh: Mesh) -> Mesh:

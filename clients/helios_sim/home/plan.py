@@ -18,7 +18,16 @@ _KINDS = {
     5: ("living room", "kitchen", "bedroom", "office", "bathroom"),
     6: ("living room", "kitchen", "bedroom", "dining room", "office", "bathroom"),
     7: ("living room", "kitchen", "bedroom", "dining room", "bedroom", "office", "bathroom"),
-    8: ("living room", "kitchen", "bedroom", "dining room", "bedroom", "office", "office", "bathroom"),
+    8: (
+        "living room",
+        "kitchen",
+        "bedroom",
+        "dining room",
+        "bedroom",
+        "office",
+        "office",
+        "bathroom",
+    ),
 }
 
 Rect = tuple[float, float, float, float]  # x0, y0, x1, y1 in m
@@ -26,7 +35,7 @@ Rect = tuple[float, float, float, float]  # x0, y0, x1, y1 in m
 
 @dataclass(frozen=True)
 class WallPiece:
-    """A stretch of wall. `axis` 0: at x = `at_m`, from y = `lo_m` to `hi_m`; axis 1: the other way."""
+    """A stretch of wall; `axis` 0: at x = `at_m`, y from `lo_m` to `hi_m`; 1: x and y swapped."""
 
     axis: int
     at_m: float

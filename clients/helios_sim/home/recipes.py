@@ -2,8 +2,9 @@
 
 from collections.abc import Callable
 
-from helios_sim.home import decor, plan
-from helios_sim.home.furnish import EAST, NORTH, SOUTH, WEST, Furnisher, side_of, wall_pose, wall_range
+from helios_sim.home import decor, places, plan
+from helios_sim.home.furnish import Furnisher
+from helios_sim.home.places import EAST, NORTH, SOUTH, WEST, side_of, wall_pose, wall_range
 from helios_sim.home.types import Fixture, Receptacle, Room
 
 
@@ -13,86 +14,86 @@ def furnish(furnisher: Furnisher, room: Room) -> None:
 
 
 def _living_room(f: Furnisher, room: Room) -> None:
-    sofa = f.receptacle("sofa", room, f.along_walls())
+    sofa = f.receptacle("sofa", room, places.along_walls(f.rng))
     if sofa is not None:
-        table = f.receptacle("coffee table", room, f.in_front_of(sofa, (0.84, 0.95)))
-        stand = f.receptacle("TV stand", room, f.opposite(sofa))
+        table = f.receptacle("coffee table", room, places.in_front_of(f.rng, sofa, (0.84, 0.95)))
+        stand = f.receptacle("TV stand", room, places.opposite(f.rng, sofa))
         if stand is None:
-            stand = f.receptacle("TV stand", room, f.along_walls())
+            stand = f.receptacle("TV stand", room, places.along_walls(f.rng))
         if stand is not None:
             _above(f, room, stand, "television", stand.size_m[2] + 0.3)
         if table is not None:
             rug = decor.rug(f.rng, f.palette, (table.size_m[0] + 0.9, table.size_m[1] + 0.7))
-            f.hang("rug", room, (table.x, table.y, table.yaw_rad), rug)
-        f.receptacle("side table", room, f.beside(sofa))
-    f.receptacle("armchair", room, f.along_walls())
-    f.receptacle("bookcase", room, f.along_walls())
-    f.fixture("floor lamp", room, f.corners())
-    f.fixture("plant", room, f.corners())
+            f.lay("rug", room, (table.x, table.y, table.yaw_rad), rug)
+        f.receptacle("side table", room, places.beside(f.rng, sofa))
+    f.receptacle("armchair", room, places.along_walls(f.rng))
+    f.receptacle("bookcase", room, places.along_walls(f.rng))
+    f.fixture("floor lamp", room, places.corners(f.rng))
+    f.fixture("plant", room, places.corners(f.rng))
 
 
 def _kitchen(f: Furnisher, room: Room) -> None:
-    counter = f.receptacle("kitchen counter", room, f.along_walls())
+    counter = f.receptacle("kitchen counter", room, places.along_walls(f.rng))
     if counter is not None:
-        if f.fixture("fridge", room, f.beside(counter)) is None:
-            f.fixture("fridge", room, f.along_walls())
+        if f.fixture("fridge", room, places.beside(f.rng, counter)) is None:
+            f.fixture("fridge", room, places.along_walls(f.rng))
         cabinet = decor.wall_cabinet(f.rng, f.palette, counter.size_m[0])
         _mount(f, room, counter, "wall cabinet", cabinet, 1.5)
     _dining_set(f, room)
-    f.receptacle("bench", room, f.along_walls())
-    f.fixture("plant", room, f.corners())
+    f.receptacle("bench", room, places.along_walls(f.rng))
+    f.fixture("plant", room, places.corners(f.rng))
 
 
 def _bedroom(f: Furnisher, room: Room) -> None:
-    bed = f.receptacle("bed", room, f.along_walls())
+    bed = f.receptacle("bed", room, places.along_walls(f.rng))
     if bed is not None:
         for _ in range(2):
-            f.receptacle("nightstand", room, f.beside(bed))
+            f.receptacle("nightstand", room, places.beside(f.rng, bed))
         rug = decor.rug(f.rng, f.palette, (bed.size_m[0] + 0.9, 1.0))
-        x, y, _ = next(f.in_front_of(bed, (-0.7, -0.65))(rug, room))
-        f.hang("rug", room, (x, y, bed.yaw_rad), rug)
-    f.receptacle("dresser", room, f.along_walls())
-    f.fixture("wardrobe", room, f.along_walls())
-    f.receptacle("armchair" if f.rng.random() < 0.5 else "bench", room, f.along_walls())
-    f.fixture("plant", room, f.corners())
+        x, y, _ = next(places.in_front_of(f.rng, bed, (-0.7, -0.65))(rug, room))
+        f.lay("rug", room, (x, y, bed.yaw_rad), rug)
+    f.receptacle("dresser", room, places.along_walls(f.rng))
+    f.fixture("wardrobe", room, places.along_walls(f.rng))
+    f.receptacle("armchair" if f.rng.random() < 0.5 else "bench", room, places.along_walls(f.rng))
+    f.fixture("plant", room, places.corners(f.rng))
 
 
 def _office(f: Furnisher, room: Room) -> None:
-    desk = f.receptacle("desk", room, f.along_walls())
+    desk = f.receptacle("desk", room, places.along_walls(f.rng))
     if desk is not None:
-        f.fixture("chair", room, f.at_desk(desk), beside=desk)
-    f.receptacle("bookcase", room, f.along_walls())
-    f.receptacle("armchair", room, f.along_walls())
-    f.receptacle("side table", room, f.corners())
-    f.fixture("floor lamp", room, f.corners())
-    f.fixture("plant", room, f.corners())
+        f.fixture("chair", room, places.at_desk(f.rng, desk), beside=desk)
+    f.receptacle("bookcase", room, places.along_walls(f.rng))
+    f.receptacle("armchair", room, places.along_walls(f.rng))
+    f.receptacle("side table", room, places.corners(f.rng))
+    f.fixture("floor lamp", room, places.corners(f.rng))
+    f.fixture("plant", room, places.corners(f.rng))
 
 
 def _bathroom(f: Furnisher, room: Room) -> None:
-    stand = f.receptacle("washstand", room, f.along_walls())
+    stand = f.receptacle("washstand", room, places.along_walls(f.rng))
     if stand is not None:
         _above(f, room, stand, "mirror", stand.size_m[2] + 0.35)
-    f.fixture("bathtub", room, f.along_walls())
-    f.fixture("toilet", room, f.along_walls())
-    f.receptacle("bench", room, f.along_walls())
+    f.fixture("bathtub", room, places.along_walls(f.rng))
+    f.fixture("toilet", room, places.along_walls(f.rng))
+    f.receptacle("bench", room, places.along_walls(f.rng))
 
 
 def _dining_room(f: Furnisher, room: Room) -> None:
     _dining_set(f, room)
-    f.receptacle("dresser", room, f.along_walls())
-    f.receptacle("bench", room, f.along_walls())
-    f.receptacle("armchair", room, f.along_walls())
-    f.fixture("plant", room, f.corners())
-    f.fixture("floor lamp", room, f.corners())
+    f.receptacle("dresser", room, places.along_walls(f.rng))
+    f.receptacle("bench", room, places.along_walls(f.rng))
+    f.receptacle("armchair", room, places.along_walls(f.rng))
+    f.fixture("plant", room, places.corners(f.rng))
+    f.fixture("floor lamp", room, places.corners(f.rng))
 
 
 def _dining_set(f: Furnisher, room: Room) -> None:
-    table = f.receptacle("dining table", room, f.in_the_middle())
+    table = f.receptacle("dining table", room, places.in_the_middle(f.rng))
     if table is None:
         return
     lo, hi = f.preset.chairs_per_table
     for _ in range(int(f.rng.integers(lo, hi + 1))):
-        f.fixture("chair", room, f.tucked_under(table), beside=table)
+        f.fixture("chair", room, places.tucked_under(f.rng, table), beside=table)
 
 
 def _above(f: Furnisher, room: Room, item: Receptacle, class_name: str, z_m: float) -> None:
@@ -118,7 +119,12 @@ def decorate(f: Furnisher, room: Room) -> None:
     windows = 0
     for side in (int(k) for k in f.rng.permutation(4)):
         at = {WEST: room.x0, EAST: room.x1, SOUTH: room.y0, NORTH: room.y1}[side]
-        edge = {WEST: outer[0] + wall, EAST: outer[2] - wall, SOUTH: outer[1] + wall, NORTH: outer[3] - wall}[side]
+        edge = {
+            WEST: outer[0] + wall,
+            EAST: outer[2] - wall,
+            SOUTH: outer[1] + wall,
+            NORTH: outer[3] - wall,
+        }[side]
         is_outer = abs(at - edge) < 1e-9
         if is_outer and windows < 2:
             shape = decor.window(f.rng, f.palette)

@@ -1,4 +1,4 @@
-"""Soft furniture and benches: sofa, armchair, bed, bench, chair. Origin on the floor, +y is the back."""
+"""Sofa, armchair, bed, bench, chair. Origin on the floor under the middle, +y is the back."""
 
 from collections.abc import Callable
 
@@ -24,7 +24,12 @@ def _padded_seat(
     seat_depth = depth - back
     base_top = seat - 0.14
     seam = darker(cloth, 0.92)
-    b.box((0, 0, (0.1 + base_top) / 2), (width - 0.04, depth - 0.04, base_top - 0.1), seam, bevel_m=0.02)
+    b.box(
+        (0, 0, (0.1 + base_top) / 2),
+        (width - 0.04, depth - 0.04, base_top - 0.1),
+        seam,
+        bevel_m=0.02,
+    )
     for x in (-1, 1):
         b.box(
             (x * (width - arm) / 2, 0, (0.1 + arm_height) / 2),
@@ -71,7 +76,11 @@ def _padded_seat(
             segments=2,
             tilt_rad=(-0.28, 0, side * 0.06),
         )
-        b.solid("box", (side * (inner / 2 - 0.19), depth / 2 - back - 0.06, seat + 0.16), (0.36, 0.18, 0.32))
+        b.solid(
+            "box",
+            (side * (inner / 2 - 0.19), depth / 2 - back - 0.06, seat + 0.16),
+            (0.36, 0.18, 0.32),
+        )
     _legs(b, width - 0.14, depth - 0.14, 0.1, 0.022, legs)
     used = 0.4 if cushions else 0.0
     lo = -inner / 2 + used
@@ -162,7 +171,12 @@ def bench(rng: np.random.Generator, palette: Palette) -> Shape:
         b.box((0, 0, height - 0.0225), (width, depth, 0.045), wood, bevel_m=0.01)
         b.box((0, 0, 0.14), (width - 0.1, depth - 0.08, 0.025), wood, bevel_m=0.006)
     for x in (-1, 1):
-        b.box((x * (width / 2 - 0.05), 0, (height - 0.1) / 2), (0.05, depth - 0.04, height - 0.1), wood, bevel_m=0.008)
+        b.box(
+            (x * (width / 2 - 0.05), 0, (height - 0.1) / 2),
+            (0.05, depth - 0.04, height - 0.1),
+            wood,
+            bevel_m=0.008,
+        )
     b.solid("box", (0, 0, height / 2), (width, depth, height))
     b.surface((0, 0), (width, depth), height)
     return b.finish((width, depth, height), wood)
@@ -175,9 +189,18 @@ def chair(rng: np.random.Generator, palette: Palette) -> Shape:
     b = ShapeBuilder()
     b.box((0, -0.01, seat - 0.02), (width, depth - 0.02, 0.04), wood, bevel_m=0.012)
     if rng.random() < 0.6:
-        b.box((0, -0.02, seat + 0.015), (width - 0.04, depth - 0.08, 0.04), palette.fabric(rng), bevel_m=0.015)
+        b.box(
+            (0, -0.02, seat + 0.015),
+            (width - 0.04, depth - 0.08, 0.04),
+            palette.fabric(rng),
+            bevel_m=0.015,
+        )
     for x in (-1, 1):
-        b.box((x * (width / 2 - 0.025), -depth / 2 + 0.035, seat / 2 - 0.02), (0.035, 0.035, seat - 0.04), wood)
+        b.box(
+            (x * (width / 2 - 0.025), -depth / 2 + 0.035, seat / 2 - 0.02),
+            (0.035, 0.035, seat - 0.04),
+            wood,
+        )
         b.box((x * (width / 2 - 0.025), depth / 2 - 0.03, back / 2), (0.035, 0.035, back), wood)
         b.box((x * (width / 2 - 0.025), 0, 0.2), (0.02, depth - 0.06, 0.02), wood)
     slats = int(rng.integers(2, 4))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from helios_sim.home.builder import ShapeBuilder
-from helios_sim.home.palette import BLACK, STEEL, WHITE, Palette, darker, tinted
+from helios_sim.home.palette import BLACK, STEEL, Palette, darker, tinted
 from helios_sim.home.types import Material, Shape
 
 
@@ -32,17 +32,23 @@ def fronts(
                 size = (0.014, 0.018, 0.14) if tall else (min(0.16, width * 0.4), 0.018, 0.014)
                 b.box((cx + side, y - 0.028, high), size, knob)
             else:
-                b.ellipsoid((cx + side, y - 0.03, high), (0.016, 0.016, 0.016), knob, sides=8, rings=6)
+                b.ellipsoid(
+                    (cx + side, y - 0.03, high), (0.016, 0.016, 0.016), knob, sides=8, rings=6
+                )
 
 
 def nightstand(rng: np.random.Generator, palette: Palette) -> Shape:
     width, depth = float(rng.uniform(0.44, 0.52)), float(rng.uniform(0.38, 0.44))
-    return _chest(rng, palette, width, depth, float(rng.uniform(0.5, 0.6)), 1, int(rng.integers(1, 3)), 0.12)
+    return _chest(
+        rng, palette, width, depth, float(rng.uniform(0.5, 0.6)), 1, int(rng.integers(1, 3)), 0.12
+    )
 
 
 def dresser(rng: np.random.Generator, palette: Palette) -> Shape:
     width, depth = float(rng.uniform(0.95, 1.3)), float(rng.uniform(0.44, 0.5))
-    return _chest(rng, palette, width, depth, float(rng.uniform(0.78, 0.92)), 2, int(rng.integers(3, 5)), 0.08)
+    return _chest(
+        rng, palette, width, depth, float(rng.uniform(0.78, 0.92)), 2, int(rng.integers(3, 5)), 0.08
+    )
 
 
 def _chest(
@@ -60,11 +66,29 @@ def _chest(
     knob = STEEL if rng.random() < 0.5 else BLACK
     b = ShapeBuilder()
     b.box((0, 0, height - 0.0125), (width, depth, 0.025), body, bevel_m=0.006)
-    b.box((0, 0.01, (foot + height - 0.025) / 2), (width - 0.02, depth - 0.03, height - 0.025 - foot), darker(body, 0.9))
-    fronts(b, (-width / 2 + 0.015, width / 2 - 0.015), (foot + 0.01, height - 0.03), -depth / 2 + 0.024, columns, rows, front, knob, bar=bool(rng.random() < 0.5))
+    b.box(
+        (0, 0.01, (foot + height - 0.025) / 2),
+        (width - 0.02, depth - 0.03, height - 0.025 - foot),
+        darker(body, 0.9),
+    )
+    fronts(
+        b,
+        (-width / 2 + 0.015, width / 2 - 0.015),
+        (foot + 0.01, height - 0.03),
+        -depth / 2 + 0.024,
+        columns,
+        rows,
+        front,
+        knob,
+        bar=bool(rng.random() < 0.5),
+    )
     for x in (-1, 1):
         for y in (-1, 1):
-            b.box((x * (width / 2 - 0.045), y * (depth / 2 - 0.045), foot / 2), (0.04, 0.04, foot), body)
+            b.box(
+                (x * (width / 2 - 0.045), y * (depth / 2 - 0.045), foot / 2),
+                (0.04, 0.04, foot),
+                body,
+            )
     b.solid("box", (0, 0, height / 2), (width, depth, height))
     b.surface((0, 0), (width, depth), height)
     return b.finish((width, depth, height), body)
@@ -80,16 +104,37 @@ def tv_stand(rng: np.random.Generator, palette: Palette) -> Shape:
     wing = width * 0.3
     for x in (-width / 2 + 0.0125, -width / 2 + wing, width / 2 - wing, width / 2 - 0.0125):
         b.box((x, 0, (foot + height) / 2), (0.025, depth - 0.01, height - foot - 0.03), body)
-    b.box((0, depth / 2 - 0.01, (foot + height) / 2), (width - 0.03, 0.012, height - foot - 0.03), darker(body, 0.7))
+    b.box(
+        (0, depth / 2 - 0.01, (foot + height) / 2),
+        (width - 0.03, 0.012, height - foot - 0.03),
+        darker(body, 0.7),
+    )
     for s in (-1, 1):
         lo, hi = sorted((s * (width / 2 - 0.03), s * (width / 2 - wing)))
-        fronts(b, (lo, hi), (foot + 0.03, height - 0.03), -depth / 2 + 0.02, 1, 1, front, STEEL, bar=False)
+        fronts(
+            b,
+            (lo, hi),
+            (foot + 0.03, height - 0.03),
+            -depth / 2 + 0.02,
+            1,
+            1,
+            front,
+            STEEL,
+            bar=False,
+        )
     middle = (height + foot) / 2
     b.box((0, 0, middle), (width - 2 * wing, depth - 0.03, 0.018), body)
     b.box((0.02, -0.02, middle + 0.035), (0.3, 0.2, 0.05), BLACK, bevel_m=0.006)
     for x in (-1, 1):
         for y in (-1, 1):
-            b.cylinder((x * (width / 2 - 0.08), y * (depth / 2 - 0.06), foot / 2), 0.016, foot, body, top_radius_m=0.022, sides=8)
+            b.cylinder(
+                (x * (width / 2 - 0.08), y * (depth / 2 - 0.06), foot / 2),
+                0.016,
+                foot,
+                body,
+                top_radius_m=0.022,
+                sides=8,
+            )
     b.solid("box", (0, 0, height / 2), (width, depth, height))
     b.surface((0, 0), (width, depth), height)
     return b.finish((width, depth, height), body)
@@ -104,8 +149,12 @@ def bookcase(rng: np.random.Generator, palette: Palette) -> Shape:
     b = ShapeBuilder()
     b.box((0, 0, height - 0.0125), (width, depth, 0.025), wood, bevel_m=0.005)
     for x in (-1, 1):
-        b.box((x * (width / 2 - 0.0125), 0, height / 2 - 0.0125), (0.025, depth, height - 0.025), wood)
-    b.box((0, depth / 2 - 0.006, height / 2), (width - 0.03, 0.012, height - 0.04), darker(wood, 0.75))
+        b.box(
+            (x * (width / 2 - 0.0125), 0, height / 2 - 0.0125), (0.025, depth, height - 0.025), wood
+        )
+    b.box(
+        (0, depth / 2 - 0.006, height / 2), (width - 0.03, 0.012, height - 0.04), darker(wood, 0.75)
+    )
     b.box((0, -depth / 2 + 0.03, 0.03), (width - 0.05, 0.02, 0.06), wood)
     cell = (height - 0.085) / rows
     for k in range(rows):
@@ -135,7 +184,12 @@ def _shelf_goods(
     ]
     while x < end - 0.05:
         if rng.random() < 0.18 and end - x > 0.26:
-            b.box((x + 0.12, -0.01, z + 0.09), (0.22, depth - 0.08, 0.18), palette.accent(rng), bevel_m=0.015)
+            b.box(
+                (x + 0.12, -0.01, z + 0.09),
+                (0.22, depth - 0.08, 0.18),
+                palette.accent(rng),
+                bevel_m=0.015,
+            )
             x += 0.26
         elif rng.random() < 0.15:
             x += float(rng.uniform(0.04, 0.14))
@@ -144,60 +198,9 @@ def _shelf_goods(
             tall = float(rng.uniform(0.62, 0.95)) * room
             deep = float(rng.uniform(0.15, 0.2))
             book = colors[int(rng.integers(len(colors)))]
-            b.box((x + thick / 2, -depth / 2 + 0.03 + deep / 2, z + tall / 2), (thick - 0.002, deep, tall), book)
+            b.box(
+                (x + thick / 2, -depth / 2 + 0.03 + deep / 2, z + tall / 2),
+                (thick - 0.002, deep, tall),
+                book,
+            )
             x += thick
-
-
-def kitchen_counter(rng: np.random.Generator, palette: Palette) -> Shape:
-    width, depth = float(rng.uniform(1.8, 2.3)), 0.62
-    height = float(rng.uniform(0.88, 0.92))
-    front, top = palette.wood_or_paint(rng), palette.paint(rng)
-    stone = Material(tinted((0.80, 0.79, 0.76) if top.rgb[0] > 0.6 else (0.45, 0.45, 0.46), rng), "speckle", 0.3, 0.5)
-    b = ShapeBuilder()
-    b.box((0, 0, height - 0.02), (width, depth, 0.04), stone, bevel_m=0.008)
-    b.box((0, 0.02, (0.1 + height - 0.04) / 2), (width - 0.01, depth - 0.05, height - 0.14), darker(front, 0.85))
-    b.box((0, 0.05, 0.05), (width - 0.02, depth - 0.12, 0.1), BLACK)
-    columns = round(width / 0.5)
-    fronts(b, (-width / 2 + 0.005, width / 2 - 0.005), (0.11, height - 0.23), -depth / 2 + 0.014, columns, 1, front, STEEL, bar=True)
-    fronts(b, (-width / 2 + 0.005, width / 2 - 0.005), (height - 0.22, height - 0.05), -depth / 2 + 0.014, columns, 1, front, STEEL, bar=True)
-    b.box((0, depth / 2 - 0.006, height + 0.27), (width, 0.012, 0.54), WHITE)
-    side = 1 if rng.random() < 0.5 else -1
-    sink_x = side * (width / 2 - 0.38)
-    basin = darker(STEEL, 0.62)
-    b.box((sink_x, -0.01, height + 0.002), (0.52, 0.42, 0.012), STEEL, bevel_m=0.005)
-    b.box((sink_x, -0.01, height + 0.005), (0.44, 0.34, 0.012), basin, bevel_m=0.005)
-    b.tube(
-        [(sink_x, 0.25, height), (sink_x, 0.25, height + 0.2), (sink_x, 0.21, height + 0.26),
-         (sink_x, 0.13, height + 0.27), (sink_x, 0.09, height + 0.22)],
-        0.012, STEEL,
-    )
-    b.solid("box", (0, 0, height / 2), (width, depth, height))
-    b.solid("box", (sink_x, 0.25, height + 0.12), (0.04, 0.04, 0.24))
-    length = width - 0.68
-    b.surface((-side * (width - length) / 2, 0), (length, depth), height)
-    return b.finish((width, depth, height), front)
-
-
-def washstand(rng: np.random.Generator, palette: Palette) -> Shape:
-    width, depth = float(rng.uniform(0.95, 1.15)), float(rng.uniform(0.46, 0.5))
-    height, foot = float(rng.uniform(0.80, 0.86)), 0.16
-    front = palette.wood_or_paint(rng)
-    b = ShapeBuilder()
-    b.box((0, 0, height - 0.02), (width, depth, 0.04), WHITE, bevel_m=0.01)
-    b.box((0, 0.01, (foot + height - 0.04) / 2), (width - 0.02, depth - 0.04, height - 0.04 - foot), darker(front, 0.88))
-    fronts(b, (-width / 2 + 0.02, width / 2 - 0.02), (foot, height - 0.05), -depth / 2 + 0.022, 2, 1, front, STEEL, bar=True)
-    side = 1 if rng.random() < 0.5 else -1
-    x, r = side * (width / 2 - 0.24), 0.19
-    b.lathe(
-        [(0, 0), (r * 0.6, 0), (r * 0.95, 0.06), (r, 0.11), (r - 0.012, 0.11), (r * 0.85, 0.06), (r * 0.5, 0.015), (0, 0.012)],
-        (x, -0.01, height), WHITE, sides=24,
-    )
-    b.tube([(x, 0.19, height), (x, 0.19, height + 0.19), (x, 0.15, height + 0.21), (x, 0.09, height + 0.19)], 0.011, STEEL)
-    b.solid("box", (0, 0, height / 2), (width, depth, height))
-    b.solid("cylinder", (x, -0.01, height + 0.055), (2 * r, 2 * r, 0.11))
-    for s in (-1, 1):
-        for t in (-1, 1):
-            b.box((s * (width / 2 - 0.04), t * (depth / 2 - 0.05), foot / 2), (0.04, 0.04, foot), front)
-    length = width - 0.46
-    b.surface((-side * (width - length) / 2, 0), (length, depth), height)
-    return b.finish((width, depth, height), front)

@@ -32,7 +32,12 @@ def floor_mesh(room: Room) -> Mesh:
     x0, y0, x1, y1 = inner(room)
     cells = (math.ceil((x1 - x0) / _WALL_CELL_M), math.ceil((y1 - y0) / _WALL_CELL_M))
     mesh = meshes.quad((x0, y0, 0), (x1 - x0, 0, 0), (0, y1 - y0, 0), *cells)
-    return Mesh(mesh.vertices, mesh.normals, mesh.uv / np.float32([x1 - x0, y1 - y0]), mesh.faces)
+    return Mesh(
+        mesh.vertices,
+        mesh.normals,
+        mesh.uv / np.array([x1 - x0, y1 - y0], dtype=np.float32),
+        mesh.faces,
+    )
 
 
 def floor_texture(
@@ -118,7 +123,7 @@ def _wall_face(room: Room, side: int, lo: float, hi: float, z0: float, z1: float
     mesh = meshes.quad(corner, edge, up, *cells)
     if mesh.normals[0] @ _inwards(side) < 0:
         mesh = Mesh(mesh.vertices, -mesh.normals, mesh.uv, mesh.faces[:, ::-1].copy())
-    uv = mesh.uv + np.float32([0.0, z0])
+    uv = mesh.uv + np.array([0.0, z0], dtype=np.float32)
     return Mesh(mesh.vertices, mesh.normals, uv, mesh.faces)
 
 

@@ -63,8 +63,15 @@ def desk(rng: np.random.Generator, palette: Palette) -> Shape:
         b.box((x, -depth / 2 + 0.03, z), (unit - 0.02, 0.025, drawer - 0.012), front, bevel_m=0.005)
         b.box((x, -depth / 2 + 0.01, z), (0.12, 0.014, 0.014), STEEL)
     for y in (-1, 1):
-        b.box((-side * (width / 2 - 0.04), y * (depth / 2 - 0.05), (height - 0.035) / 2), (0.045, 0.045, height - 0.035), wood, solid=True)
-    b.box((-side * unit / 2, depth / 2 - 0.06, height - 0.2), (width - unit - 0.06, 0.018, 0.3), wood)
+        b.box(
+            (-side * (width / 2 - 0.04), y * (depth / 2 - 0.05), (height - 0.035) / 2),
+            (0.045, 0.045, height - 0.035),
+            wood,
+            solid=True,
+        )
+    b.box(
+        (-side * unit / 2, depth / 2 - 0.06, height - 0.2), (width - unit - 0.06, 0.018, 0.3), wood
+    )
     b.surface((0, 0), (width, depth), height)
     return b.finish((width, depth, height), wood)
 
@@ -91,7 +98,13 @@ def _leg_table(
         b.box((0, s * dy, z), (2 * dx, 0.022, apron), shade)
         b.box((s * dx, 0, z), (0.022, 2 * dy, apron), shade)
         for t in (-1, 1):
-            b.box((s * dx, t * dy, (height - 0.036) / 2), (leg, leg, height - 0.036), legs, bevel_m=0.005, solid=True)
+            b.box(
+                (s * dx, t * dy, (height - 0.036) / 2),
+                (leg, leg, height - 0.036),
+                legs,
+                bevel_m=0.005,
+                solid=True,
+            )
     if shelf:
         b.box((0, 0, 0.14), (2 * dx, 2 * dy, 0.02), top, bevel_m=0.004)
     b.surface((0, 0), (width, depth), height)
@@ -105,9 +118,19 @@ def _round_table(rng: np.random.Generator, palette: Palette, radius: float, heig
     b.solid("cylinder", (0, 0, height - 0.016), (2 * radius, 2 * radius, 0.032))
     if rng.random() < 0.5:
         b.lathe(
-            [(0, 0), (radius * 0.6, 0), (radius * 0.6, 0.015), (0.06, 0.05), (0.035, 0.16),
-             (0.035, height - 0.12), (0.10, height - 0.03), (0, height - 0.03)],
-            (0, 0, 0), wood, sides=24,
+            [
+                (0, 0),
+                (radius * 0.6, 0),
+                (radius * 0.6, 0.015),
+                (0.06, 0.05),
+                (0.035, 0.16),
+                (0.035, height - 0.12),
+                (0.10, height - 0.03),
+                (0, height - 0.03),
+            ],
+            (0, 0, 0),
+            wood,
+            sides=24,
         )
         b.solid("cylinder", (0, 0, height / 2 - 0.02), (0.12, 0.12, height - 0.04))
     else:

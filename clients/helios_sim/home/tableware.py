@@ -46,9 +46,22 @@ def bowl(rng: np.random.Generator, palette: Palette) -> Shape:
     glaze = _glaze(rng)
     b = ShapeBuilder()
     b.lathe(
-        [(0, 0), (r * 0.48, 0), (r * 0.5, 0.008), (r * 0.78, h * 0.35), (r * 0.94, h * 0.7), (r, h),
-         (r - 0.006, h), (r * 0.86, h * 0.66), (r * 0.68, h * 0.36), (r * 0.4, 0.016), (0, 0.012)],
-        (0, 0, 0), glaze, sides=22,
+        [
+            (0, 0),
+            (r * 0.48, 0),
+            (r * 0.5, 0.008),
+            (r * 0.78, h * 0.35),
+            (r * 0.94, h * 0.7),
+            (r, h),
+            (r - 0.006, h),
+            (r * 0.86, h * 0.66),
+            (r * 0.68, h * 0.36),
+            (r * 0.4, 0.016),
+            (0, 0.012),
+        ],
+        (0, 0, 0),
+        glaze,
+        sides=22,
     )
     b.solid("cylinder", (0, 0, h * 0.25), (1.4 * r, 1.4 * r, h * 0.5))
     b.solid("cylinder", (0, 0, h * 0.75), (2 * r, 2 * r, h * 0.5))
@@ -72,14 +85,31 @@ def plate(rng: np.random.Generator, palette: Palette) -> Shape:
 
 def bottle(rng: np.random.Generator, palette: Palette) -> Shape:
     r, h = float(rng.uniform(0.034, 0.038)), float(rng.uniform(0.22, 0.25))
-    colors: tuple[Rgb, ...] = ((0.16, 0.38, 0.22), (0.45, 0.26, 0.12), (0.30, 0.52, 0.70), (0.75, 0.2, 0.2))
+    colors: tuple[Rgb, ...] = (
+        (0.16, 0.38, 0.22),
+        (0.45, 0.26, 0.12),
+        (0.30, 0.52, 0.70),
+        (0.75, 0.2, 0.2),
+    )
     glass = Material(tinted(colors[int(rng.integers(4))], rng, 0.04), "", 0.7, 0.8)
     b = ShapeBuilder()
     b.lathe(
-        [(0, 0), (r * 0.94, 0), (r, 0.01), (r, h * 0.56), (r * 0.85, h * 0.66), (r * 0.4, h * 0.78),
-         (r * 0.36, h * 0.92), (0, h * 0.92)], (0, 0, 0), glass,
+        [
+            (0, 0),
+            (r * 0.94, 0),
+            (r, 0.01),
+            (r, h * 0.56),
+            (r * 0.85, h * 0.66),
+            (r * 0.4, h * 0.78),
+            (r * 0.36, h * 0.92),
+            (0, h * 0.92),
+        ],
+        (0, 0, 0),
+        glass,
     )
-    b.cylinder((0, 0, h * 0.955), r * 0.42, h * 0.09, Material((0.85, 0.82, 0.7), "", 0.3), sides=12)
+    b.cylinder(
+        (0, 0, h * 0.955), r * 0.42, h * 0.09, Material((0.85, 0.82, 0.7), "", 0.3), sides=12
+    )
     label = Material(tinted((0.93, 0.88, 0.72), rng), "", 0.05)
     b.lathe([(r + 0.0008, h * 0.16), (r + 0.0008, h * 0.44)], (0, 0, 0), label)
     b.solid("cylinder", (0, 0, h * 0.31), (2 * r, 2 * r, h * 0.62))
@@ -109,9 +139,21 @@ def vase(rng: np.random.Generator, palette: Palette) -> Shape:
     neck = float(rng.uniform(0.4, 0.6))
     b = ShapeBuilder()
     b.lathe(
-        [(0, 0), (r * 0.62, 0), (r * 0.8, h * 0.12), (r, h * 0.36), (r * 0.86, h * 0.58), (r * neck, h * 0.78),
-         (r * neck, h * 0.88), (r * (neck + 0.2), h), (r * (neck + 0.1), h), (r * neck * 0.8, h * 0.88), (0, h * 0.86)],
-        (0, 0, 0), glaze,
+        [
+            (0, 0),
+            (r * 0.62, 0),
+            (r * 0.8, h * 0.12),
+            (r, h * 0.36),
+            (r * 0.86, h * 0.58),
+            (r * neck, h * 0.78),
+            (r * neck, h * 0.88),
+            (r * (neck + 0.2), h),
+            (r * (neck + 0.1), h),
+            (r * neck * 0.8, h * 0.88),
+            (0, h * 0.86),
+        ],
+        (0, 0, 0),
+        glaze,
     )
     b.solid("cylinder", (0, 0, h * 0.06), (1.4 * r, 1.4 * r, h * 0.12))
     b.solid("cylinder", (0, 0, h * 0.36), (2 * r, 2 * r, h * 0.48))
@@ -126,12 +168,36 @@ def teapot(rng: np.random.Generator, palette: Palette) -> Shape:
     body = h * 0.78
     b = ShapeBuilder()
     b.lathe(
-        [(0, 0), (r * 0.62, 0), (r * 0.92, body * 0.25), (r, body * 0.5), (r * 0.85, body * 0.8), (r * 0.5, body),
-         (r * 0.46, body + 0.006), (r * 0.2, body + 0.014), (0, body + 0.016)], (0, 0, 0), glaze,
+        [
+            (0, 0),
+            (r * 0.62, 0),
+            (r * 0.92, body * 0.25),
+            (r, body * 0.5),
+            (r * 0.85, body * 0.8),
+            (r * 0.5, body),
+            (r * 0.46, body + 0.006),
+            (r * 0.2, body + 0.014),
+            (0, body + 0.016),
+        ],
+        (0, 0, 0),
+        glaze,
     )
     b.ellipsoid((0, 0, h - 0.011), (0.011, 0.011, 0.011), darker(glaze, 0.7), sides=8, rings=6)
-    b.tube([(r * 0.8, 0, body * 0.35), (r * 1.25, 0, body * 0.5), (r * 1.45, 0, body * 0.8), (r * 1.65, 0, body * 0.92)], 0.011, glaze)
-    b.tube(meshes.arc((-r * 0.85, 0, body * 0.55), body * 0.32, math.pi / 2, 3 * math.pi / 2), 0.007, glaze)
+    b.tube(
+        [
+            (r * 0.8, 0, body * 0.35),
+            (r * 1.25, 0, body * 0.5),
+            (r * 1.45, 0, body * 0.8),
+            (r * 1.65, 0, body * 0.92),
+        ],
+        0.011,
+        glaze,
+    )
+    b.tube(
+        meshes.arc((-r * 0.85, 0, body * 0.55), body * 0.32, math.pi / 2, 3 * math.pi / 2),
+        0.007,
+        glaze,
+    )
     b.solid("cylinder", (0, 0, body * 0.5), (1.9 * r, 1.9 * r, body))
     b.solid("box", (r * 1.3, 0, body * 0.65), (r * 0.8, 0.022, body * 0.5))
     del palette
@@ -142,7 +208,9 @@ def candle(rng: np.random.Generator, palette: Palette) -> Shape:
     r, h = float(rng.uniform(0.034, 0.042)), float(rng.uniform(0.09, 0.13))
     wax = Material(tinted((0.93, 0.87, 0.74), rng, 0.06), "ceramic", 0.2, 0.3)
     b = ShapeBuilder()
-    b.cylinder((0, 0, 0.007), r * 1.35, 0.014, Material((0.55, 0.45, 0.25), "", 0.7, 0.7), bevel_m=0.003)
+    b.cylinder(
+        (0, 0, 0.007), r * 1.35, 0.014, Material((0.55, 0.45, 0.25), "", 0.7, 0.7), bevel_m=0.003
+    )
     b.cylinder((0, 0, (0.014 + h - 0.014) / 2), r, h - 0.028, wax, bevel_m=0.004)
     b.cylinder((0, 0, h - 0.007), 0.0025, 0.014, Material((0.1, 0.1, 0.1)), sides=6)
     b.solid("cylinder", (0, 0, 0.007), (2.7 * r, 2.7 * r, 0.014))
@@ -155,13 +223,29 @@ def apple(rng: np.random.Generator, palette: Palette) -> Shape:
     r = float(rng.uniform(0.036, 0.042))
     colors: tuple[Rgb, ...] = ((0.75, 0.12, 0.12), (0.50, 0.66, 0.18), (0.85, 0.62, 0.18))
     skin = Material(tinted(colors[int(rng.integers(3))], rng), "ceramic", 0.5, 0.6)
-    h = 2 * r * 0.95
+    h = 2.1 * r
     b = ShapeBuilder()
     b.lathe(
-        [(0, 0.006), (r * 0.3, 0.001), (r * 0.62, r * 0.16), (r * 0.92, r * 0.62), (r, r * 1.05), (r * 0.93, r * 1.45),
-         (r * 0.7, r * 1.78), (r * 0.35, r * 1.88), (0, r * 1.7)], (0, 0, 0), skin,
+        [
+            (0, 0.006),
+            (r * 0.3, 0.001),
+            (r * 0.62, r * 0.16),
+            (r * 0.92, r * 0.62),
+            (r, r * 1.05),
+            (r * 0.93, r * 1.45),
+            (r * 0.7, r * 1.78),
+            (r * 0.35, r * 1.88),
+            (0, r * 1.7),
+        ],
+        (0, 0, 0),
+        skin,
     )
-    b.tube([(0, 0, r * 1.68), (0.002, 0, r * 1.9), (0.006, 0, r * 2.1)], 0.0022, Material((0.3, 0.2, 0.1)), sides=6)
+    b.tube(
+        [(0, 0, r * 1.68), (0.002, 0, r * 1.9), (0.006, 0, r * 2.1)],
+        0.0022,
+        Material((0.3, 0.2, 0.1)),
+        sides=6,
+    )
     # The hollow under an apple keeps it upright until it is pushed.
     b.solid("cylinder", (0, 0, r * 0.1), (r * 0.9, r * 0.9, r * 0.2))
     b.solid("sphere", (0, 0, r * 0.98), (2 * r * 0.96, 2 * r * 0.96, 2 * r * 0.96))

@@ -24,7 +24,8 @@ def smooth_noise(
     columns = max(2, round(shape[1] / cell_px[1]))
     coarse = rng.standard_normal((rows, columns)).astype(np.float32)
     coarse = np.pad(coarse, ((0, 1), (0, 1)), mode="wrap")
-    return cv2.resize(coarse, (shape[1], shape[0]), interpolation=cv2.INTER_CUBIC)
+    image = cv2.resize(coarse, (shape[1], shape[0]), interpolation=cv2.INTER_CUBIC)
+    return image.astype(np.float32)
 
 
 def _grey(value: NDArray[np.floating]) -> Image:
@@ -43,7 +44,10 @@ def _fabric(rng: np.random.Generator) -> Image:
     y, x = np.mgrid[0:_SIDE, 0:_SIDE]
     weave = 0.035 * (np.sin(x * np.pi / 2) + np.sin(y * np.pi / 2))
     return _grey(
-        0.9 + weave + 0.03 * smooth_noise(rng, x.shape, (2, 2)) + 0.02 * smooth_noise(rng, x.shape, (40, 40))
+        0.9
+        + weave
+        + 0.03 * smooth_noise(rng, x.shape, (2, 2))
+        + 0.02 * smooth_noise(rng, x.shape, (40, 40))
     )
 
 
@@ -99,7 +103,9 @@ def _foliage(rng: np.random.Generator) -> Image:
 
 def _fur(rng: np.random.Generator) -> Image:
     shape = (128, 128)
-    return _grey(0.85 + 0.09 * smooth_noise(rng, shape, (2, 3)) + 0.05 * smooth_noise(rng, shape, (14, 14)))
+    return _grey(
+        0.85 + 0.09 * smooth_noise(rng, shape, (2, 3)) + 0.05 * smooth_noise(rng, shape, (14, 14))
+    )
 
 
 def _sky(rng: np.random.Generator) -> Image:
@@ -188,11 +194,7 @@ def floor(
         joint = (np.mod(y, pitch) < 1.2 / px_per_m) | (np.mod(x, pitch) < 1.2 / px_per_m)
         value = (0.95 + tone + cloud) * np.where(joint, 0.8, 1)
     elif kind == "carpet":
-        value = (
-            0.93
-            + 0.05 * rng.standard_normal(shape)
-            + 0.02 * smooth_noise(rng, shape, (6, 6))
-        )
+        value = 0.93 + 0.05 * rng.standard_normal(shape) + 0.02 * smooth_noise(rng, shape, (6, 6))
     else:
         raise KeyError(f"no floor {kind!r}; one of planks, tiles, carpet is wanted")
     return (value[..., None] * np.asarray(rgb)).astype(np.float32)

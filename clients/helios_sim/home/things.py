@@ -38,7 +38,11 @@ def ball(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def book(rng: np.random.Generator, palette: Palette) -> Shape:
-    w, d, h = float(rng.uniform(0.14, 0.17)), float(rng.uniform(0.20, 0.235)), float(rng.uniform(0.03, 0.042))
+    w, d, h = (
+        float(rng.uniform(0.14, 0.17)),
+        float(rng.uniform(0.20, 0.235)),
+        float(rng.uniform(0.03, 0.042)),
+    )
     cover = _bright(rng) if rng.random() < 0.6 else darker(_bright(rng), 0.6)
     b = ShapeBuilder()
     for z in (0.002, h - 0.002):
@@ -54,8 +58,16 @@ def book(rng: np.random.Generator, palette: Palette) -> Shape:
 
 
 def box(rng: np.random.Generator, palette: Palette) -> Shape:
-    w, d, h = float(rng.uniform(0.12, 0.18)), float(rng.uniform(0.10, 0.15)), float(rng.uniform(0.08, 0.14))
-    card = Material(tinted((0.72, 0.55, 0.36), rng, 0.05), "wood", 0.03) if rng.random() < 0.55 else _bright(rng, "ceramic")
+    w, d, h = (
+        float(rng.uniform(0.12, 0.18)),
+        float(rng.uniform(0.10, 0.15)),
+        float(rng.uniform(0.08, 0.14)),
+    )
+    card = (
+        Material(tinted((0.72, 0.55, 0.36), rng, 0.05), "wood", 0.03)
+        if rng.random() < 0.55
+        else _bright(rng, "ceramic")
+    )
     tape = darker(card, 0.75)
     b = ShapeBuilder()
     b.box((0, 0, h / 2), (w, d, h), card, bevel_m=0.002)
@@ -68,7 +80,12 @@ def box(rng: np.random.Generator, palette: Palette) -> Shape:
 
 def teddy_bear(rng: np.random.Generator, palette: Palette) -> Shape:
     h = float(rng.uniform(0.2, 0.24))
-    coats: tuple[Rgb, ...] = ((0.60, 0.40, 0.22), (0.82, 0.68, 0.48), (0.45, 0.32, 0.24), (0.85, 0.6, 0.62))
+    coats: tuple[Rgb, ...] = (
+        (0.60, 0.40, 0.22),
+        (0.82, 0.68, 0.48),
+        (0.45, 0.32, 0.24),
+        (0.85, 0.6, 0.62),
+    )
     fur = Material(tinted(coats[int(rng.integers(4))], rng, 0.04), "fur", 0.02, 0.02)
     pale = Material(tinted((0.92, 0.84, 0.70), rng, 0.03), "fur", 0.02, 0.02)
     s = h / 0.22
@@ -76,14 +93,45 @@ def teddy_bear(rng: np.random.Generator, palette: Palette) -> Shape:
     b.ellipsoid((0, 0, 0.066 * s), (0.052 * s, 0.046 * s, 0.066 * s), fur)
     b.ellipsoid((0, -0.014 * s, 0.062 * s), (0.034 * s, 0.036 * s, 0.044 * s), pale)
     b.ellipsoid((0, -0.005 * s, 0.160 * s), (0.048 * s, 0.044 * s, 0.043 * s), fur)
-    b.ellipsoid((0, -0.043 * s, 0.150 * s), (0.021 * s, 0.018 * s, 0.016 * s), pale, sides=10, rings=6)
-    b.ellipsoid((0, -0.060 * s, 0.155 * s), (0.007 * s, 0.006 * s, 0.005 * s), BLACK, sides=8, rings=6)
+    b.ellipsoid(
+        (0, -0.043 * s, 0.150 * s), (0.021 * s, 0.018 * s, 0.016 * s), pale, sides=10, rings=6
+    )
+    b.ellipsoid(
+        (0, -0.060 * s, 0.155 * s), (0.007 * s, 0.006 * s, 0.005 * s), BLACK, sides=8, rings=6
+    )
     for x in (-1, 1):
-        b.ellipsoid((x * 0.017 * s, -0.043 * s, 0.172 * s), (0.005 * s, 0.004 * s, 0.006 * s), BLACK, sides=8, rings=6)
-        b.ellipsoid((x * 0.037 * s, 0, 0.201 * s), (0.018 * s, 0.010 * s, 0.018 * s), fur, sides=10, rings=6)
-        b.ellipsoid((x * 0.058 * s, -0.014 * s, 0.092 * s), (0.017 * s, 0.02 * s, 0.042 * s), fur, sides=10, rings=6, tilt_rad=(0.4, x * 0.5, 0))
-        b.ellipsoid((x * 0.04 * s, -0.056 * s, 0.024 * s), (0.022 * s, 0.046 * s, 0.024 * s), fur, sides=10, rings=6)
-        b.ellipsoid((x * 0.04 * s, -0.098 * s, 0.026 * s), (0.016 * s, 0.006 * s, 0.018 * s), pale, sides=10, rings=6)
+        b.ellipsoid(
+            (x * 0.017 * s, -0.043 * s, 0.172 * s),
+            (0.005 * s, 0.004 * s, 0.006 * s),
+            BLACK,
+            sides=8,
+            rings=6,
+        )
+        b.ellipsoid(
+            (x * 0.037 * s, 0, 0.201 * s), (0.018 * s, 0.010 * s, 0.018 * s), fur, sides=10, rings=6
+        )
+        b.ellipsoid(
+            (x * 0.058 * s, -0.014 * s, 0.092 * s),
+            (0.017 * s, 0.02 * s, 0.042 * s),
+            fur,
+            sides=10,
+            rings=6,
+            tilt_rad=(0.4, x * 0.5, 0),
+        )
+        b.ellipsoid(
+            (x * 0.04 * s, -0.056 * s, 0.024 * s),
+            (0.022 * s, 0.046 * s, 0.024 * s),
+            fur,
+            sides=10,
+            rings=6,
+        )
+        b.ellipsoid(
+            (x * 0.04 * s, -0.098 * s, 0.026 * s),
+            (0.016 * s, 0.006 * s, 0.018 * s),
+            pale,
+            sides=10,
+            rings=6,
+        )
     b.solid("box", (0, -0.028 * s, 0.05 * s), (0.12 * s, 0.146 * s, 0.1 * s))
     b.solid("sphere", (0, -0.005 * s, 0.160 * s), (0.09 * s, 0.09 * s, 0.09 * s))
     del palette
@@ -101,9 +149,29 @@ def toy_car(rng: np.random.Generator, palette: Palette) -> Shape:
     b.box((-0.008, 0, 0.053), (length * 0.38, width - 0.017, 0.016), glass, bevel_m=0.004)
     for x in (-1, 1):
         for y in (-1, 1):
-            b.cylinder((x * length * 0.31, y * (width / 2 - 0.008), 0.0165), 0.0165, 0.016, BLACK, sides=14, tilt_rad=(math.pi / 2, 0, 0))
-            b.cylinder((x * length * 0.31, y * (width / 2 - 0.007), 0.0165), 0.008, 0.016, STEEL, sides=10, tilt_rad=(math.pi / 2, 0, 0))
-        b.ellipsoid((length / 2 - 0.004, x * 0.022, 0.032), (0.005, 0.008, 0.006), Material((1, 0.95, 0.7), "", 0.5, 0.5, 0.3), sides=8, rings=6)
+            b.cylinder(
+                (x * length * 0.31, y * (width / 2 - 0.008), 0.0165),
+                0.0165,
+                0.016,
+                BLACK,
+                sides=14,
+                tilt_rad=(math.pi / 2, 0, 0),
+            )
+            b.cylinder(
+                (x * length * 0.31, y * (width / 2 - 0.007), 0.0165),
+                0.008,
+                0.016,
+                STEEL,
+                sides=10,
+                tilt_rad=(math.pi / 2, 0, 0),
+            )
+        b.ellipsoid(
+            (length / 2 - 0.004, x * 0.022, 0.032),
+            (0.005, 0.008, 0.006),
+            Material((1, 0.95, 0.7), "", 0.5, 0.5, 0.3),
+            sides=8,
+            rings=6,
+        )
     b.solid("box", (0, 0, 0.022), (length, width, 0.044))
     b.solid("box", (-0.008, 0, 0.057), (length * 0.52, width - 0.02, 0.026))
     del palette
@@ -115,9 +183,27 @@ def lamp(rng: np.random.Generator, palette: Palette) -> Shape:
     base = _bright(rng, "ceramic")
     shade = Material(tinted((0.98, 0.92, 0.78), rng, 0.02), "", 0.0, 0.0, 0.6)
     b = ShapeBuilder()
-    b.lathe([(0, 0), (r * 0.8, 0), (r * 0.8, 0.012), (r * 0.4, 0.03), (r * 0.55, h * 0.26), (r * 0.2, h * 0.44),
-             (0.006, h * 0.5), (0.006, h * 0.9), (0, h * 0.9)], (0, 0, 0), base)
-    b.lathe([(r, h * 0.52), (r * 0.68, h), (r * 0.66, h), (r * 0.97, h * 0.52)], (0, 0, 0), shade, sides=22)
+    b.lathe(
+        [
+            (0, 0),
+            (r * 0.8, 0),
+            (r * 0.8, 0.012),
+            (r * 0.4, 0.03),
+            (r * 0.55, h * 0.26),
+            (r * 0.2, h * 0.44),
+            (0.006, h * 0.5),
+            (0.006, h * 0.9),
+            (0, h * 0.9),
+        ],
+        (0, 0, 0),
+        base,
+    )
+    b.lathe(
+        [(r, h * 0.52), (r * 0.68, h), (r * 0.66, h), (r * 0.97, h * 0.52)],
+        (0, 0, 0),
+        shade,
+        sides=22,
+    )
     b.solid("cylinder", (0, 0, 0.008), (1.6 * r, 1.6 * r, 0.016))
     b.solid("cylinder", (0, 0, h * 0.26), (1.1 * r, 1.1 * r, h * 0.52))
     b.solid("cylinder", (0, 0, h * 0.76), (2 * r, 2 * r, h * 0.48))
@@ -133,14 +219,40 @@ def alarm_clock(rng: np.random.Generator, palette: Palette) -> Shape:
     quarter = (math.pi / 2, 0.0, 0.0)
     b = ShapeBuilder()
     b.cylinder((0, 0, z), r, depth, rim, bevel_m=0.006, sides=22, tilt_rad=quarter)
-    b.cylinder((0, -depth / 2, z), r * 0.86, 0.003, Material((0.97, 0.97, 0.94)), sides=22, tilt_rad=quarter)
+    b.cylinder(
+        (0, -depth / 2, z),
+        r * 0.86,
+        0.003,
+        Material((0.97, 0.97, 0.94)),
+        sides=22,
+        tilt_rad=quarter,
+    )
     for size, turn in (((0.004, 0.002, r * 0.6), 0.6), ((0.004, 0.002, r * 0.75), -1.4)):
         x, dz = math.sin(turn) * size[2] / 2, math.cos(turn) * size[2] / 2
         b.box((x, -depth / 2 - 0.002, z + dz), size, BLACK, tilt_rad=(0, turn, 0))
     for x in (-1, 1):
-        b.ellipsoid((x * r * 0.62, 0, 2 * r + 0.012), (0.02, 0.016, 0.014), STEEL, sides=12, rings=6, tilt_rad=(0, x * 0.5, 0))
-        b.tube([(x * r * 0.5, 0, 0.02), (x * r * 0.7, 0, 0.01), (x * r * 0.85, 0, 0.0)], 0.005, STEEL)
-    b.tube([(-0.02, 0, 2 * r + 0.02), (-0.018, 0, h - 0.01), (0, 0, h - 0.003), (0.018, 0, h - 0.01), (0.02, 0, 2 * r + 0.02)], 0.003, STEEL)
+        b.ellipsoid(
+            (x * r * 0.62, 0, 2 * r + 0.012),
+            (0.02, 0.016, 0.014),
+            STEEL,
+            sides=12,
+            rings=6,
+            tilt_rad=(0, x * 0.5, 0),
+        )
+        b.tube(
+            [(x * r * 0.5, 0, 0.02), (x * r * 0.7, 0, 0.01), (x * r * 0.85, 0, 0.0)], 0.005, STEEL
+        )
+    b.tube(
+        [
+            (-0.02, 0, 2 * r + 0.02),
+            (-0.018, 0, h - 0.01),
+            (0, 0, h - 0.003),
+            (0.018, 0, h - 0.01),
+            (0.02, 0, 2 * r + 0.02),
+        ],
+        0.003,
+        STEEL,
+    )
     b.solid("box", (0, 0, (h - 0.02) / 2), (1.9 * r, depth, h - 0.02))
     del palette
     return lowered(b.finish((2 * r, depth, h), rim, mass_kg=0.3), h / 2)
@@ -165,17 +277,30 @@ def remote_control(rng: np.random.Generator, palette: Palette) -> Shape:
 
 def pot_plant(rng: np.random.Generator, palette: Palette) -> Shape:
     r, pot = float(rng.uniform(0.045, 0.055)), float(rng.uniform(0.08, 0.1))
-    h = pot + 0.09
+    h = pot + 0.075
     clay = Material(tinted((0.80, 0.52, 0.38), rng, 0.12), "ceramic", 0.2)
     leaf = Material(tinted((0.34, 0.56, 0.30), rng, 0.07), "foliage", 0.15)
     b = ShapeBuilder()
-    b.lathe([(0, 0), (r * 0.7, 0), (r, pot), (r - 0.006, pot), (r - 0.01, pot - 0.012), (0, pot - 0.012)], (0, 0, 0), clay)
+    b.lathe(
+        [
+            (0, 0),
+            (r * 0.7, 0),
+            (r, pot),
+            (r - 0.006, pot),
+            (r - 0.01, pot - 0.012),
+            (0, pot - 0.012),
+        ],
+        (0, 0, 0),
+        clay,
+    )
     for k in range(11):
         turn, lean = k * 2.4, 0.25 + 0.075 * k
         reach = 0.036 if k else 0.04
         tip = (math.sin(lean) * reach * math.cos(turn), math.sin(lean) * reach * math.sin(turn))
         center = (tip[0], tip[1], pot - 0.008 + math.cos(lean) * 0.042)
-        b.ellipsoid(center, (0.011, 0.006, 0.044), leaf, sides=8, rings=6, tilt_rad=(0.0, lean, turn))
+        b.ellipsoid(
+            center, (0.011, 0.006, 0.044), leaf, sides=8, rings=6, tilt_rad=(0.0, lean, turn)
+        )
     b.solid("cylinder", (0, 0, pot / 2), (2 * r, 2 * r, pot))
     b.solid("cylinder", (0, 0, pot + 0.035), (0.07, 0.07, 0.07))
     del palette

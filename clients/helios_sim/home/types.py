@@ -1,4 +1,4 @@
-"""What a home is made of: plain frozen data, metres and radians, world frame z up with the floor at 0.
+"""What a home is made of: frozen data in metres and radians, z up, floor at 0.
 
 A `Shape` is geometry in a body's own frame: what is drawn (`visuals`), what is touched (`solids`)
 and where things can stand (`surfaces`). Furniture frames have their origin on the floor under the
@@ -49,7 +49,7 @@ class Visual:
 
 @dataclass(frozen=True)
 class Solid:
-    """A collision primitive; `half_extent` as MuJoCo wants it (box half sizes; radius, half height)."""
+    """A collision primitive; `half_extent`: half sizes of a box; radius, half height."""
 
     kind: SolidKind
     half_extent: Vec3
