@@ -42,6 +42,7 @@ class Body(ABC):
     """The robot and its maps. Every method may raise TaskFailed or TaskCancelled."""
 
     description: RobotDescription
+    cut_short: bool = False  # whether the last action was ended early by stop-now
 
     @abstractmethod
     def act(self, action: Action) -> ActionResult:

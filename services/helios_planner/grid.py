@@ -73,7 +73,9 @@ class GroundMap:
 
     def inside(self, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Which cells [n, 2] lie on the map."""
-        return ((cells >= 0) & (cells < self.occupancy.shape)).all(axis=1)
+        rows, columns = self.occupancy.shape
+        row, column = cells[:, 0], cells[:, 1]
+        return (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
 
     def padded(self, x_m: float, y_m: float, margin_m: float) -> GroundMap:
         """A map that also covers `margin_m` around the point; new cells are unknown."""

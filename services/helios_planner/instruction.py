@@ -47,13 +47,15 @@ _TWO_WORDS = {
     "where is": "find", "where are": "find", "put down": "put", "set down": "set",
     "show me": "find", "hand over": "deliver", "put away": "put", "hand": "deliver",
 }  # fmt: skip
-_GO = ("go", "drive", "navigate", "walk", "head", "come", "travel", "run")
-_VERBS = dict.fromkeys(_PUT.split(), "put") | dict.fromkeys(_TAKE.split(), "take")
-_VERBS |= dict.fromkeys(_FIND.split(), "find") | dict.fromkeys(_GO, "go")
+_GO = "go drive navigate walk head come travel run"
+_KINDS: tuple[tuple[str, str], ...] = (
+    ("put", _PUT), ("take", _TAKE), ("find", _FIND), ("go", _GO)
+)  # fmt: skip
+_VERBS: dict[str, str] = {verb: kind for kind, verbs in _KINDS for verb in verbs.split()}
 
 _START_WORDS = (
-    "out of", "off of", "from on", "from off", "from inside", "from in", "from within", "from the top of",
-    "from", "off",
+    "out of", "off of", "from on", "from off", "from inside", "from in", "from within",
+    "from the top of",     "from", "off",
 )  # fmt: skip
 _GOAL_WORDS = (
     "over to", "on to", "in to", "back to", "up to", "down to", "towards", "toward", "to", "into",
@@ -64,32 +66,21 @@ _BELONGS = (
     r"(?:that|which)(?: is|'s| are)?(?: \w+ing)?|(?:lying|standing|sitting|located|placed|resting)"
 )
 _POLITE = (
-    r"^(?:hey|hi|hello|ok|okay|robot|helios|please|kindly|now|then|just|can you|could you|would you|"
-    r"will you|i want you to|i would like you to|i'd like you to|i need you to|you should|you must|"
+    r"^(?:hey|hi|hello|ok|okay|robot|helios|please|kindly|now|then|just|can you|could you|"
+    r"would you|will you|i want you to|i would like you to|i'd like you to|i need you to|you should|you must|"
     r"your task is to|try to|let's|go and|go ahead and|help me|help me to)\b[\s,:]*"
 )
 _TAIL = r"[\s,]*\b(?:please|now|for me|for us|immediately|quickly|carefully|thanks|thank you|right away)$"
 _ARTICLES = (
-    r"^(?:one of the|any of the|all of the|the|a|an|my|your|our|his|her|their|this|that|these|those|"
-    r"some|any)\s+"
+    r"^(?:one of the|any of the|all of the|the|a|an|my|your|our|his|her|their|this|that|these|"
+    r"those|some|any)\s+"
 )
-_PRONOUNS = {
-    "it",
-    "them",
-    "that",
-    "this",
-    "one",
-    "something",
-    "anything",
-    "stuff",
-    "things",
-    "thing",
-}
+_PRONOUNS = set("it them that this one something anything stuff things thing".split())
 _PEOPLE = {"me", "us", "him", "her", "them", "you", "here", "there", "somewhere"}
 
 
 def parse(text: str) -> Instruction:
-    """Read an instruction. Raises InvalidInput that says what was understood and what is missing."""
+    """Read an instruction. Raises InvalidInput: what was understood and what is missing."""
     words = _cleaned(text)
     verb, rest = _verb_of(words)
     if verb is None:

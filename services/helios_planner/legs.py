@@ -131,7 +131,8 @@ class Legs:
             turns = turns + 1 if isinstance(move, Turn) else 0
             result = self.body.act(move)
             if isinstance(move, Forward):
-                if result.moved_m < min(NO_MOTION_M, 0.5 * move.distance_m) or result.collided:
+                still = result.moved_m < min(NO_MOTION_M, 0.5 * move.distance_m)
+                if (still and not self.body.cut_short) or result.collided:
                     self._mark_ahead(pose, result.moved_m)
                 level = 0
             if stop():

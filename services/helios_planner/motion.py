@@ -67,7 +67,7 @@ class Reach:
         n = math.ceil(within_m / ground.cell_m)
         r0, c0 = max(0, row - n), max(0, column - n)
         part = np.isfinite(self.arrival[r0 : row + n + 1, c0 : column + n + 1])
-        cells = np.argwhere(part) + (r0, c0)
+        cells = np.argwhere(part) + np.array([r0, c0])
         if not len(cells):
             return None
         centres = ground.centres_of(cells)

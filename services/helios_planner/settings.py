@@ -74,7 +74,7 @@ class Settings(ServiceSettings):
     reach_spare_m: float = Field(0.06, ge=0, description="kept of the robot's reach")
     place_inset_m: float = Field(0.12, ge=0, description="least distance from a surface's edge")
     place_flat_m: float = Field(0.045, gt=0, description="height range of what counts as flat")
-    place_drop_m: float = Field(0.03, ge=0, description="height above the surface to let go from")
+    place_drop_m: float = Field(0.01, ge=0, description="height above the surface to let go from")
 
     # --- waiting for others ---
     ack_timeout_s: float = Field(20.0, gt=0, description="longest wait for a map after an action")

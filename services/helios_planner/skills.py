@@ -150,13 +150,12 @@ class Skills:
         for level in self.legs.levels:
             reached = self.legs.reach(level)
             for spot in place_spots(receptacle, reached, self._reach_m, self._place_rules):
-                if all(np.hypot(spot.point_m[0] - f[0], spot.point_m[1] - f[1]) > 0.15
-                       for f in failed):  # fmt: skip
+                if _new(spot.point_m, failed):
                     return spot
         here = self.body.pose()
         for level in self.legs.levels:
             point = edge_spot(receptacle, here, self.settings.place_inset_m + 0.05)
-            if any(np.hypot(point[0] - f[0], point[1] - f[1]) < 0.15 for f in failed):
+            if not _new(point, failed):
                 return None
             stand = stand_for(point, self.legs.reach(level), self.body.description, self._reach_m)
             if stand is not None:
@@ -170,14 +169,13 @@ class Skills:
         here = self.body.pose()
         reached = self.legs.reach(self.legs.levels[-1])
         for better in place_spots(receptacle, reached, self._reach_m, self._place_rules):
-            if (
-                here.distance_m(better.point_m) <= self._reach_m
-                and abs(here.bearing_rad(better.point_m)) < 0.35
-                and better.inset_m >= spot.inset_m - 0.02
-                and all(
-                    np.hypot(better.point_m[0] - f[0], better.point_m[1] - f[1]) > 0.15
-                    for f in failed
-                )  # fmt: skip
-            ):
+            xy = better.point_m[:2]
+            in_reach = here.distance_m(xy) <= self._reach_m and abs(here.bearing_rad(xy)) < 0.35
+            if in_reach and better.inset_m >= spot.inset_m - 0.02 and _new(better.point_m, failed):
                 return better.point_m
         return spot.point_m
+
+
+def _new(point_m: tuple[float, float, float], failed: list[tuple[float, float, float]]) -> bool:
+    """Whether a point is not one of those that failed, or next to one."""
+    return all(np.hypot(point_m[0] - f[0], point_m[1] - f[1]) > 0.15 for f in failed)

@@ -51,7 +51,7 @@ def stand_for(
     n = math.ceil(reach_m / ground.cell_m)
     r0, c0 = max(0, row - n), max(0, column - n)
     arrival = reached.arrival[r0 : row + n + 1, c0 : column + n + 1]
-    cells = np.argwhere(np.isfinite(arrival)) + (r0, c0)
+    cells = np.argwhere(np.isfinite(arrival)) + np.array([r0, c0])
     if not len(cells):
         return None
     xy = ground.centres_of(cells)

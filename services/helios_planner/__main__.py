@@ -1,0 +1,16 @@
+"""`python -m helios_planner`: settings, session, run."""
+
+from __future__ import annotations
+
+import sys
+
+from helios_core.service import run_service
+
+from helios_planner.service import PlannerService
+from helios_planner.settings import Settings
+
+if __name__ == "__main__":
+    settings = Settings.load()
+    sys.exit(
+        run_service("planner", settings, lambda bus, health: PlannerService(bus, settings, health))
+    )

@@ -1,0 +1,376 @@
+"""The robot and its maps over the bus: the `Body` that a real task has."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.codec import (
+    action_to_proto,
+    description_from_proto,
+    frame_id_from_proto,
+    object_from_proto,
+    pinhole_to_proto,
+    result_from_proto,
+    state_from_proto,
+    transform_to_proto,
+    vector_to_proto,
+)
+from helios_core.errors import (
+    Conflict,
+    DeadlineExceeded,
+    HeliosError,
+    InvalidInput,
+    Unavailable,
+)
+from helios_core.geometry import Matrix
+from helios_core.grids import decode_snapshot
+from helios_core.robot import Action, ActionResult, Observe
+from helios_core.topics import (
+    ACT,
+    GET_STATE,
+    LEASE,
+    OBJECTS,
+    RETIRE,
+    SNAPSHOT,
+    WHAT_IF,
+    Method,
+    Rep,
+    Req,
+)
+from helios_core.types import FrameId, ObjectInstance, RobotState
+from numpy.typing import NDArray
+
+from helios_planner.acks import PARTS, AckBook
+from helios_planner.body import Body, Frontier, WhatIf
+from helios_planner.decide import Decision
+from helios_planner.grid import GroundMap, Pose2
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, Phase, TaskCancelled, TaskFailed
+
+log = logging.getLogger(__name__)
+
+HOLDER = "planner"
+ACK_PATIENCE_S = 6.0  # then the keyframe is taken anew: a service that restarted has lost it
+RETRY_S = 0.3
+
+
+class Listener(Protocol):
+    """Who is told how a task goes."""
+
+    def on_phase(self, phase: Phase, seeking: str, message: str) -> None: ...
+    def on_decision(self, decision: Decision, frame: FrameId | None) -> None: ...
+    def on_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None: ...
+    def on_steps(self, steps: int) -> None: ...
+    def on_picks(self, picks: int) -> None: ...
+    def on_paused(self, why: str) -> None: ...
+    def on_resumed(self) -> None: ...
+
+
+class BusBody(Body):
+    """One task's hold on the robot. Used from one thread; `cancelled` may be set from any."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        settings: Settings,
+        description: pb.RobotDescription,
+        acks: AckBook,
+        task_id: str,
+        context_id: str,
+        max_steps: int,
+        listener: Listener,
+        cancelled: threading.Event,
+    ) -> None:
+        self._bus, self._settings, self._acks = bus, settings, acks
+        self.description = description_from_proto(description)
+        self._task_id, self._context_id = task_id, context_id
+        self._max_steps, self._listener, self._cancelled = max_steps, listener, cancelled
+        self.steps, self.collisions = 0, 0
+        self._number = 0
+        self._token: int | None = None
+        self._frame: FrameId | None = None
+        self._state: RobotState | None = None
+        self._ground: GroundMap | None = None
+        self._frontiers: tuple[Frontier, ...] = ()
+        self._objects: dict[str, list[ObjectInstance]] = {}
+        self._fresh = False  # whether the map is the one after the last action
+
+    def begin(self) -> None:
+        """Get the lease, and look until every map answers under this task's search context."""
+        deadline = time.monotonic() + self._settings.ack_timeout_s + self._settings.away_s
+        while True:
+            _, answers, missing = self._do(Observe(), ACK_PATIENCE_S)
+            foreign = [
+                part for part, ack in answers.items()
+                if not ack.accepted or (part != "occupancy" and ack.context_id != self._context_id)
+            ]  # fmt: skip
+            if not missing and not foreign:
+                return
+            if time.monotonic() > deadline:
+                parts = [PARTS[p] for p in (*missing, *foreign)]
+                reasons = [answers[p].reason for p in foreign if answers[p].reason]
+                raise TaskFailed(
+                    Cause.SYSTEM_ERROR,
+                    f"{' and '.join(dict.fromkeys(parts))} did not take up the search"
+                    + (f": {'; '.join(reasons)}" if reasons else "; see `helios status`"),
+                )
+            self._rest(RETRY_S)
+
+    # --- acting --------------------------------------------------------------------------------
+    def act(self, action: Action) -> ActionResult:
+        """See Body. A keyframe that a map lost, by a restart for example, is taken anew."""
+        result, _, missing = self._do(action, ACK_PATIENCE_S)
+        deadline = time.monotonic() + self._settings.ack_timeout_s
+        while missing:
+            if time.monotonic() > deadline:
+                waited = ACK_PATIENCE_S + self._settings.ack_timeout_s
+                whom = " and ".join(dict.fromkeys(PARTS[p] for p in missing))
+                raise TaskFailed(
+                    Cause.SYSTEM_ERROR,
+                    f"{whom} did not answer keyframe {self._frame} within {waited:.0f} s; see "
+                    "`helios status`",
+                )
+            log.warning("keyframe %s lacks %s; looking again", self._frame, ", ".join(missing))
+            _, _, missing = self._do(Observe(), ACK_PATIENCE_S)
+        return result
+
+    def _do(
+        self, action: Action, ack_s: float
+    ) -> tuple[ActionResult, dict[str, pb.Ack], list[str]]:
+        if self.steps >= self._max_steps:
+            raise TaskFailed(Cause.STEP_BUDGET, f"the task's {self._max_steps} steps are used up")
+        reply = self._sent(action)
+        self.steps += 1
+        self._listener.on_steps(self.steps)
+        self._fresh = False
+        self._objects.clear()
+        self._state = None
+        result = result_from_proto(reply)
+        self.collisions += int(result.collided)
+        self.cut_short = not result.succeeded and self._wait_while_stopped()
+        if not reply.HasField("keyframe"):
+            raise TaskFailed(Cause.SYSTEM_ERROR, "the robot sent no keyframe after an action")
+        frame = frame_id_from_proto(reply.keyframe)
+        if self._frame is not None and frame.epoch != self._frame.epoch:
+            raise TaskFailed(
+                Cause.SYSTEM_ERROR,
+                "the robot restarted or its localisation jumped; submit the task again",
+            )
+        self._frame = frame
+        answers, missing = self._acks.wait(frame, ack_s, self._cancelled)
+        self._check_cancelled()
+        return result, answers, missing
+
+    def _sent(self, action: Action) -> pb.ActionResult:
+        """Send one action until it is done once: the same id while nobody answers, a new one when
+        the lease or the stop refused it."""
+        away_since: float | None = None
+        action_id = self._next_id()
+        while True:
+            self._check_cancelled()
+            if self._token is None:
+                self._token = self._lease()
+            request = pb.ActionRequest(
+                action_id=action_id,
+                lease_token=self._token,
+                time_remaining_s=self._settings.action_timeout_s,
+                action=action_to_proto(action),
+            )
+            try:
+                return self._bus.call(ACT, request, self._settings.action_timeout_s + 5.0)
+            except Conflict as error:
+                if self._wait_while_stopped():
+                    action_id, self._token = self._next_id(), None
+                    continue
+                log.warning("driving was refused: %s", error.message)
+                # The same id: had it been done before the lease was lost, it is not repeated.
+                self._token, away_since = None, away_since or time.monotonic()
+            except (Unavailable, DeadlineExceeded) as error:
+                away_since = away_since or time.monotonic()
+                log.warning("the bridge is away: %s", error.message)
+                self._token = None
+                if time.monotonic() - away_since > self._settings.away_s:
+                    raise _system(error) from error
+            except HeliosError as error:
+                raise _system(error) from error
+            if away_since and time.monotonic() - away_since > 2 * self._settings.away_s:
+                raise TaskFailed(
+                    Cause.SYSTEM_ERROR, "somebody else keeps taking the robot; see `helios status`"
+                )
+            self._rest(RETRY_S)
+
+    def _lease(self) -> int:
+        """Ask until it is granted; somebody else may be driving."""
+        deadline = time.monotonic() + self._settings.away_s
+        while True:
+            try:
+                return self._call(LEASE, pb.LeaseRequest(holder=HOLDER), refusals=(Conflict,)).token
+            except Conflict as error:
+                if time.monotonic() > deadline:
+                    raise _system(error) from error
+                self._rest(RETRY_S)
+
+    def _wait_while_stopped(self) -> bool:
+        """While stop-now is latched: pause. Whether it was."""
+        paused = False
+        while (state := self._asked_state()).stopped:
+            if not paused:
+                self._listener.on_paused(state.message or "stop-now")
+                paused = True
+            self._rest(RETRY_S)
+        if paused:
+            self._listener.on_resumed()
+        return paused
+
+    def _next_id(self) -> str:
+        self._number += 1
+        return f"{self._task_id}-{self._number}"
+
+    # --- knowing -------------------------------------------------------------------------------
+    def pose(self) -> Pose2:
+        return Pose2.of(self._now().T_world_base)
+
+    def tilt_rad(self) -> float:
+        return self._now().tilt_rad
+
+    def held(self) -> str:
+        return self._now().held
+
+    def ground(self) -> GroundMap:
+        self._refresh()
+        assert self._ground is not None
+        return self._ground
+
+    def frontiers(self) -> Sequence[Frontier]:
+        self._refresh()
+        return self._frontiers
+
+    def objects(self, class_name: str) -> Sequence[ObjectInstance]:
+        if class_name not in self._objects:
+            reply = self._call(OBJECTS, pb.ObjectsRequest(class_names=[class_name]))
+            self._objects[class_name] = [object_from_proto(o) for o in reply.objects]
+        return self._objects[class_name]
+
+    def what_if(
+        self, id: int, class_name: str, T_world_cam: Sequence[Matrix], joint: bool
+    ) -> WhatIf:
+        request = pb.WhatIfRequest(
+            object_id=id,
+            class_name=class_name,
+            T_world_cam=[transform_to_proto(T) for T in T_world_cam],
+            camera=pinhole_to_proto(self.description.camera),
+            joint=joint,
+        )
+        try:
+            reply = self._call(WHAT_IF, request, refusals=(InvalidInput, Conflict))
+        except (InvalidInput, Conflict) as error:
+            log.warning("no expectation for %s %d: %s", class_name, id, error.message)
+            return WhatIf((), ())
+        return WhatIf(tuple(reply.score), tuple(reply.information_gain))
+
+    def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
+        request = pb.RetireRequest(
+            object_id=id, point_m=vector_to_proto(point_m), radius_m=0.15, reason=reason
+        )
+        try:
+            self._call(RETIRE, request, refusals=(InvalidInput, Conflict))
+        except (InvalidInput, Conflict) as error:
+            log.warning("object %d was not retired: %s", id, error.message)
+        self._objects.clear()
+
+    def _now(self) -> RobotState:
+        if self._state is None:
+            self._state = self._asked_state()
+        return self._state
+
+    def _asked_state(self) -> RobotState:
+        return state_from_proto(self._call(GET_STATE, pb.Empty()))
+
+    def _refresh(self) -> None:
+        if self._fresh:
+            return
+        known = self._ground.version if self._ground is not None else 0
+        reply = self._call(SNAPSHOT, pb.SnapshotRequest(layers=False, if_newer=known))
+        if not reply.unchanged or self._ground is None:
+            try:
+                view = decode_snapshot(reply)
+            except InvalidInput as error:
+                raise _system(error) from error
+            self._ground = GroundMap(
+                view.occupancy, view.top_m, view.cell_m, view.origin_m, view.version
+            )
+            self._frontiers = tuple(
+                Frontier(f.id, (f.x_m, f.y_m), f.size_m, dict(f.values)) for f in view.frontiers
+            )
+        self._fresh = True
+
+    # --- telling -------------------------------------------------------------------------------
+    def tell_phase(self, phase: Phase, seeking: str, message: str) -> None:
+        self._listener.on_phase(phase, seeking, message)
+
+    def tell_decision(self, decision: Decision) -> None:
+        self._listener.on_decision(decision, self._frame)
+
+    def tell_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None:
+        self._listener.on_plan(route_m, goal, purpose)
+
+    def tell_picks(self, picks: int) -> None:
+        self._listener.on_picks(picks)
+
+    # --- calls ---------------------------------------------------------------------------------
+    def _call(
+        self,
+        method: Method[Req, Rep],
+        request: Req,
+        refusals: tuple[type[HeliosError], ...] = (),
+    ) -> Rep:
+        """Ask, and wait for a service that is away, up to `away_s`. Refusals are passed on; any
+        other error ends the task as a system error."""
+        return patiently(
+            lambda: self._bus.call(method, request, self._settings.call_timeout_s),
+            self._settings.away_s,
+            self._rest,
+            refusals,
+        )
+
+    def _rest(self, seconds: float) -> None:
+        self._cancelled.wait(seconds)
+        self._check_cancelled()
+
+    def _check_cancelled(self) -> None:
+        if self._cancelled.is_set():
+            raise TaskCancelled
+
+
+def patiently(
+    ask: Callable[[], Rep],
+    away_s: float,
+    rest: Callable[[float], None],
+    refusals: tuple[type[HeliosError], ...] = (),
+) -> Rep:
+    """Ask until answered, for as long as a service may be away."""
+    deadline = time.monotonic() + away_s
+    while True:
+        try:
+            return ask()
+        except refusals:
+            raise
+        except (Unavailable, DeadlineExceeded) as error:
+            if time.monotonic() > deadline:
+                raise TaskFailed(
+                    Cause.SYSTEM_ERROR, f"{error.message} (waited {away_s:.0f} s)"
+                ) from error
+            rest(RETRY_S)
+        except HeliosError as error:
+            raise _system(error) from error
+
+
+def _system(error: HeliosError) -> TaskFailed:
+    return TaskFailed(Cause.SYSTEM_ERROR, error.message)
