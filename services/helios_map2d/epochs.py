@@ -32,7 +32,13 @@ class EpochMaps:
     are refused. At most `most_parked` maps are kept.
     """
 
-    def __init__(self, rules: MapRules, footprint_radius_m: float, most_parked: int = 2) -> None:
+    def __init__(
+        self,
+        rules: MapRules,
+        footprint_radius_m: float,
+        most_parked: int = 2,
+        first_version: int = 0,
+    ) -> None:
         self.rules = rules
         self.footprint_radius_m = footprint_radius_m
         self.current: MapState | None = None
@@ -40,6 +46,12 @@ class EpochMaps:
         self._context: SearchContext | None = None
         self._parked: deque[tuple[EpochKey, MapState]] = deque(maxlen=most_parked)
         self._gone: set[EpochKey] = set()
+        self._first_version = first_version
+
+    @property
+    def version(self) -> int:
+        """Rises with every change, over epochs too."""
+        return self.current.published.version if self.current else self._first_version
 
     @property
     def parked(self) -> Mapping[EpochKey, MapState]:
@@ -66,7 +78,9 @@ class EpochMaps:
             raise InvalidInput(
                 f"the first pose is at {base[:2, 3].tolist()} m: send a pose in the local world"
             )
-        fresh = MapState(self.rules, (base[0, 3], base[1, 3]), self.footprint_radius_m)
+        fresh = MapState(
+            self.rules, (base[0, 3], base[1, 3]), self.footprint_radius_m, self.version
+        )
         if self._context is not None:
             fresh.reset_search(self._context)
         if self.current is not None and self.key is not None:

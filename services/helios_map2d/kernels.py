@@ -359,7 +359,7 @@ def fuse_value(
             theta = min(abs(math.atan2(left, forward)) / half_fov_rad, 1.0)
             new = least_confidence + (1.0 - least_confidence) * math.cos(theta * math.pi / 2) ** 2
             old = confidence[row, column]
-            if new < drop_below and new < old:
+            if new < drop_below and new < old - 1e-6:  # the same view again is as good
                 continue
             total = old + new
             value[row, column] = (old * value[row, column] + new * score) / total

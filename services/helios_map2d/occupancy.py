@@ -54,6 +54,17 @@ class OccupancyRules:
     shadow_m: float = 0.30
     body_margin_m: float = 0.05
 
+    def __post_init__(self) -> None:
+        if self.floor_tolerance_m >= self.band_lo_m:
+            raise InvalidInput(
+                f"floor tolerance {self.floor_tolerance_m} m reaches into the obstacle band that "
+                f"starts at {self.band_lo_m} m: make it smaller"
+            )
+        if self.band_hi_m <= self.band_lo_m:
+            raise InvalidInput(
+                f"the obstacle band {self.band_lo_m} to {self.band_hi_m} m is empty: raise its top"
+            )
+
 
 class OccupancyLayer:
     """The occupancy arrays over one grid, and the fold of a view into them.
@@ -64,11 +75,6 @@ class OccupancyLayer:
     """
 
     def __init__(self, grid: GridSpec, rules: OccupancyRules) -> None:
-        if rules.floor_tolerance_m >= rules.band_lo_m:
-            raise InvalidInput(
-                f"floor tolerance {rules.floor_tolerance_m} m reaches into the obstacle band that "
-                f"starts at {rules.band_lo_m} m: make it smaller"
-            )
         self.grid = grid
         self.rules = rules
         self.occupancy = np.full(grid.shape, UNKNOWN, np.int8)

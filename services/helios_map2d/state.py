@@ -46,7 +46,11 @@ class MapState:
     """
 
     def __init__(
-        self, rules: MapRules, centre_m: tuple[float, float], footprint_radius_m: float
+        self,
+        rules: MapRules,
+        centre_m: tuple[float, float],
+        footprint_radius_m: float,
+        first_version: int = 0,
     ) -> None:
         self.rules = rules
         self.grid = GridSpec.centred_on(*centre_m, rules.cell_m, rules.size_cells)
@@ -61,7 +65,7 @@ class MapState:
         self.robot_pose: tuple[float, float, float] | None = None
         self.trajectory: list[tuple[float, float]] = []
         self._box = Box(0, 0, 0, 0)
-        self._version = 0
+        self._version = first_version
         self._frames_seen: deque[int] = deque(maxlen=REMEMBERED_FRAMES)
         self._observations_seen: deque[tuple[str, int]] = deque(maxlen=REMEMBERED_FRAMES)
         self.published = self._publish()

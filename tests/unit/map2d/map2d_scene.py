@@ -128,6 +128,8 @@ class Walk:
             T_world_base=se2_to_se3(x, y, yaw),
         )
 
-    def look_around(self, x: float, y: float, steps: int = 12, **kwargs: float) -> list[Frame]:
-        turn = 2 * math.pi / steps
-        return [self.frame(x, y, k * turn, **kwargs) for k in range(steps)]
+    def look_around(
+        self, x: float, y: float, pitch_down: float = math.radians(30), roll: float = 0.0
+    ) -> list[Frame]:
+        """Twelve frames in a circle."""
+        return [self.frame(x, y, k * math.pi / 6, pitch_down, roll) for k in range(12)]

@@ -49,7 +49,7 @@ def test_frontier_cells_and_clusters_equal_brute_force(
     found = np.zeros(SHAPE, int)
     found[cells[:, 0], cells[:, 1]] = labels + 1
     assert ((found > 0) == mask).all()
-    expected, n = ndimage.label(mask, structure=np.ones((3, 3)))
+    expected, n = labelled(mask, 8)
     assert len(np.unique(labels)) == n
     pairs = set(zip(found[mask].tolist(), expected[mask].tolist(), strict=True))
     assert len(pairs) == n  # one to one
@@ -64,7 +64,7 @@ def test_near_ground_is_the_flood_of_open_cells_in_the_disc(
     near = near_ground(occupancy, Box(0, SHAPE[0], 0, SHAPE[1]), (row, column), radius)
     r, c = np.indices(SHAPE)
     open_cells = (occupancy != 100) & ((r - row) ** 2 + (c - column) ** 2 <= radius**2)
-    labels, _ = ndimage.label(open_cells)
+    labels, _ = labelled(open_cells, 4)
     expected = (labels == labels[row, column]) & open_cells
     assert (near.astype(bool) == expected).all()
 
@@ -85,7 +85,7 @@ def test_reachable_ground_equals_brute_force(
     own &= (abs(r - row) <= int(radius)) & (abs(c - column) <= int(radius))
     open_cells = (clear & known) | own
     open_cells[row, column] = True
-    labels, _ = ndimage.label(open_cells)
+    labels, _ = labelled(open_cells, 4)
     assert (got == (labels == labels[row, column])).all()
 
 
@@ -96,6 +96,14 @@ def test_a_centre_is_one_of_its_cells_and_nearest_to_the_mean(cells: list[tuple[
     assert centre in cells
     off = np.hypot(*(own - own.mean(axis=0)).T)
     assert np.hypot(*(np.array(centre) - own.mean(axis=0))) == pytest.approx(off.min())
+
+
+def labelled(mask: NDArray[np.bool_], connectivity: int) -> tuple[NDArray[np.int32], int]:
+    """Connected components of a mask by scipy, counted from 1, and how many there are."""
+    labels = np.zeros(mask.shape, np.int32)
+    structure = ndimage.generate_binary_structure(2, 1 if connectivity == 4 else 2)
+    ndimage.label(mask, structure=structure, output=labels)
+    return labels, int(labels.max())
 
 
 class World:

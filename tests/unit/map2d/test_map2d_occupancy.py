@@ -171,9 +171,10 @@ def test_depth_beyond_the_range_leaves_unknown() -> None:
 
 
 def test_a_floor_tolerance_above_the_obstacle_band_is_refused() -> None:
-    rules = MapRules(occupancy=OccupancyRules(floor_tolerance_m=0.2))
     with pytest.raises(InvalidInput, match="floor tolerance"):
-        MapState(rules, (0, 0), 0.2)
+        OccupancyRules(floor_tolerance_m=0.2)
+    with pytest.raises(InvalidInput, match="is empty"):
+        OccupancyRules(band_hi_m=0.05)
 
 
 def with_depth(frame: Frame, depth_m: NDArray[np.float32]) -> Frame:

@@ -163,7 +163,7 @@ def test_snapshot_coordinates_are_those_of_the_world() -> None:
     assert snapshot.occupancy.shape == snapshot.grid.shape
     row, column = snapshot.grid.cell_of(0.0 - 0.01, 1.5)
     assert 100 in snapshot.occupancy[row, max(0, column - 2) : column + 3]
-    assert snapshot.occupancy[snapshot.grid.cell_of(1.0, 1.5)] == 0
+    assert snapshot.occupancy[snapshot.grid.cell_of(0.7, 1.5)] == 0
     assert snapshot.robot_pose is not None
     assert snapshot.robot_pose[:2] == pytest.approx((2.0, 1.5))
 

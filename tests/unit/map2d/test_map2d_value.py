@@ -28,18 +28,17 @@ def vlfm_cone(view: View, x: float, y: float, yaw: float) -> NDArray[np.float64]
     """VLFM's confidence, cell by cell, for a level camera: 0 outside the measured cone."""
     reach = np.minimum(view.depth_m.max(axis=0), view.max_depth_m)  # per image column
     half_fov = view.half_fov_rad
-    cone = np.zeros(GRID.shape)
-    for row, column in np.ndindex(*GRID.shape):
-        px, py = GRID.centre_of(row, column)
-        forward = math.cos(yaw) * (px - x) + math.sin(yaw) * (py - y)
-        left = -math.sin(yaw) * (px - x) + math.cos(yaw) * (py - y)
-        if forward <= 0:
-            continue
-        u = CAMERA.cx - CAMERA.fx * left / forward
-        if not -0.5 < u < CAMERA.width - 0.5 or forward > reach[round(u)]:
-            continue
-        theta = math.atan2(left, forward)
-        cone[row, column] = 0.25 + 0.75 * math.cos(theta / half_fov * math.pi / 2) ** 2
+    r, c = np.indices(GRID.shape)
+    px = GRID.origin_m[0] + (c + 0.5) * GRID.cell_m - x
+    py = GRID.origin_m[1] + (r + 0.5) * GRID.cell_m - y
+    forward = math.cos(yaw) * px + math.sin(yaw) * py
+    left = -math.sin(yaw) * px + math.cos(yaw) * py
+    u = CAMERA.cx - CAMERA.fx * left / np.where(forward > 0, forward, 1)
+    inside = (forward > 0) & (u > -0.5) & (u < CAMERA.width - 0.5)
+    limit = reach[np.where(inside, np.rint(u), 0).astype(int)]
+    theta = np.arctan2(left, forward)
+    cone = 0.25 + 0.75 * np.cos(theta / half_fov * math.pi / 2) ** 2
+    cone[~inside | (forward > limit)] = 0
     return cone
 
 
@@ -47,7 +46,7 @@ def fused(
     value: NDArray[np.float64], old: NDArray[np.float64], new: NDArray[np.float64], score: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """VLFM's weighted average."""
-    new = np.where((new < 0.35) & (new < old), 0, new)
+    new = np.where((new < 0.35) & (new < old - 1e-6), 0, new)
     total = old + new
     with np.errstate(invalid="ignore"):
         averaged = np.where(new > 0, (old * value + new * score) / total, value)

@@ -1,0 +1,37 @@
+"""`python -m helios_map2d`: settings, session, run."""
+
+from __future__ import annotations
+
+import sys
+import threading
+
+from helios_core.bus import Bus
+from helios_core.health import Health
+from helios_core.service import run_service
+
+from helios_map2d.service import Map2DService
+from helios_map2d.settings import Settings
+from helios_map2d.warm_up import warm_up
+
+
+class Hosted:
+    """The maps, from the moment their kernels are compiled; a stop need not wait for that."""
+
+    def __init__(self, bus: Bus, health: Health, settings: Settings) -> None:
+        self._ending = threading.Event()
+        settings.rules(robot_max_depth_m=settings.max_depth_m, robot_radius_m=0.3)
+
+        def prepare() -> None:
+            warm_up()
+            if not self._ending.is_set():
+                Map2DService(bus, settings, health)
+
+        threading.Thread(target=prepare, name="warm up", daemon=True).start()
+
+    def close(self) -> None:
+        self._ending.set()
+
+
+if __name__ == "__main__":
+    settings = Settings.load()
+    sys.exit(run_service("map2d", settings, lambda bus, health: Hosted(bus, health, settings)))

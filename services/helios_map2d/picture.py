@@ -1,0 +1,278 @@
+"""A picture of the map for people: what is known, frontiers, values, the robot and its way.
+
+World x points right and y up. The map keeps its cells sharp; everything drawn over it is in
+picture pixels, so that lines and labels stay readable at any scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from helios_core.errors import InvalidInput
+from numpy.typing import NDArray
+
+from helios_map2d.grid import Box
+from helios_map2d.occupancy import FREE, OCCUPIED
+from helios_map2d.snapshot import MapSnapshot
+
+OCCUPANCY = "occupancy"
+MIN_PX, MAX_PX = 128, 4096
+MARGIN_M = 0.4
+FOOT_PX = 40
+
+Colour = tuple[int, int, int]  # RGB
+
+UNKNOWN_RGB: Colour = (222, 226, 233)
+KNOWN_BEFORE_RGB: Colour = (240, 243, 247)
+FREE_RGB: Colour = (255, 255, 255)
+LOW_RGB: Colour = (150, 160, 176)
+TALL_RGB: Colour = (38, 44, 58)
+FRONTIER_RGB: Colour = (240, 126, 24)
+BEYOND_RGB: Colour = (190, 150, 120)
+TRAIL_RGB: Colour = (72, 122, 214)
+PATH_RGB: Colour = (18, 158, 106)
+ROBOT_RGB: Colour = (28, 84, 196)
+INK_RGB: Colour = (44, 50, 62)
+OBJECT_RGB: tuple[Colour, ...] = (
+    (196, 44, 92), (128, 62, 190), (0, 128, 150), (168, 110, 0), (70, 120, 30), (200, 70, 40),
+)  # fmt: skip
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+@dataclass(frozen=True)
+class Marked:
+    """A thing to draw: a box (world, metres) with a label."""
+
+    label: str
+    center_m: tuple[float, float]
+    size_m: tuple[float, float]
+    score: float = 0.0
+
+
+class Sheet:
+    """The picture while it is drawn: RGB pixels, and where world points fall on them."""
+
+    def __init__(self, snapshot: MapSnapshot, size_px: int) -> None:
+        grid = snapshot.grid
+        self._grid = grid
+        margin = int(MARGIN_M / grid.cell_m)
+        self._box = Box(-margin, grid.rows + margin, -margin, grid.columns + margin)
+        room_px = size_px - FOOT_PX
+        self.scale = min(size_px / self._box.columns, room_px / self._box.rows)
+        self.width = max(1, round(self._box.columns * self.scale))
+        self.height = max(1, round(self._box.rows * self.scale))
+        self.offset_px = (size_px - self.width) // 2, (room_px - self.height) // 2
+        self.pixels = np.full((size_px, size_px, 3), UNKNOWN_RGB, np.uint8)
+        self.line_px = max(1, round(size_px / 400))
+        self.font = max(0.35, size_px / 2000)
+
+    def at(self, x_m: float, y_m: float) -> tuple[int, int]:
+        """Pixel (column, row) of a world point; far points stay within what OpenCV can draw."""
+        grid = self._grid
+        column = (x_m - grid.origin_m[0]) / grid.cell_m - self._box.column_lo
+        row = self._box.row_hi - (y_m - grid.origin_m[1]) / grid.cell_m
+        u = np.clip(column * self.scale + self.offset_px[0], -20000, 20000)
+        v = np.clip(row * self.scale + self.offset_px[1], -20000, 20000)
+        return round(float(u)), round(float(v))
+
+    def paint(self, cells: NDArray[np.uint8]) -> None:
+        """Lay an RGB picture of the grid's cells under everything."""
+        box = self._box
+        whole = np.full((box.rows, box.columns, 3), UNKNOWN_RGB, np.uint8)
+        whole[-box.row_lo : -box.row_lo + cells.shape[0],
+              -box.column_lo : -box.column_lo + cells.shape[1]] = cells  # fmt: skip
+        flat = np.ascontiguousarray(whole[::-1])
+        # Shrinking averages the cells that fall on one pixel; enlarging keeps them square.
+        how = cv2.INTER_AREA if self.scale < 1 else cv2.INTER_NEAREST
+        u, v = self.offset_px
+        self.pixels[v : v + self.height, u : u + self.width] = cv2.resize(
+            flat, (self.width, self.height), interpolation=how
+        )
+
+    def line(self, points_m: NDArray, colour: Colour, width: int) -> None:
+        if len(points_m) > 1:
+            points = np.array([self.at(x, y) for x, y in points_m], np.int32)
+            cv2.polylines(self.pixels, [points], False, colour, width, cv2.LINE_AA)
+
+    def text(self, text: str, at_px: tuple[int, int], colour: Colour = INK_RGB) -> None:
+        """Text with a white halo, its left end and base line at a pixel."""
+        width = max(1, round(self.font * 2))
+        plain = text.encode("ascii", "replace").decode()
+        cv2.putText(self.pixels, plain, at_px, FONT, self.font, (255, 255, 255), width + 3,
+                    cv2.LINE_AA)  # fmt: skip
+        cv2.putText(self.pixels, plain, at_px, FONT, self.font, colour, width, cv2.LINE_AA)
+
+    def text_width(self, text: str) -> int:
+        (width, _), _ = cv2.getTextSize(text, FONT, self.font, max(1, round(self.font * 2)))
+        return width
+
+
+def render(
+    snapshot: MapSnapshot,
+    layer: str = OCCUPANCY,
+    size_px: int = 1024,
+    path_m: NDArray | None = None,
+    objects: Sequence[Marked] = (),
+) -> NDArray[np.uint8]:
+    """The map as RGB [size_px, size_px, 3]; `layer` is "occupancy" or a value layer's name.
+
+    `path_m` [n, 2] is the way that the robot is about to take. Raises InvalidInput for an unknown
+    layer, a size out of range, or a path that is not finite.
+    """
+    if layer != OCCUPANCY and layer not in snapshot.values:
+        known = ", ".join([OCCUPANCY, *snapshot.values])
+        raise InvalidInput(f"the map has no layer {layer[:80]!r}; ask for one of: {known}")
+    if not MIN_PX <= size_px <= MAX_PX:
+        raise InvalidInput(
+            f"a picture of {size_px} px is not drawn; ask for {MIN_PX} to {MAX_PX} px"
+        )
+    if path_m is not None and not np.isfinite(path_m).all():
+        raise InvalidInput("the path to draw holds NaN or infinity: send finite metres")
+    sheet = Sheet(snapshot, size_px)
+    sheet.paint(cell_colours(snapshot, layer))
+    for frontier in snapshot.frontiers:
+        _draw_frontier_cells(sheet, snapshot, frontier.cells, frontier.reachable)
+    sheet.line(snapshot.trajectory_m, TRAIL_RGB, sheet.line_px)
+    if path_m is not None:
+        sheet.line(path_m, (255, 255, 255), 3 * sheet.line_px)
+        sheet.line(path_m, PATH_RGB, 2 * sheet.line_px)
+    _draw_objects(sheet, objects)
+    _draw_frontier_centres(sheet, snapshot, layer)
+    if snapshot.robot_pose is not None:
+        _draw_robot(sheet, *snapshot.robot_pose)
+    _draw_foot(sheet, snapshot, layer)
+    return sheet.pixels
+
+
+def png_of(pixels: NDArray[np.uint8]) -> bytes:
+    """An RGB picture as PNG."""
+    _, data = cv2.imencode(".png", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR))
+    return data.tobytes()
+
+
+def cell_colours(snapshot: MapSnapshot, layer: str) -> NDArray[np.uint8]:
+    """RGB [rows, columns, 3] of the cells: obstacles darker with height, values as a heat map."""
+    out = np.empty((*snapshot.grid.shape, 3), np.float32)
+    out[:] = UNKNOWN_RGB
+    out[snapshot.explored > 0] = KNOWN_BEFORE_RGB
+    out[(snapshot.occupancy == FREE) & (snapshot.explored_for_search > 0)] = FREE_RGB
+    if layer != OCCUPANCY:
+        value, confidence = snapshot.values[layer], snapshot.confidences[layer]
+        lo, hi = value_range(snapshot, layer)
+        scaled = np.clip((value - lo) / (hi - lo) * 255, 0, 255).astype(np.uint8)
+        heat = cv2.applyColorMap(scaled, cv2.COLORMAP_VIRIDIS)[..., ::-1].astype(np.float32)
+        alpha = np.where(confidence > 0, 0.35 + 0.6 * np.minimum(confidence, 1), 0)[..., None]
+        out = out * (1 - alpha) + heat * alpha
+    occupied = snapshot.occupancy == OCCUPIED
+    tall = np.clip(snapshot.z_high_m[occupied] / 1.5, 0, 1)[:, None]
+    out[occupied] = np.array(LOW_RGB) * (1 - tall) + np.array(TALL_RGB) * tall
+    return out.round().astype(np.uint8)
+
+
+def value_range(snapshot: MapSnapshot, layer: str) -> tuple[float, float]:
+    """Lowest and highest value of a layer, at least a hair apart."""
+    seen = snapshot.values[layer][snapshot.confidences[layer] > 0]
+    if not seen.size:
+        return 0.0, 1.0
+    lo, hi = float(seen.min()), float(seen.max())
+    return lo, max(hi, lo + 1e-3)
+
+
+def _draw_frontier_cells(
+    sheet: Sheet, snapshot: MapSnapshot, cells: NDArray[np.int32], reachable: bool
+) -> None:
+    whole = snapshot.whole_grid
+    radius = max(1, round(sheet.scale * 0.8), sheet.line_px)
+    colour = FRONTIER_RGB if reachable else BEYOND_RGB
+    for row, column in cells:
+        cv2.circle(sheet.pixels, sheet.at(*whole.centre_of(int(row), int(column))), radius,
+                   colour, -1, cv2.LINE_AA)  # fmt: skip
+
+
+def _draw_frontier_centres(sheet: Sheet, snapshot: MapSnapshot, layer: str) -> None:
+    for frontier in snapshot.frontiers:
+        u, v = sheet.at(*frontier.centre_m)
+        radius = 4 * sheet.line_px
+        colour = FRONTIER_RGB if frontier.reachable else BEYOND_RGB
+        cv2.circle(sheet.pixels, (u, v), radius + sheet.line_px, (255, 255, 255), -1, cv2.LINE_AA)
+        cv2.circle(sheet.pixels, (u, v), radius, colour, -1, cv2.LINE_AA)
+        shown = frontier.values if layer == OCCUPANCY else {layer: frontier.values.get(layer, 0.0)}
+        label = " ".join(f"{name} {value:.2f}" for name, value in shown.items())
+        sheet.text(label, (u + radius + 4, v + 4))
+
+
+def _draw_objects(sheet: Sheet, objects: Sequence[Marked]) -> None:
+    names = sorted({thing.label for thing in objects})
+    for thing in sorted(objects, key=lambda thing: thing.score):
+        colour = OBJECT_RGB[names.index(thing.label) % len(OBJECT_RGB)]
+        (x, y), (width, depth) = thing.center_m, thing.size_m
+        if not np.isfinite([x, y, width, depth]).all():
+            continue
+        u0, v0 = sheet.at(x - width / 2, y + depth / 2)
+        u1, v1 = sheet.at(x + width / 2, y - depth / 2)
+        half = 3 * sheet.line_px  # small things stay visible
+        u0, u1 = min(u0, (u0 + u1) // 2 - half), max(u1, (u0 + u1) // 2 + half)
+        v0, v1 = min(v0, (v0 + v1) // 2 - half), max(v1, (v0 + v1) // 2 + half)
+        cv2.rectangle(sheet.pixels, (u0, v0), (u1, v1), (255, 255, 255), sheet.line_px + 2)
+        cv2.rectangle(sheet.pixels, (u0, v0), (u1, v1), colour, sheet.line_px)
+        sheet.text(f"{thing.label[:40]} {thing.score:.2f}", (u0, v0 - 5), colour)
+
+
+def _draw_robot(sheet: Sheet, x_m: float, y_m: float, yaw_rad: float) -> None:
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    corners = [(0.30, 0.0), (-0.20, 0.19), (-0.11, 0.0), (-0.20, -0.19)]
+    points = np.array(
+        [sheet.at(x_m + c * f - s * left, y_m + s * f + c * left) for f, left in corners], np.int32
+    )
+    cv2.fillPoly(sheet.pixels, [points], ROBOT_RGB, cv2.LINE_AA)
+    cv2.polylines(sheet.pixels, [points], True, (255, 255, 255), sheet.line_px, cv2.LINE_AA)
+
+
+def _draw_foot(sheet: Sheet, snapshot: MapSnapshot, layer: str) -> None:
+    """A strip with the legend and a scale bar."""
+    size = sheet.pixels.shape[0]
+    top = size - FOOT_PX
+    sheet.pixels[top:] = (250, 251, 253)
+    cv2.line(sheet.pixels, (0, top), (size, top), (200, 206, 216), 1)
+    base = top + FOOT_PX // 2 + 5
+    metre_px = round(sheet.scale / snapshot.grid.cell_m)
+    bar = size - metre_px - 14
+    if metre_px < size // 3:
+        cv2.line(sheet.pixels, (bar, base - 5), (bar + metre_px, base - 5), INK_RGB, 2)
+        for u in (bar, bar + metre_px):
+            cv2.line(sheet.pixels, (u, base - 9), (u, base - 1), INK_RGB, 2)
+        bar -= sheet.text_width("1 m") + 8
+        sheet.text("1 m", (bar, base))
+    entries = [
+        ("free", FREE_RGB),
+        ("obstacle", TALL_RGB),
+        ("unknown", UNKNOWN_RGB),
+        ("frontier", FRONTIER_RGB),
+        ("way so far", TRAIL_RGB),
+        ("plan", PATH_RGB),
+    ]
+    u = 12
+    if layer != OCCUPANCY:
+        lo, hi = value_range(snapshot, layer)
+        sheet.text(f"{layer[:24]}  {lo:.2f}", (u, base))
+        u += sheet.text_width(f"{layer[:24]}  {lo:.2f}") + 8
+        ramp = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[None], cv2.COLORMAP_VIRIDIS)
+        wide = max(20, size // 8)
+        shown = cv2.resize(ramp[..., ::-1], (wide, 12), interpolation=cv2.INTER_LINEAR)
+        if u + wide < size:
+            sheet.pixels[base - 11 : base + 1, u : u + wide] = shown
+        u += wide + 8
+        sheet.text(f"{hi:.2f}", (u, base))
+        u += sheet.text_width(f"{hi:.2f}") + 18
+        entries = entries[3:]
+    for name, colour in entries:
+        end = u + 18 + sheet.text_width(name)
+        if end > bar - 8:
+            break
+        cv2.rectangle(sheet.pixels, (u, base - 11), (u + 12, base + 1), colour, -1)
+        cv2.rectangle(sheet.pixels, (u, base - 11), (u + 12, base + 1), (150, 156, 168), 1)
+        sheet.text(name, (u + 18, base))
+        u = end + 16

@@ -1,0 +1,276 @@
+"""The shell of the 2D maps: keyframes, observations and searches in; versions out.
+
+Every keyframe is answered with an Ack of part "occupancy", every observation with one of part
+"value"; a refusal says why. What comes before it can be used waits: keyframes for the robot's
+description (its size, its camera's range), observations for their search context.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.codec import (
+    context_from_proto,
+    description_from_proto,
+    frame_from_proto,
+    observation_from_proto,
+)
+from helios_core.errors import Conflict, HeliosError, Internal, InvalidInput, Unavailable
+from helios_core.health import Health
+from helios_core.topics import (
+    CONTEXT,
+    FRAME,
+    KEYFRAME,
+    MAP2D_ACK,
+    OBSERVATION,
+    PICTURE,
+    RESET_MAP2D,
+    ROBOT_DESCRIPTION,
+    SIGHT,
+    SNAPSHOT,
+)
+
+from helios_map2d.epochs import EpochMaps
+from helios_map2d.picture import OCCUPANCY, Marked, png_of, render
+from helios_map2d.settings import Settings
+from helios_map2d.snapshot import MapSnapshot
+from helios_map2d.wire import snapshot_to_proto
+
+log = logging.getLogger(__name__)
+
+MOST_WAITING = 32
+DEFAULT_PICTURE_PX = 1024
+
+
+class Map2DService:
+    """The maps behind the bus. `_lock` guards them; published versions are read without it."""
+
+    def __init__(self, bus: Bus, settings: Settings, health: Health) -> None:
+        self._bus, self._settings, self._health = bus, settings, health
+        self._lock = threading.RLock()
+        self._maps: EpochMaps | None = None
+        self._contexts: list[str] = []  # ids in the order of their coming
+        self._context: pb.SearchContext | None = None
+        self._frames_waiting: deque[pb.Frame] = deque()
+        self._observations_waiting: deque[pb.Observation] = deque()
+        health.ready("waits for the robot's description")
+        bus.subscribe(CONTEXT, self.on_context)
+        bus.subscribe(ROBOT_DESCRIPTION, self.on_description)
+        bus.subscribe(KEYFRAME, self.on_keyframe)
+        bus.subscribe(OBSERVATION, self.on_observation)
+        if settings.integrate_stream:
+            bus.subscribe(FRAME, self.on_stream_frame)
+        bus.serve(SNAPSHOT, self.snapshot)
+        bus.serve(PICTURE, self.picture)
+        bus.serve(SIGHT, self.sight)
+        bus.serve(RESET_MAP2D, self.reset)
+
+    def close(self) -> None:
+        """Nothing to let go of: the bus ends the calls."""
+
+    # --- what comes in ------------------------------------------------------------------------
+    def on_description(self, message: pb.RobotDescription) -> None:
+        """Learn the robot; what the maps hold stays unless they were made for another robot."""
+        robot = description_from_proto(message)
+        # A recording has no body that pushes things aside, wherever its camera was carried.
+        radius_m = robot.footprint_radius_m if robot.can_move else 0.0
+        rules = self._settings.rules(robot.max_depth_m, robot.footprint_radius_m)
+        with self._lock:
+            same = self._maps is not None and (
+                self._maps.rules == rules and self._maps.footprint_radius_m == radius_m
+            )
+            if not same:
+                self._maps = self._fresh(EpochMaps(rules, radius_m, first_version=self._version()))
+            waiting = list(self._frames_waiting) + list(self._observations_waiting)
+            self._frames_waiting.clear()
+            self._observations_waiting.clear()
+        self._health.ready()
+        self._again(waiting)
+
+    def on_context(self, message: pb.SearchContext) -> None:
+        """Begin a search."""
+        context = context_from_proto(message)
+        with self._lock:
+            self._context = message
+            if context.id not in self._contexts:
+                self._contexts.append(context.id)
+                del self._contexts[:-256]
+            if self._maps is not None:
+                self._maps.reset_search(context)
+            waiting = list(self._observations_waiting)
+            self._observations_waiting.clear()
+        self._again(waiting)
+
+    def on_keyframe(self, message: pb.Frame) -> None:
+        late: pb.Frame | None = None
+        with self._lock:
+            wait = self._maps is None
+            if wait:
+                self._frames_waiting.append(message)
+                if len(self._frames_waiting) > MOST_WAITING:
+                    late = self._frames_waiting.popleft()
+        if late is not None:
+            reason = "the robot has not described itself; start its bridge"
+            self._answer("occupancy", late.id, "", Unavailable(reason), 0.0)
+        if not wait:
+            self._integrate("occupancy", message.id, "", lambda: self._fold_frame(message))
+
+    def on_stream_frame(self, message: pb.Frame) -> None:
+        """Fold a stream frame in, unless the maps are not ready for it; it is not answered."""
+        if self._maps is None:
+            return
+        try:
+            self._fold_frame(message)
+            self._health.count("stream_frames")
+        except HeliosError as error:
+            self._health.count("stream_frames_refused")
+            log.info("stream frame %d refused: %s", message.id.seq, error.message)
+
+    def on_observation(self, message: pb.Observation) -> None:
+        with self._lock:
+            unheard = message.context_id not in self._contexts
+            wait = self._maps is None or unheard
+            late = None
+            if wait:
+                self._observations_waiting.append(message)
+                if len(self._observations_waiting) > MOST_WAITING:
+                    late = self._observations_waiting.popleft()
+        if late is not None:
+            reason = f"search context {late.context_id!r} was never announced here"
+            self._answer("value", late.frame.id, late.context_id, Conflict(reason), 0.0)
+        if not wait:
+            self._integrate(
+                "value", message.frame.id, message.context_id, lambda: self._fold_values(message)
+            )
+
+    # --- methods ------------------------------------------------------------------------------
+    def snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot:
+        published = self._published()
+        if published is None:
+            return pb.MapSnapshot()
+        if request.if_newer and published.version <= request.if_newer:
+            return pb.MapSnapshot(version=published.version, unchanged=True)
+        return snapshot_to_proto(published, request.layers)
+
+    def picture(self, request: pb.PictureRequest) -> pb.PictureReply:
+        """A PNG; Unavailable while there is no map."""
+        published = self._known()
+        if len(request.path_m) % 2:
+            raise InvalidInput(f"the path has {len(request.path_m)} numbers; send x, y, x, y …")
+        things = [
+            Marked(o.label, (o.center_m.x, o.center_m.y), (o.size_m.x, o.size_m.y), o.score)
+            for o in request.objects
+        ]
+        pixels = render(
+            published,
+            request.layer or OCCUPANCY,
+            request.size_px or DEFAULT_PICTURE_PX,
+            np.array(request.path_m, np.float64).reshape(-1, 2),
+            things,
+        )
+        return pb.PictureReply(png=png_of(pixels), version=published.version)
+
+    def sight(self, request: pb.SightRequest) -> pb.SightReply:
+        """Which points can be seen from an eye; Unavailable while there is no map."""
+        published = self._known()
+        eye_m = (request.x_m, request.y_m, request.z_m)
+        return pb.SightReply(
+            visible=[
+                published.line_of_sight(eye_m, (p.x, p.y, p.z)).visible for p in request.targets_m
+            ]
+        )
+
+    def reset(self, _: pb.Empty) -> pb.Empty:
+        """Forget every map, the parked ones too; the present search goes on."""
+        with self._lock:
+            if self._maps is not None:
+                old = self._maps
+                self._maps = self._fresh(
+                    EpochMaps(old.rules, old.footprint_radius_m, first_version=self._version() + 1)
+                )
+        return pb.Empty()
+
+    # --- inside -------------------------------------------------------------------------------
+    def _fold_frame(self, message: pb.Frame) -> None:
+        frame = frame_from_proto(message)
+        with self._lock:
+            if self._maps is not None:
+                self._maps.state_for(frame).integrate_frame(frame)
+
+    def _fold_values(self, message: pb.Observation) -> None:
+        observation = observation_from_proto(message)
+        with self._lock:
+            if self._maps is not None:
+                self._maps.state_for(observation.frame).integrate_values(observation)
+
+    def _integrate(
+        self, part: str, id: pb.FrameId, context_id: str, fold: Callable[[], None]
+    ) -> None:
+        """Fold and answer; the lock is free again when the answer goes out."""
+        began = time.perf_counter()
+        error: HeliosError | None = None
+        try:
+            fold()
+        except HeliosError as refusal:
+            error = refusal
+        except Exception as fault:  # a fault of ours must not leave the sender waiting
+            log.exception("part %s of frame %d failed", part, id.seq)
+            error = Internal(f"map2d failed ({type(fault).__name__}: {fault}); see its log")
+        self._answer(part, id, context_id, error, (time.perf_counter() - began) * 1e3)
+
+    def _answer(
+        self,
+        part: str,
+        id: pb.FrameId,
+        context_id: str,
+        error: HeliosError | None,
+        update_ms: float,
+    ) -> None:
+        if error is None:
+            self._health.count(f"{part}_accepted")
+            self._health.sample(f"{part}_ms", update_ms)
+        else:
+            self._health.count(f"{part}_refused")
+            log.warning("%s of frame %d refused: %s", part, id.seq, error.message)
+        self._bus.publish(
+            MAP2D_ACK,
+            pb.Ack(
+                service="map2d", part=part, id=id, accepted=error is None,
+                reason="" if error is None else error.message, version=self._version(),
+                update_ms=update_ms, context_id=context_id,
+            ),
+        )  # fmt: skip
+
+    def _again(self, waiting: list) -> None:
+        for message in waiting:
+            if isinstance(message, pb.Frame):
+                self.on_keyframe(message)
+            else:
+                self.on_observation(message)
+
+    def _fresh(self, maps: EpochMaps) -> EpochMaps:
+        if self._context is not None:
+            maps.reset_search(context_from_proto(self._context))
+        return maps
+
+    def _published(self) -> MapSnapshot | None:
+        maps = self._maps
+        state = maps.current if maps is not None else None
+        return state.published if state is not None else None
+
+    def _known(self) -> MapSnapshot:
+        published = self._published()
+        if published is None or published.empty:
+            raise Unavailable("the map is empty: no keyframe has come yet")
+        return published
+
+    def _version(self) -> int:
+        with self._lock:
+            return 0 if self._maps is None else self._maps.version

@@ -1,0 +1,72 @@
+"""Settings of the 2D maps."""
+
+from __future__ import annotations
+
+from helios_core.settings import ServiceSettings, service_config
+from pydantic import Field
+
+from helios_map2d.frontiers import FrontierRules
+from helios_map2d.occupancy import OccupancyRules
+from helios_map2d.state import MapRules
+from helios_map2d.value import ValueRules
+
+
+class Settings(ServiceSettings):
+    """Flags of `python -m helios_map2d`."""
+
+    model_config = service_config("map2d")
+
+    cell_m: float = Field(0.025, gt=0.002, le=1.0, description="edge of a cell")
+    size_cells: int = Field(
+        2000, ge=64, le=8000, description="cells along each side of the map, centred on the start"
+    )
+    min_depth_m: float = Field(0.10, ge=0, description="depth below this is not believed")
+    max_depth_m: float = Field(
+        5.0, gt=0, description="depth above this is not believed; the robot's own limit if less"
+    )
+    band_lo_m: float = Field(0.10, gt=0, description="obstacles begin at this height")
+    band_hi_m: float = Field(1.50, gt=0, description="what is higher is no obstacle")
+    band_rise_per_m: float = Field(
+        0.006, ge=0, description="the band's lower edge rises by this times depth squared (1/m)"
+    )
+    floor_tolerance_m: float = Field(0.08, gt=0, description="this near to z = 0 is floor")
+    occupied_evidence: int = Field(2, ge=1, le=100, description="evidence that makes an obstacle")
+    most_evidence: int = Field(5, ge=1, le=200, description="evidence never grows beyond this")
+    hit_gain: int = Field(2, ge=1, le=100, description="evidence of one clear hit; a weak one: 1")
+    miss_loss: int = Field(2, ge=1, le=100, description="evidence lost when a cell is seen through")
+    min_frontier_m: float = Field(0.40, ge=0, description="shorter frontiers are dropped")
+    frontier_value_radius_m: float = Field(
+        0.50, gt=0, description="a frontier's value is the median of the values this near to it"
+    )
+    blind_radius_m: float = Field(
+        1.00, ge=0, description="ground this near to the robot, which its camera cannot see"
+    )
+    integrate_stream: bool = Field(
+        False, description="fold stream frames into the occupancy too, not keyframes alone"
+    )
+
+    def rules(self, robot_max_depth_m: float, robot_radius_m: float) -> MapRules:
+        """The rules of the maps for a robot."""
+        return MapRules(
+            cell_m=self.cell_m,
+            size_cells=self.size_cells,
+            min_depth_m=self.min_depth_m,
+            max_depth_m=min(self.max_depth_m, robot_max_depth_m),
+            occupancy=OccupancyRules(
+                band_lo_m=self.band_lo_m,
+                band_hi_m=self.band_hi_m,
+                band_rise_per_m=self.band_rise_per_m,
+                floor_tolerance_m=self.floor_tolerance_m,
+                occupied_evidence=self.occupied_evidence,
+                most_evidence=self.most_evidence,
+                hit_gain=self.hit_gain,
+                miss_loss=self.miss_loss,
+            ),
+            values=ValueRules(),
+            frontiers=FrontierRules(
+                min_size_m=self.min_frontier_m,
+                value_radius_m=self.frontier_value_radius_m,
+                robot_radius_m=robot_radius_m,
+                blind_radius_m=self.blind_radius_m,
+            ),
+        )

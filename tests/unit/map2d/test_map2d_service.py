@@ -1,0 +1,214 @@
+"""The maps behind a bus within this process."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import cv2
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.codec import (
+    context_to_proto,
+    description_to_proto,
+    frame_to_proto,
+    observation_to_proto,
+)
+from helios_core.errors import InvalidInput, Unavailable
+from helios_core.grids import decode_snapshot
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import (
+    CONTEXT,
+    KEYFRAME,
+    MAP2D_ACK,
+    OBSERVATION,
+    PICTURE,
+    RESET_MAP2D,
+    ROBOT_DESCRIPTION,
+    SIGHT,
+    SNAPSHOT,
+)
+from helios_core.types import Frame, Observation, RobotDescription, SearchContext
+from helios_map2d.service import Map2DService
+from helios_map2d.settings import Settings
+from map2d_scene import CAMERA, CAMERA_HEIGHT_M, Walk, room, table
+
+ROBOT = RobotDescription(
+    name="test",
+    footprint_radius_m=0.2,
+    height_m=1.4,
+    camera=CAMERA,
+    camera_height_m=CAMERA_HEIGHT_M,
+    reach_m=0.8,
+    max_depth_m=10.0,
+)
+
+
+class House:
+    """A service, and everybody else in one."""
+
+    def __init__(self, described: bool = True) -> None:
+        self.bus = MemoryBus(MemoryHub())
+        self.health = Health()
+        self.acks: list[pb.Ack] = []
+        self.bus.subscribe(MAP2D_ACK, self.acks.append)
+        self.service = Map2DService(self.bus, Settings.load(["--size-cells", "400"]), self.health)
+        self.walk = Walk([*room(), *table(2.5, 2.4)])
+        if described:
+            self.describe()
+
+    def describe(self, robot: RobotDescription = ROBOT) -> None:
+        self.bus.publish(ROBOT_DESCRIPTION, description_to_proto(robot))
+
+    def search(self, name: str) -> None:
+        context = SearchContext(name, (), {"pick": "a mug", "place": "a counter"})
+        self.bus.publish(CONTEXT, context_to_proto(context))
+
+    def keyframe(self, frame: Frame) -> None:
+        self.bus.publish(KEYFRAME, frame_to_proto(frame))
+
+    def observe(self, frame: Frame, context_id: str) -> None:
+        seen = Observation(frame, context_id, (), {"pick": 0.4, "place": 0.2}, "test")
+        self.bus.publish(OBSERVATION, observation_to_proto(seen))
+
+    def snapshot(self, **request: int) -> pb.MapSnapshot:
+        return self.bus.call(SNAPSHOT, pb.SnapshotRequest(layers=True, **request), 5)
+
+    def settle(self) -> None:
+        self.search("first")
+        for frame in self.walk.look_around(2.0, 1.5):
+            self.keyframe(frame)
+            self.observe(frame, "first")
+
+
+@pytest.fixture
+def house() -> House:
+    return House()
+
+
+def test_keyframes_and_observations_are_answered_and_the_map_decodes(house: House) -> None:
+    house.settle()
+    assert [(a.part, a.accepted) for a in house.acks] == [
+        ("occupancy", True),
+        ("value", True),
+    ] * 12
+    versions = [a.version for a in house.acks]
+    assert versions == sorted(set(versions))
+    view = decode_snapshot(house.snapshot())
+    assert view.version == versions[-1]
+    assert set(view.values) == {"pick", "place"}
+    assert (view.occupancy == 100).sum() > 200
+    assert view.top_m.max() == pytest.approx(1.5, abs=0.03)
+    assert view.robot_pose[:2] == pytest.approx((2.0, 1.5))
+    assert view.context_id == "first"
+    assert view.explored_m2 > 5
+    unchanged = house.snapshot(if_newer=view.version)
+    assert unchanged.unchanged
+    assert not unchanged.occupancy
+
+
+def test_keyframes_that_come_before_the_robots_description_are_kept() -> None:
+    house = House(described=False)
+    house.keyframe(house.walk.frame(2.0, 1.5, 0.0))
+    assert not house.acks
+    assert house.health.state == ("ready", "waits for the robot's description")
+    house.describe()
+    assert [(a.part, a.accepted) for a in house.acks] == [("occupancy", True)]
+    assert house.health.state == ("ready", "")
+
+
+def test_observations_wait_for_their_context_and_old_ones_are_refused(house: House) -> None:
+    house.search("first")
+    early = house.walk.frame(2.0, 1.5, 0.0)
+    house.observe(early, "second")
+    assert not house.acks
+    house.search("second")
+    assert [(a.part, a.accepted, a.context_id) for a in house.acks] == [("value", True, "second")]
+    house.observe(house.walk.frame(2.0, 1.5, 0.1), "first")
+    assert not house.acks[-1].accepted
+    assert "'first'" in house.acks[-1].reason
+
+
+def test_a_frame_that_cannot_be_used_is_refused_with_a_reason_and_the_next_is_taken(
+    house: House,
+) -> None:
+    good = house.walk.frame(2.0, 1.5, 0.0)
+    house.keyframe(good)
+    far = good.T_world_base.copy()
+    far[0, 3] = 300.0
+    bad = dataclasses.replace(house.walk.frame(2.0, 1.5, 0.0), T_world_base=far)
+    house.keyframe(bad)
+    assert not house.acks[-1].accepted
+    assert "outside the map" in house.acks[-1].reason
+    house.bus.publish(KEYFRAME, pb.Frame(id=pb.FrameId(robot_boot_id="boot", seq=77)))
+    assert not house.acks[-1].accepted
+    assert house.acks[-1].reason
+    house.keyframe(house.walk.frame(2.0, 1.5, 0.0))
+    assert house.acks[-1].accepted
+
+
+def test_a_new_world_epoch_starts_a_fresh_map_with_a_higher_version(house: House) -> None:
+    house.settle()
+    before = house.snapshot()
+    house.walk.epoch = 1
+    house.keyframe(house.walk.frame(0.5, 0.5, 0.0))
+    after = house.snapshot()
+    assert after.id.world_epoch == 1
+    assert after.version > before.version
+    assert after.explored_m2 < before.explored_m2
+    house.walk.epoch = 0
+    house.keyframe(house.walk.frame(2.0, 1.5, 0.0))
+    assert not house.acks[-1].accepted
+    assert "is over" in house.acks[-1].reason
+
+
+def test_an_empty_map_says_so_and_a_reset_empties_it(house: House) -> None:
+    assert house.snapshot().cell_m == 0
+    with pytest.raises(Unavailable, match="no keyframe"):
+        house.bus.call(PICTURE, pb.PictureRequest(), 5)
+    house.settle()
+    version = house.snapshot().version
+    house.bus.call(RESET_MAP2D, pb.Empty(), 5)
+    assert house.snapshot().cell_m == 0
+    house.keyframe(house.walk.frame(2.0, 1.5, 0.0))
+    again = house.snapshot()
+    assert again.version > version
+    assert again.context_id == "first"
+
+
+@pytest.mark.parametrize("layer", ["", "occupancy", "pick"])
+def test_a_picture_is_a_png_of_the_size_asked_for(house: House, layer: str) -> None:
+    house.settle()
+    mug = pb.MarkedObject(label="mug", score=0.7, center_m=pb.Vector3(x=2.5, y=2.4, z=0.8),
+                          size_m=pb.Vector3(x=0.1, y=0.1, z=0.1))  # fmt: skip
+    request = pb.PictureRequest(layer=layer, size_px=400, path_m=[1, 1, 2, 1], objects=[mug])
+    png = house.bus.call(PICTURE, request, 5).png
+    picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None
+    assert picture.shape == (400, 400, 3)
+
+
+@pytest.mark.parametrize(
+    ("request_", "reason"),
+    [
+        (pb.PictureRequest(layer="nonsense"), "no layer 'nonsense'"),
+        (pb.PictureRequest(size_px=100_000), "100000 px"),
+        (pb.PictureRequest(path_m=[1.0]), "send x, y"),
+        (pb.PictureRequest(path_m=[1.0, math.nan]), "NaN"),
+    ],
+)
+def test_a_picture_that_cannot_be_drawn_is_refused(
+    house: House, request_: pb.PictureRequest, reason: str
+) -> None:
+    house.settle()
+    with pytest.raises(InvalidInput, match=reason):
+        house.bus.call(PICTURE, request_, 5)
+
+
+def test_sight_answers_for_every_target(house: House) -> None:
+    house.settle()
+    targets = [pb.Vector3(x=2.5, y=2.4, z=0.8), pb.Vector3(x=-1.0, y=1.5, z=0.8)]
+    request = pb.SightRequest(x_m=2.0, y_m=1.5, z_m=1.31, targets_m=targets)
+    assert list(house.bus.call(SIGHT, request, 5).visible) == [True, False]
