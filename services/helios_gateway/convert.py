@@ -26,6 +26,11 @@ def finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
+def metres(value: float) -> float | None:
+    """To a hundredth of a millimetre; None where it is not finite."""
+    return round(value, 5) if math.isfinite(value) else None
+
+
 def pairs(flat: Sequence[float]) -> list[list[float | None]]:
     """[x, y] of x, y, x, y …, to a tenth of a millimetre; points not finite are left out."""
     return [
@@ -36,7 +41,7 @@ def pairs(flat: Sequence[float]) -> list[list[float | None]]:
 
 
 def _vector(v: pb.Vector3) -> list[float | None]:
-    return [finite(v.x), finite(v.y), finite(v.z)]
+    return [metres(v.x), metres(v.y), metres(v.z)]
 
 
 def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
@@ -133,7 +138,7 @@ def _object(o: pb.ObjectInstance) -> models.ObjectInstance:
 
 def frontier(f: pb.Frontier) -> models.Frontier:
     return models.Frontier(
-        id=f.id, center_m=[finite(f.x_m), finite(f.y_m)], size_m=finite(f.size_m),
+        id=f.id, center_m=[metres(f.x_m), metres(f.y_m)], size_m=metres(f.size_m),
         reachable=f.reachable, values=_numbers(f.values),
     )  # fmt: skip
 

@@ -60,7 +60,8 @@ class Maps:
         rows, columns = view.shape
         return models.MapInfo(
             version=view.version, context_id=view.context_id, cell_m=view.cell_m,
-            origin_m=list(view.origin_m), width_cells=columns, height_cells=rows,
+            width_cells=columns, height_cells=rows,
+            origin_m=[convert.metres(v) for v in view.origin_m],
             explored_m2=convert.finite(view.explored_m2),
             occupied_m2=convert.finite(view.occupied_m2),
             layers=[

@@ -10,7 +10,7 @@ from helios_gateway import models
 from helios_gateway.live import Live
 from helios_gateway.responses import JPEG, NPZ, PNG, content_docs, tagged
 
-SizePx = Annotated[int, Query(ge=64, le=4096, description="longer side of the picture, pixels")]
+SizePx = Annotated[int, Query(ge=128, le=4096, description="longer side of the picture, pixels")]
 
 
 def map_routes(live: Live) -> APIRouter:

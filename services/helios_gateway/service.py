@@ -62,6 +62,7 @@ class Gateway:
         config = uvicorn.Config(
             create_app(bus, self.live, settings),
             log_config=None,
+            log_level="warning",
             access_log=False,
             server_header=False,
             timeout_graceful_shutdown=GRACE_S,
@@ -73,7 +74,9 @@ class Gateway:
         )
         self.live.start()
         self._thread.start()
-        health.ready(f"http://{f'[{host}]' if ':' in host else host}:{port}/")
+        address = f"http://{f'[{host}]' if ':' in host else host}:{port}/"
+        log.info("dashboard at %s", address)
+        health.ready(address)
 
     def close(self) -> None:
         self.live.close()  # first: an open event stream would hold the server up

@@ -69,8 +69,8 @@ function showReady({ ready, reasons }) {
 
 function showRobot({ connected, state, description }) {
   if (description) {
-    const kind = description.simulated ? "simulated" : "";
-    $("robot-name").textContent = [description.name, kind].filter(Boolean).join(" · ");
+    const isSaid = !description.simulated || description.name.includes("simulated");
+    $("robot-name").textContent = description.name + (isSaid ? "" : " · simulated");
     document.title = `HELIOS · ${description.name}`;
   }
   map.description = description;

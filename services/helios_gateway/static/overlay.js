@@ -5,6 +5,8 @@ const FONT = "600 12px system-ui, sans-serif";
 
 export function drawOverlay(context, view, colors) {
   const labels = new Labels(context, colors);
+  const ruler = drawRuler(context, view, colors);
+  labels.taken.push([0, 0, ruler, 26]);
   context.lineJoin = context.lineCap = "round";
   if ($("show-trajectory").checked) {
     line(context, view, view.info.trajectory_m, colors.walked, 2, []);
@@ -22,7 +24,6 @@ export function drawOverlay(context, view, colors) {
   if ($("show-frontiers").checked) drawFrontiers(context, view, colors, labels);
   if (view.decision) drawChosen(context, view, colors);
   labels.draw();
-  drawRuler(context, view, colors);
   const many = (list, word) => `${list.length} ${word}${list.length === 1 ? "" : "s"}`;
   view.canvas.ariaLabel =
     `2D map of the home: ${many(view.objects, "object")}, ${many(view.frontiers, "frontier")}` +
@@ -160,6 +161,7 @@ function drawRuler(context, view, colors) {
   context.font = FONT;
   context.fillStyle = colors.muted;
   context.fillText(`${metres} m`, x + 6, y - 5);
+  return x + metres * view.scale + 8; // its right end
 }
 
 /** Texts beside their points; the more important first, none upon another. */
