@@ -53,6 +53,12 @@ def draw_boxes(bgr: NDArray, boxes: tuple[Box, ...]) -> NDArray:
     return out
 
 
+def _readable_on(bgr: tuple[int, int, int]) -> tuple[int, int, int]:
+    """Black or white, whichever stands out more (ITU-R BT.709 luma)."""
+    luma = 0.0722 * bgr[0] + 0.7152 * bgr[1] + 0.2126 * bgr[2]
+    return (0, 0, 0) if luma > 110 else (255, 255, 255)
+
+
 def _printable(text: str) -> str:
     """Hershey fonts know ASCII only."""
     return text.encode("ascii", "replace").decode()[:40]

@@ -1,0 +1,67 @@
+"""The map as it travels is read back exactly, or refused."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+import pytest
+from gateway_backend import snapshot
+from helios_core import proto as pb
+from helios_core.errors import InvalidInput
+from helios_core.grids import FREE, OCCUPIED, UNKNOWN, decode_snapshot
+from hypothesis import given
+from hypothesis import strategies as st
+
+
+@given(
+    rows=st.integers(1, 9),
+    columns=st.integers(1, 9),
+    seed=st.integers(0, 99),
+    layered=st.booleans(),
+)
+def test_what_was_packed_is_read_back(rows: int, columns: int, seed: int, layered: bool) -> None:
+    rng = np.random.default_rng(seed)
+    shape = (rows, columns)
+    occupancy = rng.choice(np.array([UNKNOWN, FREE, OCCUPIED], np.int8), shape)
+    explored = rng.integers(0, 2, shape, np.uint8)
+    top = rng.integers(0, 256, shape, np.uint8)
+    value = rng.random(shape).astype("<f2")
+    message = pb.MapSnapshot(
+        version=5, cell_m=0.025, width=columns, height=rows, trajectory_m=[1, 2, 3, 4],
+        occupancy=zlib.compress(occupancy.tobytes()), explored=zlib.compress(explored.tobytes()),
+        top_cm=zlib.compress(top.tobytes()),
+        values={"pick": zlib.compress(value.tobytes())} if layered else {},
+    )  # fmt: skip
+    view = decode_snapshot(message)
+    assert view.shape == shape
+    assert np.array_equal(view.occupancy, occupancy)
+    assert np.array_equal(view.explored, explored > 0)
+    assert np.allclose(view.top_m, top * 0.02, atol=1e-5)
+    assert view.trajectory_m.tolist() == [[1, 2], [3, 4]]
+    if layered:
+        assert np.array_equal(view.values["pick"], value.astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"occupancy": b"no zlib"}, "corrupt"),
+        ({"occupancy": zlib.compress(bytes(10))}, "10 bytes unpacked"),
+        ({"explored": zlib.compress(bytes(10**7))}, "explored of the map"),
+        ({"width": 2**31}, "million"),
+        ({"cell_m": float("nan")}, "cells above 0 m"),
+        ({"cell_m": -1.0}, "cells above 0 m"),
+        ({"trajectory_m": [1.0, 2.0, 3.0]}, "trajectory"),
+    ],
+)
+def test_a_map_that_does_not_hold_together_is_refused(change: dict, says: str) -> None:
+    message = snapshot(1, (0.0, 0.0, 0.0))
+    message.ClearField("trajectory_m")
+    for name, value in change.items():
+        if name == "trajectory_m":
+            message.trajectory_m.extend(value)
+        else:
+            setattr(message, name, value)
+    with pytest.raises(InvalidInput, match=says):
+        decode_snapshot(message)
