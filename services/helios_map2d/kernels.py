@@ -37,28 +37,23 @@ def diamond_angle(forward, left):
     return np.float32(2.0 + a)
 
 
-@njit(cache=True, nogil=True, inline="always", fastmath=FAST)
-def is_veil(depth, v, u, z, jump_m):
-    """Whether a pixel floats between two surfaces, or stands alone: the mixed pixels of an edge."""
-    h, w = depth.shape
-    apart = 0
-    if 0 < u < w - 1:
-        a = depth[v, u - 1]
-        b = depth[v, u + 1]
-        if a > 0.0 and b > 0.0:
-            if (a < z - jump_m and b > z + jump_m) or (a > z + jump_m and b < z - jump_m):
-                return True
-            if abs(a - z) > jump_m and abs(b - z) > jump_m:
-                apart += 1
-    if 0 < v < h - 1:
-        a = depth[v - 1, u]
-        b = depth[v + 1, u]
-        if a > 0.0 and b > 0.0:
-            if (a < z - jump_m and b > z + jump_m) or (a > z + jump_m and b < z - jump_m):
-                return True
-            if abs(a - z) > jump_m and abs(b - z) > jump_m:
-                apart += 1
-    return apart == 2
+@njit(cache=True, nogil=True, fastmath=FAST)
+def clear_veil(above, here, below, kinds, jump_m, jump_ratio):
+    """Take out of `kinds` the obstacle pixels of a row that float between two surfaces, or stand
+    alone: the mixed pixels of an edge, and outliers. Unmeasured neighbours say nothing."""
+    zero = np.float32(0.0)
+    for u in range(1, here.size - 1):
+        z = here[u]
+        jump = jump_m + jump_ratio * z
+        a, b = here[u - 1] - z, here[u + 1] - z
+        known = (here[u - 1] > zero) & (here[u + 1] > zero)
+        across = known & (abs(a) > jump) & (abs(b) > jump)
+        torn = across & (a * b < zero)
+        a, b = above[u] - z, below[u] - z
+        known = (above[u] > zero) & (below[u] > zero)
+        along = known & (abs(a) > jump) & (abs(b) > jump)
+        torn = torn | (along & (a * b < zero)) | (across & along)
+        kinds[u] = NOTHING if torn & (kinds[u] == OBSTACLE) else kinds[u]
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -85,33 +80,60 @@ def project_depth(
     x0, y0, z0 = pose[0, 3], pose[1, 3], pose[2, 3]
     # Evidence that touches the image edge that looks up may go on higher than was seen.
     open_row = 0 if pose[2, 1] <= 0.0 else h - 1
+    kinds = np.empty(w, np.int32)
+    heights, xs, ys, ks, bs = (
+        np.empty(w, np.float32), np.empty(w, np.float32), np.empty(w, np.float32),
+        np.empty(w, np.float32), np.empty(w, np.float32),
+    )  # fmt: skip
+    zero, one, two = np.float32(0.0), np.float32(1.0), np.float32(2.0)
     for v in range(h):
         dv = (np.float32(v) - intrinsics[3]) * intrinsics[1]
         ax = pose[0, 1] * dv + pose[0, 2]
         ay = pose[1, 1] * dv + pose[1, 2]
         az = pose[2, 1] * dv + pose[2, 2]
+        # A whole row in loops without branches and over few arrays, so that they run in SIMD.
         for u in range(w):
             z = depth[v, u]
-            if not (z > near and z < far):
-                continue
+            du = (np.float32(u) - intrinsics[2]) * intrinsics[0]
+            xs[u] = z * (pose[0, 0] * du + ax) * px_per_m
+            ys[u] = z * (pose[1, 0] * du + ay) * px_per_m
+        for u in range(w):
+            z = depth[v, u]
             du = (np.float32(u) - intrinsics[2]) * intrinsics[0]
             height = z * (pose[2, 0] * du + az) + z0
+            measured = (z > near) & (z < far)
             floor = abs(height) <= floor_tol
-            if not floor and (height < band_lo + rise * z * z or height > band_hi):
+            band = (height >= band_lo + rise * z * z) & (height <= band_hi)
+            kind = OBSTACLE if band else (FLOOR if floor else NOTHING)
+            kinds[u] = np.int32(kind if measured else NOTHING)
+            heights[u] = height
+        for u in range(w):
+            forward = c * xs[u] + s * ys[u]
+            left = c * ys[u] - s * xs[u]
+            total = abs(forward) + abs(left)
+            a = left / (total if total > zero else one)
+            back = two - a if left >= zero else -two - a
+            bs[u] = (two + (a if forward >= zero else back)) * bin_scale
+        for u in range(w):
+            ks[u] = np.sqrt(xs[u] * xs[u] + ys[u] * ys[u])
+        if 0 < v < h - 1:
+            clear_veil(depth[v - 1], depth[v], depth[v + 1], kinds, jump_m, jump_ratio)
+        for u in range(w):
+            kind = kinds[u]
+            if kind == NOTHING:
                 continue
-            x = z * (pose[0, 0] * du + ax) * px_per_m
-            y = z * (pose[1, 0] * du + ay) * px_per_m
-            column = math.floor(x + x0)
-            row = math.floor(y + y0)
-            if not floor:
-                if is_veil(depth, v, u, z, jump_m + jump_ratio * z):
-                    continue
-                bx = x + x0 - body[0]
-                by = y + y0 - body[1]
+            if kind == OBSTACLE:
+                x = xs[u] + x0
+                y = ys[u] + y0
+                bx = x - body[0]
+                by = y - body[1]
                 if bx * bx + by * by <= body[2]:
                     continue
+                column = math.floor(x)
+                row = math.floor(y)
                 if 0 <= row < rows and 0 <= column < columns:
                     n = count[row, column]
+                    height = heights[u]
                     top = band_hi if v == open_row else height
                     if n == 0:
                         low[row, column] = height
@@ -121,10 +143,9 @@ def project_depth(
                         high[row, column] = max(high[row, column], top)
                     if n < 65535:
                         count[row, column] = n + 1
-            k = int(math.sqrt(x * x + y * y))
+            k = int(ks[u])
             if k < ranges:
-                b = min(bins - 1, int(diamond_angle(c * x + s * y, c * y - s * x) * bin_scale))
-                polar[b, k] |= np.uint8(FLOOR if floor else OBSTACLE)
+                polar[min(bins - 1, int(bs[u])), k] |= np.uint8(kind)
 
 
 @njit(cache=True, nogil=True)

@@ -36,6 +36,7 @@ TRAIL_RGB: Colour = (72, 122, 214)
 PATH_RGB: Colour = (18, 158, 106)
 ROBOT_RGB: Colour = (28, 84, 196)
 INK_RGB: Colour = (44, 50, 62)
+HALO_RGB: Colour = (255, 255, 255)
 OBJECT_RGB: tuple[Colour, ...] = (
     (196, 44, 92), (128, 62, 190), (0, 128, 150), (168, 110, 0), (70, 120, 30), (200, 70, 40),
 )  # fmt: skip
@@ -101,8 +102,11 @@ class Sheet:
         """Text with a white halo, its left end and base line at a pixel."""
         width = max(1, round(self.font * 2))
         plain = text.encode("ascii", "replace").decode()
-        cv2.putText(self.pixels, plain, at_px, FONT, self.font, (255, 255, 255), width + 3,
-                    cv2.LINE_AA)  # fmt: skip
+        u, v = at_px
+        # A thicker text would also be a wider one: the halo is the same text, shifted.
+        for du, dv in ((-2, 0), (2, 0), (0, -2), (0, 2), (-1, -1), (1, -1), (-1, 1), (1, 1)):
+            place = (u + du, v + dv)
+            cv2.putText(self.pixels, plain, place, FONT, self.font, HALO_RGB, width, cv2.LINE_AA)
         cv2.putText(self.pixels, plain, at_px, FONT, self.font, colour, width, cv2.LINE_AA)
 
     def text_width(self, text: str) -> int:
@@ -251,6 +255,7 @@ def _draw_foot(sheet: Sheet, snapshot: MapSnapshot, layer: str) -> None:
         ("obstacle", TALL_RGB),
         ("unknown", UNKNOWN_RGB),
         ("frontier", FRONTIER_RGB),
+        ("out of reach", BEYOND_RGB),
         ("way so far", TRAIL_RGB),
         ("plan", PATH_RGB),
     ]
