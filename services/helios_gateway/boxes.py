@@ -47,9 +47,8 @@ def draw_boxes(bgr: NDArray, boxes: tuple[Box, ...]) -> NDArray:
         left = max(0, min(x0, width - w - 6))
         top = y0 - h - base - 4 if y0 > h + base + 4 else y0 + 2
         cv2.rectangle(out, (left, top), (left + w + 6, top + h + base + 4), color, cv2.FILLED)
-        cv2.putText(
-            out, text, (left + 3, top + h + 2), FONT, scale, (255, 255, 255), 1, cv2.LINE_AA
-        )
+        at = (left + 3, top + h + 2)
+        cv2.putText(out, text, at, FONT, scale, _readable_on(color), 1, cv2.LINE_AA)
     return out
 
 

@@ -15,7 +15,7 @@ SizePx = Annotated[int, Query(ge=128, le=4096, description="longer side of the p
 
 def map_routes(live: Live) -> APIRouter:
     """`/v1/map…`, `/v1/objects` and `/v1/camera.jpg`."""
-    routes = APIRouter(prefix="/v1", tags=["maps"])
+    routes = APIRouter(prefix="/v1", tags=["maps and camera"])
     maps = live.maps
 
     @routes.get("/map", summary="The 2D map's size, place and layers")
@@ -91,7 +91,6 @@ def map_routes(live: Live) -> APIRouter:
         summary="The newest camera picture",
         response_class=Response,
         responses=content_docs(JPEG, "colour, with the detector's boxes"),
-        tags=["robot"],
     )
     def camera(
         request: Request,

@@ -82,7 +82,6 @@ def task_routes(bus: Bus, live: Live, settings: Settings) -> APIRouter:
         summary="Everything that happens, as server-sent events",
         response_class=StreamingResponse,
         responses={200: {"content": {"text/event-stream": {}}}},
-        tags=["events"],
     )
     async def events(
         request: Request, last_event_id: Annotated[str | None, Header()] = None
