@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
+import cv2
 import numpy as np
 from helios_core.geometry import wrap_angle, yaw_of
 from helios_core.robot import Action, ActionResult, Forward, Pick, Place, Tilt, Turn
@@ -44,7 +45,7 @@ class Oracle:
     def run(self) -> Progress:
         """The progress when it is done or cannot go on."""
         for name in self._world.tracker.targets.objects:
-            if self._fetch(name):
+            if self.fetch(name):
                 break
         if self._world.held_name:
             for name in self._world.tracker.targets.goals:
@@ -52,15 +53,32 @@ class Oracle:
                     break
         return self._world.progress
 
-    def _fetch(self, name: str) -> bool:
+    def fetch(self, name: str) -> bool:
+        """Pick a thing by its body's name; whether it is held now."""
         class_name = self._world.home.class_of(name)
+        return any(
+            self._act(Pick(self._point(name), class_name)).succeeded for _ in self._approaches(name)
+        )
+
+    def approach(self, name: str) -> bool:
+        """Stand before a thing and look at it."""
+        return next(self._approaches(name), False)
+
+    def face_most_room(self) -> bool:
+        """Go to where the most floor is free around, and face along it."""
+        room = cv2.distanceTransform(self._free.astype(np.uint8), cv2.DIST_L2, 5)
+        row, column = np.unravel_index(int(np.argmax(room)), room.shape)
+        return self._go((int(row), int(column)))
+
+    def _approaches(self, name: str) -> Iterator[bool]:
+        """True each time that it stands before the thing and looks at it."""
         for spot in self._spots(self._world.position_m(name)):
-            point = self._world.position_m(name)
-            if self._go(spot) and self._face(point):
-                x, y, z = (float(v) for v in self._world.position_m(name))
-                if self._act(Pick((x, y, z), class_name)).succeeded:
-                    return True
-        return False
+            if self._go(spot) and self._face(self._world.position_m(name)):
+                yield True
+
+    def _point(self, name: str) -> tuple[float, float, float]:
+        x, y, z = (float(v) for v in self._world.position_m(name))
+        return x, y, z
 
     def _bring(self, name: str) -> bool:
         for point in self._free_points(name):
@@ -148,7 +166,7 @@ class Oracle:
 
     def _act(self, action: Action) -> ActionResult:
         self._actions += 1
-        return self._world.act(action, f"oracle-{self._actions}")
+        return self._world.act(action, f"oracle-{id(self)}-{self._actions}")
 
     def _cell(self) -> Cell:
         x, y = self._world.state().T_world_base[:2, 3]

@@ -15,7 +15,7 @@ from helios_core.geometry import Matrix, Pinhole
 from helios_core.types import RobotDescription
 
 BODY_RADIUS_M = 0.27
-BODY_BOTTOM_M = 0.03
+BODY_BOTTOM_M = 0.01
 BODY_TOP_M = 1.25
 CAMERA_HEIGHT_M = 1.31
 IMAGE_WIDTH, IMAGE_HEIGHT = 640, 480

@@ -74,6 +74,9 @@ class World(RobotDriver):
         """episode: the task to measure; None takes no metrics but steps and collisions."""
         spec = home.spec()
         add_robot(spec)
+        camera = pinhole()
+        spec.visual.global_.offwidth, spec.visual.global_.offheight = camera.width, camera.height
+        spec.visual.quality.shadowsize = 0  # no light of a home casts shadows
         self._model = model = spec.compile()
         # Before the data is made: what lies still costs nothing.
         model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
@@ -100,7 +103,6 @@ class World(RobotDriver):
             self._data.qpos[address] = value
         self._set_tilt(START_TILT_RAD)
         self._pause(_START_SETTLE_S)
-        camera = self._description.camera
         self._painter = Painter(model, robot.camera, (camera.width, camera.height), DRAWN_GROUPS)
         self._past = Past(model, self._painter, home, self._things)
 
@@ -132,7 +134,7 @@ class World(RobotDriver):
             stamp_ns=stamp_ns,
             color=color,
             depth_m=depth_m,
-            camera=pinhole(),
+            camera=self._description.camera,
             T_world_cam=camera_pose(self._data, self._robot.camera),
             T_world_base=se2_to_se3(*self._robot.pose(self._data)),
         )

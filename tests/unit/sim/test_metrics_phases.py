@@ -1,0 +1,140 @@
+"""The phases of a move task on constructed cases."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from helios_sim.metrics import (
+    Progress,
+    Released,
+    Step,
+    Targets,
+    advance,
+    at_viewpoint,
+    placed,
+    viewpoints_of,
+)
+from hypothesis import given
+from hypothesis import strategies as st
+
+TARGETS = Targets(
+    objects={"mug_0": np.array([[1.0, 1.0]]), "mug_1": np.array([[5.0, 5.0]])},
+    goals={"sofa_0": np.array([[3.0, 1.0]])},
+)
+AT_MUG = Step((1.05, 1.05), {"mug_0": 2e-3})
+AT_SOFA = Step((3.0, 1.0), {"sofa_0": 0.3})
+ON_SOFA = Released("mug_0", True, frozenset({"sofa_0"}), 0.5)
+
+
+def run(*steps: Step) -> Progress:
+    progress = Progress()
+    for step in steps:
+        progress = advance(progress, step, TARGETS)
+    return progress
+
+
+def holding(step: Step, name: str = "mug_0") -> Step:
+    return replace(step, held=name)
+
+
+def test_the_whole_task_in_order_succeeds():
+    done = run(AT_MUG, holding(AT_MUG), holding(AT_SOFA), replace(AT_SOFA, released=ON_SOFA))
+    assert (done.find_object, done.pick, done.find_receptacle, done.place) == (True,) * 4
+    assert done.success
+    assert done.partial_success == 1.0
+    assert done.steps == 4
+
+
+def test_finding_is_latched():
+    assert run(AT_MUG, Step((9.0, 9.0))).find_object
+
+
+def test_seen_from_afar_is_not_found():
+    assert not run(replace(AT_MUG, base_xy_m=(1.2, 1.0))).find_object
+
+
+def test_too_few_pixels_are_not_found():
+    assert not run(replace(AT_MUG, coverage={"mug_0": 0.9e-3})).find_object
+
+
+def test_at_one_candidate_and_looking_at_another_is_not_found():
+    assert not run(replace(AT_MUG, coverage={"mug_1": 0.2})).find_object
+
+
+def test_holding_something_else_is_no_pick():
+    assert not run(AT_MUG, holding(AT_MUG, "vase_0")).pick
+
+
+def test_a_pick_without_finding_does_not_count():
+    assert not run(holding(Step((9.0, 9.0)))).pick
+
+
+def test_the_receptacle_counts_only_after_the_pick():
+    assert not run(AT_MUG, AT_SOFA).find_receptacle
+    assert run(AT_MUG, holding(AT_MUG), holding(AT_SOFA)).find_receptacle
+
+
+def test_a_collision_spoils_success_but_not_the_place():
+    bump = Step((2.0, 1.0), collided_with=frozenset({"walls"}), held="mug_0")
+    done = run(AT_MUG, holding(AT_MUG), bump, bump, replace(AT_SOFA, released=ON_SOFA))
+    assert done.place
+    assert not done.success
+    assert done.collisions == 2
+    assert done.collided_with == ("walls",)
+    assert done.partial_success == 0.75
+
+
+def test_many_contacts_in_a_step_are_one_collision():
+    both = Step((2.0, 1.0), collided_with=frozenset({"walls", "bed_0"}))
+    assert run(both).collisions == 1
+    assert set(run(both).collided_with) == {"walls", "bed_0"}
+
+
+def test_what_counts_as_placed():
+    assert placed(ON_SOFA, TARGETS)
+    assert not placed(None, TARGETS)
+    assert not placed(replace(ON_SOFA, at_rest=False), TARGETS)
+    assert not placed(replace(ON_SOFA, on=frozenset({"floor_0"})), TARGETS)
+    assert not placed(replace(ON_SOFA, height_m=0.04), TARGETS)
+    assert not placed(replace(ON_SOFA, name="vase_0"), TARGETS)
+
+
+def test_a_place_without_a_pick_does_not_count():
+    assert not run(replace(AT_SOFA, released=ON_SOFA)).place
+
+
+@given(st.lists(st.sampled_from([AT_MUG, holding(AT_MUG), holding(AT_SOFA), Step((2.0, 2.0))])))
+def test_phases_never_go_back_and_each_needs_the_one_before(steps: list[Step]):
+    progress = Progress()
+    for step in steps:
+        new = advance(progress, step, TARGETS)
+        before = (progress.find_object, progress.pick, progress.find_receptacle, progress.place)
+        after = (new.find_object, new.pick, new.find_receptacle, new.place)
+        assert all(a or not b for a, b in zip(after, before, strict=True))
+        assert list(after[:3]) == sorted(after[:3], reverse=True)
+        progress = new
+
+
+def test_viewpoints_lie_on_the_grid_within_a_metre_of_the_box():
+    free = np.ones((100, 100), bool)
+    points = viewpoints_of((2.0, 2.0), (2.6, 2.3), free, (0.0, 0.0), 0.05)
+    steps = (points - [1.0, 1.0]) / 0.15
+    assert np.allclose(steps, np.rint(steps))
+    beyond = np.maximum(np.maximum([2.0, 2.0] - points, points - [2.6, 2.3]), 0)
+    assert np.hypot(*beyond.T).max() <= 1.0
+    # A corner of the square is farther than a metre from the box; the middle of a side is not.
+    assert not (np.hypot(*(points - [1.0, 1.0]).T) < 0.01).any()
+    assert (np.hypot(*(points - [2.2, 1.0]).T) < 0.01).any()
+
+
+def test_viewpoints_stand_where_the_robot_fits():
+    free = np.zeros((100, 100), bool)
+    free[:, :50] = True
+    points = viewpoints_of((2.4, 2.0), (2.6, 2.3), free, (0.0, 0.0), 0.05)
+    assert len(points) > 0
+    assert points[:, 0].max() < 2.5
+
+
+def test_nothing_is_near_no_viewpoints():
+    assert not at_viewpoint((0.0, 0.0), np.zeros((0, 2)))

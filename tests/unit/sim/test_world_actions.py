@@ -1,0 +1,174 @@
+"""Driving, grasping and releasing in a home."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from helios_core.errors import InvalidInput
+from helios_core.geometry import wrap_angle, yaw_of
+from helios_core.robot import Forward, Observe, Pick, Place, Tilt, Turn
+from helios_sim.home import Home
+from helios_sim.oracle import Oracle
+from helios_sim.world import World
+
+
+def position(world: World) -> np.ndarray:
+    return world.state().T_world_base[:2, 3]
+
+
+def fetch_the_object(world: World) -> str:
+    """Let the oracle pick the task's object; its name."""
+    name = next(iter(world.tracker.targets.objects))
+    assert Oracle(world).fetch(name)
+    return name
+
+
+def test_forward_moves_that_far_straight_ahead(world: World):
+    before, yaw = position(world), yaw_of(world.state().T_world_base)
+    done = world.act(Forward(0.25), "go")
+    assert done.succeeded
+    assert done.moved_m == pytest.approx(0.25, abs=0.005)
+    ahead = np.array([math.cos(yaw), math.sin(yaw)])
+    assert np.allclose(position(world) - before, 0.25 * ahead, atol=0.005)
+    assert not done.collided
+
+
+def test_turn_turns_on_the_spot(world: World):
+    before = position(world)
+    for angle_rad in (math.radians(5), -math.radians(30), 0.4):
+        yaw = yaw_of(world.state().T_world_base)
+        done = world.act(Turn(angle_rad), f"turn {angle_rad}")
+        assert done.succeeded
+        assert done.turned_rad == pytest.approx(angle_rad, abs=0.01)
+        turned = wrap_angle(yaw_of(world.state().T_world_base) - yaw)
+        assert turned == pytest.approx(angle_rad, abs=0.01)
+    assert np.allclose(position(world), before, atol=0.005)
+
+
+def test_outside_the_limits_nothing_happens(world: World):
+    before = world.state().T_world_base
+    wrong = (Forward(0.05), Forward(1.2), Forward(-0.3), Turn(0.01), Turn(-0.6))
+    for action in (*wrong, Tilt(2.0), Tilt(-1.0)):
+        done = world.act(action, repr(action))
+        assert not done.succeeded
+        assert "outside" in done.reason
+    assert world.progress.steps == 0
+    assert np.array_equal(world.state().T_world_base, before)
+
+
+def test_a_wall_or_table_blocks_and_counts_once_a_step(world: World):
+    done = world.act(Forward(1.0), "go")
+    for k in range(15):
+        if not done.succeeded:
+            break
+        done = world.act(Forward(1.0), f"go-{k}")
+    assert done.collided
+    assert "blocked" in done.reason
+    assert done.moved_m < 1.0
+    assert world.progress.collisions == 1
+    assert world.progress.collided_with
+    assert not world.progress.success
+    # Away from it again: the robot is not stuck to what it touched.
+    for k in range(6):
+        assert world.act(Turn(math.pi / 6), f"away-{k}").succeeded
+    assert world.act(Forward(0.3), "back").succeeded
+
+
+def test_the_same_id_is_done_once(world: World):
+    first = world.act(Forward(0.2), "one")
+    at = position(world)
+    assert world.act(Forward(0.2), "one") == first
+    assert np.array_equal(position(world), at)
+    assert world.progress.steps == 1
+
+
+def test_an_action_needs_an_id(world: World):
+    with pytest.raises(InvalidInput):
+        world.act(Observe(), "")
+
+
+def test_stop_latches_until_cleared(world: World):
+    world.stop("a person said so")
+    assert world.state().stopped
+    done = world.act(Forward(0.2), "go")
+    assert not done.succeeded
+    assert "a person said so" in done.reason
+    world.clear_stop()
+    assert not world.state().stopped
+    assert world.act(Forward(0.2), "go").succeeded
+
+
+def test_a_pick_where_nothing_is_fails(world: World):
+    x, y = (float(v) for v in position(world))
+    done = world.act(Pick((x, y, 2.2), "mug"), "pick")
+    assert not done.succeeded
+    assert "nothing to grasp" in done.reason
+    assert world.state().held == ""
+
+
+def test_a_pick_from_across_the_home_is_out_of_reach(world: World, sim_home: Home):
+    at = position(world)
+    thing = max(sim_home.objects, key=lambda o: math.dist(o.position_m[:2], at))
+    done = world.act(Pick(thing.position_m, thing.class_name), "pick")
+    assert not done.succeeded
+    assert "out of reach" in done.reason
+
+
+def test_what_is_not_in_view_is_not_picked(world: World):
+    name = next(iter(world.tracker.targets.objects))
+    oracle = Oracle(world)
+    assert oracle.approach(name)
+    world.act(Tilt(-0.6), "look up")
+    x, y, z = (float(v) for v in world.position_m(name))
+    done = world.act(Pick((x, y, z), "thing"), "pick")
+    assert not done.succeeded
+    assert "not in view" in done.reason
+
+
+def test_a_held_thing_is_carried_unseen_and_dropped_by_physics(world: World):
+    name = fetch_the_object(world)
+    asked_as = world.state().held
+    assert asked_as == world.episode.object_class
+    for k in range(3):
+        world.act(Turn(0.5), f"turn-{k}")
+        for tilt in (-0.6, 1.2):
+            world.act(Tilt(tilt), f"tilt-{k}-{tilt}")
+            seen = world.segmentation(world.capture().stamp_ns).instances
+            assert name not in {i.name for i in seen}
+    assert np.linalg.norm(world.position_m(name)[:2] - position(world)) < 0.3
+    x, y = position(world)
+    yaw = yaw_of(world.state().T_world_base)
+    spot = (float(x + 0.55 * math.cos(yaw)), float(y + 0.55 * math.sin(yaw)), 0.02)
+    second = world.act(Pick(spot, "mug"), "second")
+    assert not second.succeeded
+    assert "already holds" in second.reason
+    done = world.act(Place(spot), "drop")
+    assert done.succeeded, done.reason
+    assert world.held_name == ""
+    assert world.state().held == ""
+    assert world.position_m(name)[2] < 0.3
+    assert not world.progress.place
+
+
+def test_pushing_a_movable_thing_is_no_collision(world: World):
+    name = fetch_the_object(world)
+    oracle = Oracle(world)
+    assert oracle.face_most_room()
+    x, y = position(world)
+    yaw = yaw_of(world.state().T_world_base)
+    spot = (float(x + 0.5 * math.cos(yaw)), float(y + 0.5 * math.sin(yaw)), 0.02)
+    assert world.act(Place(spot), "drop").succeeded
+    before = world.position_m(name)
+    world.act(Forward(0.5), "push")
+    assert np.linalg.norm(world.position_m(name) - before) > 0.02
+    assert world.progress.collisions == 0
+
+
+def test_a_place_with_an_empty_gripper_or_out_of_reach_fails(world: World):
+    assert "empty" in world.act(Place((0.0, 0.0, 0.5)), "empty").reason
+    name = fetch_the_object(world)
+    done = world.act(Place((-5.0, 0.0, 0.5)), "far")
+    assert "out of reach" in done.reason
+    assert world.held_name == name

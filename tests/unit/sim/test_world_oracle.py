@@ -1,0 +1,20 @@
+"""Tasks of the demo can be solved, and the metrics notice."""
+
+from __future__ import annotations
+
+import pytest
+from helios_sim.episode import episode_of
+from helios_sim.home import PRESETS, generate_home
+from helios_sim.oracle import Oracle
+from helios_sim.world import World
+
+
+@pytest.mark.parametrize("seed", [0, 7])
+def test_who_knows_the_truth_succeeds_without_a_collision(seed: int):
+    home = generate_home(seed, PRESETS["demo-v1"])
+    world = World(home, episode_of(home, seed))
+    done = Oracle(world).run()
+    world.close()
+    assert (done.find_object, done.pick, done.find_receptacle, done.place) == (True,) * 4
+    assert done.collisions == 0
+    assert done.success

@@ -1,0 +1,158 @@
+"""The world behind a bus."""
+
+from __future__ import annotations
+
+import math
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.errors import InvalidInput, Unavailable
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.robot import Forward, Observe, Turn
+from helios_core.topics import TRUTH_EPISODE, TRUTH_METRICS, TRUTH_SEGMENTATION
+from helios_core.zenoh_bus import ZenohBus
+from helios_sim.captures import capture_from_proto
+from helios_sim.driver import SimDriver
+from helios_sim.episode import episode_of
+from helios_sim.home import Home
+from helios_sim.service import WorldService
+from helios_sim.thread import WorldThread
+from helios_sim.world import World
+
+from tests.support import free_port, wait_until
+
+
+@pytest.fixture
+def hub(sim_home: Home) -> Iterator[MemoryHub]:
+    """A world served on a bus in this process."""
+    hub = MemoryHub()
+    thread = WorldThread(lambda: World(sim_home, episode_of(sim_home, 0)))
+    service = WorldService(MemoryBus(hub), thread, Health())
+    yield hub
+    service.close()
+
+
+def test_the_driver_sees_what_the_world_shows(hub: MemoryHub):
+    bus = MemoryBus(hub)
+    driver = SimDriver(bus)
+    assert driver.describe().simulated
+    shot = driver.capture()
+    truth = bus.call(TRUTH_SEGMENTATION, pb.TruthSegmentationRequest(stamp_ns=shot.stamp_ns), 5.0)
+    assert (truth.height, truth.width) == shot.depth_m.shape
+    ids = np.frombuffer(truth.ids, "<u2").reshape(shot.depth_m.shape)
+    named = {i.id: i for i in truth.instances}
+    assert set(np.unique(ids)) - {0} <= named.keys()
+    assert "floor" in {i.class_name for i in truth.instances}
+    assert shot.depth_m.max() <= driver.describe().max_depth_m
+
+
+def test_a_driver_may_come_and_go_and_the_world_stays(hub: MemoryHub):
+    first = SimDriver(MemoryBus(hub))
+    done = first.act(Turn(0.4), "a")
+    boot, pose = first.state().robot_boot_id, first.state().T_world_base
+    first.close()
+    second = SimDriver(MemoryBus(hub))
+    assert second.state().robot_boot_id == boot
+    assert np.array_equal(second.state().T_world_base, pose)
+    assert second.act(Turn(0.4), "a") == done
+    assert np.array_equal(second.state().T_world_base, pose)
+
+
+def test_steps_and_the_task_are_told_to_the_judges(hub: MemoryHub):
+    bus = MemoryBus(hub)
+    SimDriver(bus).act(Observe(), "a")
+    assert bus.call(TRUTH_METRICS, pb.Empty(), 5.0).steps == 1
+    episode = bus.call(TRUTH_EPISODE, pb.Empty(), 5.0)
+    assert episode.object_class in episode.instruction
+    assert episode.preset == "demo-v1"
+
+
+def test_a_drive_is_stopped_from_another_thread(sim_home: Home):
+    thread = WorldThread(lambda: World(sim_home))
+    results = []
+
+    def drive() -> None:
+        results.extend(thread.act(Turn(math.pi / 6), f"t{k}") for k in range(200))
+
+    driver = threading.Thread(target=drive)
+    driver.start()
+    wait_until(lambda: thread.state().T_world_base is not None, 10, "it drives")
+    thread.stop("enough")
+    driver.join(20)
+    assert not results[-1].succeeded
+    assert "enough" in results[-1].reason
+    thread.close()
+    with pytest.raises(Unavailable):
+        thread.capture()
+
+
+def test_without_a_world_the_driver_says_so():
+    with pytest.raises(Unavailable):
+        SimDriver(MemoryBus(MemoryHub())).describe()
+
+
+def test_a_capture_of_the_wrong_size_is_refused(hub: MemoryHub):
+    message = pb.WorldCapture(color=b"abc", depth_mm=b"ab")
+    message.camera.CopyFrom(pb.Pinhole(fx=1, fy=1, cx=0, cy=0, width=2, height=2))
+    with pytest.raises(InvalidInput, match="2x2"):
+        capture_from_proto(message)
+
+
+def test_the_driver_knows_nothing_of_the_world():
+    """In the bridge's process neither MuJoCo nor the truth is loaded."""
+    code = (
+        "import sys, helios_sim.driver; "
+        "print([m for m in sys.modules if m == 'mujoco' or m.startswith('helios_sim.')])"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "['helios_sim.captures', 'helios_sim.driver']"
+
+
+def test_the_process_serves_and_ends_on_sigterm():
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    router = subprocess.Popen([sys.executable, "-m", "helios_core.router", "--listen", endpoint])
+    world = subprocess.Popen(
+        [sys.executable, "-m", "helios_sim", "--router", endpoint, "--seed", "0"]
+    )
+    try:
+        bus = _open(endpoint)
+        driver = SimDriver(bus)
+        wait_until(lambda: _serves(driver), 60, "the world serves")
+        assert driver.act(Forward(0.2), "a").succeeded
+        assert driver.capture().color.shape == (480, 640, 3)
+        world.send_signal(signal.SIGTERM)
+        assert world.wait(5) == 0
+        bus.close()
+    finally:
+        for process in (world, router):
+            process.kill()
+            process.wait()
+
+
+def _open(endpoint: str) -> ZenohBus:
+    made: list[ZenohBus] = []
+
+    def connected() -> bool:
+        try:
+            made.append(ZenohBus(endpoint, "robot"))
+        except Unavailable:
+            return False
+        return True
+
+    wait_until(connected, 10, "the router answers")
+    return made[0]
+
+
+def _serves(driver: SimDriver) -> bool:
+    try:
+        driver.describe()
+    except Unavailable:
+        return False
+    return True
