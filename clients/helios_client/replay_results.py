@@ -12,6 +12,7 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.grids import MapView, decode_snapshot
 from helios_core.topics import OBJECTS, PICTURE, SNAPSHOT
+from rich.markup import escape
 from rich.table import Table
 
 from helios_client.board import Board
@@ -46,13 +47,14 @@ class Results:
         )
 
     def table(self) -> Table:
-        """The objects, best first."""
-        out = Table("id", "class", "centre m", "size m", "Ψ", "S", "U", "views", "Gaussians")
+        """The objects, best first: what fits a terminal."""
+        out = Table("id", "class")
+        for heading in ("centre m", "size m", "Ψ", "U", "views"):
+            out.add_column(heading, justify="right", no_wrap=True)
         for o in self.objects:
             out.add_row(
-                str(o["id"]), o["class"], _metres(o["center_m"]), _metres(o["size_m"]),
-                f"{o['score']:.2f}", f"{o['class_score']:.2f}", f"{o['uncertainty']:.2f}",
-                str(o["views"]), str(o["gaussians"]),
+                str(o["id"]), escape(o["class"]), _metres(o["center_m"]), _metres(o["size_m"]),
+                f"{o['score']:.2f}", f"{o['uncertainty']:.2f}", str(o["views"]),
             )  # fmt: skip
         return out
 
@@ -115,4 +117,4 @@ def _object_json(o: pb.ObjectInstance) -> dict[str, Any]:
 
 
 def _metres(v: list[float]) -> str:
-    return " ".join(f"{x:6.2f}" for x in v)
+    return " ".join(f"{x:.2f}" for x in v)

@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from helios_client.tasks import Decision, Event, FoundObject, Task
 
 POLL_S = 0.3
+SILENCE_S = 30.0  # a gateway is restarted within seconds
 CONNECT_S = 3.0
 _KINDS: dict[int, type[HeliosError]] = {
     400: InvalidInput, 404: InvalidInput, 405: InvalidInput, 413: InvalidInput, 422: InvalidInput,
@@ -87,30 +88,30 @@ class Helios:
     ) -> Task:
         """The task once it has ended; `on_update` is told whenever it changed.
 
-        A gateway that is being restarted is waited for. Raises DeadlineExceeded.
+        A gateway that is being restarted is waited for, up to `SILENCE_S`. Raises DeadlineExceeded,
+        and Unavailable when nobody answers any more.
         """
-        deadline_s = time.monotonic() + timeout_s
+        deadline_s = heard_s = time.monotonic()
+        deadline_s += timeout_s
         last: Task | None = None
-        silence: HeliosError | None = None
         while True:
             try:
                 task = self.task(id)
-            except (Unavailable, DeadlineExceeded) as error:
-                silence = error
+            except (Unavailable, DeadlineExceeded):
+                if time.monotonic() > min(heard_s + SILENCE_S, deadline_s):
+                    raise
             else:
-                silence = None
+                heard_s = time.monotonic()
                 if on_update and task != last:
                     on_update(task)
                 last = task
                 if task.ended:
                     return task
-            if time.monotonic() > deadline_s:
-                if silence:
-                    raise silence
-                state = last.state if last else "unknown"
-                raise DeadlineExceeded(
-                    f"task {id} is still {state} after {timeout_s:g} s; wait longer or cancel it"
-                )
+                if heard_s > deadline_s:
+                    raise DeadlineExceeded(
+                        f"task {id} is still {task.state} after {timeout_s:g} s; wait longer, or "
+                        "cancel it"
+                    )
             time.sleep(POLL_S)
 
     def decisions(self, id: str) -> tuple[Decision, ...]:

@@ -149,4 +149,6 @@ class _Run:
 
     def _say(self, text: str) -> None:
         with contextlib.suppress(OSError):  # nobody reads any more; that must not stop the robot
-            self._console.print(f"[dim]{self._age_s():6.1f} s[/]  {text}", highlight=False)
+            self._console.print(
+                f"[dim]{self._age_s():6.1f} s[/]  {text}", highlight=False, soft_wrap=True
+            )
