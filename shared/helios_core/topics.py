@@ -102,7 +102,7 @@ CANCEL = Method("planner/cancel", pb.TaskRequest, pb.Task)
 DECISIONS = Method("planner/decisions", pb.TaskRequest, pb.DecisionList)
 
 # --- health ---------------------------------------------------------------------------------
-SUPERVISOR = Topic("supervisor/status", pb.SupervisorStatus, QoS.RETAINED)
+SUPERVISOR = Topic("supervisor/processes", pb.SupervisorStatus, QoS.RETAINED)
 
 
 def status_topic(service: str) -> Topic[pb.ServiceStatus]:
