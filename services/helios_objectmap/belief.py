@@ -35,9 +35,12 @@ def believe(
         believed[likely] = np.array(parked, np.int16)[best[likely]]
     if context_columns:
         present = mean[:, context_columns]
-        order = np.arange(len(context_columns)) * _TIE * 0.01
-        best = np.argmax(present - order, axis=1)
-        other = np.maximum(1 - present.sum(axis=1), 0)
-        named = present[np.arange(n), best] > other + _TIE
-        believed[named] = np.array(context_columns, np.int16)[best[named]]
+        best = np.argmax(present - np.arange(len(context_columns)) * _TIE * 0.01, axis=1)
+        column = np.array(context_columns, np.int16)[best]
+        rows = np.arange(n)
+        own, everything = positive[rows, column], asked[rows, column]
+        # "Other" is what the views that asked for the class gave to none of the present classes.
+        other = np.maximum(everything - positive[:, context_columns].sum(axis=1), 0)
+        named = own > other + _TIE * (1 + everything)
+        believed[named] = column[named]
     return believed

@@ -14,49 +14,70 @@ class ObjectMapSettings(ServiceSettings):
 
     model_config = service_config("objectmap")
 
-    stride_px: int = Field(2, ge=1, le=8, description="Every n-th pixel is mapped, both ways.")
-    min_depth_m: float = Field(
-        0.25, ge=0, description="Nearer depth is the robot's own body or what it holds."
+    stride_px: int = Field(
+        default=2, ge=1, le=8, description="Every n-th pixel is mapped, both ways."
     )
-    max_depth_m: float = Field(8.0, gt=0, description="Farther depth is ignored.")
+    min_depth_m: float = Field(
+        default=0.25, ge=0, description="Nearer depth is the robot's own body or what it holds."
+    )
+    max_depth_m: float = Field(default=8.0, gt=0, description="Farther depth is ignored.")
     held_object_m: float = Field(
-        1.0, ge=0, description="Detections of the held class nearer than this are the held object."
+        default=1.0,
+        ge=0,
+        description="Detections of the held class nearer than this are the held object.",
     )
 
     prior_concentration: float = Field(
-        1.0, gt=0, description="Concentration of each class before any view; more needs more views."
+        default=1.0,
+        gt=0,
+        description="Concentration of each class before any view; more needs more views.",
     )
-    alpha_cpa: float = Field(3.0, gt=0, description="How often each observation counts (eq. 3).")
-    alpha_cs: float = Field(1.0, ge=0, description="Weight of the uncertainty in a score (eq. 7).")
+    alpha_cpa: float = Field(
+        default=3.0, gt=0, description="How often each observation counts (eq. 3)."
+    )
+    alpha_cs: float = Field(
+        default=1.0, ge=0, description="Weight of the uncertainty in a score (eq. 7)."
+    )
 
     creation_rule: Literal["noise-scaled", "paper"] = Field(
-        "noise-scaled", description="noise-scaled creates and carves by depth noise; paper: literal"
+        default="noise-scaled",
+        description="noise-scaled creates and carves by depth noise; paper: literal",
     )
-    opacity: float = Field(0.99, gt=0, lt=1, description="Opacity of a new Gaussian.")
-    radius_px: float = Field(1.0, gt=0, description="Standard deviation of a new Gaussian, pixels.")
+    opacity: float = Field(default=0.99, gt=0, lt=1, description="Opacity of a new Gaussian.")
+    radius_px: float = Field(
+        default=1.0, gt=0, description="Standard deviation of a new Gaussian, pixels."
+    )
     create_front_m: float = Field(
-        0.05, gt=0, description="A surface this far in front of the model is new."
+        default=0.05, gt=0, description="A surface this far in front of the model is new."
     )
     carve_front_m: float = Field(
-        0.10, gt=0, description="A Gaussian this far in front of what is measured is gone."
+        default=0.10, gt=0, description="A Gaussian this far in front of what is measured is gone."
     )
     reobserve_agreement_m: float = Field(
-        0.5, gt=0, description="Depth difference up to which a pixel is seen again."
+        default=0.5, gt=0, description="Depth difference up to which a pixel is seen again."
     )
-    closing_px: int = Field(5, ge=1, description="Holes this small in what is seen again close.")
+    closing_px: int = Field(
+        default=5, ge=1, description="Holes this small in what is seen again close."
+    )
 
     # The paper has one observation a step, and its smallest step is 0.1 m or 5 degrees: just below.
     viewpoint_moved_m: float = Field(
-        0.08, gt=0, description="A view counts anew when the camera moved this far, metres."
+        default=0.08, gt=0, description="A view counts anew when the camera moved this far, metres."
     )
     viewpoint_turned_rad: float = Field(
-        math.radians(4), gt=0, description="A view counts anew when the camera turned this much."
+        default=math.radians(4),
+        gt=0,
+        description="A view counts anew when the camera turned this much.",
     )
 
     object_voxel_m: float = Field(
-        0.07, gt=0, description="Voxel that joins Gaussians of objects into instances, metres."
+        default=0.07,
+        gt=0,
+        description="Voxel that joins Gaussians of objects into instances, metres.",
     )
     receptacle_voxel_m: float = Field(
-        0.5, gt=0, description="Voxel that joins Gaussians of receptacles into instances, metres."
+        default=0.5,
+        gt=0,
+        description="Voxel that joins Gaussians of receptacles into instances, metres.",
     )
-    min_gaussians: int = Field(5, ge=1, description="Smaller instances are not reported.")
+    min_gaussians: int = Field(default=5, ge=1, description="Smaller instances are not reported.")

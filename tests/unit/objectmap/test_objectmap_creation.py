@@ -1,0 +1,132 @@
+"""Creation, carving, re-observation and viewpoints."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from helios_objectmap import create, splat
+from helios_objectmap.reobserve import reobserved
+from helios_objectmap.view import View
+from helios_objectmap.viewpoints import Viewpoints
+from objectmap_scene import looking_at, pose
+
+SHAPE = (24, 32)
+VIEW = View(30.0, 30.0, 15.5, 11.5, 32, 24, np.eye(4))
+EVERYWHERE = np.ones(SHAPE, bool)
+
+
+def rendering(depth_m: float, coverage: float = 1.0) -> splat.Rendering:
+    return splat.Rendering(
+        np.full(SHAPE, depth_m, np.float32),
+        np.full(SHAPE, coverage, np.float32),
+        np.zeros((0, *SHAPE), np.float32),
+    )
+
+
+def measured(depth_m: float):
+    return np.full(SHAPE, depth_m, np.float32)
+
+
+def test_gaussians_are_made_where_nothing_is_modelled_and_depth_is_valid():
+    depth = measured(2.0)
+    depth[3, 4] = 0
+    mask = create.creation_mask(depth, rendering(0.0, coverage=0.0), EVERYWHERE, 0.05)
+    assert mask.sum() == mask.size - 1
+    assert not mask[3, 4]
+
+
+def test_depth_noise_on_a_modelled_surface_makes_none():
+    noisy = measured(2.0) + np.random.default_rng(0).normal(0, 0.013, SHAPE).astype(np.float32)
+    assert not create.creation_mask(noisy, rendering(2.0), EVERYWHERE, 0.05).any()
+    assert create.paper_creation_mask(noisy, rendering(2.0), EVERYWHERE).any()
+
+
+def test_a_surface_in_front_of_the_model_is_new_and_one_behind_is_not():
+    assert create.creation_mask(measured(1.9), rendering(2.0), EVERYWHERE, 0.05).any()
+    assert not create.creation_mask(measured(2.1), rendering(2.0), EVERYWHERE, 0.05).any()
+
+
+def test_the_literal_rule_keeps_errors_over_a_metre_and_eroded_ones_over_a_millimetre():
+    depth = measured(2.0)
+    depth[5, 5] = 2.01  # a single pixel does not survive the erosion
+    depth[10, 10] = 3.5
+    depth[15:18, 15:18] = 2.01
+    mask = create.paper_creation_mask(depth, rendering(2.0), EVERYWHERE)
+    assert {tuple(p) for p in np.argwhere(mask)} == {(10, 10), (16, 16)}
+
+
+def one_gaussian(z: float) -> splat.Projection:
+    mean = np.array([[0, 0, z]], np.float32)
+    return splat.project(mean, np.array([0.03], np.float32), np.array([0.99], np.float32), VIEW)
+
+
+def test_a_gaussian_is_seen_through_beyond_10_cm_only():
+    assert create.seen_through(one_gaussian(1.0), measured(1.2), 0.10).tolist() == [0]
+    assert not len(create.seen_through(one_gaussian(1.0), measured(1.08), 0.10))
+    assert not len(create.seen_through(one_gaussian(1.0), measured(0.5), 0.10))
+
+
+def test_invalid_depth_or_an_edge_beside_it_carves_nothing():
+    assert not len(create.seen_through(one_gaussian(1.0), measured(0.0), 0.10))
+    depth = measured(2.0)
+    depth[12, 17] = 1.0  # a neighbour still shows the surface
+    assert not len(create.seen_through(one_gaussian(1.0), depth, 0.10))
+
+
+def test_far_away_noise_carves_nothing():
+    # At 5 m the noise is 4 cm: 15 cm of difference is no evidence.
+    assert not len(create.seen_through(one_gaussian(5.0), measured(5.15), 0.10))
+
+
+def test_pixels_within_half_a_metre_are_seen_again_and_occluded_ones_are_not():
+    nothing = np.zeros(SHAPE, bool)
+    assert reobserved(measured(2.4), rendering(2.0), nothing, 0.5, 5).all()
+    assert not reobserved(measured(1.4), rendering(2.0), nothing, 0.5, 5).any()
+
+
+def test_small_holes_close_but_invalid_depth_never_counts():
+    depth = measured(2.0)
+    depth[10, 10] = 3.0  # a hole of one pixel
+    depth[5, 5] = 0
+    mask = reobserved(depth, rendering(2.0), np.zeros(SHAPE, bool), 0.5, 5)
+    assert mask[10, 10]
+    assert not mask[5, 5]
+
+
+def test_created_pixels_count_as_seen():
+    created = np.zeros(SHAPE, bool)
+    created[3:6, 3:6] = True
+    assert np.array_equal(
+        reobserved(measured(2.0), rendering(0.0, coverage=0.0), created, 0.5, 1), created
+    )
+
+
+def viewpoints() -> Viewpoints:
+    return Viewpoints(moved_m=0.1, turned_rad=math.radians(5))
+
+
+def test_a_small_step_or_turn_is_the_same_viewpoint_and_a_larger_one_is_new():
+    points = viewpoints()
+    assert points.match(pose()) == 0
+    assert points.match(pose(x=0.09)) == 0
+    assert points.match(pose(yaw=math.radians(4.9))) == 0
+    assert points.match(pose(x=0.11)) == 1
+    assert points.match(pose(yaw=math.radians(5.1))) == 2
+    assert points.match(pose(tilt=0.45 + math.radians(5.1))) == 3
+
+
+def test_coming_back_is_the_old_viewpoint():
+    points = viewpoints()
+    ids = [points.match(looking_at(0.3 * i, 0, (5, 0, 0.8))) for i in range(40)]
+    assert ids == list(range(40))
+    assert points.match(looking_at(0.0, 0, (5, 0, 0.8))) == 0
+
+
+def test_a_viewpoint_counts_once_per_class_and_for_gaussians_made_later():
+    points = viewpoints()
+    born = np.array([0, 7])
+    here = points.match(pose())
+    assert points.counts(here, ["mug"], born).all()
+    points.mark(here, ["mug"], update=3)
+    assert points.counts(here, ["mug", "bowl"], born).tolist() == [[False, True], [True, True]]

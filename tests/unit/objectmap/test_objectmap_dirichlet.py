@@ -1,0 +1,127 @@
+"""Evidence, expectation, variance, entropy and score against plain float64 twins (eq. 2-7)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helios_objectmap import dirichlet
+from helios_objectmap.accumulate import accumulate
+from helios_objectmap.belief import believe
+from helios_objectmap.gaussians import OTHER, GaussianStore
+from helios_objectmap.score import score
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+CONCENTRATIONS = st.lists(st.floats(0.1, 500), min_size=2, max_size=8)
+
+
+@settings(max_examples=50, deadline=None)
+@given(CONCENTRATIONS)
+def test_expectation_variance_and_entropy_are_those_of_the_dirichlet_distribution(gamma):
+    concentration = np.array(gamma)
+    twin = stats.dirichlet(concentration)
+    assert np.allclose(dirichlet.expectation(concentration), twin.mean())
+    assert np.allclose(dirichlet.variance(concentration), twin.var())
+    # eq. 5 subtracts numbers of up to a thousand: 1e-9 of that is lost.
+    assert dirichlet.entropy(concentration) == pytest.approx(twin.entropy(), abs=1e-6)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.floats(0, 100), min_size=3, max_size=6), st.floats(0.2, 5))
+def test_marginals_within_one_context_are_those_of_the_whole_distribution(evidence, prior):
+    hits = np.array(evidence)  # "other" first
+    concentration = hits + prior
+    mean, deviation = dirichlet.marginal(
+        hits[1:], np.full(len(hits) - 1, hits.sum()), prior, len(hits)
+    )
+    assert np.allclose(mean, dirichlet.expectation(concentration)[1:])
+    assert np.allclose(deviation, np.sqrt(dirichlet.variance(concentration)[1:]))
+    rebuilt = dirichlet.concentration_of(hits[None, 1:], np.array([hits.sum()]), prior)
+    assert np.allclose(rebuilt[0], concentration)
+
+
+def reference_update(gamma, kappa, alpha_cpa):
+    """eq. 3: gamma [n][C], kappa [n][C] summed over the pixels of each class, plain Python."""
+    return [
+        [g + alpha_cpa * k for g, k in zip(gs, ks, strict=True)]
+        for gs, ks in zip(gamma, kappa, strict=True)
+    ]
+
+
+def store_of(n: int, class_names: list[str]) -> GaussianStore:
+    store = GaussianStore()
+    for name in class_names:
+        store.column(name)
+    store.append(
+        np.zeros((n, 3), np.float32), np.ones(n, np.float32), 0.9, np.zeros((n, 3), np.uint8), 0
+    )
+    return store
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(1, 12), st.integers(1, 4), st.floats(0.1, 10), st.integers(0, 2**32 - 1))
+def test_accumulated_evidence_gives_the_concentration_of_eq_3(n, classes, alpha_cpa, seed):
+    rng = np.random.default_rng(seed)
+    store = store_of(n, [f"c{i}" for i in range(classes)])
+    gamma = [[1.0] * (classes + 1) for _ in range(n)]
+    everything = np.ones((n, classes), bool)
+    for _ in range(3):
+        kappa = rng.uniform(0, 5, (n, classes + 1)).astype(np.float32)
+        before = store.positive.copy(), store.asked.copy()
+        accumulate(store, np.arange(n), kappa, list(range(classes)), everything, alpha_cpa)
+        assert (store.positive >= before[0]).all()
+        assert (store.asked >= before[1]).all()
+        gamma = reference_update(gamma, kappa.astype(float), alpha_cpa)
+    rebuilt = dirichlet.concentration_of(store.positive, store.asked[:, 0], 1.0)
+    assert np.allclose(rebuilt, gamma, rtol=1e-4, atol=1e-3)  # float32 sums
+
+
+@given(st.floats(0.1, 10), st.floats(1.1, 5))
+def test_accumulate_is_linear_in_alpha_cpa(alpha_cpa, factor):
+    kappa = np.array([[0.3, 0.7], [2.0, 0.0]], np.float32)
+    once, more = store_of(2, ["a"]), store_of(2, ["a"])
+    counts = np.ones((2, 1), bool)
+    accumulate(once, np.arange(2), kappa, [0], counts, alpha_cpa)
+    accumulate(more, np.arange(2), kappa, [0], counts, alpha_cpa * factor)
+    assert np.allclose(more.positive, once.positive * factor, rtol=1e-5)
+    assert np.allclose(more.asked, once.asked * factor, rtol=1e-5)
+
+
+def test_a_view_that_does_not_count_leaves_the_evidence():
+    store = store_of(2, ["a"])
+    kappa = np.ones((2, 2), np.float32)
+    accumulate(store, np.arange(2), kappa, [0], np.array([[True], [False]]), 3.0)
+    assert store.asked[:, 0].tolist() == [6.0, 0.0]
+
+
+def test_score_is_the_mean_less_the_mean_deviation():
+    mean, deviation = np.array([0.8, 0.6]), np.array([0.1, 0.3])
+    got = score(mean, deviation, alpha_cs=2.0)
+    assert (got.class_score, got.uncertainty) == pytest.approx((0.7, 0.2))
+    assert got.psi == pytest.approx(0.7 - 2.0 * 0.2)  # eq. 7
+
+
+def believed(positive, asked, context):
+    return believe(np.array([positive], np.float32), np.array([asked], np.float32), context, 1.0)[0]
+
+
+def test_equal_beliefs_go_to_other_and_then_to_the_first_class():
+    assert believed([0, 0], [0, 0], [0, 1]) == OTHER
+    assert believed([3, 3], [6, 6], [0, 1]) == 0
+    assert believed([3, 3], [6, 6], [1, 0]) == 1
+
+
+def test_a_class_of_an_earlier_context_keeps_its_name_until_the_present_one_has_a_name():
+    assert believed([9, 0], [10, 0], [1]) == 0
+    assert believed([9, 9], [10, 10], [1]) == 1
+
+
+def test_store_grows_and_removes_without_losing_rows():
+    store = store_of(3000, ["a"])
+    store.positive[:, 0] = np.arange(3000)
+    store.remove(np.array([0, 2, 2999]))
+    assert len(store) == 2997
+    assert store.positive[:3, 0].tolist() == [1.0, 3.0, 4.0]
+    assert store.column("b") == 1
+    assert store.asked.shape == (2997, 2)

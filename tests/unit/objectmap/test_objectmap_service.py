@@ -1,0 +1,227 @@
+"""The shell over a MemoryBus: acknowledgements, contexts, epochs, answers and errors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.codec import (
+    context_to_proto,
+    object_from_proto,
+    observation_to_proto,
+    state_to_proto,
+)
+from helios_core.codec.frames import pinhole_to_proto, transform_to_proto
+from helios_core.errors import InvalidInput
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import (
+    CONTEXT,
+    GAUSSIANS,
+    OBJECTMAP_ACK,
+    OBJECTS,
+    OBSERVATION,
+    RESET_OBJECTS,
+    RETIRE,
+    ROBOT_STATE,
+    WHAT_IF,
+)
+from helios_core.types import RobotState, SearchContext
+from helios_objectmap.service import MOST_WAITING, ObjectMapService
+from objectmap_scene import (
+    CAMERA,
+    MUG,
+    ROOM,
+    SETTINGS,
+    looking_at,
+    mug_at,
+    observe,
+)
+from objectmap_scene import (
+    CONTEXT as SOUGHT,
+)
+
+SCENE = (*ROOM, mug_at(1.2, 0.0))
+MUG_CENTER = (1.2, 0.0, 0.8)
+
+
+class Rig:
+    """A service on a bus, and everybody else's end of it."""
+
+    def __init__(self) -> None:
+        hub = MemoryHub()
+        self.bus = MemoryBus(hub)
+        self.health = Health()
+        self.acks: list[pb.Ack] = []
+        self.bus.subscribe(OBJECTMAP_ACK, self.acks.append)
+        self.service = ObjectMapService(MemoryBus(hub), SETTINGS, self.health)
+
+    def ask_for(self, context: SearchContext = SOUGHT) -> None:
+        self.bus.publish(CONTEXT, context_to_proto(context))
+
+    def see(self, x: float = 0.0, y: float = 0.0, seq: int = 0, **kw) -> None:
+        o = observe(SCENE, looking_at(x, y, MUG_CENTER), seq=seq, **kw)
+        self.bus.publish(OBSERVATION, observation_to_proto(o))
+
+    def objects(self, *names: str):
+        reply = self.bus.call(OBJECTS, pb.ObjectsRequest(class_names=names), 1.0)
+        return [object_from_proto(o) for o in reply.objects]
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return Rig()
+
+
+def test_warm_up_makes_the_service_ready(rig):
+    assert rig.health.state[0] == "starting"
+    rig.service.warm_up()
+    assert rig.health.state[0] == "ready"
+    assert not rig.objects()
+
+
+def test_every_observation_is_acknowledged_and_objects_are_answered(rig):
+    rig.ask_for()
+    rig.see(seq=1)
+    rig.see(0.2, 0.3, seq=2)
+    assert [(a.accepted, a.id.seq, a.part, a.service) for a in rig.acks] == [
+        (True, 1, "objects", "objectmap"),
+        (True, 2, "objects", "objectmap"),
+    ]
+    (mug,) = rig.objects("mug")
+    assert np.linalg.norm(mug.center_m - MUG_CENTER) < 0.06
+    reply = rig.bus.call(OBJECTS, pb.ObjectsRequest(), 1.0)
+    assert {o.class_name for o in reply.objects} == {"mug", "table"}
+    assert reply.id.seq == 2
+    assert reply.version == rig.acks[-1].version
+    assert reply.gaussians > 1000
+    assert not rig.bus.call(OBJECTS, pb.ObjectsRequest(min_class_score=0.99), 1.0).objects
+
+
+def test_an_observation_that_comes_before_its_context_waits_for_it(rig):
+    rig.see(seq=1)
+    assert not rig.acks
+    rig.ask_for()
+    assert [a.accepted for a in rig.acks] == [True]
+
+
+def test_observations_of_a_context_that_never_comes_are_refused_with_the_reason(rig):
+    for seq in range(MOST_WAITING + 1):
+        rig.see(seq=seq)
+    assert [(a.accepted, a.id.seq) for a in rig.acks] == [(False, 0)]
+    rig.ask_for(SearchContext("another", (MUG,)))
+    assert [a.accepted for a in rig.acks] == [False] * (MOST_WAITING + 1)
+    assert "c1" in rig.acks[-1].reason
+
+
+def test_an_observation_of_a_context_that_is_over_is_refused(rig):
+    rig.ask_for()
+    rig.ask_for(SearchContext("c2", (MUG,)))
+    rig.see(seq=1)
+    (ack,) = rig.acks
+    assert not ack.accepted
+    assert "c2" in ack.reason
+
+
+def test_a_new_world_epoch_parks_the_map_and_the_old_one_is_refused(rig):
+    rig.ask_for()
+    rig.see(seq=1)
+    rig.see(seq=1, epoch=1, called={})
+    assert not rig.objects()
+    rig.see(seq=2, epoch=0)
+    assert [a.accepted for a in rig.acks] == [True, True, False]
+    assert "parked" in rig.acks[-1].reason
+
+
+def test_a_corrupt_observation_is_refused_and_the_next_one_is_taken(rig):
+    rig.ask_for()
+    o = observation_to_proto(observe(SCENE, looking_at(0, 0, MUG_CENTER), seq=1))
+    o.frame.T_world_cam.pose.position.x = float("nan")
+    rig.bus.publish(OBSERVATION, o)
+    rig.see(seq=2)
+    assert [a.accepted for a in rig.acks] == [False, True]
+    assert rig.acks[0].reason
+
+
+def test_the_held_object_does_not_become_one(rig):
+    rig.ask_for()
+    rig.bus.publish(ROBOT_STATE, state_to_proto(RobotState(np.eye(4), held="mug")))
+    near = (*ROOM, ("mug", (0.5, -0.1, 0.9), (0.6, 0.1, 1.1)))
+    o = observe(near, looking_at(0, 0, MUG_CENTER))
+    rig.bus.publish(OBSERVATION, observation_to_proto(o))
+    assert not rig.objects("mug")
+
+
+def what_if(rig: Rig, object_id: int, name: str = "mug", joint: bool = False):
+    poses = [looking_at(0.4, y, MUG_CENTER) for y in (-0.2, 0.2)]
+    return rig.bus.call(
+        WHAT_IF,
+        pb.WhatIfRequest(
+            object_id=object_id,
+            class_name=name,
+            T_world_cam=[transform_to_proto(T) for T in poses],
+            camera=pinhole_to_proto(CAMERA),
+            joint=joint,
+        ),
+        1.0,
+    )
+
+
+def test_what_if_answers_per_pose_or_jointly(rig):
+    rig.ask_for()
+    rig.see()
+    (mug,) = rig.objects("mug")
+    each, joint = what_if(rig, mug.id), what_if(rig, mug.id, joint=True)
+    assert len(each.score) == 2
+    assert min(each.score) > mug.score
+    assert joint.score[0] > max(each.score)
+    assert joint.information_gain[0] > max(each.information_gain)
+
+
+def test_what_if_about_an_unknown_object_or_a_broken_camera_is_invalid_input(rig):
+    rig.ask_for()
+    rig.see()
+    (mug,) = rig.objects("mug")
+    for object_id, name in ((99999, "mug"), (mug.id, "cat"), (0, "mug")):
+        with pytest.raises(InvalidInput, match="ask for the objects again"):
+            what_if(rig, object_id, name)
+    with pytest.raises(InvalidInput):
+        rig.bus.call(WHAT_IF, pb.WhatIfRequest(object_id=mug.id, class_name="mug"), 1.0)
+
+
+def test_retire_by_id_or_point_takes_the_object_out(rig):
+    rig.ask_for()
+    for by_point in (False, True):
+        rig.bus.call(RESET_OBJECTS, pb.Empty(), 1.0)
+        rig.see(0.1 if by_point else 0.0)
+        (mug,) = rig.objects("mug")
+        x, y, z = MUG_CENTER
+        request = (
+            pb.RetireRequest(point_m=pb.Vector3(x=x, y=y, z=z), radius_m=0.3, reason="picked")
+            if by_point
+            else pb.RetireRequest(object_id=mug.id, reason="picked")
+        )
+        assert rig.bus.call(RETIRE, request, 1.0).retired_gaussians >= mug.gaussians
+        assert not rig.objects("mug")
+        assert rig.objects("table")
+        assert rig.bus.call(RETIRE, request, 1.0).retired_gaussians == 0
+    with pytest.raises(InvalidInput):
+        rig.bus.call(RETIRE, pb.RetireRequest(), 1.0)
+
+
+def test_gaussians_agree_in_length_and_reset_forgets_them(rig):
+    rig.ask_for()
+    rig.see()
+    reply = rig.bus.call(GAUSSIANS, pb.GaussiansRequest(), 1.0)
+    n = reply.count
+    assert n > 1000
+    assert len(np.frombuffer(reply.means_m, "<f4")) == 3 * n
+    assert len(np.frombuffer(reply.scales_m, "<f4")) == n
+    assert len(np.frombuffer(reply.opacities, "<f4")) == n
+    assert len(reply.colors) == 3 * n
+    assert set(np.frombuffer(reply.instances, "<u4")) == {o.id for o in rig.objects()}
+    assert list(reply.class_names) == ["other", "mug", "table"]
+    assert len(np.frombuffer(reply.concentration, "<f4")) == 3 * n
+    rig.bus.call(RESET_OBJECTS, pb.Empty(), 1.0)
+    assert not rig.objects()
+    assert rig.bus.call(GAUSSIANS, pb.GaussiansRequest(), 1.0).count == 0
