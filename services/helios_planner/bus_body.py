@@ -5,60 +5,49 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import (
-    action_to_proto,
     description_from_proto,
     frame_id_from_proto,
     object_from_proto,
     pinhole_to_proto,
     result_from_proto,
-    state_from_proto,
     transform_to_proto,
     vector_to_proto,
 )
 from helios_core.errors import (
     Conflict,
-    DeadlineExceeded,
-    HeliosError,
     InvalidInput,
-    Unavailable,
 )
 from helios_core.geometry import Matrix
 from helios_core.grids import decode_snapshot
 from helios_core.robot import Action, ActionResult, Observe
 from helios_core.topics import (
-    ACT,
-    GET_STATE,
-    LEASE,
     OBJECTS,
     RETIRE,
     SNAPSHOT,
     WHAT_IF,
-    Method,
-    Rep,
-    Req,
 )
 from helios_core.types import FrameId, ObjectInstance, RobotState
 from numpy.typing import NDArray
 
 from helios_planner.acks import PARTS, AckBook
 from helios_planner.body import Body, Frontier, WhatIf
+from helios_planner.calls import RETRY_S, system_error
 from helios_planner.decide import Decision
+from helios_planner.driving import Driver, Line
 from helios_planner.grid import GroundMap, Pose2
 from helios_planner.settings import Settings
-from helios_planner.task import Cause, Phase, TaskCancelled, TaskFailed
+from helios_planner.task import Cause, Phase, TaskFailed
 
 log = logging.getLogger(__name__)
 
-HOLDER = "planner"
 ACK_PATIENCE_S = 6.0  # then the keyframe is taken anew: a service that restarted has lost it
-RETRY_S = 0.3
 
 
 class Listener(Protocol):
@@ -88,13 +77,12 @@ class BusBody(Body):
         listener: Listener,
         cancelled: threading.Event,
     ) -> None:
-        self._bus, self._settings, self._acks = bus, settings, acks
+        self._settings, self._acks = settings, acks
+        self._line = Line(bus, settings, cancelled)
+        self._driver = Driver(self._line, settings, task_id, self._on_pause)
         self.description = description_from_proto(description)
-        self._task_id, self._context_id = task_id, context_id
-        self._max_steps, self._listener, self._cancelled = max_steps, listener, cancelled
+        self._context_id, self._max_steps, self._listener = context_id, max_steps, listener
         self.steps, self.collisions = 0, 0
-        self._number = 0
-        self._token: int | None = None
         self._frame: FrameId | None = None
         self._state: RobotState | None = None
         self._ground: GroundMap | None = None
@@ -121,7 +109,7 @@ class BusBody(Body):
                     f"{' and '.join(dict.fromkeys(parts))} did not take up the search"
                     + (f": {'; '.join(reasons)}" if reasons else "; see `helios status`"),
                 )
-            self._rest(RETRY_S)
+            self._line.rest(RETRY_S)
 
     # --- acting --------------------------------------------------------------------------------
     def act(self, action: Action) -> ActionResult:
@@ -146,7 +134,7 @@ class BusBody(Body):
     ) -> tuple[ActionResult, dict[str, pb.Ack], list[str]]:
         if self.steps >= self._max_steps:
             raise TaskFailed(Cause.STEP_BUDGET, f"the task's {self._max_steps} steps are used up")
-        reply = self._sent(action)
+        reply = self._driver.do(action)
         self.steps += 1
         self._listener.on_steps(self.steps)
         self._fresh = False
@@ -154,7 +142,7 @@ class BusBody(Body):
         self._state = None
         result = result_from_proto(reply)
         self.collisions += int(result.collided)
-        self.cut_short = not result.succeeded and self._wait_while_stopped()
+        self.cut_short = not result.succeeded and self._driver.wait_while_stopped()
         if not reply.HasField("keyframe"):
             raise TaskFailed(Cause.SYSTEM_ERROR, "the robot sent no keyframe after an action")
         frame = frame_id_from_proto(reply.keyframe)
@@ -164,74 +152,9 @@ class BusBody(Body):
                 "the robot restarted or its localisation jumped; submit the task again",
             )
         self._frame = frame
-        answers, missing = self._acks.wait(frame, ack_s, self._cancelled)
-        self._check_cancelled()
+        answers, missing = self._acks.wait(frame, ack_s, self._line.cancelled)
+        self._line.check()
         return result, answers, missing
-
-    def _sent(self, action: Action) -> pb.ActionResult:
-        """Send one action until it is done once: the same id while nobody answers, a new one when
-        the lease or the stop refused it."""
-        away_since: float | None = None
-        action_id = self._next_id()
-        while True:
-            self._check_cancelled()
-            if self._token is None:
-                self._token = self._lease()
-            request = pb.ActionRequest(
-                action_id=action_id,
-                lease_token=self._token,
-                time_remaining_s=self._settings.action_timeout_s,
-                action=action_to_proto(action),
-            )
-            try:
-                return self._bus.call(ACT, request, self._settings.action_timeout_s + 5.0)
-            except Conflict as error:
-                if self._wait_while_stopped():
-                    action_id, self._token = self._next_id(), None
-                    continue
-                log.warning("driving was refused: %s", error.message)
-                # The same id: had it been done before the lease was lost, it is not repeated.
-                self._token, away_since = None, away_since or time.monotonic()
-            except (Unavailable, DeadlineExceeded) as error:
-                away_since = away_since or time.monotonic()
-                log.warning("the bridge is away: %s", error.message)
-                self._token = None
-                if time.monotonic() - away_since > self._settings.away_s:
-                    raise _system(error) from error
-            except HeliosError as error:
-                raise _system(error) from error
-            if away_since and time.monotonic() - away_since > 2 * self._settings.away_s:
-                raise TaskFailed(
-                    Cause.SYSTEM_ERROR, "somebody else keeps taking the robot; see `helios status`"
-                )
-            self._rest(RETRY_S)
-
-    def _lease(self) -> int:
-        """Ask until it is granted; somebody else may be driving."""
-        deadline = time.monotonic() + self._settings.away_s
-        while True:
-            try:
-                return self._call(LEASE, pb.LeaseRequest(holder=HOLDER), refusals=(Conflict,)).token
-            except Conflict as error:
-                if time.monotonic() > deadline:
-                    raise _system(error) from error
-                self._rest(RETRY_S)
-
-    def _wait_while_stopped(self) -> bool:
-        """While stop-now is latched: pause. Whether it was."""
-        paused = False
-        while (state := self._asked_state()).stopped:
-            if not paused:
-                self._listener.on_paused(state.message or "stop-now")
-                paused = True
-            self._rest(RETRY_S)
-        if paused:
-            self._listener.on_resumed()
-        return paused
-
-    def _next_id(self) -> str:
-        self._number += 1
-        return f"{self._task_id}-{self._number}"
 
     # --- knowing -------------------------------------------------------------------------------
     def pose(self) -> Pose2:
@@ -254,7 +177,7 @@ class BusBody(Body):
 
     def objects(self, class_name: str) -> Sequence[ObjectInstance]:
         if class_name not in self._objects:
-            reply = self._call(OBJECTS, pb.ObjectsRequest(class_names=[class_name]))
+            reply = self._line.call(OBJECTS, pb.ObjectsRequest(class_names=[class_name]))
             self._objects[class_name] = [object_from_proto(o) for o in reply.objects]
         return self._objects[class_name]
 
@@ -269,7 +192,7 @@ class BusBody(Body):
             joint=joint,
         )
         try:
-            reply = self._call(WHAT_IF, request, refusals=(InvalidInput, Conflict))
+            reply = self._line.call(WHAT_IF, request, refusals=(InvalidInput, Conflict))
         except (InvalidInput, Conflict) as error:
             log.warning("no expectation for %s %d: %s", class_name, id, error.message)
             return WhatIf((), ())
@@ -280,29 +203,26 @@ class BusBody(Body):
             object_id=id, point_m=vector_to_proto(point_m), radius_m=0.15, reason=reason
         )
         try:
-            self._call(RETIRE, request, refusals=(InvalidInput, Conflict))
+            self._line.call(RETIRE, request, refusals=(InvalidInput, Conflict))
         except (InvalidInput, Conflict) as error:
             log.warning("object %d was not retired: %s", id, error.message)
         self._objects.clear()
 
     def _now(self) -> RobotState:
         if self._state is None:
-            self._state = self._asked_state()
+            self._state = self._driver.state()
         return self._state
-
-    def _asked_state(self) -> RobotState:
-        return state_from_proto(self._call(GET_STATE, pb.Empty()))
 
     def _refresh(self) -> None:
         if self._fresh:
             return
         known = self._ground.version if self._ground is not None else 0
-        reply = self._call(SNAPSHOT, pb.SnapshotRequest(layers=False, if_newer=known))
+        reply = self._line.call(SNAPSHOT, pb.SnapshotRequest(layers=False, if_newer=known))
         if not reply.unchanged or self._ground is None:
             try:
                 view = decode_snapshot(reply)
             except InvalidInput as error:
-                raise _system(error) from error
+                raise system_error(error) from error
             self._ground = GroundMap(
                 view.occupancy, view.top_m, view.cell_m, view.origin_m, view.version
             )
@@ -310,6 +230,12 @@ class BusBody(Body):
                 Frontier(f.id, (f.x_m, f.y_m), f.size_m, dict(f.values)) for f in view.frontiers
             )
         self._fresh = True
+
+    def _on_pause(self, why: str | None) -> None:
+        if why is None:
+            self._listener.on_resumed()
+        else:
+            self._listener.on_paused(why)
 
     # --- telling -------------------------------------------------------------------------------
     def tell_phase(self, phase: Phase, seeking: str, message: str) -> None:
@@ -323,54 +249,3 @@ class BusBody(Body):
 
     def tell_picks(self, picks: int) -> None:
         self._listener.on_picks(picks)
-
-    # --- calls ---------------------------------------------------------------------------------
-    def _call(
-        self,
-        method: Method[Req, Rep],
-        request: Req,
-        refusals: tuple[type[HeliosError], ...] = (),
-    ) -> Rep:
-        """Ask, and wait for a service that is away, up to `away_s`. Refusals are passed on; any
-        other error ends the task as a system error."""
-        return patiently(
-            lambda: self._bus.call(method, request, self._settings.call_timeout_s),
-            self._settings.away_s,
-            self._rest,
-            refusals,
-        )
-
-    def _rest(self, seconds: float) -> None:
-        self._cancelled.wait(seconds)
-        self._check_cancelled()
-
-    def _check_cancelled(self) -> None:
-        if self._cancelled.is_set():
-            raise TaskCancelled
-
-
-def patiently(
-    ask: Callable[[], Rep],
-    away_s: float,
-    rest: Callable[[float], None],
-    refusals: tuple[type[HeliosError], ...] = (),
-) -> Rep:
-    """Ask until answered, for as long as a service may be away."""
-    deadline = time.monotonic() + away_s
-    while True:
-        try:
-            return ask()
-        except refusals:
-            raise
-        except (Unavailable, DeadlineExceeded) as error:
-            if time.monotonic() > deadline:
-                raise TaskFailed(
-                    Cause.SYSTEM_ERROR, f"{error.message} (waited {away_s:.0f} s)"
-                ) from error
-            rest(RETRY_S)
-        except HeliosError as error:
-            raise _system(error) from error
-
-
-def _system(error: HeliosError) -> TaskFailed:
-    return TaskFailed(Cause.SYSTEM_ERROR, error.message)

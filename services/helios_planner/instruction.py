@@ -67,15 +67,19 @@ _BELONGS = (
 )
 _POLITE = (
     r"^(?:hey|hi|hello|ok|okay|robot|helios|please|kindly|now|then|just|can you|could you|"
-    r"would you|will you|i want you to|i would like you to|i'd like you to|i need you to|you should|you must|"
-    r"your task is to|try to|let's|go and|go ahead and|help me|help me to)\b[\s,:]*"
+    r"would you|will you|i want you to|i would like you to|i'd like you to|i need you to|"
+    r"you should|you must|your task is to|try to|let's|go and|go ahead and|help me|"
+    r"help me to)\b[\s,:]*"
 )
-_TAIL = r"[\s,]*\b(?:please|now|for me|for us|immediately|quickly|carefully|thanks|thank you|right away)$"
+_TAIL = (
+    r"[\s,]*\b(?:please|now|for me|for us|immediately|quickly|carefully|thanks|"
+    r"thank you|right away)$"
+)
 _ARTICLES = (
     r"^(?:one of the|any of the|all of the|the|a|an|my|your|our|his|her|their|this|that|these|"
     r"those|some|any)\s+"
 )
-_PRONOUNS = set("it them that this one something anything stuff things thing".split())
+_PRONOUNS = {"it", "them", "that", "this", "one", "something", "anything", "stuff", "thing"}
 _PEOPLE = {"me", "us", "him", "her", "them", "you", "here", "there", "somewhere"}
 
 

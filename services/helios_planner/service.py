@@ -8,7 +8,6 @@ import time
 import uuid
 from collections import deque
 
-import numpy as np
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import context_to_proto
@@ -31,26 +30,18 @@ from helios_core.topics import (
     M,
     Topic,
 )
-from helios_core.types import FrameId
-from numpy.typing import NDArray
 
 from helios_planner.acks import AckBook
-from helios_planner.bus_body import BusBody, patiently
+from helios_planner.bus_body import BusBody
+from helios_planner.calls import patiently
 from helios_planner.context import check_able, in_vocabulary, search_context
-from helios_planner.decide import Decision
 from helios_planner.flow import Mission
-from helios_planner.grid import Pose2
 from helios_planner.instruction import parse
 from helios_planner.settings import Settings
 from helios_planner.store import Store
-from helios_planner.task import Cause, Phase, State, Task, TaskCancelled, TaskFailed
-from helios_planner.telling import (
-    decision_to_proto,
-    plan_to_proto,
-    progress,
-    task_from_proto,
-    task_to_proto,
-)
+from helios_planner.task import Cause, State, Task, TaskCancelled, TaskFailed
+from helios_planner.telling import task_from_proto, task_to_proto
+from helios_planner.voice import TaskVoice
 
 log = logging.getLogger(__name__)
 
@@ -278,46 +269,3 @@ class PlannerService:
         self._description = description
         self._described.set()
         self._health.ready()
-
-
-class TaskVoice:
-    """Tells how one task goes; called from the worker alone."""
-
-    def __init__(self, service: PlannerService, id: str) -> None:
-        self._service, self._id = service, id
-        self._phase: Phase | None = None
-        self._phase_began, self._steps, self._decisions = 0, 0, 0
-        self._told_s = 0.0
-
-    def on_phase(self, phase: Phase, seeking: str, message: str) -> None:
-        if phase is not self._phase:
-            self._phase, self._phase_began = phase, self._steps
-        self._service.change(
-            self._id, phase=phase, seeking=seeking, message=message, progress=self._progress()
-        )
-
-    def on_steps(self, steps: int) -> None:
-        self._steps = steps
-        self._service.change(self._id, steps=steps, progress=self._progress())
-
-    def on_picks(self, picks: int) -> None:
-        self._service.change(self._id, picks=picks)
-
-    def on_paused(self, why: str) -> None:
-        message = f"the robot is stopped ({why}); clear the stop or cancel the task"
-        self._service.change(self._id, state=State.PAUSED, message=message)
-
-    def on_resumed(self) -> None:
-        self._service.change(self._id, state=State.RUNNING, message="goes on")
-
-    def on_decision(self, decision: Decision, frame: FrameId | None) -> None:
-        task = self._service.known(self._id)
-        told = decision_to_proto(decision, task, self._decisions, frame, time.time())
-        self._decisions += 1
-        self._service.keep(told)
-
-    def on_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None:
-        self._service.publish(PLAN, plan_to_proto(self._id, route_m, goal, purpose))
-
-    def _progress(self) -> float:
-        return progress(self._phase, self._steps - self._phase_began)

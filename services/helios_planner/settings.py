@@ -14,70 +14,116 @@ class Settings(ServiceSettings):
 
     model_config = service_config("planner")
 
-    state_dir: Path = Field(Path("runs/state/planner"), description="where tasks are kept (SQLite)")
-    max_steps: int = Field(1250, ge=1, description="actions a task may take, unless it says so")
+    state_dir: Path = Field(
+        default=Path("runs/state/planner"), description="where tasks are kept (SQLite)"
+    )
+    max_steps: int = Field(
+        default=1250, ge=1, description="actions a task may take, unless it says so"
+    )
 
     # --- Table 3 of the paper ---
     alpha_d: float = Field(
-        0.001, ge=0, description="weight of a metre in the objective (eq. 8, 10)"
+        default=0.001, ge=0, description="weight of a metre in the objective (eq. 8, 10)"
     )
-    tau_g: float = Field(0.5, description="score from which an object is picked (τ_g)")
-    tau_b: float = Field(0.5, description="score from which a receptacle is placed on (τ_b)")
-    tau_inc: float = Field(0.05, ge=0, description="least rise of a score worth a view (τ_inc)")
-    cs_a: float = Field(0.3, description="class score of a candidate start receptacle (cs_a)")
-    cs_g: float = Field(0.3, description="class score of a candidate object (cs_g)")
-    cs_b: float = Field(0.3, description="class score of a candidate goal receptacle (cs_b)")
-    od_a: float = Field(0.35, ge=0, le=1, description="detector threshold, start receptacle (od_a)")
-    od_g: float = Field(0.25, ge=0, le=1, description="detector threshold, object (od_g)")
-    od_b: float = Field(0.45, ge=0, le=1, description="detector threshold, goal receptacle (od_b)")
+    tau_g: float = Field(default=0.5, description="score from which an object is picked (τ_g)")
+    tau_b: float = Field(
+        default=0.5, description="score from which a receptacle is placed on (τ_b)"
+    )
+    tau_inc: float = Field(
+        default=0.05, ge=0, description="least rise of a score worth a view (τ_inc)"
+    )
+    cs_a: float = Field(
+        default=0.3, description="class score of a candidate start receptacle (cs_a)"
+    )
+    cs_g: float = Field(default=0.3, description="class score of a candidate object (cs_g)")
+    cs_b: float = Field(
+        default=0.3, description="class score of a candidate goal receptacle (cs_b)"
+    )
+    od_a: float = Field(
+        default=0.35, ge=0, le=1, description="detector threshold, start receptacle (od_a)"
+    )
+    od_g: float = Field(default=0.25, ge=0, le=1, description="detector threshold, object (od_g)")
+    od_b: float = Field(
+        default=0.45, ge=0, le=1, description="detector threshold, goal receptacle (od_b)"
+    )
     gain_norm: Literal["per_gaussian", "sum"] = Field(
-        "per_gaussian", description="information gain per Gaussian, or the paper's plain sum"
+        default="per_gaussian",
+        description="information gain per Gaussian, or the paper's plain sum",
     )
     prompt: str = Field(
-        "Seems like there is a {} ahead", description="what a value layer is asked for; {} is named"
+        default="Seems like there is a {} ahead",
+        description="what a value layer is asked for; {} is named",
     )
 
     # --- limits ---
-    max_picks: int = Field(0, ge=0, description="picks a task may try; 0: as many as it takes")
+    max_picks: int = Field(
+        default=0, ge=0, description="picks a task may try; 0: as many as it takes"
+    )
     picks_per_object: int = Field(
-        3, ge=1, description="picks at one object before it is left alone"
+        default=3, ge=1, description="picks at one object before it is left alone"
     )
-    places_per_receptacle: int = Field(3, ge=1, description="places at one receptacle")
+    places_per_receptacle: int = Field(default=3, ge=1, description="places at one receptacle")
     extra_views: int = Field(
-        8, ge=1, description="extra views of one candidate before it is doubted"
+        default=8, ge=1, description="extra views of one candidate before it is doubted"
     )
-    rounds: int = Field(2, ge=1, description="times the home is searched before giving up")
-    gaze_poses: int = Field(10, ge=1, description="gaze points asked about at most, per candidate")
+    rounds: int = Field(default=2, ge=1, description="times the home is searched before giving up")
+    gaze_poses: int = Field(
+        default=10, ge=1, description="gaze points asked about at most, per candidate"
+    )
 
     # --- moving ---
     margins_m: tuple[float, ...] = Field(
-        (0.08, 0.05, 0.025), description="clearance beyond the footprint: wished, then accepted"
+        default=(0.08, 0.05, 0.025),
+        description="clearance beyond the footprint: wished, then accepted",
     )
-    saturation_m: float = Field(0.30, gt=0, description="clearance from which FM² is at full speed")
-    speck_m2: float = Field(0.01, ge=0, description="unknown specks below this area are floor")
-    travel_tilt_rad: float = Field(0.5236, description="tilt of the head while driving, down")
-    frontier_reach_m: float = Field(1.2, gt=0, description="a frontier is reached from this near")
-    same_place_m: float = Field(0.5, gt=0, description="two things nearer than this are the same")
+    saturation_m: float = Field(
+        default=0.30, gt=0, description="clearance from which FM² is at full speed"
+    )
+    speck_m2: float = Field(
+        default=0.01, ge=0, description="unknown specks below this area are floor"
+    )
+    travel_tilt_rad: float = Field(
+        default=0.5236, description="tilt of the head while driving, down"
+    )
+    frontier_reach_m: float = Field(
+        default=1.2, gt=0, description="a frontier is reached from this near"
+    )
+    same_place_m: float = Field(
+        default=0.5, gt=0, description="two things nearer than this are the same"
+    )
 
     # --- looking ---
     gaze_distances_m: tuple[float, ...] = Field(
-        (0.6, 0.9), description="contours around a receptacle on which gaze points lie"
+        default=(0.6, 0.9), description="contours around a receptacle on which gaze points lie"
     )
-    gaze_spacing_m: float = Field(0.8, gt=0, description="distance between its gaze points")
+    gaze_spacing_m: float = Field(default=0.8, gt=0, description="distance between its gaze points")
     view_distances_m: tuple[float, ...] = Field(
-        (0.6, 0.9, 1.3, 1.8), description="contours around an object on which extra views lie"
+        default=(0.6, 0.9, 1.3, 1.8),
+        description="contours around an object on which extra views lie",
     )
-    view_spacing_m: float = Field(0.5, gt=0, description="distance between extra views")
-    block_height_m: float = Field(1.25, description="what is higher than this blocks any gaze")
+    view_spacing_m: float = Field(default=0.5, gt=0, description="distance between extra views")
+    block_height_m: float = Field(
+        default=1.25, description="what is higher than this blocks any gaze"
+    )
 
     # --- pick and place ---
-    reach_spare_m: float = Field(0.06, ge=0, description="kept of the robot's reach")
-    place_inset_m: float = Field(0.12, ge=0, description="least distance from a surface's edge")
-    place_flat_m: float = Field(0.045, gt=0, description="height range of what counts as flat")
-    place_drop_m: float = Field(0.01, ge=0, description="height above the surface to let go from")
+    reach_spare_m: float = Field(default=0.06, ge=0, description="kept of the robot's reach")
+    place_inset_m: float = Field(
+        default=0.12, ge=0, description="least distance from a surface's edge"
+    )
+    place_flat_m: float = Field(
+        default=0.045, gt=0, description="height range of what counts as flat"
+    )
+    place_drop_m: float = Field(
+        default=0.01, ge=0, description="height above the surface to let go from"
+    )
 
     # --- waiting for others ---
-    ack_timeout_s: float = Field(20.0, gt=0, description="longest wait for a map after an action")
-    action_timeout_s: float = Field(60.0, gt=0, description="longest an action may take")
-    call_timeout_s: float = Field(5.0, gt=0, description="longest wait for one answer")
-    away_s: float = Field(15.0, gt=0, description="how long a service may be away before failing")
+    ack_timeout_s: float = Field(
+        default=20.0, gt=0, description="longest wait for a map after an action"
+    )
+    action_timeout_s: float = Field(default=60.0, gt=0, description="longest an action may take")
+    call_timeout_s: float = Field(default=5.0, gt=0, description="longest wait for one answer")
+    away_s: float = Field(
+        default=15.0, gt=0, description="how long a service may be away before failing"
+    )

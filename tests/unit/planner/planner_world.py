@@ -1,4 +1,4 @@
-"""A flat of plain arrays: boxes on a floor, a disc for a robot, things that are seen by distance."""
+"""A flat of plain arrays: boxes on a floor, a disc for a robot, things seen from near enough."""
 
 from __future__ import annotations
 
@@ -306,9 +306,7 @@ def flat(
     furniture = [
         Box(6.5, 5.2, 7.5, 5.8, 0.45), Box(1.2, 6.3, 3.2, 6.95, 0.9), Box(6.8, 0.05, 8.8, 1.9, 0.5)
     ]  # fmt: skip
-    return FakeWorld(
-        (9, 7), [*walls, *furniture, *extra], things, start or Pose2(1.5, 1.5, 0.3)
-    )
+    return FakeWorld((9, 7), [*walls, *furniture, *extra], things, start or Pose2(1.5, 1.5, 0.3))
 
 
 def coffee_table(id: int = 1) -> Thing:

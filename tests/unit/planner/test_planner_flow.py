@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from planner_world import coffee_table, counter, flat, mug  # noqa: E402
-from helios_planner.flow import Mission  # noqa: E402
-from helios_planner.instruction import parse  # noqa: E402
-from helios_planner.settings import Settings  # noqa: E402
+from helios_planner.flow import Mission
+from helios_planner.instruction import parse
+from helios_planner.settings import Settings
+from planner_world import coffee_table, counter, flat, mug
 
 TASK = parse("Move the mug from the coffee table to the counter")
 

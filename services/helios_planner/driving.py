@@ -1,0 +1,144 @@
+"""Asking the bridge: a lease, actions done once, a pause while stop-now is latched."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.codec import action_to_proto, state_from_proto
+from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, Unavailable
+from helios_core.robot import Action
+from helios_core.topics import ACT, GET_STATE, LEASE, Method, Rep, Req
+from helios_core.types import RobotState
+
+from helios_planner.calls import RETRY_S, patiently, system_error
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, TaskCancelled, TaskFailed
+
+log = logging.getLogger(__name__)
+
+HOLDER = "planner"
+
+
+class Line:
+    """Calls for one task: patient with services that are away, and ended by a cancel."""
+
+    def __init__(self, bus: Bus, settings: Settings, cancelled: threading.Event) -> None:
+        self._bus, self._settings, self.cancelled = bus, settings, cancelled
+
+    def call(
+        self,
+        method: Method[Req, Rep],
+        request: Req,
+        refusals: tuple[type[HeliosError], ...] = (),
+    ) -> Rep:
+        """Ask, and wait for a service that is away, up to `away_s`. Refusals are passed on; any
+        other error ends the task as a system error."""
+        return patiently(
+            lambda: self._bus.call(method, request, self._settings.call_timeout_s),
+            self._settings.away_s,
+            self.rest,
+            refusals,
+        )
+
+    def call_once(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
+        """Ask without patience; raises what the bus raises."""
+        return self._bus.call(method, request, timeout_s)
+
+    def rest(self, seconds: float) -> None:
+        """Wait; a cancel ends it."""
+        self.cancelled.wait(seconds)
+        self.check()
+
+    def check(self) -> None:
+        if self.cancelled.is_set():
+            raise TaskCancelled
+
+
+class Driver:
+    """One task's hold on the robot. `on_pause` is told the reason, and None when it goes on."""
+
+    def __init__(
+        self,
+        line: Line,
+        settings: Settings,
+        task_id: str,
+        on_pause: Callable[[str | None], None],
+    ) -> None:
+        self._line, self._settings, self._task_id = line, settings, task_id
+        self._on_pause = on_pause
+        self._number = 0
+        self._token: int | None = None
+
+    def do(self, action: Action) -> pb.ActionResult:
+        """Send one action until it is done once: under the same id while nobody answers or the
+        lease was lost, under a new one after a stop."""
+        away_since: float | None = None
+        action_id = self._next_id()
+        while True:
+            self._line.check()
+            if self._token is None:
+                self._token = self._lease()
+            request = pb.ActionRequest(
+                action_id=action_id,
+                lease_token=self._token,
+                time_remaining_s=self._settings.action_timeout_s,
+                action=action_to_proto(action),
+            )
+            try:
+                return self._line.call_once(ACT, request, self._settings.action_timeout_s + 5.0)
+            except Conflict as error:
+                self._token = None
+                if self.wait_while_stopped():
+                    action_id, away_since = self._next_id(), None
+                    continue
+                problem: HeliosError = error
+            except (Unavailable, DeadlineExceeded) as error:
+                self._token = None
+                problem = error
+            except HeliosError as error:
+                raise system_error(error) from error
+            log.warning("the bridge did not act: %s", problem.message)
+            away_since = away_since or time.monotonic()
+            if time.monotonic() - away_since > self._settings.away_s:
+                raise TaskFailed(
+                    Cause.SYSTEM_ERROR,
+                    f"{problem.message} (tried for {self._settings.away_s:.0f} s)",
+                ) from problem
+            self._line.rest(RETRY_S)
+
+    def state(self) -> RobotState:
+        """How the robot is, asked now."""
+        return state_from_proto(self._line.call(GET_STATE, pb.Empty()))
+
+    def wait_while_stopped(self) -> bool:
+        """While stop-now is latched: pause. Whether it was."""
+        paused = False
+        while (state := self.state()).stopped:
+            if not paused:
+                self._on_pause(state.message or "stop-now")
+                paused = True
+            self._line.rest(RETRY_S)
+        if paused:
+            self._on_pause(None)
+        return paused
+
+    def _lease(self) -> int:
+        """Ask until it is granted; somebody else may be driving."""
+        deadline = time.monotonic() + self._settings.away_s
+        request = pb.LeaseRequest(holder=HOLDER)
+        while True:
+            try:
+                return self._line.call(LEASE, request, refusals=(Conflict,)).token
+            except Conflict as error:
+                if time.monotonic() > deadline:
+                    raise system_error(error) from error
+                self._line.rest(RETRY_S)
+
+    def _next_id(self) -> str:
+        self._number += 1
+        return f"{self._task_id}-{self._number}"

@@ -1,0 +1,151 @@
+"""What both searches share: frontiers, extra views, candidates that must wait, second rounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from helios_core.types import ObjectInstance
+
+from helios_planner.body import Body, Frontier
+from helios_planner.decide import Decision, FrontierOption
+from helios_planner.gaze import outline_of
+from helios_planner.grid import facing
+from helios_planner.legs import Legs, Outcome
+from helios_planner.look import BestView, Looking, Places
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, Phase, TaskFailed
+
+MOST_WAITS = 8  # times in one task that something out of reach is tried again
+
+
+@dataclass
+class Kit:
+    """What the searches of one task work with."""
+
+    body: Body
+    settings: Settings
+    legs: Legs
+    looking: Looking
+    given_up: list[tuple[float, float]] = field(default_factory=list)  # frontiers that stayed
+
+
+class Search:
+    """See the module."""
+
+    def __init__(self, kit: Kit, phase: Phase, name: str, threshold: float) -> None:
+        self.kit, self.phase, self.name, self.threshold = kit, phase, name, threshold
+        self.body, self.settings = kit.body, kit.settings
+        self.legs, self.looking = kit.legs, kit.looking
+        self.refused = Places(0.15)  # for good
+        self.waiting = Places(kit.settings.same_place_m)  # until more ground is known
+        self._waited = 0
+
+    def tell(self, message: str) -> None:
+        self.body.tell_phase(self.phase, self.name, message)
+
+    # --- candidates ----------------------------------------------------------------------------
+    def leave(self, candidate: ObjectInstance, out_of_reach: bool) -> None:
+        """Leave a candidate for good, or, out of reach, until more ground is known."""
+        self._waited += out_of_reach
+        if out_of_reach and self._waited <= MOST_WAITS:
+            self.waiting.add(candidate)
+        else:
+            self.refused.add(candidate)
+
+    def end_waiting(self) -> bool:
+        """Candidates that were out of reach may be tried again; whether there were any."""
+        waited = bool(self.waiting.points)
+        self.waiting.clear()
+        return waited
+
+    def open(self, candidate: ObjectInstance) -> bool:
+        """Whether a candidate is neither refused nor waiting."""
+        return candidate not in self.refused and candidate not in self.waiting
+
+    def chosen(self, decision: Decision) -> ObjectInstance:
+        """The instance that a decision chose."""
+        for o in self.body.objects(self.name):
+            if o.id == decision.chosen.id:
+                return o
+        raise TaskFailed(
+            Cause.SYSTEM_ERROR,
+            f"the object map lost {self.name} {decision.chosen.id} between two questions",
+        )
+
+    def extra_view(self, decision: Decision, views: dict[int, BestView | None]) -> None:
+        """Go to the best view of the chosen candidate, unless one becomes sure on the way."""
+        view = views[decision.chosen.id]
+        assert view is not None
+
+        def sure() -> bool:
+            found = self.body.objects(self.name)
+            return any(o.score >= self.threshold and self.open(o) for o in found)
+
+        purpose = f"another view of the {self.name}"
+        self.looking.go_and_look(self.chosen(decision), view.gaze, purpose, sure)
+
+    # --- frontiers -----------------------------------------------------------------------------
+    def frontier_options(self, layer: str) -> list[FrontierOption]:
+        """Frontiers that can be driven near to, with the widest margin that leads to any."""
+        pose = self.body.pose()
+        frontiers = self._open_frontiers()
+        for level in self.legs.levels:
+            reached = self.legs.reach(level)
+            options = [
+                FrontierOption(f.id, f.xy_m, f.values.get(layer, 0.0), pose.distance_m(f.xy_m))
+                for f in frontiers
+                if reached.nearest(f.xy_m, self.settings.frontier_reach_m) is not None
+            ]
+            if options:
+                return options
+        return []
+
+    def _open_frontiers(self) -> Sequence[Frontier]:
+        same = self.settings.same_place_m
+        return [
+            f for f in self.body.frontiers()
+            if all(math.dist(f.xy_m, g) > same for g in self.kit.given_up)
+        ]  # fmt: skip
+
+    def _frontier_at(self, xy_m: tuple[float, float]) -> bool:
+        same = self.settings.same_place_m
+        return any(math.dist(f.xy_m, xy_m) <= same for f in self.body.frontiers())
+
+    def visit_frontier(self, xy_m: tuple[float, float], found: Callable[[], bool]) -> None:
+        """Drive near and look at it, until it is no frontier or something was found; what is
+        still a frontier then is given up."""
+        near = None
+        for level in self.legs.levels:
+            near = self.legs.reach(level).nearest(xy_m, self.settings.frontier_reach_m)
+            if near is not None:
+                break
+        if near is not None:
+            outcome = self.legs.go_to(
+                facing(*near, xy_m), f"explore for the {self.name}",
+                lambda: not self._frontier_at(xy_m) or found(),
+            )  # fmt: skip
+            if outcome is Outcome.INTERRUPTED:
+                return
+            if self._frontier_at(xy_m):
+                pose = self.body.pose()
+                self.legs.turn_to(pose.yaw_rad + pose.bearing_rad(xy_m))
+            if self._frontier_at(xy_m):
+                self.legs.look_down_around()
+        if self._frontier_at(xy_m):
+            self.kit.given_up.append(xy_m)
+
+    def next_round(self) -> None:
+        """Everything was searched: once more, since a detector may miss what it saw."""
+        self.kit.given_up.clear()
+        self.looking.forget()
+        self.legs.look_around()
+
+
+def near_outline(receptacle: ObjectInstance, point_m: np.ndarray, within_m: float) -> bool:
+    """Whether a point lies over a receptacle's ground projection, or this near to it."""
+    hull = outline_of(receptacle).astype(np.float32).reshape(-1, 1, 2)
+    return cv2.pointPolygonTest(hull, (float(point_m[0]), float(point_m[1])), True) >= -within_m

@@ -1,0 +1,126 @@
+"""The other services, played by one FakeWorld behind a MemoryBus."""
+
+from __future__ import annotations
+
+import threading
+import zlib
+
+import numpy as np
+from helios_core import proto as pb
+from helios_core.codec import (
+    action_from_proto,
+    description_to_proto,
+    object_to_proto,
+    result_to_proto,
+    state_to_proto,
+    transform_from_proto,
+    transform_to_proto,
+)
+from helios_core.errors import Conflict
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import (
+    ACT,
+    CONTEXT,
+    GET_STATE,
+    LEASE,
+    MAP2D_ACK,
+    OBJECTMAP_ACK,
+    OBJECTS,
+    RETIRE,
+    ROBOT_DESCRIPTION,
+    SNAPSHOT,
+    VOCABULARY,
+    WHAT_IF,
+)
+from helios_core.types import RobotState
+from planner_world import FakeWorld
+
+
+class Peers:
+    """Bridge, detector, objectmap and map2d. `gate`, when set, holds every action until it is
+    released; `silent` parts of a keyframe are not answered."""
+
+    def __init__(self, hub: MemoryHub, world: FakeWorld, names: tuple[str, ...] = ()) -> None:
+        self.world, self.bus = world, MemoryBus(hub)
+        self.names = names
+        self.context = pb.SearchContext()
+        self.token, self.seq, self.stopped = 0, 0, False
+        self.done: dict[str, pb.ActionResult] = {}
+        self.silent: set[str] = set()
+        self.gate: threading.Event | None = None
+        self.acting = threading.Event()
+        bus = self.bus
+        bus.subscribe(CONTEXT, self._on_context)
+        bus.serve(LEASE, self._lease)
+        bus.serve(ACT, self._act)
+        bus.serve(GET_STATE, lambda _: state_to_proto(self._state()))
+        bus.serve(SNAPSHOT, self._snapshot)
+        bus.serve(OBJECTS, self._objects)
+        bus.serve(WHAT_IF, self._what_if)
+        bus.serve(RETIRE, self._retire)
+        bus.serve(VOCABULARY, lambda _: pb.VocabularyReply(
+            open=not self.names, names=self.names, detector="fake"))  # fmt: skip
+        bus.publish(ROBOT_DESCRIPTION, description_to_proto(world.description))
+
+    def _on_context(self, context: pb.SearchContext) -> None:
+        self.context = context
+
+    def _lease(self, request: pb.LeaseRequest) -> pb.LeaseReply:
+        self.token += 1
+        return pb.LeaseReply(token=self.token, duration_s=30)
+
+    def _state(self) -> RobotState:
+        w = self.world
+        return RobotState(
+            w.pose().T_world_base, w.tilt_rad(), w.held(), stopped=self.stopped,
+            robot_boot_id="boot", message="a person" if self.stopped else "",
+        )  # fmt: skip
+
+    def _act(self, request: pb.ActionRequest) -> pb.ActionResult:
+        if request.action_id in self.done:
+            return self.done[request.action_id]
+        if request.lease_token != self.token:
+            raise Conflict("an older lease")
+        if self.stopped:
+            raise Conflict("the robot is stopped; clear the stop first")
+        self.acting.set()
+        if self.gate is not None:
+            self.gate.wait(5)
+        out = result_to_proto(self.world.act(action_from_proto(request.action)), request.action_id)
+        self.seq += 1
+        out.keyframe.CopyFrom(pb.FrameId(robot_boot_id="boot", world_epoch=1, seq=self.seq))
+        out.T_world_base.CopyFrom(transform_to_proto(self.world.pose().T_world_base))
+        self.done[request.action_id] = out
+        for part, topic in (("occupancy", MAP2D_ACK), ("value", MAP2D_ACK),
+                            ("objects", OBJECTMAP_ACK)):  # fmt: skip
+            if part not in self.silent:
+                self.bus.publish(topic, pb.Ack(part=part, id=out.keyframe, accepted=True,
+                                               context_id=self.context.id))  # fmt: skip
+        return out
+
+    def _snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot:
+        ground = self.world.ground()
+        top = np.clip(np.rint(ground.top_m * 50), 0, 255).astype(np.uint8)
+        rows, columns = ground.occupancy.shape
+        return pb.MapSnapshot(
+            version=ground.version, cell_m=ground.cell_m, width=columns, height=rows,
+            occupancy=zlib.compress(ground.occupancy.tobytes(), 1),
+            top_cm=zlib.compress(top.tobytes(), 1),
+            frontiers=[pb.Frontier(id=f.id, x_m=f.xy_m[0], y_m=f.xy_m[1], size_m=f.size_m,
+                                   values=f.values, reachable=True)
+                       for f in self.world.frontiers()],
+        )  # fmt: skip
+
+    def _objects(self, request: pb.ObjectsRequest) -> pb.ObjectsReply:
+        asked = {c.name for c in self.context.classes} & set(request.class_names)
+        found = [o for name in sorted(asked) for o in self.world.objects(name)]
+        return pb.ObjectsReply(objects=[object_to_proto(o) for o in found])
+
+    def _what_if(self, request: pb.WhatIfRequest) -> pb.WhatIfReply:
+        poses = [transform_from_proto(T, "T_world_cam") for T in request.T_world_cam]
+        out = self.world.what_if(request.object_id, request.class_name, poses, request.joint)
+        return pb.WhatIfReply(score=out.scores, information_gain=out.gains_nats)
+
+    def _retire(self, request: pb.RetireRequest) -> pb.RetireReply:
+        self.world.retire(request.object_id, np.zeros(3), request.reason)
+        return pb.RetireReply(retired_gaussians=1)

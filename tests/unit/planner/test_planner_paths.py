@@ -1,0 +1,214 @@
+"""FM² paths, collision checks and motions: claims about any map."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+
+import cv2
+import numpy as np
+import pytest
+from helios_core.robot import Forward, Turn
+from helios_planner import fm2, kernels
+from helios_planner.collision import least_clearance_m
+from helios_planner.grid import GroundMap, Pose2
+from helios_planner.motion import MotionRules, next_primitive, reach, straightened
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+CELL_M = 0.05
+RULES = MotionRules(footprint_m=0.3, margin_m=0.05)
+
+
+def heap_marching(speed: NDArray[np.float32], source: tuple[int, int]) -> NDArray[np.float64]:
+    """The readable twin of `kernels.march`: an exact heap, one cell at a time."""
+    rows, columns = speed.shape
+    time = np.full(speed.shape, math.inf)
+    done = np.zeros(speed.shape, bool)
+    time[source] = 0.0
+    heap = [(0.0, source)]
+    while heap:
+        _, (r, c) = heapq.heappop(heap)
+        if done[r, c]:
+            continue
+        done[r, c] = True
+        for q in ((r + 1, c), (r - 1, c), (r, c + 1), (r, c - 1)):
+            if not (0 < q[0] < rows - 1 and 0 < q[1] < columns - 1) or speed[q] <= 0 or done[q]:
+                continue
+            a = min(time[q[0] - 1, q[1]], time[q[0] + 1, q[1]])
+            b = min(time[q[0], q[1] - 1], time[q[0], q[1] + 1])
+            slow = 1.0 / float(speed[q])
+            a, b = min(a, b), max(a, b)
+            if b - a >= slow:
+                new = a + slow
+            else:
+                new = (a + b + math.sqrt(2 * slow * slow - (b - a) ** 2)) / 2
+            if new < time[q]:
+                time[q] = new
+                heapq.heappush(heap, (new, q))
+    return time
+
+
+def random_ground(seed: int, size: int = 120) -> GroundMap:
+    """A walled square with boxes in it; nothing unknown."""
+    rng = np.random.default_rng(seed)
+    occupancy = np.zeros((size, size), np.int8)
+    occupancy[:2], occupancy[-2:], occupancy[:, :2], occupancy[:, -2:] = 100, 100, 100, 100
+    for _ in range(int(rng.integers(3, 14))):
+        r, c = rng.integers(2, size - 12, 2)
+        h, w = rng.integers(1, 30, 2)
+        occupancy[r : r + h, c : c + w] = 100
+    return GroundMap(occupancy, np.zeros((size, size), np.float32), CELL_M, (0.0, 0.0))
+
+
+def free_places(ground: GroundMap, count: int, seed: int) -> list[tuple[float, float]]:
+    """Places where the robot fits."""
+    distance = cv2.distanceTransform((ground.occupancy == 0).astype(np.uint8), cv2.DIST_L2, 5)
+    cells = np.argwhere(distance * CELL_M > 0.42)
+    if not len(cells):
+        return []
+    rng = np.random.default_rng(seed)
+    return [(float(x), float(y)) for x, y in ground.centres_of(rng.permutation(cells)[:count])]
+
+
+def test_marching_matches_the_exact_heap_within_one_percent() -> None:
+    rng = np.random.default_rng(0)
+    for seed in range(4):
+        ground = random_ground(seed, 60)
+        speed = rng.uniform(0.1, 1.0, ground.occupancy.shape).astype(np.float32)
+        speed = cv2.GaussianBlur(speed, (9, 9), 0)
+        speed[ground.occupancy > 0] = 0
+        source = tuple(int(v) for v in np.argwhere(speed > 0)[17])
+        fast = fm2.arrival_time(speed, np.array([source]))
+        exact = heap_marching(speed, (source[0], source[1]))
+        assert (np.isfinite(fast) == np.isfinite(exact)).all()
+        known = np.isfinite(exact) & (exact > 5)
+        # The buckets are not sorted within: an error of at most a bucket's width per cell.
+        assert np.max(np.abs(fast[known] - exact[known]) / exact[known]) < 0.01
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10_000))
+def test_nothing_reachable_is_called_unreachable(seed: int) -> None:
+    ground = random_ground(seed)
+    speed = np.where(ground.occupancy > 0, 0, 1).astype(np.float32)
+    source = np.argwhere(speed > 0)[:1]
+    arrival = fm2.arrival_time(speed, source)
+    _, labels = cv2.connectedComponents((speed > 0).astype(np.uint8), connectivity=4)
+    same = labels == labels[tuple(source[0])]
+    assert (np.isfinite(arrival) == same).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10_000))
+def test_arrival_time_falls_along_a_path_that_touches_nothing(seed: int) -> None:
+    ground = random_ground(seed)
+    places = free_places(ground, 2, seed)
+    if len(places) < 2:
+        return
+    reached = reach(ground, Pose2(*places[0], 0.0), RULES)
+    route = reached.route_to(places[1])
+    if not np.isfinite(reached.at(np.array([places[1]]))[0]):
+        assert len(route) == 0
+        return
+    cells = ground.cells_of(route)
+    falling = reached.arrival[cells[::-1, 0], cells[::-1, 1]]
+    assert (np.diff(falling) < 0).all()
+    clear = reached.clearance[cells[:, 0], cells[:, 1]]
+    assert clear.min() >= RULES.footprint_m
+    for a, b in zip(straightened(route, reached), straightened(route, reached)[1:], strict=False):
+        least = least_clearance_m(reached.clearance, ground, Pose2(*a, 0), (b[0], b[1]))
+        assert least >= RULES.footprint_m
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000))
+def test_motions_bring_the_robot_there_without_contact(seed: int) -> None:
+    ground = random_ground(seed)
+    places = free_places(ground, 2, seed)
+    if len(places) < 2:
+        return
+    pose = Pose2(*places[0], 1.0)
+    if not np.isfinite(reach(ground, pose, RULES).at(np.array([places[1]]))[0]):
+        return
+    for _ in range(150):
+        reached = reach(ground, pose, RULES)
+        move = next_primitive(reached.route_to(places[1]), reached, RULES)
+        if move is None:
+            break
+        if isinstance(move, Turn):
+            assert RULES.min_turn_rad <= abs(move.angle_rad) + 1e-9
+            assert abs(move.angle_rad) <= RULES.max_turn_rad + 1e-9
+            pose = Pose2(pose.x_m, pose.y_m, pose.yaw_rad + move.angle_rad)
+            continue
+        assert isinstance(move, Forward)
+        assert RULES.min_forward_m <= move.distance_m <= RULES.max_forward_m
+        end = (
+            pose.x_m + move.distance_m * math.cos(pose.yaw_rad),
+            pose.y_m + move.distance_m * math.sin(pose.yaw_rad),
+        )
+        assert least_clearance_m(reached.clearance, ground, pose, end) >= RULES.footprint_m
+        pose = Pose2(*end, pose.yaw_rad)
+    assert pose.distance_m(places[1]) < 0.15
+
+
+def corridor(width_m: float) -> GroundMap:
+    occupancy = np.full((80, 160), 100, np.int8)
+    half = round(width_m / CELL_M / 2)
+    occupancy[40 - half : 40 + half, 4:156] = 0
+    return GroundMap(occupancy, np.zeros(occupancy.shape, np.float32), CELL_M, (0.0, 0.0))
+
+
+@pytest.mark.parametrize(("width_m", "passes"), [(0.5, False), (0.9, True)])
+def test_a_corridor_is_passed_only_if_the_footprint_fits(width_m: float, passes: bool) -> None:
+    reached = reach(corridor(width_m), Pose2(1.0, 2.0, 0.0), RULES)
+    assert bool(np.isfinite(reached.at(np.array([[7.0, 2.0]]))[0])) is passes
+
+
+def test_unknown_ground_is_not_driven_over() -> None:
+    ground = corridor(2.0)
+    ground.occupancy[:, 80:90] = np.where(ground.occupancy[:, 80:90] == 0, -1, 100)
+    reached = reach(ground, Pose2(1.0, 2.0, 0.0), RULES)
+    assert not np.isfinite(reached.at(np.array([[7.0, 2.0]]))[0])
+    assert reached.nearest((7.0, 2.0), 1.0) is None
+
+
+def test_unknown_ground_in_the_own_footprint_does_not_hold_the_robot() -> None:
+    ground = corridor(2.0)
+    cells = np.argwhere(ground.occupancy == 0)
+    own = np.hypot(*(ground.centres_of(cells) - (1.0, 2.0)).T) < 0.32
+    ground.occupancy[cells[own, 0], cells[own, 1]] = -1
+    reached = reach(ground, Pose2(1.0, 2.0, 0.0), RULES)
+    assert np.isfinite(reached.at(np.array([[7.0, 2.0]]))[0])
+
+
+def test_the_robot_may_leave_a_narrow_place_but_not_enter_one() -> None:
+    ground = corridor(2.0)
+    ground.occupancy[20:36, 4:60] = 100  # a wall 0.31 m beside the robot
+    start = Pose2(2.0, 36 * CELL_M + 0.325, 0.0)
+    reached = reach(ground, start, RULES)
+    assert np.isfinite(reached.at(np.array([[7.0, 2.2]]))[0])
+    other = reach(ground, Pose2(7.0, 2.2, 0.0), RULES)
+    assert not np.isfinite(other.at(np.array([start.xy]))[0])
+
+
+def test_paths_keep_away_from_walls_where_there_is_room() -> None:
+    reached = reach(corridor(2.0), Pose2(1.0, 1.5, 0.0), RULES)
+    route = reached.route_to((7.0, 1.5))
+    middle = route[np.abs(route[:, 0] - 4.0) < 0.1]
+    assert middle[:, 1].mean() > 1.6  # the corridor's middle is at 2.0
+
+
+def test_a_descent_never_cuts_a_corner() -> None:
+    speed = np.zeros((12, 12), np.float32)
+    speed[1:-1, 1:-1] = 1
+    speed[5, 1:9] = 0
+    arrival = fm2.arrival_time(speed, np.array([[1, 1]]))
+    path = fm2.descend(arrival, (9, 1))
+    for (r0, c0), (r1, c1) in itertools.pairwise(path):
+        assert speed[r0, c1] > 0
+        assert speed[r1, c0] > 0
+    assert np.isinf(arrival[5, 4])
+    assert kernels.UNREACHED > 1e29
