@@ -108,9 +108,13 @@ def _connect(settings: ServiceSettings, stopped: threading.Event) -> Bus | None:
 
 def _report(bus: Bus, name: str, instance: str, health: Health, stopped: threading.Event) -> None:
     topic, began = status_topic(name), time.monotonic()
+    logged = ("", "")
     while not stopped.is_set():
         health.changed.clear()
         state, reason = health.state
+        if (state, reason) != logged:
+            log.info("%s%s", state, f": {reason}" if reason and reason != state else "")
+            logged = (state, reason)
         status = pb.ServiceStatus(
             service=name, instance=instance, state=state, reason=reason, pid=os.getpid(),
             uptime_s=time.monotonic() - began, metrics=health.metrics(),

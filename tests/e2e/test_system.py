@@ -93,7 +93,7 @@ def test_every_service_is_a_process_of_its_own_and_ready(house: House) -> None:
     [
         ("", "instruction"),
         ("please make me happy", "understood"),
-        ("Move the mug", "goal"),
+        ("Move the mug", "missing: the place"),
         ("x" * 20_000, "10,000|10000|long"),
     ],
 )
