@@ -88,4 +88,4 @@ def _row(
     heard_s, status = heard
     if now_s - heard_s > SILENT_S:
         return row("degraded", f"has said nothing for {now_s - heard_s:.0f} s")
-    return row(status.state, status.reason or again)
+    return row(status.state, "; ".join(filter(None, (status.reason, again))))

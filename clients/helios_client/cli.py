@@ -171,8 +171,7 @@ def run(args: Sequence[str]) -> int:
         code = command.main(args=list(args), prog_name="helios", standalone_mode=False)
         return code if isinstance(code, int) else 0
     except KeyboardInterrupt:
-        print("helios: interrupted", file=sys.stderr)
-        return 130
+        return _interrupted()
     except BrokenPipeError:
         with contextlib.suppress(OSError):
             sys.stdout.close()
@@ -188,8 +187,8 @@ def _tell(error: Exception) -> int:
         if sentence:
             print(f"helios: {sentence}; see helios --help", file=sys.stderr)
         return 2
-    if type(error).__name__ == "Abort":
-        return 130
+    if type(error).__name__ == "Abort":  # what the parser makes of Ctrl-C
+        return _interrupted()
     from helios_core.errors import HeliosError
 
     from helios_client.wrong_use import WrongUse
@@ -198,6 +197,11 @@ def _tell(error: Exception) -> int:
         raise error
     print(f"helios: {error.message}", file=sys.stderr)
     return 2 if isinstance(error, WrongUse) else 1
+
+
+def _interrupted() -> int:
+    print("helios: interrupted", file=sys.stderr)
+    return 130
 
 
 def _interrupt(*_: object) -> None:

@@ -11,6 +11,10 @@ from pathlib import Path
 
 import pytest
 from helios_client import state_file
+from helios_client.status import find_status
+from helios_core.errors import Unavailable
+
+from tests.support import free_port
 
 STATUS = {"ready": True, "services": []}
 
@@ -75,3 +79,11 @@ def test_the_default_directory_is_by_port(monkeypatch: pytest.MonkeyPatch, tmp_p
     monkeypatch.delenv("XDG_STATE_HOME")
     monkeypatch.setenv("HOME", str(tmp_path))
     assert state_file.default_state_dir(1) == tmp_path / ".local" / "state" / "helios" / "1"
+
+
+def test_status_is_known_while_nobody_answers_on_the_port(tmp_path: Path) -> None:
+    state_file.write([tmp_path], STATUS | {"address": "http://127.0.0.1:1"})
+    assert find_status(free_port(), tmp_path) == STATUS
+    state_file.remove([tmp_path])
+    with pytest.raises(Unavailable, match="helios up"):
+        find_status(free_port(), tmp_path)
