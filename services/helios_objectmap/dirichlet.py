@@ -5,6 +5,11 @@ Evidence is kept per class name: `positive`, what spoke for the class, and `aske
 the views in which the class was asked for. The marginal of a Dirichlet is a Beta distribution, so
 within one search context this gives exactly eq. 4; between contexts a class that was asked for
 before keeps what is known of it, and a new class starts from the prior.
+
+The prior decides how many views a belief takes. With three classes and alpha_cpa = 3, Psi passes
+0.5 after this many full views of a thing that is detected always, or in 65 % of its views:
+
+    prior 0.3: 1, 5      prior 1 (default): 2, 8      prior 3: 4, 15      prior 10: 10, 36
 """
 
 from __future__ import annotations

@@ -97,6 +97,16 @@ def test_standing_still_before_a_noisy_camera_hardly_moves_a_score():
     assert after.score == pytest.approx(before.score, abs=0.02)
 
 
+def test_slow_and_fast_cameras_on_one_path_agree():
+    scores = []
+    for step_m in (0.06, 0.02):  # 0.3 m/s at 5 and 15 Hz
+        path = [(0.0, y) for y in np.arange(-0.3, 0.301, step_m)]
+        (mug,) = of_class(built(seen_from(path)), "mug")
+        scores.append(mug.score)
+    # Views at least 8 cm apart: 12 cm at steps of 6, 8 cm at steps of 2..
+    assert scores[0] == pytest.approx(scores[1], abs=0.04)
+
+
 def test_a_false_detection_fades_with_views_that_do_not_repeat_it():
     wrong = {3: "mug"}
     boxes = (*ROOM, mug_at(1.2, 0.0))
