@@ -138,6 +138,14 @@ class Search:
         if self._frontier_at(xy_m):
             self.kit.given_up.append(xy_m)
 
+    def clear_way(self) -> bool:
+        """With no frontier in reach: look at unknown ground that bars the way to one, or to a
+        candidate that waits. Whether there was any."""
+        pose = self.body.pose()
+        targets = sorted((f.xy_m for f in self._open_frontiers()), key=pose.distance_m)
+        targets += [(float(p[0]), float(p[1])) for p in self.waiting.points]
+        return any(self.legs.clear_way(t, self.settings.frontier_reach_m) for t in targets)
+
     def next_round(self) -> None:
         """Everything was searched: once more, since a detector may miss what it saw."""
         self.kit.given_up.clear()

@@ -12,7 +12,7 @@ from helios_core.geometry import wrap_angle
 from helios_core.robot import Forward, Observe, Tilt, Turn
 
 from helios_planner.body import Body
-from helios_planner.grid import Pose2
+from helios_planner.grid import GroundMap, Pose2, facing
 from helios_planner.motion import (
     MotionRules,
     Reach,
@@ -61,6 +61,7 @@ class Legs:
         self._marks: list[tuple[float, float, float]] = []
         self._blocks = 0
         self._cached: dict[tuple, Reach] = {}
+        self._cleared: list[tuple[float, float]] = []  # unknown ground that was gone to look at
 
     # --- what can be reached -------------------------------------------------------------------
     def reach(self, level: int = 0) -> Reach:
@@ -163,6 +164,38 @@ class Legs:
             )
         )
 
+    # --- unknown ground in the way -------------------------------------------------------------
+    def clear_way(self, target: tuple[float, float], within_m: float) -> bool:
+        """Look at the unknown ground that bars the way to within `within_m` of a place, if it is
+        only unknown ground that does. Whether there was any that was not looked at before."""
+        ground, level = self.body.ground(), self.levels[-1]
+        known = np.where(ground.occupancy < 0, np.int8(0), ground.occupancy)
+        rules = replace(self.rules, margin_m=self.settings.margins_m[level])
+        marks = np.array(self._marks, float).reshape(-1, 3)
+        hopeful = reach(replace(ground, occupancy=known), self.body.pose(), rules, marks)
+        place = hopeful.nearest(target, within_m)
+        if place is None:
+            return False
+        route = hopeful.route_to(place)
+        reachable = np.isfinite(self.reach(level).at(route))
+        if reachable.all() or len(route) < 2:
+            return False
+        first = int(np.argmin(reachable))
+        barred = (float(route[first, 0]), float(route[first, 1]))
+        if any(math.dist(barred, c) < 0.3 for c in self._cleared):
+            return False
+        self._cleared.append(barred)
+        stand = route[max(first - 1, 0)]
+        unknown = _unknown_near(ground, barred, rules.footprint_m + 0.2)
+        goal = facing(float(stand[0]), float(stand[1]), unknown)
+        if self.go_to(goal, "look at unknown ground in the way") is not Outcome.ARRIVED:
+            return True
+        pose = self.body.pose()
+        self.turn_to(pose.yaw_rad + pose.bearing_rad(unknown))
+        away_m = self.body.pose().distance_m(unknown)
+        self.tilt(math.atan2(self.body.description.camera_height_m, max(away_m, 0.1)))
+        return True
+
     # --- turning and looking -------------------------------------------------------------------
     def turn_to(self, yaw_rad: float) -> None:
         """Turn on the spot until the heading is within the smallest turn."""
@@ -212,7 +245,8 @@ class Legs:
     def _down_tilt(self) -> float:
         """Tilt at which the ground at the rim is at the image's lower edge."""
         robot = self.body.description
-        rim = math.atan2(robot.camera_height_m, robot.footprint_radius_m + 0.05)
+        # A little within the rim: the image's lower edge is straight, the rim is round.
+        rim = math.atan2(robot.camera_height_m, 0.8 * robot.footprint_radius_m)
         return float(np.clip(rim - robot.camera.vfov_rad / 2, *robot.tilt_range_rad))
 
     def _near_ground_unknown(self) -> bool:
@@ -223,3 +257,18 @@ class Legs:
         n = int(reach_m / ground.cell_m)
         part = ground.occupancy[row - n : row + n + 1, column - n : column + n + 1]
         return bool((part < 0).mean() > 0.02)
+
+
+def _unknown_near(
+    ground: GroundMap, point: tuple[float, float], radius_m: float
+) -> tuple[float, float]:
+    """The unknown cell nearest to a point, or the point itself."""
+    row, column = (int(v) for v in ground.cells_of(np.array([point]))[0])
+    n = math.ceil(radius_m / ground.cell_m)
+    r0, c0 = max(0, row - n), max(0, column - n)
+    cells = np.argwhere(ground.occupancy[r0 : row + n + 1, c0 : column + n + 1] < 0)
+    if not len(cells):
+        return point
+    centres = ground.centres_of(cells + np.array([r0, c0]))
+    x_m, y_m = centres[np.argmin(np.hypot(*(centres - np.array(point)).T))]
+    return float(x_m), float(y_m)

@@ -34,7 +34,7 @@ class ReceptacleSearch(Search):
                 if decision.do is Do.LOOK:
                     self.extra_view(decision, views)
                     continue
-                more = self._step()
+                more = self._step() or self.clear_way()
                 if not self.end_waiting() and not more:
                     break
             if round_number + 1 < self.settings.rounds:

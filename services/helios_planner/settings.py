@@ -80,7 +80,7 @@ class Settings(ServiceSettings):
         default=0.30, gt=0, description="clearance from which FM² is at full speed"
     )
     speck_m2: float = Field(
-        default=0.01, ge=0, description="unknown specks below this area are floor"
+        default=0.015, ge=0, description="unknown specks below this area are floor"
     )
     travel_tilt_rad: float = Field(
         default=0.5236, description="tilt of the head while driving, down"
