@@ -11,10 +11,13 @@ import numpy as np
 from helios_core.geometry import Matrix, se2_to_se3
 from numpy.typing import NDArray
 
-from helios_sim.robot_model import CARRY_BASE_M, GRIPPER_BASE_M, RobotIndex
+from helios_sim.home.assembly import GROUP_COLLISION
+from helios_sim.robot_model import CAMERA_HEIGHT_M, CARRY_BASE_M, GRIPPER_BASE_M, RobotIndex
 
 REST_LINEAR_M_S, REST_ANGULAR_RAD_S, REST_STEPS = 0.005, 0.05, 50
 _AWAKE_M_S = 0.01  # a velocity from which the physics does not let a body sleep
+_ARM_ABOVE_M = 0.1  # the arm passes this high above the place of a release
+_PAST_M = 0.01
 _RELEASE_GAP_M = 0.02
 _RELEASE_STEP_M, _RELEASE_MAX_RISE_M = 0.02, 0.3
 _RELEASE_OVERLAP_M = 0.002
@@ -65,8 +68,16 @@ class Rest:
 class Gripper:
     """The robot's hand."""
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, robot: RobotIndex) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        robot: RobotIndex,
+        movable: frozenset[int],
+    ) -> None:
+        """movable: bodies that an arm can reach past."""
         self._model, self._data, self._robot = model, data, robot
+        self._movable = movable
         self.held: Graspable | None = None
         self._R_base_object = np.eye(3)
 
@@ -78,6 +89,16 @@ class Gripper:
     def away_m(self, point_world_m: Sequence[float] | NDArray[np.float64]) -> float:
         """From the end effector at rest to a point."""
         return float(np.linalg.norm(np.asarray(point_world_m) - self.rest_world_m()))
+
+    def barred(self, point_world_m: Sequence[float]) -> bool:
+        """Whether a wall or furniture is in the arm's way to a little above a point.
+
+        The arm comes level from over the base or down from the camera's height.
+        """
+        goal = np.add(point_world_m, (0.0, 0.0, _ARM_ABOVE_M))
+        x, y, _ = self._robot.pose(self._data)
+        starts = ((x, y, float(goal[2])), (x, y, CAMERA_HEIGHT_M))
+        return all(self._meets(np.array(start), goal) for start in starts)
 
     def grasp(self, thing: Graspable) -> None:
         """Take it to the carrying pose; it touches nothing until released."""
@@ -162,6 +183,24 @@ class Gripper:
         self._data.qpos[thing.qpos : thing.qpos + 3] = position
         self._data.qpos[thing.qpos + 3 : thing.qpos + 7] = quat
         self._data.qvel[thing.dof : thing.dof + 6] = [0.0, 0.0, -_AWAKE_M_S, 0.0, 0.0, 0.0]
+
+    def _meets(self, start: NDArray[np.float64], goal: NDArray[np.float64]) -> bool:
+        """Whether the line between two points meets anything that cannot be moved."""
+        group = np.zeros(6, np.uint8)
+        group[GROUP_COLLISION] = 1
+        geom = np.array([-1], np.int32)
+        length_m = float(np.linalg.norm(goal - start))
+        ahead = (goal - start) / max(length_m, 1e-9)
+        gone_m = 0.0
+        while gone_m < length_m:
+            at = start + gone_m * ahead
+            hit_m = mujoco.mj_ray(self._model, self._data, at, ahead, group, 1, -1, geom)
+            if hit_m < 0 or gone_m + hit_m >= length_m:
+                return False
+            if int(self._model.geom_bodyid[geom[0]]) not in self._movable:
+                return True
+            gone_m += hit_m + _PAST_M
+        return False
 
     def _overlaps(self, thing: Graspable) -> bool:
         for k in range(self._data.ncon):

@@ -70,10 +70,17 @@ class Oracle:
         row, column = np.unravel_index(int(np.argmax(room)), room.shape)
         return self._go((int(row), int(column)))
 
+    def go_near(self, point_xy_m: tuple[float, float]) -> bool:
+        """Go to the free cell nearest to a point."""
+        rows, columns = np.nonzero(self._free)
+        x, y = self._middle(rows, columns)
+        k = int(np.argmin(np.hypot(x - point_xy_m[0], y - point_xy_m[1])))
+        return self._go((int(rows[k]), int(columns[k])))
+
     def _approaches(self, name: str) -> Iterator[bool]:
         """True each time that it stands before the thing and looks at it."""
         for spot in self._spots(self._world.position_m(name)):
-            if self._go(spot) and self._face(self._world.position_m(name)):
+            if self._go(spot) and self.face(self._world.position_m(name)):
                 yield True
 
     def _point(self, name: str) -> tuple[float, float, float]:
@@ -83,7 +90,7 @@ class Oracle:
     def _bring(self, name: str) -> bool:
         for point in self._free_points(name):
             for spot in self._spots(point):
-                if self._go(spot) and self._face(point):
+                if self._go(spot) and self.face(point):
                     x, y, z = (float(v) for v in point)
                     if self._act(Place((x, y, z))).succeeded:
                         return self._world.progress.place
@@ -157,7 +164,8 @@ class Oracle:
                 turn = math.copysign(limit - math.radians(5), left)
             self._act(Turn(turn))
 
-    def _face(self, point: NDArray[np.float64]) -> bool:
+    def face(self, point: NDArray[np.float64]) -> bool:
+        """Turn and tilt towards a point of the world."""
         at = self._world.state().T_world_base[:2, 3]
         self._turn_to(math.atan2(point[1] - at[1], point[0] - at[0]))
         flat = math.hypot(point[0] - at[0], point[1] - at[1])

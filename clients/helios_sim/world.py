@@ -35,13 +35,13 @@ from helios_sim.episode import Tracker
 from helios_sim.gripper import Graspable, Gripper
 from helios_sim.home import Episode, Home
 from helios_sim.limits import refusal
+from helios_sim.manipulation import CannotDo, Manipulation
 from helios_sim.metrics import Progress, Released
 from helios_sim.motion import Base, Drive
 from helios_sim.past import Past
 from helios_sim.render import Painter
 from helios_sim.robot_model import (
     MAX_DEPTH_M,
-    REACH_M,
     START_TILT_RAD,
     RobotIndex,
     add_robot,
@@ -52,8 +52,6 @@ from helios_sim.robot_model import (
 from helios_sim.truth import Segmentation
 
 DRAWN_GROUPS = (0, 1, 2)
-PICK_WITHIN_M = 0.15  # from the asked point to the object's box
-MIN_PICK_PIXELS = 30
 _REMEMBERED_ACTIONS = 1024
 _START_SETTLE_S, _PAUSE_S = 1.0, 0.1
 
@@ -88,8 +86,9 @@ class World(RobotDriver):
         }
         self._on = {thing.name: thing.receptacle for thing in home.objects}
         self._names = [model.body(b).name for b in range(model.nbody)]
-        self._gripper = Gripper(model, self._data, robot)
-        self._base = Base(model, self._data, robot, frozenset(self._things), self._step)
+        movable = frozenset(self._things)
+        self._gripper = Gripper(model, self._data, robot, movable)
+        self._base = Base(model, self._data, robot, movable, self._step)
         self._description = description()
         episode = episode or Episode("", "", "", "")
         self._tracker = Tracker(home, episode, self._description.footprint_radius_m)
@@ -105,6 +104,9 @@ class World(RobotDriver):
         self._pause(_START_SETTLE_S)
         self._painter = Painter(model, robot.camera, (camera.width, camera.height), DRAWN_GROUPS)
         self._past = Past(model, self._painter, home, self._things)
+        self._manipulation = Manipulation(
+            self._data, self._gripper, self._things.values(), self._painter, self._step
+        )
 
     # --- what a driver offers -----------------------------------------------------------------
     def describe(self) -> RobotDescription:
@@ -245,21 +247,10 @@ class World(RobotDriver):
 
     def _pick(self, point: tuple[float, float, float], class_name: str) -> _Outcome:
         self._pause(_PAUSE_S)
-        if self._gripper.held:
-            return _failed("the gripper already holds something; place it first")
-        spot = f"({point[0]:.2f}, {point[1]:.2f}, {point[2]:.2f})"
-        things = sorted(
-            self._things.values(),
-            key=lambda t: (t.distance_m(self._data, point), math.dist(self._center(t), point)),
-        )
-        if not things or things[0].distance_m(self._data, point) > PICK_WITHIN_M:
-            return _failed(f"nothing to grasp within {PICK_WITHIN_M} m of {spot}; look again")
-        thing = things[0]
-        if self._gripper.away_m(self._center(thing)) > REACH_M:
-            return _failed(f"what is at {spot} is out of reach ({REACH_M} m); drive nearer")
-        if np.count_nonzero(self._painter.bodies(self._data) == thing.body) < MIN_PICK_PIXELS:
-            return _failed(f"what is at {spot} is not in view; look at it first")
-        self._gripper.grasp(thing)
+        try:
+            thing = self._manipulation.pick(point)
+        except CannotDo as why:
+            return _Outcome(ActionResult(False, str(why)))
         self._held_as = class_name
         self._on[thing.name] = ""
         self._pause(_PAUSE_S)
@@ -267,16 +258,11 @@ class World(RobotDriver):
 
     def _place(self, point: tuple[float, float, float]) -> _Outcome:
         self._pause(_PAUSE_S)
-        thing = self._gripper.held
-        spot = f"({point[0]:.2f}, {point[1]:.2f}, {point[2]:.2f})"
-        if thing is None:
-            return _failed("the gripper is empty; pick something first")
-        if self._gripper.away_m(point) > REACH_M:
-            return _failed(f"{spot} is out of reach ({REACH_M} m); drive nearer")
-        if not self._gripper.release(point):
-            return _failed(f"there is no room above {spot}; choose another place")
+        try:
+            thing, rest = self._manipulation.place(point)
+        except CannotDo as why:
+            return _Outcome(ActionResult(False, str(why)))
         self._held_as = ""
-        rest = self._gripper.settle(thing, self._step)
         on = frozenset(self._names[body] for body in rest.on)
         self._on[thing.name] = min(on, default="")
         released = Released(thing.name, rest.at_rest, on, rest.height_m)
@@ -301,9 +287,6 @@ class World(RobotDriver):
         )
 
     # --- small things -------------------------------------------------------------------------
-    def _center(self, thing: Graspable) -> NDArray[np.float64]:
-        return self._data.xpos[thing.body]
-
     def _stop_asked(self) -> bool:
         return self._stop_reason is not None
 
@@ -322,7 +305,3 @@ class World(RobotDriver):
             self._step()
         self._gripper.follow()
         mujoco.mj_forward(self._model, self._data)
-
-
-def _failed(reason: str) -> _Outcome:
-    return _Outcome(ActionResult(False, reason))

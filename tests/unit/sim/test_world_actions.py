@@ -9,6 +9,7 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_core.geometry import wrap_angle, yaw_of
 from helios_core.robot import Forward, Observe, Pick, Place, Tilt, Turn
+from helios_sim.episode import reachable
 from helios_sim.home import Home
 from helios_sim.oracle import Oracle
 from helios_sim.world import World
@@ -172,3 +173,17 @@ def test_a_place_with_an_empty_gripper_or_out_of_reach_fails(world: World):
     done = world.act(Place((-5.0, 0.0, 0.5)), "far")
     assert "out of reach" in done.reason
     assert world.held_name == name
+
+
+def test_nothing_is_placed_through_a_wall(world: World, sim_home: Home):
+    fetch_the_object(world)
+    oracle = Oracle(world)
+    free, origin_m = reachable(sim_home, 0.35)
+    rows, columns = np.nonzero(free)
+    nearest_wall = int(np.argmin(columns))
+    y = origin_m[1] + 0.05 * (rows[nearest_wall] + 0.5)
+    assert oracle.go_near((origin_m[0], y))
+    behind = (sim_home.bounds[0] - 0.1, float(position(world)[1]), 0.5)
+    assert position(world)[0] - behind[0] < 0.8
+    oracle.face(np.array(behind))
+    assert "in the arm's way" in world.act(Place(behind), "through").reason

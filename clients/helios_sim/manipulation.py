@@ -1,0 +1,85 @@
+"""Pick and place as a robot is asked for them: by points, with a reason when they cannot be done.
+
+The pick is the benchmark's oracle pick: what is nearest to the point is held at once, if it is in
+reach and in view. What is there is taken, whatever its class.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection
+
+import mujoco
+import numpy as np
+
+from helios_sim.gripper import Graspable, Gripper, Rest
+from helios_sim.render import Painter
+from helios_sim.robot_model import REACH_M
+
+PICK_WITHIN_M = 0.15  # from the asked point to the object's box
+MIN_PICK_PIXELS = 30
+
+Point = tuple[float, float, float]
+
+
+class CannotDo(Exception):
+    """Why a pick or place failed: one sentence that tells nothing a robot could not know."""
+
+
+class Manipulation:
+    """What the gripper does with the things of a home."""
+
+    def __init__(
+        self,
+        data: mujoco.MjData,
+        gripper: Gripper,
+        things: Collection[Graspable],
+        painter: Painter,
+        step: Callable[[], None],
+    ) -> None:
+        """step: advances the physics by one step."""
+        self._data, self._gripper, self._things = data, gripper, things
+        self._painter, self._step = painter, step
+
+    def pick(self, point_world_m: Point) -> Graspable:
+        """Hold what is at the point. Raises CannotDo."""
+        if self._gripper.held:
+            raise CannotDo("the gripper already holds something; place it first")
+        spot = _told(point_world_m)
+        nearest = min(
+            (
+                (t.distance_m(self._data, point_world_m), self._away_m(t, point_world_m), t.name, t)
+                for t in self._things
+            ),
+            default=None,
+        )
+        if nearest is None or nearest[0] > PICK_WITHIN_M:
+            raise CannotDo(f"nothing to grasp within {PICK_WITHIN_M} m of {spot}; look again")
+        thing = nearest[-1]
+        if self._gripper.away_m(self._data.xpos[thing.body]) > REACH_M:
+            raise CannotDo(f"what is at {spot} is out of reach ({REACH_M} m); drive nearer")
+        if np.count_nonzero(self._painter.bodies(self._data) == thing.body) < MIN_PICK_PIXELS:
+            raise CannotDo(f"what is at {spot} is not in view; look at it first")
+        self._gripper.grasp(thing)
+        return thing
+
+    def place(self, point_world_m: Point) -> tuple[Graspable, Rest]:
+        """Release what is held above the point and wait until it rests. Raises CannotDo."""
+        thing = self._gripper.held
+        spot = _told(point_world_m)
+        if thing is None:
+            raise CannotDo("the gripper is empty; pick something first")
+        if self._gripper.away_m(point_world_m) > REACH_M:
+            raise CannotDo(f"{spot} is out of reach ({REACH_M} m); drive nearer")
+        if self._gripper.barred(point_world_m):
+            raise CannotDo(f"something is in the arm's way to {spot}; go to another side of it")
+        if not self._gripper.release(point_world_m):
+            raise CannotDo(f"there is no room above {spot}; choose another place")
+        return thing, self._gripper.settle(thing, self._step)
+
+    def _away_m(self, thing: Graspable, point_world_m: Point) -> float:
+        return math.dist(self._data.xpos[thing.body], point_world_m)
+
+
+def _told(point: Point) -> str:
+    return f"({point[0]:.2f}, {point[1]:.2f}, {point[2]:.2f})"
