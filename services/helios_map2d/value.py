@@ -15,7 +15,7 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
-from helios_map2d import kernels
+from helios_map2d import value_kernels
 from helios_map2d.grid import Box, GridSpec
 from helios_map2d.occupancy import camera_in_window, intrinsics_of
 from helios_map2d.view import View
@@ -66,14 +66,14 @@ class ValueLayers:
         camera_cells = camera_in_window(view)
         reach = np.empty(view.azimuth_bins, np.float32)
         rotation = np.ascontiguousarray(view.T_world_cam[:2, :3], np.float32)
-        kernels.farthest_by_azimuth(
+        value_kernels.farthest_by_azimuth(
             view.depth_m, intrinsics, rotation, heading,
             np.float32(view.min_depth_m), np.float32(view.max_depth_m), reach,
         )  # fmt: skip
         box = view.window.slices
         for name, score in scores.items():
             layer = self.layers.setdefault(name, self._empty())
-            kernels.fuse_value(
+            value_kernels.fuse_value(
                 layer.value[box], layer.confidence[box], np.float32(score), camera_cells, heading,
                 np.float32(self.grid.cell_m), np.float32(view.half_fov_rad),
                 np.float32(self.rules.least_confidence), np.float32(self.rules.drop_below), reach,
