@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import signal
 import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
+
+from helios_client import leash as leash_module
 
 TAIL_BYTES = 4096
 KEEP_LOG_BYTES = 8_000_000  # a larger log is put aside at the next start
@@ -46,6 +50,11 @@ class Child:
     """A running process in a session of its own, so that a terminal's Ctrl-C does not reach it."""
 
     def __init__(self, spec: ProcessSpec, log_path: Path) -> None:
+        """Raises OSError when it cannot be started. Call it from a thread that stays."""
+        program = shutil.which(spec.argv[0])
+        if program is None:
+            raise FileNotFoundError(f"there is no program {spec.argv[0]}")
+        leash = (sys.executable, "-I", "-S", leash_module.__file__, str(os.getpid()))
         self.spec = spec
         self._log_path = log_path
         log_path.parent.mkdir(parents=True, exist_ok=True)
@@ -54,7 +63,7 @@ class Child:
         with log_path.open("ab") as log:
             self._log_start = log.tell()
             self._process = subprocess.Popen(
-                spec.argv,
+                (*leash, program, *spec.argv[1:]),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -190,3 +191,19 @@ def test_a_program_that_is_not_there_leaves_nothing_running(bench: Bench) -> Non
     with pytest.raises(FileNotFoundError):
         supervisor.start()
     assert all(row.pid == 0 for row in supervisor.table())
+
+
+def test_a_process_ends_with_its_supervisor_however_early(bench: Bench) -> None:
+    program = (
+        "import os, sys, time\n"
+        "from pathlib import Path\n"
+        "from helios_client.processes import Child, ProcessSpec\n"
+        f"spec = ProcessSpec('p', (sys.executable, '-c', {STAY!r}))\n"
+        "print(Child(spec, Path(sys.argv[1])).pid, flush=True)\n"
+        "os.kill(os.getpid(), 9)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(bench.folder / "p.log")],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    wait_until(lambda: not is_alive(int(done.stdout)), 10, "the child has ended too")

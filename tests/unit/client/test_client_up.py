@@ -58,7 +58,7 @@ def up(tmp_path: Path) -> Iterator[Up]:
     up.close()
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_ends_all_and_leaves_nothing(up: Up, number: signal.Signals) -> None:
     up.wait_ready()
     up.process.send_signal(number)
