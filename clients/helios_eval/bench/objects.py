@@ -45,16 +45,18 @@ def render(n: int = 50_000) -> Row:
     view = view_of(frames()[0].T_world_cam)
     depth = (means @ view.T_cam_world[:3, :3].T.astype(np.float32) + view.T_cam_world[:3, 3])[:, 2:]
     everything = torch.from_numpy(np.hstack([depth, features]).astype(np.float32))
-    tensors = [torch.from_numpy(a) for a in (means, radius, opacity)]
+    points, radii, opacities = map(torch.from_numpy, (means, radius, opacity))
     T = torch.from_numpy(view.T_cam_world.astype(np.float32))
+    c = CAMERA
 
     def ours(_: int) -> NDArray[np.float32]:
         return splat.render(splat.project(means, radius, opacity, view), features).features
 
     def peer(_: int) -> torch.Tensor:
         with torch.no_grad():
-            return torch_raster.render(*tensors, everything, T, CAMERA.fx, CAMERA.cx, CAMERA.cy,
-                                       CAMERA.width, CAMERA.height)  # fmt: skip
+            return torch_raster.render(
+                points, radii, opacities, everything, T, c.fx, c.cx, c.cy, c.width, c.height
+            )
 
     # near-equal depths may be ordered differently in float32: a few pixels of 300 thousand
     difference = np.abs(ours(0) - peer(0)[1:].numpy())
