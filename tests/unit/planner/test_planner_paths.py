@@ -78,11 +78,11 @@ def test_marching_matches_the_exact_heap_within_one_percent() -> None:
     for seed in range(4):
         ground = random_ground(seed, 60)
         speed = rng.uniform(0.1, 1.0, ground.occupancy.shape).astype(np.float32)
-        speed = cv2.GaussianBlur(speed, (9, 9), 0)
+        speed = np.asarray(cv2.GaussianBlur(speed, (9, 9), 0), np.float32)
         speed[ground.occupancy > 0] = 0
-        source = tuple(int(v) for v in np.argwhere(speed > 0)[17])
+        source = (int(np.argwhere(speed > 0)[17, 0]), int(np.argwhere(speed > 0)[17, 1]))
         fast = fm2.arrival_time(speed, np.array([source]))
-        exact = heap_marching(speed, (source[0], source[1]))
+        exact = heap_marching(speed, source)
         assert (np.isfinite(fast) == np.isfinite(exact)).all()
         known = np.isfinite(exact) & (exact > 5)
         # The buckets are not sorted within: an error of at most a bucket's width per cell.
@@ -113,13 +113,15 @@ def test_arrival_time_falls_along_a_path_that_touches_nothing(seed: int) -> None
     if not np.isfinite(reached.at(np.array([places[1]]))[0]):
         assert len(route) == 0
         return
-    cells = ground.cells_of(route)
+    cells = reached.ground.cells_of(route)
     falling = reached.arrival[cells[::-1, 0], cells[::-1, 1]]
     assert (np.diff(falling) < 0).all()
     clear = reached.clearance[cells[:, 0], cells[:, 1]]
     assert clear.min() >= RULES.footprint_m
     for a, b in zip(straightened(route, reached), straightened(route, reached)[1:], strict=False):
-        least = least_clearance_m(reached.clearance, ground, Pose2(*a, 0), (b[0], b[1]))
+        least = least_clearance_m(
+            reached.clearance, ground, Pose2(float(a[0]), float(a[1]), 0.0), (b[0], b[1])
+        )
         assert least >= RULES.footprint_m
 
 
@@ -149,7 +151,7 @@ def test_motions_bring_the_robot_there_without_contact(seed: int) -> None:
             pose.x_m + move.distance_m * math.cos(pose.yaw_rad),
             pose.y_m + move.distance_m * math.sin(pose.yaw_rad),
         )
-        assert least_clearance_m(reached.clearance, ground, pose, end) >= RULES.footprint_m
+        assert least_clearance_m(reached.clearance, reached.ground, pose, end) >= RULES.footprint_m
         pose = Pose2(*end, pose.yaw_rad)
     assert pose.distance_m(places[1]) < 0.15
 

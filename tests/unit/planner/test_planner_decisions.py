@@ -1,0 +1,251 @@
+"""Eq. 8-10, the pick and place rules, and gaze points, on cases that can be checked by hand."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.errors import Unavailable
+from helios_core.types import ObjectInstance
+from helios_planner.decide import (
+    Do,
+    FrontierOption,
+    ReceptacleOption,
+    ViewOption,
+    act_or_look,
+    frontier_by_value,
+    global_search,
+)
+from helios_planner.gaze import GazeRules, gaze_points
+from helios_planner.grid import GroundMap, Pose2
+from helios_planner.motion import MotionRules, reach
+from helios_planner.objective import (
+    ChosenFrontier,
+    FirstSeen,
+    SearchMemory,
+    estimated_value,
+    frontier_scale,
+    normalised_gain,
+)
+from helios_planner.stand import PlaceRules, place_spots, stand_for
+from helios_planner.store import Store
+from planner_world import ROBOT
+
+ALPHA_D = 0.001
+
+
+def thing(
+    id: int = 1,
+    center: tuple[float, float, float] = (2.0, 2.0, 0.5),
+    size: tuple[float, float, float] = (0.1, 0.1, 0.1),
+    score: float = 0.4,
+    class_score: float = 0.5,
+) -> ObjectInstance:
+    return ObjectInstance(
+        id, "mug", np.array(center), np.array(size), score, class_score, 0.1, 2, 100, {},
+        center[2] + size[2] / 2, np.empty((0, 2)),
+    )  # fmt: skip
+
+
+# --- eq. 8 and 9 ---------------------------------------------------------------------------------
+def test_v0_is_the_best_first_seen_worth_less_its_distance_to_the_frontier() -> None:
+    seen = {
+        1: FirstSeen(0.5, 2.0, (0.0, 0.0)),  # worth 1.0, 3 m away
+        2: FirstSeen(0.9, 1.0, (3.0, 4.0)),  # worth 0.9, 4 m away
+    }
+    assert estimated_value((3.0, 0.0), seen, 0.1) == pytest.approx(1.0 - 0.3)
+    assert estimated_value((3.0, 0.0), seen, 1.0) == pytest.approx(-2.0)
+
+
+def test_the_frontier_scale_is_the_mean_ratio() -> None:
+    memory = SearchMemory({1: FirstSeen(0.5, 2.0, (0.0, 0.0))})
+    memory.chosen = [ChosenFrontier((0.0, 0.0), 0.25), ChosenFrontier((0.0, 0.0), 0.5)]
+    assert frontier_scale(memory, 0.0) == pytest.approx((4.0 + 2.0) / 2)
+
+
+@pytest.mark.parametrize(
+    "memory",
+    [
+        SearchMemory(),
+        SearchMemory({1: FirstSeen(0.5, 2.0, (0.0, 0.0))}),
+        SearchMemory({}, [ChosenFrontier((0.0, 0.0), 0.3)]),
+        SearchMemory({1: FirstSeen(0.5, 2.0, (0.0, 0.0))}, [ChosenFrontier((0.0, 0.0), 0.0)]),
+        SearchMemory({1: FirstSeen(0.5, 0.0, (9.0, 0.0))}, [ChosenFrontier((0.0, 0.0), 0.3)]),
+    ],
+    ids=["nothing", "no frontier", "no candidate", "a value of zero", "a negative ratio"],
+)
+def test_the_frontier_scale_is_one_where_it_is_not_defined(memory: SearchMemory) -> None:
+    assert frontier_scale(memory, 0.1) == 1.0
+
+
+def test_what_was_first_seen_stays() -> None:
+    memory = SearchMemory()
+    memory.note(1, FirstSeen(0.4, 1.0, (0.0, 0.0)))
+    memory.note(1, FirstSeen(0.9, 9.0, (1.0, 1.0)))
+    assert memory.first_seen[1].class_score == 0.4
+
+
+# --- eq. 10 --------------------------------------------------------------------------------------
+def test_alpha_d_of_tables_6_to_8_changes_the_winner() -> None:
+    """Two candidates that differ by 0.03 in worth and by 6 m: normalised per Gaussian, the weight
+    of a metre decides; with the paper's plain sum over 5000 Gaussians it never does."""
+    near, far = thing(1), thing(2)
+
+    def winner(alpha_d: float, gaussians: int) -> int:
+        gains = (1.00 * gaussians, 1.06 * gaussians)
+        norm = "per_gaussian" if gaussians == 1 else "sum"
+        options = [
+            ReceptacleOption(near, 0.5, normalised_gain(gains[0], gaussians, norm), 2.0),
+            ReceptacleOption(far, 0.5, normalised_gain(gains[1], gaussians, norm), 8.0),
+        ]
+        return global_search(options, [], SearchMemory(), alpha_d).chosen.id
+
+    assert [winner(a, 1) for a in (0.0001, 0.001, 0.01)] == [2, 2, 1]
+    assert [winner(a, 5000) for a in (0.0001, 0.001, 0.01)] == [2, 2, 2]
+
+
+def test_the_gain_is_normalised_per_gaussian_and_never_negative() -> None:
+    assert normalised_gain(500.0, 250, "per_gaussian") == 2.0
+    assert normalised_gain(500.0, 250, "sum") == 500.0
+    assert normalised_gain(-1.0, 250, "per_gaussian") == 0.0
+
+
+def test_a_decision_lists_every_candidate_with_its_terms_and_says_why() -> None:
+    memory = SearchMemory({1: FirstSeen(0.5, 2.0, (0.0, 0.0))}, [ChosenFrontier((0.0, 0.0), 0.5)])
+    receptacle = ReceptacleOption(thing(7), 0.6, 1.5, 3.0)
+    frontier = FrontierOption(9, (5.0, 5.0), 0.4, 6.0)
+    got = global_search([receptacle], [frontier], memory, ALPHA_D)
+    assert got.do is Do.SEARCH_RECEPTACLE
+    assert got.candidates[0].terms["total"] == pytest.approx(0.6 * 1.5 - 0.003)
+    assert got.candidates[1].terms["total"] == pytest.approx(0.4 * 2.0 - 0.006)
+    assert "search the mug" in got.why
+    assert got.settings["frontier_scale"] == pytest.approx(2.0)
+
+
+def test_with_nothing_left_the_search_says_so() -> None:
+    assert global_search([], [], SearchMemory(), ALPHA_D).do is Do.NOTHING_LEFT
+    assert frontier_by_value([], "place").do is Do.NOTHING_LEFT
+
+
+def test_the_nearer_of_two_equal_frontiers_is_chosen() -> None:
+    options = [FrontierOption(1, (5, 0), 0.3, 5.0), FrontierOption(2, (1, 0), 0.3, 1.0)]
+    assert frontier_by_value(options, "place").chosen.id == 2
+
+
+# --- pick and place ------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("score", "after", "do"),
+    [
+        (0.50, None, Do.ACT),
+        (0.49, 0.70, Do.LOOK),  # the view passes the threshold
+        (0.10, 0.16, Do.LOOK),  # not the threshold, but it rises by more than tau_inc
+        (0.10, 0.14, Do.SEARCH_ON),
+        (0.48, 0.50, Do.LOOK),  # min(tau, Psi + tau_inc) is tau here
+        (0.48, 0.49, Do.SEARCH_ON),
+        (0.48, None, Do.SEARCH_ON),  # no gaze point is left
+    ],
+)
+def test_act_look_or_search_on(score: float, after: float | None, do: Do) -> None:
+    option = ViewOption(thing(score=score), score, after, 1.0)
+    assert act_or_look([option], 0.5, 0.05, "object", "pick").do is do
+
+
+def test_of_two_sure_things_the_one_on_the_start_receptacle_is_taken() -> None:
+    options = [
+        ViewOption(thing(1), 0.9, None, 1.0),
+        ViewOption(thing(2), 0.6, None, 5.0, preferred=True),
+    ]
+    assert act_or_look(options, 0.5, 0.05, "object", "pick").chosen.id == 2
+
+
+# --- gaze points ---------------------------------------------------------------------------------
+def room(*boxes: tuple[float, float, float, float, float]) -> GroundMap:
+    """5 x 4 m of free ground with boxes x0, y0, x1, y1, top."""
+    cell = 0.025
+    occupancy = np.zeros((160, 200), np.int8)
+    top = np.zeros(occupancy.shape, np.float32)
+    for x0, y0, x1, y1, height in boxes:
+        at = np.s_[round(y0 / cell) : round(y1 / cell), round(x0 / cell) : round(x1 / cell)]
+        occupancy[at], top[at] = 100, height
+    return GroundMap(occupancy, top, cell, (0.0, 0.0))
+
+
+TABLE = (2.0, 1.6, 3.0, 2.4, 0.5)
+TABLE_SEEN = thing(center=(2.5, 2.0, 0.45), size=(1.0, 0.8, 0.1))
+GAZE = GazeRules((0.6, 0.9), 0.8)
+
+
+def test_gaze_points_lie_around_a_table_are_free_and_face_it() -> None:
+    ground = room(TABLE)
+    reached = reach(ground, Pose2(0.6, 0.6, 0.0), MotionRules(0.3, 0.05))
+    points = gaze_points(TABLE_SEEN, reached, ROBOT, GAZE)
+    assert len(points) >= 5
+    assert [p.arrival for p in points] == sorted(p.arrival for p in points)
+    for p in points:
+        assert np.isfinite(reached.at(np.array([p.pose.xy]))[0])
+        assert abs(p.pose.bearing_rad((2.5, 2.0))) < 0.01
+        assert 0.2 < p.tilt_rad < 1.2
+    angles = sorted(math.atan2(p.pose.y_m - 2.0, p.pose.x_m - 2.5) for p in points)
+    assert np.diff([*angles, angles[0] + 2 * math.pi]).max() < math.pi / 2
+
+
+def test_no_gaze_point_lies_behind_something_high() -> None:
+    wall = (1.5, 0.0, 1.6, 4.0, 2.5)
+    gap_wall = (1.5, 0.0, 1.6, 3.2, 2.5)
+    east = reach(room(TABLE, wall), Pose2(4.4, 2.0, 0.0), MotionRules(0.3, 0.05))
+    assert all(p.pose.x_m > 1.6 for p in gaze_points(TABLE_SEEN, east, ROBOT, GAZE))
+    west = reach(room(TABLE, gap_wall), Pose2(0.6, 0.6, 0.0), MotionRules(0.3, 0.05))
+    for p in gaze_points(TABLE_SEEN, west, ROBOT, GazeRules((0.6, 1.2), 0.5)):
+        assert p.pose.x_m > 1.6 or p.pose.y_m > 3.0
+
+
+# --- standing and placing ------------------------------------------------------------------------
+def test_a_stand_is_in_reach_faces_the_thing_and_is_not_one_that_failed() -> None:
+    reached = reach(room(TABLE), Pose2(0.6, 0.6, 0.0), MotionRules(0.3, 0.05))
+    target = (2.3, 1.8, 0.5)
+    first = stand_for(target, reached, ROBOT, 0.74)
+    assert first is not None
+    assert first.distance_m(target[:2]) <= 0.74
+    assert abs(first.bearing_rad(target[:2])) < 1e-6
+    second = stand_for(target, reached, ROBOT, 0.74, [first.xy])
+    assert second is not None
+    assert second.distance_m(first.xy) > 0.2
+    assert stand_for((2.5, 2.0, 0.5), reached, ROBOT, 0.3) is None
+
+
+def test_places_are_flat_inside_the_edge_and_in_reach() -> None:
+    clutter = (2.1, 1.7, 2.35, 1.95, 0.7)
+    reached = reach(room(TABLE, clutter), Pose2(0.6, 0.6, 0.0), MotionRules(0.3, 0.05))
+    spots = place_spots(TABLE_SEEN, reached, 0.74, PlaceRules(0.12, 0.045))
+    assert spots
+    for s in spots:
+        x, y, z = s.point_m
+        assert z == pytest.approx(0.5)
+        assert min(x - 2.0, 3.0 - x, y - 1.6, 2.4 - y) > 0.1
+        assert not (2.05 < x < 2.4 and 1.65 < y < 2.0)
+        assert s.stand.distance_m((x, y)) <= 0.74
+
+
+# --- the store -----------------------------------------------------------------------------------
+def test_tasks_and_decisions_outlive_the_process(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    store.put(pb.Task(id="a", state="queued", created_s=2))
+    store.put(pb.Task(id="b", state="queued", created_s=1))
+    store.put(pb.Task(id="a", state="running", created_s=2))
+    for k in (1, 0):
+        store.add(pb.Decision(task_id="a", index=k, why=f"because {k}"))
+    store.close()
+    again = Store(tmp_path)
+    assert [(t.id, t.state) for t in again.tasks()] == [("b", "queued"), ("a", "running")]
+    assert [d.why for d in again.decisions("a")] == ["because 0", "because 1"]
+    assert again.get("c") is None
+    again.close()
+
+
+def test_a_state_directory_that_cannot_be_used_is_said(tmp_path: Path) -> None:
+    (tmp_path / "tasks.sqlite").write_text("this is no database, and it is long enough to show")
+    with pytest.raises(Unavailable, match="move the file away"):
+        Store(tmp_path)
