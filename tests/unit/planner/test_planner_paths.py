@@ -118,10 +118,9 @@ def test_arrival_time_falls_along_a_path_that_touches_nothing(seed: int) -> None
     assert (np.diff(falling) < 0).all()
     clear = reached.clearance[cells[:, 0], cells[:, 1]]
     assert clear.min() >= RULES.footprint_m
-    for a, b in zip(straightened(route, reached), straightened(route, reached)[1:], strict=False):
-        least = least_clearance_m(
-            reached.clearance, ground, Pose2(float(a[0]), float(a[1]), 0.0), (b[0], b[1])
-        )
+    for a, b in itertools.pairwise(straightened(route, reached)):
+        start = Pose2(float(a[0]), float(a[1]), 0.0)
+        least = least_clearance_m(reached.clearance, reached.ground, start, (b[0], b[1]))
         assert least >= RULES.footprint_m
 
 
