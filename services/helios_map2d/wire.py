@@ -16,7 +16,7 @@ from helios_map2d.snapshot import MapSnapshot
 def snapshot_to_proto(snapshot: MapSnapshot, layers: bool) -> pb.MapSnapshot:
     """The message of a version; without arrays, and with a cell size of 0, while nothing is known.
 
-    `explored` is what was seen since the search began; tops are sent in steps of 2 cm, rounded up.
+    `explored` is what was seen since the search began; tops are sent in millimetres.
     """
     out = pb.MapSnapshot(version=snapshot.version, context_id=snapshot.context_id)
     if snapshot.frame_id is None or snapshot.robot_pose is None:
@@ -29,8 +29,7 @@ def snapshot_to_proto(snapshot: MapSnapshot, layers: bool) -> pb.MapSnapshot:
     out.height, out.width = grid.shape
     out.occupancy = _packed(snapshot.occupancy)
     out.explored = _packed(snapshot.explored_for_search)
-    top = np.clip(np.ceil(snapshot.z_high_m * 50.0 - 1e-3), 0, 255).astype(np.uint8)
-    out.top_cm = _packed(top)
+    out.top_mm = _packed(np.rint(np.clip(snapshot.z_high_m, 0, 65) * 1000).astype("<u2"))
     if layers:
         for name, value in snapshot.values.items():
             out.values[name] = _packed(value.astype("<f2"))

@@ -8,7 +8,7 @@ from helios_planner.body import Body
 from helios_planner.explore import Kit
 from helios_planner.instruction import Instruction, Kind
 from helios_planner.legs import Legs, Outcome
-from helios_planner.look import Looking
+from helios_planner.look import Looking, nearest_to
 from helios_planner.object_search import ObjectSearch
 from helios_planner.receptacle_search import ReceptacleSearch
 from helios_planner.settings import Settings
@@ -96,15 +96,19 @@ class Mission:
             search.leave(found, out_of_reach=True)
 
     def _show(self, search: ObjectSearch) -> str:
-        """Find a thing and stand so that it is in sight."""
-        found = search.find()
+        """Find a thing and stand so that it is in sight; it must still be believed from there."""
         looking = self.kit.looking
-        for gaze in looking.views_of(found):
-            purpose = f"show the {search.name}"
-            if looking.go_and_look(found, gaze, purpose) is Outcome.ARRIVED:
-                break
-        x, y, z = found.center_m
-        return f"found the {search.name} at ({x:.2f}, {y:.2f}, {z:.2f}) m"
+        while True:
+            found = search.find()
+            for gaze in looking.views_of(found):
+                purpose = f"show the {search.name}"
+                if looking.go_and_look(found, gaze, purpose) is Outcome.ARRIVED:
+                    break
+            seen = nearest_to(found.center_m, self.body.objects(search.name), 0.3)
+            if seen is not None and seen.score >= self.settings.tau_g:
+                x, y, z = seen.center_m
+                return f"found the {search.name} at ({x:.2f}, {y:.2f}, {z:.2f}) m"
+            search.tell(f"from near it does not look like a {search.name}; searching on")
 
 
 def _words(done: Done) -> str:

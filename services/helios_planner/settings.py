@@ -111,8 +111,10 @@ class Settings(ServiceSettings):
     place_inset_m: float = Field(
         default=0.12, ge=0, description="least distance from a surface's edge"
     )
-    place_flat_m: float = Field(
-        default=0.045, gt=0, description="height range of what counts as flat"
+    place_flats_m: tuple[float, ...] = Field(
+        default=(0.012, 0.045),
+        description="height range of what counts as flat: wished, so that nothing lies there "
+        "already, then accepted",
     )
     place_drop_m: float = Field(
         default=0.01, ge=0, description="height above the surface to let go from"

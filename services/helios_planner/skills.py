@@ -14,6 +14,7 @@ from helios_planner.gaze import tilt_towards
 from helios_planner.grid import Pose2
 from helios_planner.legs import Legs, Outcome
 from helios_planner.look import nearest_to
+from helios_planner.motion import Reach
 from helios_planner.settings import Settings
 from helios_planner.stand import PlaceRules, Spot, edge_spot, place_spots, stand_for
 from helios_planner.task import Cause, TaskFailed
@@ -139,9 +140,13 @@ class Skills:
             failed.append(point)
         return Done.FAILED if stood else Done.OUT_OF_REACH
 
-    @property
-    def _place_rules(self) -> PlaceRules:
-        return PlaceRules(self.settings.place_inset_m, self.settings.place_flat_m)
+    def _free_spots(self, receptacle: ObjectInstance, reached: Reach) -> list[Spot]:
+        """Spots where nothing lies yet; where there is none, those that are only about flat."""
+        for flat_m in self.settings.place_flats_m:
+            rules = PlaceRules(self.settings.place_inset_m, flat_m)
+            if spots := place_spots(receptacle, reached, self._reach_m, rules):
+                return spots
+        return []
 
     def _spot(
         self, receptacle: ObjectInstance, failed: list[tuple[float, float, float]]
@@ -149,7 +154,7 @@ class Skills:
         """The best spot on a surface that was seen; on the second try one without a surface."""
         for level in self.legs.levels:
             reached = self.legs.reach(level)
-            for spot in place_spots(receptacle, reached, self._reach_m, self._place_rules):
+            for spot in self._free_spots(receptacle, reached):
                 if _new(spot.point_m, failed):
                     return spot
         here = self.body.pose()
@@ -168,7 +173,7 @@ class Skills:
         """The point again, now that the surface was seen from near: the best one within reach."""
         here = self.body.pose()
         reached = self.legs.reach(self.legs.levels[-1])
-        for better in place_spots(receptacle, reached, self._reach_m, self._place_rules):
+        for better in self._free_spots(receptacle, reached):
             xy = better.point_m[:2]
             in_reach = here.distance_m(xy) <= self._reach_m and abs(here.bearing_rad(xy)) < 0.35
             if in_reach and better.inset_m >= spot.inset_m - 0.02 and _new(better.point_m, failed):

@@ -68,8 +68,8 @@ def decode_snapshot(snapshot: pb.MapSnapshot) -> MapView:
         origin_m=(snapshot.origin_x_m, snapshot.origin_y_m),
         occupancy=_unpacked(snapshot.occupancy, "<i1", shape, "occupancy").astype(np.int8),
         explored=_unpacked(snapshot.explored, "<u1", shape, "explored") > 0,
-        top_m=_unpacked(snapshot.top_cm, "<u1", shape, "top_cm").astype(np.float32)
-        * np.float32(0.02),
+        top_m=_unpacked(snapshot.top_mm, "<u2", shape, "top_mm").astype(np.float32)
+        * np.float32(0.001),
         values={
             name: _unpacked(data, "<f2", shape, f"value layer {name}").astype(np.float32)
             for name, data in snapshot.values.items()

@@ -25,19 +25,19 @@ def test_what_was_packed_is_read_back(rows: int, columns: int, seed: int, layere
     shape = (rows, columns)
     occupancy = rng.choice(np.array([UNKNOWN, FREE, OCCUPIED], np.int8), shape)
     explored = rng.integers(0, 2, shape, np.uint8)
-    top = rng.integers(0, 256, shape, np.uint8)
+    top = rng.integers(0, 3000, shape).astype("<u2")
     value = rng.random(shape).astype("<f2")
     message = pb.MapSnapshot(
         version=5, cell_m=0.025, width=columns, height=rows, trajectory_m=[1, 2, 3, 4],
         occupancy=zlib.compress(occupancy.tobytes()), explored=zlib.compress(explored.tobytes()),
-        top_cm=zlib.compress(top.tobytes()),
+        top_mm=zlib.compress(top.tobytes()),
         values={"pick": zlib.compress(value.tobytes())} if layered else {},
     )  # fmt: skip
     view = decode_snapshot(message)
     assert view.shape == shape
     assert np.array_equal(view.occupancy, occupancy)
     assert np.array_equal(view.explored, explored > 0)
-    assert np.allclose(view.top_m, top * 0.02, atol=1e-5)
+    assert np.allclose(view.top_m, top * 0.001, atol=1e-5)
     assert view.trajectory_m.tolist() == [[1, 2], [3, 4]]
     if layered:
         assert np.array_equal(view.values["pick"], value.astype(np.float32))

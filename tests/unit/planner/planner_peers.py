@@ -100,12 +100,12 @@ class Peers:
 
     def _snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot:
         ground = self.world.ground()
-        top = np.clip(np.rint(ground.top_m * 50), 0, 255).astype(np.uint8)
+        top = np.rint(ground.top_m * 1000).astype("<u2")
         rows, columns = ground.occupancy.shape
         return pb.MapSnapshot(
             version=ground.version, cell_m=ground.cell_m, width=columns, height=rows,
             occupancy=zlib.compress(ground.occupancy.tobytes(), 1),
-            top_cm=zlib.compress(top.tobytes(), 1),
+            top_mm=zlib.compress(top.tobytes(), 1),
             frontiers=[pb.Frontier(id=f.id, x_m=f.xy_m[0], y_m=f.xy_m[1], size_m=f.size_m,
                                    values=f.values, reachable=True)
                        for f in self.world.frontiers()],

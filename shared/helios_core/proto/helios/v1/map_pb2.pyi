@@ -38,7 +38,7 @@ class Frontier(_message.Message):
     def __init__(self, id: _Optional[int] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., size_m: _Optional[float] = ..., values: _Optional[_Mapping[str, float]] = ..., reachable: bool = ...) -> None: ...
 
 class MapSnapshot(_message.Message):
-    __slots__ = ("id", "version", "cell_m", "origin_x_m", "origin_y_m", "width", "height", "occupancy", "explored", "top_cm", "values", "frontiers", "robot", "trajectory_m", "context_id", "unchanged", "explored_m2", "occupied_m2")
+    __slots__ = ("id", "version", "cell_m", "origin_x_m", "origin_y_m", "width", "height", "occupancy", "explored", "top_mm", "values", "frontiers", "robot", "trajectory_m", "context_id", "unchanged", "explored_m2", "occupied_m2")
     class ValuesEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -55,7 +55,7 @@ class MapSnapshot(_message.Message):
     HEIGHT_FIELD_NUMBER: _ClassVar[int]
     OCCUPANCY_FIELD_NUMBER: _ClassVar[int]
     EXPLORED_FIELD_NUMBER: _ClassVar[int]
-    TOP_CM_FIELD_NUMBER: _ClassVar[int]
+    TOP_MM_FIELD_NUMBER: _ClassVar[int]
     VALUES_FIELD_NUMBER: _ClassVar[int]
     FRONTIERS_FIELD_NUMBER: _ClassVar[int]
     ROBOT_FIELD_NUMBER: _ClassVar[int]
@@ -73,7 +73,7 @@ class MapSnapshot(_message.Message):
     height: int
     occupancy: bytes
     explored: bytes
-    top_cm: bytes
+    top_mm: bytes
     values: _containers.ScalarMap[str, bytes]
     frontiers: _containers.RepeatedCompositeFieldContainer[Frontier]
     robot: _common_pb2.Pose2
@@ -82,7 +82,7 @@ class MapSnapshot(_message.Message):
     unchanged: bool
     explored_m2: float
     occupied_m2: float
-    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., version: _Optional[int] = ..., cell_m: _Optional[float] = ..., origin_x_m: _Optional[float] = ..., origin_y_m: _Optional[float] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., occupancy: _Optional[bytes] = ..., explored: _Optional[bytes] = ..., top_cm: _Optional[bytes] = ..., values: _Optional[_Mapping[str, bytes]] = ..., frontiers: _Optional[_Iterable[_Union[Frontier, _Mapping]]] = ..., robot: _Optional[_Union[_common_pb2.Pose2, _Mapping]] = ..., trajectory_m: _Optional[_Iterable[float]] = ..., context_id: _Optional[str] = ..., unchanged: bool = ..., explored_m2: _Optional[float] = ..., occupied_m2: _Optional[float] = ...) -> None: ...
+    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., version: _Optional[int] = ..., cell_m: _Optional[float] = ..., origin_x_m: _Optional[float] = ..., origin_y_m: _Optional[float] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., occupancy: _Optional[bytes] = ..., explored: _Optional[bytes] = ..., top_mm: _Optional[bytes] = ..., values: _Optional[_Mapping[str, bytes]] = ..., frontiers: _Optional[_Iterable[_Union[Frontier, _Mapping]]] = ..., robot: _Optional[_Union[_common_pb2.Pose2, _Mapping]] = ..., trajectory_m: _Optional[_Iterable[float]] = ..., context_id: _Optional[str] = ..., unchanged: bool = ..., explored_m2: _Optional[float] = ..., occupied_m2: _Optional[float] = ...) -> None: ...
 
 class PictureRequest(_message.Message):
     __slots__ = ("layer", "size_px", "path_m", "objects")
