@@ -9,7 +9,7 @@ import numpy as np
 from helios_core.robot import Forward, Turn
 from numpy.typing import NDArray
 
-from helios_planner import fm2
+from helios_planner import fm2, kernels
 from helios_planner.collision import clearance_m, least_clearance_m
 from helios_planner.grid import GroundMap, Pose2
 
@@ -181,3 +181,14 @@ def _may_pull(route: NDArray[np.float64], here: int, there: int, reached: Reach)
     straight = least_clearance_m(slack, ground, start, end)
     # Wide enough anyway, or no narrower than the route itself.
     return straight >= min(0.10, max(along, 0.0))
+
+
+def warm_up() -> None:
+    """Compile every kernel, or load it from the cache, so that no task waits for it."""
+    ground = GroundMap(
+        np.zeros((64, 64), np.int8), np.zeros((64, 64), np.float32), 0.05, (0.0, 0.0)
+    )
+    robot, rules = Pose2(1.6, 1.6, 0.0), MotionRules(footprint_m=0.3)
+    reached = reach(ground, robot, rules)
+    next_primitive(reached.route_to((2.2, 2.2)), reached, rules)
+    kernels.hidden_along(ground.top_m, 1.0, 1.0, 1.0, 9.0, 9.0, 0.5, 1.0, 1.25)

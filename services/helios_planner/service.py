@@ -37,6 +37,7 @@ from helios_planner.calls import patiently
 from helios_planner.context import check_able, in_vocabulary, search_context
 from helios_planner.flow import Mission
 from helios_planner.instruction import parse
+from helios_planner.motion import warm_up
 from helios_planner.settings import Settings
 from helios_planner.store import Store
 from helios_planner.task import Cause, State, Task, TaskCancelled, TaskFailed
@@ -59,7 +60,7 @@ class PlannerService:
         self._queue: deque[str] = deque()
         self._cancels: dict[str, threading.Event] = {}
         self._description: pb.RobotDescription | None = None
-        self._described = threading.Event()
+        self._described, self._warm = threading.Event(), threading.Event()
         self._ending = threading.Event()
         self._acks = AckBook()
         self._store = Store(settings.state_dir)
@@ -74,8 +75,7 @@ class PlannerService:
         bus.serve(DECISIONS, self.decisions)
         self._worker = threading.Thread(target=self._work, name="worker", daemon=True)
         self._worker.start()
-        if not self._described.is_set():
-            health.waiting("waits for the bridge to describe the robot")
+        self._tell_health()
 
     def close(self) -> None:
         """Ends within an action; the running task becomes a system error at the next start."""
@@ -146,6 +146,9 @@ class PlannerService:
 
     # --- the worker ----------------------------------------------------------------------------
     def _work(self) -> None:
+        warm_up()
+        self._warm.set()
+        self._tell_health()
         while (id := self._next()) is not None:
             try:
                 self._run(id)
@@ -268,4 +271,12 @@ class PlannerService:
     def _on_description(self, description: pb.RobotDescription) -> None:
         self._description = description
         self._described.set()
-        self._health.ready()
+        self._tell_health()
+
+    def _tell_health(self) -> None:
+        if not self._warm.is_set():
+            self._health.waiting("compiles its path planner; seconds at the first start")
+        elif not self._described.is_set():
+            self._health.waiting("waits for the bridge to describe the robot")
+        else:
+            self._health.ready()
