@@ -71,7 +71,7 @@ def _pose_to_proto(T_world_x: Matrix, stamp_ns: int) -> PoseInFrame:
 def _pose_from_proto(pose: PoseInFrame, what: str) -> Matrix:
     p, q = pose.pose.position, pose.pose.orientation
     numbers = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
-    norm = math.sqrt(q.x**2 + q.y**2 + q.z**2 + q.w**2) if all(map(math.isfinite, numbers)) else 0.0
+    norm = math.hypot(q.x, q.y, q.z, q.w) if all(map(math.isfinite, numbers)) else 0.0
     if abs(norm - 1.0) > 0.01:
         raise InvalidInput(
             f"{what} has position ({p.x}, {p.y}, {p.z}) and a quaternion of norm {norm:.3g}; "

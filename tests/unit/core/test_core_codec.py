@@ -131,6 +131,10 @@ def _quaternion(m: pb.Frame) -> None:
     m.T_world_base.pose.orientation.w = 17.0
 
 
+def _huge_quaternion(m: pb.Frame) -> None:
+    m.T_world_base.pose.orientation.w = 1e300
+
+
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
@@ -143,6 +147,7 @@ def _quaternion(m: pb.Frame) -> None:
         (_calibration, "focal lengths"),
         (_pose, "T_world_cam"),
         (_quaternion, "unit quaternion"),
+        (_huge_quaternion, "unit quaternion"),
     ],
 )
 def test_a_frame_that_does_not_hold_together_is_refused(
