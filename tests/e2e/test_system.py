@@ -227,6 +227,38 @@ def test_a_service_started_alone_says_what_it_waits_for_and_ends_when_asked(
         process.kill()
 
 
+def test_the_order_of_starting_does_not_matter(tmp_path: Path) -> None:
+    router, port = f"tcp/127.0.0.1:{free_port()}", free_port()
+    extra = {
+        "gateway": ["--port", str(port)],
+        "planner": ["--state-dir", str(tmp_path / "tasks")],
+        "detector": ["--detector", "ground-truth"],
+    }
+    started: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(name: str, *argv: str) -> None:
+        with (tmp_path / name).open("wb") as out:
+            started[name] = subprocess.Popen([sys.executable, "-m", *argv], stderr=out, stdout=out)
+
+    def waits(name: str) -> bool:
+        return "waiting for the router" in (tmp_path / name).read_text()
+
+    try:
+        for name, argv in MODULES.items():
+            if name != "world":
+                start(name, argv[0], "--router", router, *extra.get(name, []))
+        for name in list(started):
+            wait_until(lambda name=name: waits(name), 60, f"{name} waits")
+        start("router", "helios_core.router", "--listen", router)
+        start("world", "helios_sim", "--router", router, "--seed", "0")
+        house = House(started["router"], port, router, tmp_path)
+        wait_until(house.ready, 90, "all services are ready")
+    finally:
+        for process in started.values():
+            process.kill()
+            process.wait()
+
+
 def test_a_missing_model_file_is_said_in_one_sentence(house: House, tmp_path: Path) -> None:
     log = tmp_path / "log"
     with log.open("wb") as out:
