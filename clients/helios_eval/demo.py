@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import socket
 import subprocess
 import sys
 import time
@@ -19,6 +18,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from helios_client.sdk import Helios
+from helios_client.stack import free_port
 from helios_client.task_view import run_task
 from helios_client.tasks import Task
 from helios_core import proto as pb
@@ -70,7 +70,7 @@ def wait_ready(helios: Helios, up: subprocess.Popen[bytes], log: Path) -> None:
 
 
 def result_of(task: Task, truth: pb.TruthEpisode, metrics: pb.TruthMetrics, wall_s: float) -> dict:
-    """`result.json`: success is the truth's word (docs/metrics in the issue), not the planner's."""
+    """`result.json`: success is the word of the simulator's truth, not the planner's."""
     return {
         "success": metrics.success,
         "collision": metrics.collision,
@@ -133,12 +133,6 @@ def run(seed: int, preset: str, port: int, out: Path, console: Console) -> dict:
             bus.close()
     show(result, out, console)
     return result
-
-
-def free_port() -> int:
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return int(s.getsockname()[1])
 
 
 def main() -> int:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import socket
 import subprocess
 import sys
 import threading
 import time
 
 import zmq
+from helios_client.stack import free_port
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import frame_to_proto
@@ -36,14 +36,8 @@ bus.close()
 """
 
 
-def _port() -> int:
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return int(s.getsockname()[1])
-
-
 def frame_transport() -> Row:
-    router, address = f"tcp/127.0.0.1:{_port()}", f"tcp://127.0.0.1:{_port()}"
+    router, address = f"tcp/127.0.0.1:{free_port()}", f"tcp://127.0.0.1:{free_port()}"
     processes = [
         subprocess.Popen([sys.executable, "-m", "helios_core.router", "--listen", router]),
         subprocess.Popen([sys.executable, "-c", ZMQ_ECHO, address]),
