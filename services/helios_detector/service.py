@@ -82,7 +82,7 @@ class DetectorService:
             context = context_from_proto(message)
         except InvalidInput as error:
             self._health.count("contexts_refused")
-            log.warning("search context %s refused: %s", message.id, error.message)
+            log.warning("search context %.100s refused: %s", message.id, error.message)
             return
         refused = dict(self._detector.refused(context))
         findable = tuple(c for c in context.classes if c.name not in refused)

@@ -22,6 +22,11 @@ from helios_core.geometry import (
 )
 from helios_core.types import Detection, Frame, FrameId, Observation
 
+FARTHEST_M = 1e6  # from the world's origin; beyond it nothing is a home
+WIDEST_FOCAL, LONGEST_FOCAL = 0.02, 100.0  # of the image's longer side: 176 to 0.6 degrees
+FARTHEST_CENTRE = 10.0  # of the principal point, in images
+LATEST_S = 9_000_000_000  # what 64 bits of nanoseconds hold
+
 
 def frame_id_to_proto(id: FrameId) -> pb.FrameId:
     return pb.FrameId(robot_boot_id=id.robot_boot_id, world_epoch=id.world_epoch, seq=id.seq)
@@ -56,6 +61,13 @@ def pinhole_from_proto(camera: pb.Pinhole) -> Pinhole:
             f"the camera has fx {camera.fx}, fy {camera.fy}, size {camera.width}x{camera.height}; "
             "focal lengths and sizes must be positive"
         )
+    side = max(camera.width, camera.height)
+    focal_ok = all(WIDEST_FOCAL * side <= f <= LONGEST_FOCAL * side for f in (camera.fx, camera.fy))
+    if not focal_ok or max(abs(camera.cx), abs(camera.cy)) > FARTHEST_CENTRE * side:
+        raise InvalidInput(
+            f"no camera of {camera.width}x{camera.height} has fx {camera.fx:g}, fy {camera.fy:g}, "
+            f"centre ({camera.cx:g}, {camera.cy:g}); send the calibration in pixels of this image"
+        )
     return Pinhole(camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
 
 
@@ -76,6 +88,11 @@ def _pose_from_proto(pose: PoseInFrame, what: str) -> Matrix:
         raise InvalidInput(
             f"{what} has position ({p.x}, {p.y}, {p.z}) and a quaternion of norm {norm:.3g}; "
             "send finite metres and a unit quaternion"
+        )
+    if max(abs(p.x), abs(p.y), abs(p.z)) > FARTHEST_M:
+        raise InvalidInput(
+            f"{what} is at ({p.x:g}, {p.y:g}, {p.z:g}) m; send poses in the local world, within "
+            f"{FARTHEST_M:g} m of its origin"
         )
     out = np.eye(4)
     out[:3, :3] = rotation_from_quaternion(q.x, q.y, q.z, q.w)
@@ -123,6 +140,11 @@ def frame_from_proto(frame: pb.Frame) -> Frame:
         pb.Pinhole(fx=K[0], fy=K[4], cx=K[2], cy=K[5],
                    width=frame.calibration.width, height=frame.calibration.height)
     )  # fmt: skip
+    if abs(frame.stamp.seconds) > LATEST_S or not 0 <= frame.stamp.nanos < 1_000_000_000:
+        raise InvalidInput(
+            f"the frame's stamp is {frame.stamp.seconds} s and {frame.stamp.nanos} ns; send the "
+            "robot's clock"
+        )
     size = (camera.height, camera.width)
     if color.shape[:2] != size or depth_m.shape != size:
         raise InvalidInput(

@@ -11,6 +11,8 @@ from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.types import ObjectInstance, Role, SearchClass, SearchContext
 
+MOST_CLASSES, MOST_LAYERS, MOST_CHARACTERS = 128, 16, 300  # each layer is a map of its own
+
 
 def vector_to_proto(v: Sequence[float] | NDArray[np.float64]) -> pb.Vector3:
     return pb.Vector3(x=float(v[0]), y=float(v[1]), z=float(v[2]))
@@ -33,6 +35,17 @@ def context_to_proto(context: SearchContext) -> pb.SearchContext:
 
 def context_from_proto(context: pb.SearchContext) -> SearchContext:
     roles = {r.value for r in Role}
+    if len(context.classes) > MOST_CLASSES or len(context.prompts) > MOST_LAYERS:
+        raise InvalidInput(
+            f"the search context asks for {len(context.classes)} classes and "
+            f"{len(context.prompts)} value layers; ask for at most {MOST_CLASSES} and {MOST_LAYERS}"
+        )
+    names = (context.id, *(c.name for c in context.classes), *context.prompts)
+    if (longest := max(map(len, names))) > MOST_CHARACTERS:
+        raise InvalidInput(
+            f"the search context holds a name of {longest} characters; send at most "
+            f"{MOST_CHARACTERS}"
+        )
     for c in context.classes:
         if c.role not in roles or not c.name or not 0 <= c.threshold <= 1:
             raise InvalidInput(

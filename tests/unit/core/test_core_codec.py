@@ -211,6 +211,47 @@ def test_an_unknown_role_is_refused_by_name() -> None:
 
 
 @pytest.mark.parametrize(
+    "message",
+    [
+        pb.SearchContext(prompts={f"layer {i}": "a mug" for i in range(2000)}),
+        pb.SearchContext(classes=[pb.SearchClass(name=f"{i}", role="object") for i in range(2000)]),
+        pb.SearchContext(classes=[pb.SearchClass(name="x" * 100_000, role="object")]),
+    ],
+)
+def test_a_search_context_that_would_fill_the_memory_is_refused(message: pb.SearchContext) -> None:
+    with pytest.raises(InvalidInput, match="at most"):
+        context_from_proto(message)
+
+
+def _calibrated(K: list[float]) -> Callable[[pb.Frame], None]:
+    def spoil(frame: pb.Frame) -> None:
+        frame.calibration.K[:] = K
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (_calibrated([1e-6, 0, 16, 0, 1e-6, 12, 0, 0, 1]), "no camera"),
+        (_calibrated([1e300, 0, 16, 0, 1e300, 12, 0, 0, 1]), "no camera"),
+        (_calibrated([30, 0, 1e9, 0, 30, 1e9, 0, 0, 1]), "no camera"),
+        (lambda f: setattr(f.T_world_cam.pose.position, "x", 1e18), "within 1e[+]06 m"),
+        (lambda f: setattr(f.T_world_base.pose.position, "y", -1e300), "within 1e[+]06 m"),
+        (lambda f: setattr(f.stamp, "seconds", 2**62), "stamp"),
+        (lambda f: setattr(f.stamp, "seconds", -(2**62)), "stamp"),
+    ],
+)
+def test_numbers_that_no_robot_has_are_refused(
+    spoil: Callable[[pb.Frame], None], said: str
+) -> None:
+    message = frame_to_proto(make_frame())
+    spoil(message)
+    with pytest.raises(InvalidInput, match=said):
+        frame_from_proto(message)
+
+
+@pytest.mark.parametrize(
     "action",
     [Forward(0.5), Turn(-0.3), Tilt(0.2), Pick((1, 2, 3), "mug"), Place((1, 2, 0.5)), Observe()],
 )
