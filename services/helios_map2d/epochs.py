@@ -29,7 +29,8 @@ class EpochMaps:
 
     A frame of a new epoch (a reboot of the robot, or a jump of its localisation) parks the present
     map and starts a fresh one under the same search context. Frames of a parked or earlier epoch
-    are refused. At most `most_parked` maps are kept.
+    are refused, unless it is the one that the robot itself says it is in (`robot_key`): then it was
+    a stranger's frame that parked the map, and it comes back. At most `most_parked` maps are kept.
     """
 
     def __init__(
@@ -47,6 +48,7 @@ class EpochMaps:
         self._parked: deque[tuple[EpochKey, MapState]] = deque(maxlen=most_parked)
         self._gone: set[EpochKey] = set()
         self._first_version = first_version
+        self.robot_key: EpochKey | None = None  # the epoch that the robot itself is in
 
     @property
     def version(self) -> int:
@@ -65,10 +67,12 @@ class EpochMaps:
         key = EpochKey.of(frame.id)
         if self.current is not None and key == self.key:
             return self.current
+        if key == self.robot_key and (again := self._brought_back(key)) is not None:
+            return again
         older = self.key is not None and (
             key.robot_boot_id == self.key.robot_boot_id and key.world_epoch < self.key.world_epoch
         )
-        if key in self._gone or older:
+        if key in self._gone or (older and key != self.robot_key):
             raise Conflict(
                 f"frame {frame.id.seq} is of world epoch {key.world_epoch} of robot boot "
                 f"{key.robot_boot_id!r}, which is over: its map is parked"
@@ -88,6 +92,22 @@ class EpochMaps:
             self._gone.add(self.key)
         self.current, self.key = fresh, key
         return fresh
+
+    def _brought_back(self, key: EpochKey) -> MapState | None:
+        """The robot's own map, parked by a frame of somebody else; None when it is not kept."""
+        back = next((state for parked, state in self._parked if parked == key), None)
+        self._gone.discard(key)
+        if back is None or self.current is None or self.key is None:
+            return None
+        kept = [(k, state) for k, state in self._parked if k != key]
+        self._parked.clear()
+        self._parked.extend([*kept, (self.key, self.current)])
+        self._gone.add(self.key)
+        back.go_on_from(self.version)
+        if self._context is not None:
+            back.reset_search(self._context)
+        self.current, self.key = back, key
+        return back
 
     def reset_search(self, context: SearchContext) -> None:
         """Begin a search in the present map, and in those to come."""

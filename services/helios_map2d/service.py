@@ -33,11 +33,12 @@ from helios_core.topics import (
     PICTURE,
     RESET_MAP2D,
     ROBOT_DESCRIPTION,
+    ROBOT_STATE,
     SIGHT,
     SNAPSHOT,
 )
 
-from helios_map2d.epochs import EpochMaps
+from helios_map2d.epochs import EpochKey, EpochMaps
 from helios_map2d.picture import OCCUPANCY, Marked, png_of, render
 from helios_map2d.settings import Settings
 from helios_map2d.snapshot import MapSnapshot
@@ -58,11 +59,13 @@ class Map2DService:
         self._maps: EpochMaps | None = None
         self._contexts: list[str] = []  # ids in the order of their coming
         self._context: pb.SearchContext | None = None
+        self._robot_key: EpochKey | None = None  # the epoch that the robot itself is in
         self._frames_waiting: deque[pb.Frame] = deque()
         self._observations_waiting: deque[pb.Observation] = deque()
         health.ready("waits for the robot's description")
         bus.subscribe(CONTEXT, self.on_context)
         bus.subscribe(ROBOT_DESCRIPTION, self.on_description)
+        bus.subscribe(ROBOT_STATE, self.on_robot_state)
         bus.subscribe(KEYFRAME, self.on_keyframe)
         bus.subscribe(OBSERVATION, self.on_observation)
         if settings.integrate_stream:
@@ -96,7 +99,12 @@ class Map2DService:
 
     def on_context(self, message: pb.SearchContext) -> None:
         """Begin a search."""
-        context = context_from_proto(message)
+        try:
+            context = context_from_proto(message)
+        except InvalidInput as error:
+            self._health.count("contexts_refused")
+            log.warning("search context %.100s refused: %s", message.id, error.message)
+            return
         with self._lock:
             self._context = message
             if context.id not in self._contexts:
@@ -107,6 +115,14 @@ class Map2DService:
             waiting = list(self._observations_waiting)
             self._observations_waiting.clear()
         self._again(waiting)
+
+    def on_robot_state(self, message: pb.RobotState) -> None:
+        """Which world epoch the robot itself says it is in."""
+        if message.robot_boot_id:
+            with self._lock:
+                self._robot_key = EpochKey(message.robot_boot_id, message.world_epoch)
+                if self._maps is not None:
+                    self._maps.robot_key = self._robot_key
 
     def on_keyframe(self, message: pb.Frame) -> None:
         late: pb.Frame | None = None
@@ -256,6 +272,7 @@ class Map2DService:
                 self.on_observation(message)
 
     def _fresh(self, maps: EpochMaps) -> EpochMaps:
+        maps.robot_key = self._robot_key
         if self._context is not None:
             maps.reset_search(context_from_proto(self._context))
         return maps

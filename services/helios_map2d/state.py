@@ -139,6 +139,11 @@ class MapState:
         self.published = self._publish()
         return True
 
+    def go_on_from(self, version: int) -> None:
+        """Publish again with a version above this one."""
+        self._version = max(self._version, version)
+        self.published = self._publish()
+
     def snapshot(self) -> MapSnapshot:
         """The newest published version."""
         return self.published

@@ -17,12 +17,17 @@ MOST_REMEMBERED = 256
 
 
 class EpochMaps:
-    """A frame of a new epoch parks the present map and starts a fresh one."""
+    """A frame of a new epoch parks the present map and starts a fresh one.
+
+    A frame of the epoch that the robot itself says it is in is never refused: it brings its map
+    back, if a stranger's frame parked it.
+    """
 
     def __init__(self, settings: ObjectMapSettings) -> None:
         self._settings = settings
         self._over: deque[Epoch] = deque(maxlen=MOST_REMEMBERED)
         self.epoch: Epoch | None = None
+        self.robot_epoch: Epoch | None = None  # the one that the robot itself is in
         self.current = ObjectMap(settings)
         self.parked: deque[tuple[Epoch, ObjectMap]] = deque(maxlen=MOST_PARKED)
 
@@ -30,6 +35,8 @@ class EpochMaps:
         """The map a frame belongs to. Raises Conflict for an epoch that is over."""
         if id.epoch == self.epoch:
             return self.current
+        if id.epoch == self.robot_epoch:
+            return self._bring_back(id.epoch)
         same_boot = self.epoch is not None and id.robot_boot_id == self.epoch[0]
         if id.epoch in self._over or (
             same_boot and self.epoch is not None and id.world_epoch < self.epoch[1]
@@ -38,9 +45,24 @@ class EpochMaps:
                 f"frame {id} is of world epoch {id.world_epoch}, which is over (now "
                 f"{self.epoch}): its map is parked; send frames of the present epoch"
             )
+        self._go_to(id.epoch, ObjectMap(self._settings))
+        return self.current
+
+    def _bring_back(self, epoch: Epoch) -> ObjectMap:
+        back = next((m for e, m in self.parked if e == epoch), None)
+        if back is not None:
+            kept = [(e, m) for e, m in self.parked if e != epoch]
+            self.parked.clear()
+            self.parked.extend(kept)
+        if epoch in self._over:
+            self._over.remove(epoch)
+        self._go_to(epoch, back or ObjectMap(self._settings))
+        return self.current
+
+    def _go_to(self, epoch: Epoch, fresh: ObjectMap) -> None:
+        """Park the present map, if it is of an epoch, and go on with another."""
         if self.epoch is not None:
             self._over.append(self.epoch)
             self.parked.append((self.epoch, self.current))
-            self.current = ObjectMap(self._settings)
-        self.epoch = id.epoch
-        return self.current
+            self.current = fresh
+        self.epoch = epoch

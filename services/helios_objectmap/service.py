@@ -98,7 +98,7 @@ class ObjectMapService:
             context = context_from_proto(message)
         except InvalidInput as error:
             self._health.count("contexts_refused")
-            log.warning("search context %s refused: %s", message.id, error.message)
+            log.warning("search context %.100s refused: %s", message.id, error.message)
             return
         with self._lock:
             if self._context is not None and self._context.id != context.id:
@@ -120,6 +120,8 @@ class ObjectMapService:
             return
         with self._lock:
             self._held = held
+            if message.robot_boot_id:
+                self._maps.robot_epoch = (message.robot_boot_id, message.world_epoch)
 
     def on_observation(self, message: pb.Observation) -> None:
         """Integrate, or say why not. Never raises."""
@@ -127,6 +129,10 @@ class ObjectMapService:
             observation = observation_from_proto(message)
         except HeliosError as error:
             self._refuse(message, error.message)
+            return
+        except Exception as error:  # a fault of ours must not leave the sender waiting
+            log.exception("observation of frame %d cannot be read", message.frame.id.seq)
+            self._refuse(message, f"a fault in the object map: {type(error).__name__}: {error}")
             return
         dropped = None
         with self._lock:

@@ -27,10 +27,11 @@ from helios_core.topics import (
     PICTURE,
     RESET_MAP2D,
     ROBOT_DESCRIPTION,
+    ROBOT_STATE,
     SIGHT,
     SNAPSHOT,
 )
-from helios_core.types import Frame, Observation, RobotDescription, SearchContext
+from helios_core.types import Frame, FrameId, Observation, RobotDescription, SearchContext
 from helios_map2d.service import Map2DService
 from helios_map2d.settings import Settings
 from map2d_scene import CAMERA, CAMERA_HEIGHT_M, Walk, room, table
@@ -162,6 +163,28 @@ def test_a_new_world_epoch_starts_a_fresh_map_with_a_higher_version(house: House
     house.keyframe(house.walk.frame(2.0, 1.5, 0.0))
     assert not house.acks[-1].accepted
     assert "is over" in house.acks[-1].reason
+
+
+@pytest.mark.parametrize("stranger", [("stranger", 0), (None, 999)])
+def test_a_strangers_frame_does_not_blind_the_robot(
+    house: House, stranger: tuple[str | None, int]
+) -> None:
+    house.settle()
+    before, mine = house.snapshot(), house.walk.frame(2.0, 1.5, 0.0)
+    house.bus.publish(
+        ROBOT_STATE,
+        pb.RobotState(robot_boot_id=mine.id.robot_boot_id, world_epoch=mine.id.world_epoch),
+    )
+    boot = stranger[0] or mine.id.robot_boot_id
+    house.keyframe(dataclasses.replace(mine, id=FrameId(boot, stranger[1], 1)))
+    house.search("second")
+    house.keyframe(house.walk.frame(2.0, 1.5, 0.3))
+    house.observe(house.walk.frame(2.0, 1.5, 0.3), "second")
+    assert [a.accepted for a in house.acks[-2:]] == [True, True], house.acks[-1].reason
+    after = house.snapshot()
+    assert after.version > before.version
+    assert after.explored_m2 >= before.explored_m2
+    assert after.context_id == "second"
 
 
 def test_an_empty_map_says_so_and_a_reset_empties_it(house: House) -> None:

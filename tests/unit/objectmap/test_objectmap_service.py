@@ -133,6 +133,29 @@ def test_a_new_world_epoch_parks_the_map_and_the_old_one_is_refused(rig):
     assert "parked" in rig.acks[-1].reason
 
 
+def test_a_strangers_frame_does_not_blind_the_robot(rig):
+    rig.ask_for()
+    rig.see(seq=1)
+    found = rig.objects()
+    assert found
+    boot = observe(SCENE, looking_at(0, 0, MUG_CENTER), seq=1).frame.id.robot_boot_id
+    rig.bus.publish(ROBOT_STATE, state_to_proto(RobotState(np.eye(4), robot_boot_id=boot)))
+    rig.see(seq=1, epoch=999, called={})
+    assert not rig.objects()
+    rig.see(seq=2, epoch=0)
+    assert [a.accepted for a in rig.acks] == [True, True, True]
+    assert [o.id for o in rig.objects()] == [o.id for o in found]
+
+
+def test_what_cannot_even_be_read_is_answered(rig, monkeypatch):
+    def broken(_):
+        raise ValueError("a fault")
+
+    monkeypatch.setattr("helios_objectmap.service.observation_from_proto", broken)
+    rig.see(seq=1)
+    assert [a.accepted for a in rig.acks] == [False]
+
+
 def test_a_corrupt_observation_is_refused_and_the_next_one_is_taken(rig):
     rig.ask_for()
     o = observation_to_proto(observe(SCENE, looking_at(0, 0, MUG_CENTER), seq=1))
