@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import zenoh
+from google.protobuf.message import DecodeError
 from zenoh import ext
 
 from helios_core import proto as pb
@@ -27,6 +28,7 @@ from helios_core.errors import (
     DeadlineExceeded,
     HeliosError,
     Internal,
+    InvalidInput,
     Unavailable,
     error_from_proto,
     error_to_proto,
@@ -37,6 +39,7 @@ log = logging.getLogger(__name__)
 
 CHUNK_BYTES = 512 * 1024  # larger replies are cut: one 30 MB reply closed a slow transport
 QUEUE_DEPTH = 256
+SERVE_THREADS = 4  # of each method, started when needed
 ERROR_ENCODING = "application/protobuf;helios.v1.Error"
 RETAINED_HEARTBEAT_S = 0.5  # a late joiner that missed the last message learns of it by then
 DISCOVERY_S = 0.25  # how long a method that nobody serves is looked for
@@ -76,7 +79,7 @@ class ZenohBus(Bus):
             raise Unavailable(
                 f"no router at {router}; start one with `python -m helios_core.router` ({error})"
             ) from error
-        self._pool = ThreadPoolExecutor(max_workers=8, thread_name_prefix="serve")
+        self._pools: list[ThreadPoolExecutor] = []
         self._publishers: dict[str, zenoh.Publisher | ext.AdvancedPublisher] = {}
         self._mine: list[_Declared] = []
         self._lock = threading.Lock()
@@ -119,11 +122,15 @@ class ZenohBus(Bus):
         self._check_open()
         key = method.key(self.robot)
 
+        # Threads of its own, so that slow methods (an action) keep no other (stop-now) waiting.
+        pool = ThreadPoolExecutor(SERVE_THREADS, thread_name_prefix=f"serve {method.name}")
+        self._pools.append(pool)
+
         def answer(query: zenoh.Query) -> None:
             with query:
                 try:
                     data = query.payload.to_bytes() if query.payload is not None else b""
-                    reply = handler(method.request.FromString(data)).SerializeToString()
+                    reply = handler(_request(method, data)).SerializeToString()
                 except Exception as error:
                     if not isinstance(error, HeliosError):
                         log.exception("the handler of %s failed", method.name)
@@ -136,7 +143,7 @@ class ZenohBus(Bus):
 
         def accept(query: zenoh.Query) -> None:
             try:
-                self._pool.submit(answer, query)
+                pool.submit(answer, query)
             except RuntimeError:  # the pool is shut down: the caller sees nobody answering
                 query.drop()
 
@@ -197,7 +204,8 @@ class ZenohBus(Bus):
             if self._closed:
                 return
             self._closed = True
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        for pool in self._pools:
+            pool.shutdown(wait=False, cancel_futures=True)
         for declared in reversed(self._mine):
             declared.close()
         self._session.close()  # without it the process hangs at exit
@@ -258,6 +266,16 @@ def _received(channel: zenoh.Handler) -> Iterator[zenoh.Sample]:
             yield channel.recv()
         except zenoh.ZError:  # undeclared or closed
             return
+
+
+def _request(method: Method[Req, Rep], data: bytes) -> Req:
+    try:
+        return method.request.FromString(data)
+    except DecodeError as error:
+        raise InvalidInput(
+            f"the {len(data)} bytes sent to {method.name} are no "
+            f"{method.request.DESCRIPTOR.full_name}; send that message"
+        ) from error
 
 
 def _chunks(data: bytes) -> Iterator[tuple[bytes, str]]:

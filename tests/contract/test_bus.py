@@ -9,9 +9,17 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
+import zenoh
 from helios_core import proto as pb
 from helios_core.bus import Bus
-from helios_core.errors import Conflict, DeadlineExceeded, Internal, InvalidInput, Unavailable
+from helios_core.errors import (
+    Conflict,
+    DeadlineExceeded,
+    Internal,
+    InvalidInput,
+    Unavailable,
+    error_from_proto,
+)
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import (
     ACT,
@@ -22,9 +30,10 @@ from helios_core.topics import (
     GET_TASK,
     OBJECTMAP_ACK,
     SNAPSHOT,
+    STOP,
     status_topic,
 )
-from helios_core.zenoh_bus import ZenohBus
+from helios_core.zenoh_bus import ZenohBus, client_config
 
 from tests.support import free_port, wait_until
 
@@ -240,3 +249,47 @@ def test_a_closed_bus_says_so(make_bus: MakeBus) -> None:
     bus.close()
     with pytest.raises(Unavailable, match="closed"):
         bus.publish(CONTEXT, pb.SearchContext())
+
+
+def test_bytes_that_are_no_request_are_refused_as_invalid(router: str) -> None:
+    bus = _open(router, "r")
+    try:
+        bus.serve(GET_TASK, lambda request: pb.Task(id=request.id))
+        wait_until(lambda: bus.call(GET_TASK, pb.TaskRequest(id="a"), 5).id == "a", 5, "it serves")
+        session = zenoh.open(client_config(router))
+        try:
+            (reply,) = session.get(GET_TASK.key("r"), payload=b"\xff" * 50)
+            assert reply.err is not None
+            error = error_from_proto(pb.Error.FromString(reply.err.payload.to_bytes()))
+        finally:
+            session.close()
+        assert isinstance(error, InvalidInput)
+        assert "50 bytes" in error.message
+    finally:
+        bus.close()
+
+
+def test_slow_calls_of_one_method_keep_no_other_waiting(make_bus: MakeBus) -> None:
+    a, b = make_bus("r"), make_bus("r")
+    if not isinstance(b, ZenohBus):
+        pytest.skip("calls run on the caller's thread")
+    go = threading.Event()
+
+    def slow(_: pb.ActionRequest) -> pb.ActionResult:
+        go.wait(10)
+        return pb.ActionResult()
+
+    b.serve(ACT, slow)
+    b.serve(STOP, lambda _: pb.Empty())
+    askers = [
+        threading.Thread(target=lambda: a.call(ACT, pb.ActionRequest(), 15)) for _ in range(12)
+    ]
+    try:
+        for asker in askers:
+            asker.start()
+        time.sleep(0.5)
+        assert a.call(STOP, pb.StopRequest(), 2) == pb.Empty()
+    finally:
+        go.set()
+        for asker in askers:
+            asker.join()
