@@ -50,6 +50,7 @@ from helios_bridge.settings import Settings
 
 log = logging.getLogger(__name__)
 
+LONGEST_ACTION_S = 600.0
 NEEDED_BY_REPLAY = frozenset({"detector", "objectmap", "map2d"})
 
 
@@ -121,6 +122,11 @@ class BridgeService:
     def act(self, request: pb.ActionRequest) -> pb.ActionResult:
         if not request.action_id:
             raise InvalidInput("the action has no id; give every action one of its own")
+        if not request.time_remaining_s <= LONGEST_ACTION_S:  # NaN too
+            raise InvalidInput(
+                f"time_remaining_s is {request.time_remaining_s}; send at most "
+                f"{LONGEST_ACTION_S:g} s, after which the robot is stopped"
+            )
         action = action_from_proto(request.action)
         deadline_s = time.monotonic() + request.time_remaining_s
         return self._actions.once(request.action_id, lambda: self._act(request, action, deadline_s))
@@ -274,7 +280,10 @@ class BridgeService:
         while not self._ending.wait(0.05):
             until = self._busy_until_s
             if until is not None and time.monotonic() > until and not self._stopped_why:
-                self.stop(pb.StopRequest(reason="an action outlived its time"))
+                try:
+                    self.stop(pb.StopRequest(reason="an action outlived its time"))
+                except Exception:  # the stop is latched here; the robot itself did not answer
+                    log.exception("the robot did not take the stop")
 
     def _note_status(self, status: pb.ServiceStatus) -> None:
         if status.state == "ready":

@@ -11,7 +11,7 @@ from helios_bridge.service import BridgeService
 from helios_bridge.settings import Settings
 from helios_core import proto as pb
 from helios_core.codec import frame_from_proto
-from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput
+from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.geometry import Pinhole, camera_on_base, se2_to_se3
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
@@ -207,6 +207,30 @@ def test_the_watchdog_stops_an_action_that_outlives_its_time() -> None:
     result = stage.drive("a", left_s=0.2)
     assert not result.succeeded
     assert "outlived" in result.reason
+    stage.bridge.close()
+
+
+@pytest.mark.parametrize("left_s", [float("nan"), float("inf"), 1e9])
+def test_an_action_without_an_end_is_refused(left_s: float) -> None:
+    stage = Stage()
+    with pytest.raises(InvalidInput, match="time_remaining_s"):
+        stage.drive("a", left_s=left_s)
+    assert not stage.robot.done
+
+
+def test_the_watchdog_outlives_a_robot_that_does_not_answer() -> None:
+    stage = Stage()
+
+    def deaf(reason: str) -> None:
+        LineRobot.stop(stage.robot, reason)
+        raise Unavailable("the robot is away")
+
+    stage.bridge.start()
+    stage.robot.stop = deaf  # pyright: ignore[reportAttributeAccessIssue]
+    for action_id in ("a", "b"):
+        stage.robot.hold.clear()
+        assert "outlived" in stage.drive(action_id, left_s=0.2).reason
+        stage.other.call(CLEAR_STOP, pb.Empty(), 1)
     stage.bridge.close()
 
 
