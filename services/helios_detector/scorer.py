@@ -85,12 +85,17 @@ def load_affinity() -> Affinity:
 
 
 @cache
+def household_names() -> frozenset[str]:
+    """Every name of a thing, a piece of furniture or a room in our tables."""
+    affinity = load_affinity()
+    return known_names() | affinity.hosts.keys() | affinity.rooms.keys()
+
+
+@cache
 def names_in(prompt: str) -> tuple[str, ...]:
     """The known names that a prompt holds, longest first; a word serves one name only."""
-    affinity = load_affinity()
-    known = known_names() | affinity.hosts.keys() | affinity.rooms.keys()
     rest, out = normalised(prompt), []
-    for name in sorted(known, key=lambda n: (-len(n), n)):
+    for name in sorted(household_names(), key=lambda n: (-len(n), n)):
         rest, count = re.subn(rf"\b{re.escape(name)}(?:e?s)?\b", "\n", rest)
         if count:
             out.append(name)

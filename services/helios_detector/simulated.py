@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from helios_detector.backend import DetectorBackend, Findings, Seen
 from helios_detector.ground_truth import Visible, detection, visible
 from helios_detector.noise import Draws, NoiseTable, hashed_voxels
+from helios_detector.scorer import household_names
 from helios_detector.truth import TruthSource, truth_of
 from helios_detector.vocabulary import Wanted, normalised, open_wanted
 
@@ -29,8 +30,9 @@ class SimulatedDetector(DetectorBackend):
         self._source, self._table, self._seed = source, table, seed
         self.name = f"simulated:{table.name}@{table.digest}"
 
-    def vocabulary(self) -> None:
-        return None
+    def vocabulary(self) -> tuple[str, ...]:
+        """The names of the household: it would imagine a unicorn as readily as a mug."""
+        return tuple(sorted(household_names()))
 
     def refused(self, context: SearchContext) -> Mapping[str, str]:
         return {}

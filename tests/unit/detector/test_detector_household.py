@@ -1,0 +1,42 @@
+"""What the simulated detector can be asked for: everything in our homes, and no unicorn."""
+
+from __future__ import annotations
+
+import pytest
+from detector_scene import ROOM, SceneTruth
+from helios_core import proto as pb
+from helios_core.errors import InvalidInput
+from helios_detector.noise import load_noise
+from helios_detector.simulated import SimulatedDetector
+from helios_planner.context import in_vocabulary
+from helios_planner.instruction import parse
+from helios_sim.episode import episode_of
+from helios_sim.home import PRESETS, generate_home
+
+
+@pytest.fixture(scope="module")
+def vocabulary() -> pb.VocabularyReply:
+    names = SimulatedDetector(SceneTruth(ROOM), load_noise("demo-v1")).vocabulary()
+    return pb.VocabularyReply(names=names, detector="simulated")
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_every_task_of_the_homes_can_be_asked_for_as_it_is_written(
+    seed: int, vocabulary: pb.VocabularyReply
+) -> None:
+    home = generate_home(seed, PRESETS["demo-v1"])
+    instruction = parse(episode_of(home, seed).instruction)
+    assert in_vocabulary(instruction, vocabulary) == instruction
+    names = {o.class_name for o in home.objects} | {r.class_name for r in home.receptacles}
+    assert {n.lower() for n in names} <= set(vocabulary.names)
+
+
+@pytest.mark.parametrize("name", ["couch", "remote", "remote control", "counter", "red mug", "TV"])
+def test_other_words_for_them_are_understood(name: str, vocabulary: pb.VocabularyReply) -> None:
+    assert in_vocabulary(parse(f"Find the {name}"), vocabulary).object
+
+
+@pytest.mark.parametrize("name", ["unicorn", "flurbwozzle"])
+def test_what_no_home_holds_is_refused_by_name(name: str, vocabulary: pb.VocabularyReply) -> None:
+    with pytest.raises(InvalidInput, match=f"does not know the object “{name}”"):
+        in_vocabulary(parse(f"Move the {name} from the desk to the sofa"), vocabulary)
