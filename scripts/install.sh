@@ -20,6 +20,7 @@ if [ "$(uname)" = Linux ] && ! ldconfig -p | grep -q libEGL_mesa; then
   fi
 fi
 
+echo "installing into $venv: about three minutes and 2 GB the first time"
 [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
   --editable '.[all,dev]'

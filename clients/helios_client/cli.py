@@ -34,7 +34,7 @@ State = Annotated[
 
 @app.command()
 def up(
-    robot: Annotated[str, typer.Option(help="sim, replay, spot or package:Class")] = "sim",
+    robot: Annotated[str, typer.Option(help="sim, replay or package:Class")] = "sim",
     port: Port = 8080,
     seed: Annotated[int, typer.Option(help="of the simulated home", min=0)] = 0,
     preset: Annotated[str, typer.Option(help="kind of the simulated home")] = "demo-v1",
@@ -55,6 +55,8 @@ def up(
     from helios_client.up import up as run_up
     from helios_client.wrong_use import WrongUse
 
+    if robot not in ("sim", "replay") and ":" not in robot:
+        raise WrongUse(f"no robot is called {robot!r}; wanted sim, replay or package:Class")
     if detector is None:
         if robot != "sim":
             raise WrongUse(f"--robot {robot} needs a detector; name one, --detector onnx:FILE")
@@ -80,15 +82,17 @@ def task(
 ) -> None:
     """Submit a task and watch it; exit status 0 if it succeeded."""
     from helios_client.sdk import Helios
-    from helios_client.task_view import run_task
+    from helios_client.task_view import run_task, wait_while_starting
 
     with Helios(f"http://127.0.0.1:{port}") as helios:
+        wait_while_starting(helios, port, _console(stderr=True))
         # With --json the live view goes to stderr, so that stdout holds JSON and nothing else.
         ended = run_task(helios, instruction, timeout_s, _console(stderr=as_json))
     if as_json:
         _print_json(ended.raw)
     if not ended.succeeded:
-        print(f"helios: the task {ended.state}: {ended.message}", file=sys.stderr)
+        how = "was cancelled" if ended.state == "cancelled" else ended.state
+        print(f"helios: the task {how}: {ended.message}", file=sys.stderr)
         raise typer.Exit(1)
 
 

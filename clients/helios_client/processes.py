@@ -104,7 +104,8 @@ class Child:
 
 
 def last_line(path: Path, start: int) -> str:
-    """The last line with words in it after byte `start` of a log."""
+    """Why a process ended: the last line after byte `start` of its log that a person was meant to
+    read ("helios-name: sentence"), or else the last one with words in it."""
     try:
         with path.open("rb") as file:
             end = file.seek(0, os.SEEK_END)
@@ -112,7 +113,8 @@ def last_line(path: Path, start: int) -> str:
             lines = file.read().decode(errors="replace").splitlines()
     except OSError:
         return ""
-    return next((line.strip() for line in reversed(lines) if line.strip()), "")
+    said = [line.strip() for line in reversed(lines) if line.strip()]
+    return next((line for line in said if line.startswith("helios-")), said[0] if said else "")
 
 
 def _signal_name(number: int) -> str:

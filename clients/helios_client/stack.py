@@ -16,7 +16,7 @@ LOOPBACK = "127.0.0.1"
 class Stack:
     """What `helios up` and `helios replay` start."""
 
-    robot: str  # sim, replay, spot or package:Class
+    robot: str  # sim, replay or package:Class
     router_port: int
     state_dir: Path
     name: str = "robot"  # first part of every key on the bus

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import time
+
 from rich.console import Console
 from rich.live import Live
 from rich.markup import escape
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
-from helios_client.sdk import Helios
+from helios_client import state_file
+from helios_client.sdk import POLL_S, Helios
 from helios_client.tasks import Task
 
+STARTING_S = 60.0
 _COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow"}
 
 
@@ -31,6 +35,16 @@ def panel(task: Task, why: str) -> Table:
     out.add_row("steps", f"{task.steps} of {task.max_steps}" if task.max_steps else f"{task.steps}")
     out.add_row("progress", ProgressBar(total=1.0, completed=task.progress, width=40))
     return out
+
+
+def wait_while_starting(helios: Helios, port: int, console: Console) -> None:
+    """Where a `helios up` on this port is still starting, wait until it is ready."""
+    if helios.ready() or state_file.read(state_file.default_state_dir(port)) is None:
+        return
+    console.print("waiting until all services are ready", style="dim")
+    deadline_s = time.monotonic() + STARTING_S
+    while not helios.ready() and time.monotonic() < deadline_s:
+        time.sleep(POLL_S)
 
 
 def run_task(helios: Helios, instruction: str, timeout_s: float, console: Console) -> Task:
@@ -64,7 +78,7 @@ def _watch_lines(helios: Helios, task: Task, timeout_s: float, console: Console)
             said.append(line)
             console.print(
                 f"{t.state} {t.progress:4.0%} {t.phase.replace('_', ' ')}: {t.message}",
-                highlight=False, markup=False,
+                highlight=False, markup=False, soft_wrap=True,
             )  # fmt: skip
 
     return helios.wait(task.id, timeout_s, say)

@@ -15,7 +15,6 @@ from helios_bridge.settings import Settings
 NAMED = {
     "sim": "helios_sim.driver:SimDriver",
     "replay": "helios_replay.driver:ReplayDriver",
-    "spot": "helios_spot.driver:SpotDriver",
 }
 
 

@@ -21,7 +21,7 @@ from typing import Protocol
 
 from helios_core import proto as pb
 from helios_core.bus import Bus
-from helios_core.errors import HeliosError, Unavailable
+from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.settings import ServiceSettings
 from helios_core.topics import status_topic
@@ -55,7 +55,10 @@ def stop_on_signals(stopped: threading.Event) -> None:
 def run_service(
     name: str, settings: ServiceSettings, build: Callable[[Bus, Health], Closeable]
 ) -> int:
-    """Run until told to stop; the exit status. `build` may raise HeliosError: shown, status 1."""
+    """Run until told to stop; the exit status. `build` may raise HeliosError: shown.
+
+    Status 2 for wrong settings (InvalidInput), which starting again does not mend; else 1.
+    """
     logging.basicConfig(
         level=settings.log_level.upper(),
         stream=sys.stderr,
@@ -81,7 +84,7 @@ def run_service(
     except HeliosError as error:
         print(f"helios-{name}: {error.message}", file=sys.stderr)
         health.degraded(error.message)
-        return 1
+        return 2 if isinstance(error, InvalidInput) else 1
     finally:
         _force_exit_after(STOP_WITHIN_S)
         health.stopping()
