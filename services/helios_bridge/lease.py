@@ -42,5 +42,11 @@ class Lease:
                 raise Conflict(f"lease {token} ran out after {self.duration_s:g} s; ask anew")
             self._ends_s = self._clock() + self.duration_s
 
+    def renew(self, token: int) -> None:
+        """After a long action: its driver keeps the lease, if nobody has taken it meanwhile."""
+        with self._lock:
+            if token == self._token and self._holder:
+                self._ends_s = self._clock() + self.duration_s
+
     def _held(self) -> bool:
         return bool(self._holder) and self._clock() < self._ends_s

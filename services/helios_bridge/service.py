@@ -188,6 +188,7 @@ class BridgeService:
             except EndOfRecording:
                 self._finished = True
                 id = None
+        self._lease.renew(request.lease_token)
         if id is not None:
             out.keyframe.CopyFrom(frame_id_to_proto(id))
             out.T_world_base.CopyFrom(transform_to_proto(self._driver.state().T_world_base))

@@ -28,7 +28,7 @@ class Settings(ServiceSettings):
     )
     ack_timeout_s: float = Field(default=30.0, gt=0, description="longest wait for a map's answer")
     lease_s: float = Field(
-        default=30.0, gt=0, description="a lease ends after this without an action"
+        default=10.0, gt=0, description="a lease ends after this without an action"
     )
     autoplay: bool = Field(
         default=True, description="play a recording by itself once the maps are ready"
