@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from helios_core.errors import Conflict, InvalidInput
+from helios_core.signals import on_signals
 from rich.console import Console
 from rich.markup import escape
 
@@ -51,8 +52,7 @@ def up(stack: Stack, console: Console) -> None:
             "another with --state"
         ) from error
     stopping = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: stopping.set())
+    on_signals((signal.SIGINT, signal.SIGTERM, signal.SIGHUP), stopping.set)
     with held:
         _Run(stack, console).run(stopping)
 

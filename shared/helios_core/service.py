@@ -24,6 +24,7 @@ from helios_core.bus import Bus
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.settings import ServiceSettings
+from helios_core.signals import on_signals
 from helios_core.topics import status_topic
 
 log = logging.getLogger(__name__)
@@ -39,9 +40,12 @@ class Closeable(Protocol):
 
 
 def stop_on_signals(stopped: threading.Event) -> None:
-    """Set `stopped` on SIGTERM and SIGINT, and when the parent process ends."""
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stopped.set())
+    """Set `stopped` on SIGTERM and SIGINT, and when the parent process ends.
+
+    Two seconds later the process is gone, whatever it was doing: a start that takes long, or a
+    library that hangs while it closes.
+    """
+    on_signals((signal.SIGTERM, signal.SIGINT), stopped.set)
     parent = os.getppid()
 
     def watch_parent() -> None:
@@ -49,7 +53,14 @@ def stop_on_signals(stopped: threading.Event) -> None:
             if os.getppid() != parent:
                 stopped.set()
 
+    def leave() -> None:
+        stopped.wait()
+        time.sleep(STOP_WITHIN_S)
+        log.error("did not stop within %.1f s; leaving", STOP_WITHIN_S)
+        os._exit(1)
+
     threading.Thread(target=watch_parent, name="watch parent", daemon=True).start()
+    threading.Thread(target=leave, name="leave", daemon=True).start()
 
 
 def run_service(
@@ -86,7 +97,6 @@ def run_service(
         health.degraded(error.message)
         return 2 if isinstance(error, InvalidInput) else 1
     finally:
-        _force_exit_after(STOP_WITHIN_S)
         health.stopping()
         stopped.set()
         if service is not None:
@@ -127,14 +137,3 @@ def _report(bus: Bus, name: str, instance: str, health: Health, stopped: threadi
         except HeliosError as error:
             log.warning("could not report: %s", error.message)
         health.changed.wait(STATUS_PERIOD_S)
-
-
-def _force_exit_after(seconds: float) -> None:
-    """A stop that hangs in a library must not keep the process: leave without ceremony."""
-
-    def leave() -> None:
-        time.sleep(seconds)
-        log.error("did not stop within %.1f s; leaving", seconds)
-        os._exit(1)
-
-    threading.Thread(target=leave, name="force exit", daemon=True).start()
