@@ -1,0 +1,164 @@
+"""What is kept of one episode: one line of `episodes.jsonl`, complete enough for every report.
+
+An episode is the same when `key` is the same: a killed run goes on where it was, and two folders
+can be compared episode by episode.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Literal
+
+from helios_core.errors import InvalidInput
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+EPISODES = "episodes.jsonl"
+
+Benchmark = Literal["ovmm", "objectnav"]
+Semantics = Literal["noisy", "ground-truth"]
+
+
+class _Frozen(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Noise(_Frozen):
+    """The noise of the simulated detector."""
+
+    table: str
+    digest: str = Field(description="of the table's file")
+    level: float = Field(description="multiplies how often and how much it errs")
+    correlation: float | None = Field(description="0: drawn per frame; 1: fixed; None: the table's")
+
+
+class Belief(_Frozen):
+    """What the object map said of one instance at one time, and whether that was true."""
+
+    step: int
+    role: Literal["object", "start", "goal"]
+    class_name: str
+    class_score: float = Field(description="S, eq. 6")
+    score: float = Field(description="Psi, eq. 7")
+    uncertainty: float = Field(description="U, of the Dirichlet")
+    views: int
+    gaussians: int
+    correct: bool = Field(description="a thing of that class is there")
+
+
+class EpisodeRecord(_Frozen):
+    """One episode. Metrics as in `helios_sim.metrics`, by the simulator's truth."""
+
+    # --- which one ---
+    benchmark: Benchmark
+    agent: str
+    semantics: Semantics
+    preset: str
+    seed: int
+    noise: Noise | None = Field(description="None with ground-truth semantics")
+    settings: dict[str, str | float | int | bool] = Field(
+        default_factory=dict, description="what differs from the services' defaults"
+    )
+
+    # --- the task ---
+    instruction: str
+    object_class: str
+    start_receptacle_class: str = ""
+    goal_receptacle_class: str = ""
+
+    # --- the truth ---
+    find_object: bool
+    pick: bool
+    find_receptacle: bool
+    place: bool
+    success: bool
+    collisions: int = Field(description="steps in which the robot touched the scene")
+    collided_with: tuple[str, ...] = ()
+    steps: int
+    path_m: float
+    shortest_path_m: float | None = Field(default=None, description="object navigation alone")
+    picks: int = Field(description="picks that were tried, right or wrong")
+    cause: str = Field(description="of failure, closed list; empty on success")
+
+    # --- what the agent said ---
+    state: str = Field(description="succeeded, failed or cancelled")
+    message: str
+
+    # --- how it went ---
+    wall_s: float
+    step_ms: float = Field(description="median over the steps")
+    stage_ms: dict[str, float] = Field(
+        default_factory=dict, description="median per stage of the services"
+    )
+    beliefs: tuple[Belief, ...] = ()
+
+    # --- where it comes from ---
+    commit: str
+    preset_hash: str = Field(description="of the preset's settings")
+    structure_hash: str = Field(description="of the home")
+
+    @property
+    def key(self) -> str:
+        """Same key, same episode, same result."""
+        noise = self.noise.model_dump_json() if self.noise else ""
+        settings = json.dumps(self.settings, sort_keys=True)
+        parts = (
+            self.benchmark,
+            self.agent,
+            self.semantics,
+            self.preset,
+            self.seed,
+            noise,
+            settings,
+        )
+        return "|".join(map(str, parts))
+
+    @property
+    def partial_success(self) -> float:
+        """(FindObj + Pick + FindRec + SR) / 4"""
+        return (self.find_object + self.pick + self.find_receptacle + self.success) / 4
+
+    @property
+    def spl(self) -> float:
+        """Success weighted by path length (object navigation)."""
+        if not self.success or self.shortest_path_m is None:
+            return 0.0
+        return self.shortest_path_m / max(self.path_m, self.shortest_path_m, 1e-9)
+
+
+def append(folder: Path, record: EpisodeRecord) -> None:
+    """Add one line, on the disk when this returns."""
+    line = record.model_dump_json() + "\n"
+    with (folder / EPISODES).open("a", encoding="utf-8") as file:
+        file.write(line)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def read(folder: Path) -> list[EpisodeRecord]:
+    """All episodes of a folder, the last of each key; a torn last line is left out.
+
+    Raises InvalidInput for a line that is not an episode.
+    """
+    path = folder / EPISODES
+    if not path.exists():
+        return []
+    *whole, _torn = path.read_text(encoding="utf-8").split("\n")  # torn: it runs again
+    return list({record.key: record for record in _parsed(path, whole)}.values())
+
+
+def _parsed(path: Path, lines: Iterable[str]) -> Iterator[EpisodeRecord]:
+    for number, line in enumerate(lines, 1):
+        if not line.strip():
+            continue
+        try:
+            yield EpisodeRecord.model_validate_json(line)
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(map(str, first["loc"]))
+            raise InvalidInput(
+                f"{path}, line {number} is no episode ({where}: {first['msg']}); move the file "
+                "away, or run into another folder"
+            ) from error
