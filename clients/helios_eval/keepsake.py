@@ -1,0 +1,114 @@
+"""What is kept of a failed episode, so that a picture of it can be drawn later.
+
+One small NPZ for each: `<folder>/failed/<agent>-<semantics>-<seed>.npz`.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from helios_core.errors import InvalidInput
+from numpy.typing import NDArray
+
+FAILED = "failed"
+MOST_KEPT = 40  # failures of one run
+
+
+@dataclass(frozen=True)
+class Marked:
+    """A thing of the world or an instance of the object map; world frame, metres."""
+
+    label: str
+    center_m: tuple[float, float, float]
+    size_m: tuple[float, float, float]
+    score: float = 1.0  # Psi of a belief; 1 for the truth
+    class_score: float = 1.0  # S of a belief; 1 for the truth
+
+
+@dataclass(frozen=True)
+class Keepsake:
+    """One failed episode.
+
+    `occupancy` int8 [rows, columns] is -1 unknown, 0 free, 100 occupied; rows along y, columns
+    along x; cell (0, 0) begins at `origin_m` (x, y). An agent without a map has the floor plan of
+    the truth there. `trajectory_m` float64 [n, 2] is where the base truly was.
+    """
+
+    agent: str
+    semantics: str
+    seed: int
+    preset: str
+    instruction: str
+    cause: str
+    message: str  # of the agent
+    occupancy: NDArray[np.int8]
+    origin_m: tuple[float, float]
+    cell_m: float
+    trajectory_m: NDArray[np.float64]
+    start_pose: tuple[float, float, float]  # x, y (m), yaw (rad)
+    candidates: tuple[Marked, ...]  # the truth: objects that count, where they are at the end
+    goals: tuple[Marked, ...]  # the truth: receptacles that count
+    beliefs: tuple[Marked, ...]  # the object map at the end, class score at least 0.3
+    camera_jpeg: bytes  # the last picture of the robot; empty where there is none
+
+
+def path_of(folder: Path, agent: str, semantics: str, seed: int) -> Path:
+    """Where the keepsake of an episode lies."""
+    return folder / FAILED / f"{agent}-{semantics}-{seed}.npz"
+
+
+def save(folder: Path, kept: Keepsake) -> Path:
+    """Write it, whole or not at all; returns the file."""
+    path = path_of(folder, kept.agent, kept.semantics, kept.seed)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    words = {name: value for name, value in asdict(kept).items() if name not in _ARRAYS}
+    part = path.with_suffix(".part")
+    with part.open("wb") as file:
+        np.savez_compressed(
+            file,
+            allow_pickle=False,
+            words=np.array(json.dumps(words)),
+            occupancy=kept.occupancy.astype(np.int8),
+            trajectory_m=kept.trajectory_m.astype(np.float64).reshape(-1, 2),
+            camera_jpeg=np.frombuffer(kept.camera_jpeg, np.uint8),
+        )
+    part.replace(path)
+    return path
+
+
+def load(path: Path) -> Keepsake:
+    """Read one. Raises InvalidInput for a file that is none."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            words = json.loads(str(file["words"]))
+            for name in ("candidates", "goals", "beliefs"):
+                words[name] = tuple(_marked(raw) for raw in words[name])
+            words["origin_m"] = tuple(words["origin_m"])
+            words["start_pose"] = tuple(words["start_pose"])
+            return Keepsake(
+                occupancy=file["occupancy"],
+                trajectory_m=file["trajectory_m"],
+                camera_jpeg=file["camera_jpeg"].tobytes(),
+                **words,
+            )
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        raise InvalidInput(
+            f"{path} is no keepsake of an episode ({type(error).__name__}: {error}); delete it"
+        ) from error
+
+
+def all_of(folder: Path) -> list[Path]:
+    """The keepsakes of a run, by name."""
+    return sorted((folder / FAILED).glob("*.npz"))
+
+
+def _marked(raw: dict[str, Any]) -> Marked:
+    center_m, size_m = tuple(raw["center_m"]), tuple(raw["size_m"])
+    return Marked(raw["label"], center_m, size_m, raw["score"], raw["class_score"])
+
+
+_ARRAYS = frozenset({"occupancy", "trajectory_m", "camera_jpeg"})
