@@ -74,6 +74,7 @@ def judged(
         out.append(
             Belief(
                 step=step,
+                instance=instance.id,
                 role=role,
                 class_name=instance.class_name,
                 class_score=instance.class_score,

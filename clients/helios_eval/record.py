@@ -38,6 +38,7 @@ class Belief(_Frozen):
     """What the object map said of one instance at one time, and whether that was true."""
 
     step: int
+    instance: int = Field(description="id in the object map, never used again in an episode")
     role: Literal["object", "start", "goal"]
     class_name: str
     class_score: float = Field(description="S, eq. 6")

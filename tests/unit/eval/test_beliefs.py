@@ -105,7 +105,8 @@ def test_classes_without_a_role_are_left_out_and_the_order_is_kept():
         (True, 42, "object"),
     ]
     assert beliefs[0].score == 0.1
-    assert (beliefs[1].views, beliefs[1].gaussians, beliefs[1].uncertainty) == (5, 123, 0.1)
+    assert (beliefs[1].instance, beliefs[1].views) == (7, 5)
+    assert (beliefs[1].gaussians, beliefs[1].uncertainty) == (123, 0.1)
 
 
 def test_two_instances_of_one_thing_are_both_right():
