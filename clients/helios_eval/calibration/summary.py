@@ -1,0 +1,103 @@
+"""The figures of every group: setting, role, number of views, score."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from helios_eval.calibration import statistics as st
+from helios_eval.calibration.samples import ROLES, VIEWS, Samples
+
+ALL = "all"
+FEWEST = 20  # samples; below that a group is left out
+RESAMPLES = 1000
+SEED = 20250101  # of the resampling: the same records give the same report
+EDGES = st.equal_width_edges(10)
+SCORES = ("S", "Ψ", "−U")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One score of one group. NaN where a figure has no meaning: −U is no probability, and a
+    group without right or without wrong beliefs has no AUROC."""
+
+    setting: str
+    role: str  # of samples.ROLES
+    views: str  # of samples.VIEWS, or ALL
+    score: str  # of SCORES
+    samples: int
+    episodes: int
+    true: float  # share
+    mean: float  # of the score
+    ece: float
+    ece_low: float  # 95 %, over episodes
+    ece_high: float
+    ece_by_chance: float  # 95th percentile, had the score been calibrated
+    ece_adaptive: float
+    mce: float
+    brier: float
+    brier_reliability: float
+    brier_resolution: float
+    brier_uncertainty: float
+    brier_within: float
+    auroc: float
+    auroc_low: float
+    auroc_high: float
+
+    def cells(self) -> dict[str, object]:
+        """Rounded to four digits, None for NaN: for tables and JSON."""
+        return {name: _cell(value) for name, value in asdict(self).items()}
+
+
+def rows_of(groups: Mapping[str, Samples]) -> list[Row]:
+    """All rows of all settings; groups with fewer than `FEWEST` samples are left out."""
+    out = []
+    for setting, samples in groups.items():
+        for role in ROLES:
+            of_role = samples.of_role(role)
+            parts = [(ALL, of_role), *((name, of_role.of_views(name)) for name, _, _ in VIEWS)]
+            for views, part in parts:
+                if len(part) >= FEWEST:
+                    out += [_row(setting, role, views, name, part) for name in SCORES]
+    return out
+
+
+def score_of(samples: Samples, name: str) -> st.Scores:
+    """The score of that name, one of SCORES [n]."""
+    return {"S": samples.class_score, "Ψ": samples.score, "−U": -samples.uncertainty}[name]
+
+
+def _row(setting: str, role: str, views: str, name: str, samples: Samples) -> Row:
+    score, truth = score_of(samples, name), samples.correct
+    rng = np.random.default_rng(SEED)
+    area = float(st.auroc(score, truth)[0])
+    area_low, area_high = st.percentile_interval(
+        st.bootstrap(lambda w: st.auroc(score, truth, w), samples.episode, RESAMPLES, rng)
+    )
+    nan = math.nan
+    found = chance = low = high = adaptive = most = nan
+    parts = st.Brier(nan, nan, nan, nan, nan)
+    if name != "−U":
+        found = float(st.ece(score, truth, EDGES)[0])
+        low, high = st.percentile_interval(
+            st.bootstrap(lambda w: st.ece(score, truth, EDGES, w), samples.episode, RESAMPLES, rng)
+        )
+        _, chance = st.ece_if_calibrated(score, EDGES, RESAMPLES, rng)
+        adaptive = float(st.ece(score, truth, st.equal_count_edges(score))[0])
+        most = st.mce(st.reliability(score, truth, EDGES))
+        parts = st.brier(score, truth, EDGES)
+    return Row(
+        setting, role, views, name, len(samples), samples.episodes, float(truth.mean()),
+        float(score.mean()), found, low, high, chance, adaptive, most, parts.total,
+        parts.reliability, parts.resolution, parts.uncertainty, parts.within, area, area_low,
+        area_high,
+    )  # fmt: skip
+
+
+def _cell(value: object) -> object:
+    if isinstance(value, float):
+        return None if math.isnan(value) else round(value, 4)
+    return value
