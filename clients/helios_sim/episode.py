@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from helios_sim.events import Collided, Event, PickTried, PlaceTried
 from helios_sim.home import Episode, Home
 from helios_sim.metrics import (
     Points,
@@ -15,6 +18,7 @@ from helios_sim.metrics import (
     Targets,
     advance,
     at_viewpoint,
+    placed,
     viewpoints_of,
 )
 
@@ -68,12 +72,18 @@ def targets_of(home: Home, episode: Episode, radius_m: float) -> Targets:
 
 
 class Tracker:
-    """Feeds the metrics after every action; asks for pictures only where they can count."""
+    """Feeds the metrics after every action, and keeps what really happened.
+
+    Asks for pictures only where they can count.
+    """
 
     def __init__(self, home: Home, episode: Episode, radius_m: float) -> None:
         self.episode = episode
         self.targets = targets_of(home, episode, radius_m)
         self.progress = Progress()
+        self.events: list[Event] = []
+        self.track_m: list[tuple[float, float]] = [(home.start_pose[0], home.start_pose[1])]
+        self._home = home
 
     def in_question(self, base_xy_m: tuple[float, float], held: str) -> tuple[str, ...]:
         """Names of which the coverage of the image matters here and now."""
@@ -95,3 +105,47 @@ class Tracker:
         """Count one action."""
         step = Step(base_xy_m, coverage, held, released, collided_with, moved_m)
         self.progress = advance(self.progress, step, self.targets)
+        self.track_m.append(base_xy_m)
+        if collided_with:
+            self.events.append(Collided(self.progress.steps, tuple(sorted(collided_with))))
+
+    def pick_tried(self, asked_class: str, near: frozenset[str], name: str, reason: str) -> None:
+        """Note a pick that is being counted. near: things within a grasp of the asked point."""
+        self.events.append(
+            PickTried(
+                step=self.progress.steps + 1,
+                path_m=self.progress.path_m,
+                asked_class=asked_class,
+                at_candidate=not near.isdisjoint(self.targets.objects),
+                name=name,
+                class_name=self._class_of(name),
+                candidate=name in self.targets.objects,
+                reason=reason,
+            )
+        )
+
+    def place_tried(self, name: str, released: Released | None, reason: str) -> None:
+        """Note a place that is being counted. released: None if it was refused."""
+        tried = PlaceTried(
+            step=self.progress.steps + 1,
+            path_m=self.progress.path_m,
+            name=name,
+            class_name=self._class_of(name),
+            candidate=name in self.targets.objects,
+            released=released is not None,
+            reason=reason,
+        )
+        if released is not None:
+            tried = replace(
+                tried,
+                at_rest=released.at_rest,
+                on=tuple(sorted(released.on)),
+                met_goal=not released.met.isdisjoint(self.targets.goals),
+                placed=placed(released, self.targets),
+                on_floor=any(self._class_of(body) == "floor" for body in released.on),
+                height_m=released.height_m,
+            )
+        self.events.append(tried)
+
+    def _class_of(self, name: str) -> str:
+        return self._home.class_of(name) if name else ""

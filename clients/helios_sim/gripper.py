@@ -14,14 +14,15 @@ from numpy.typing import NDArray
 from helios_sim.home.assembly import GROUP_COLLISION
 from helios_sim.robot_model import CAMERA_HEIGHT_M, CARRY_BASE_M, GRIPPER_BASE_M, RobotIndex
 
-REST_LINEAR_M_S, REST_ANGULAR_RAD_S, REST_STEPS = 0.005, 0.05, 50
+REST_LINEAR_M_S, REST_ANGULAR_RAD_S = 0.005, 0.05
+REST_S = 50 / 30  # 50 of the benchmark's control steps
 _AWAKE_M_S = 0.01  # a velocity from which the physics does not let a body sleep
 _ARM_ABOVE_M = 0.1  # the arm passes this high above the place of a release
 _PAST_M = 0.01
 _RELEASE_GAP_M = 0.02
 _RELEASE_STEP_M, _RELEASE_MAX_RISE_M = 0.02, 0.3
 _RELEASE_OVERLAP_M = 0.002
-_SETTLE_S = 4.0
+_SETTLE_S = 6.0
 
 
 @dataclass(frozen=True)
@@ -58,10 +59,11 @@ class Graspable:
 
 @dataclass(frozen=True)
 class Rest:
-    """How a released object ended; `on` are bodies it touched in all of the steps at rest."""
+    """How a released object ended. `on`: body -> height of the highest contact with it, m."""
 
-    at_rest: bool
-    on: frozenset[int]
+    at_rest: bool  # for 50 control steps without a break
+    on: dict[int, float]  # touched in the end; while at rest: all the time
+    met: frozenset[int]  # touched at any time
     height_m: float  # of its middle
 
 
@@ -138,17 +140,21 @@ class Gripper:
         return False
 
     def settle(self, thing: Graspable, step: Callable[[], None]) -> Rest:
-        """Step until it has been at rest for 50 steps, or for 4 s."""
+        """Step until it has been at rest for 50 control steps, or for 6 s."""
         data = self._data
+        dt = float(self._model.opt.timestep)
+        wanted = math.ceil(REST_S / dt)
         resting = 0
-        on: frozenset[int] = frozenset()
-        throughout: frozenset[int] = frozenset()
-        for _ in range(math.ceil(_SETTLE_S / self._model.opt.timestep)):
+        on: dict[int, float] = {}
+        met: set[int] = set()
+        throughout: set[int] = set()
+        for _ in range(math.ceil(_SETTLE_S / dt)):
             step()
             velocity = data.qvel[thing.dof : thing.dof + 6]
             # A sleeping body keeps the contacts it fell asleep with, but they are not listed.
             if data.body_awake[thing.body]:
                 on = self.touched_by(thing)
+                met |= on.keys()
             slow = (
                 np.linalg.norm(velocity[:3]) < REST_LINEAR_M_S
                 and np.linalg.norm(velocity[3:]) < REST_ANGULAR_RAD_S
@@ -156,23 +162,24 @@ class Gripper:
             if not slow or not on:
                 resting = 0
                 continue
-            throughout = on if resting == 0 else throughout & on
+            throughout = set(on) if resting == 0 else throughout & on.keys()
             resting += 1
-            if resting >= REST_STEPS:
+            if resting >= wanted:
                 break
-        height_m = float(data.xpos[thing.body][2])
-        at_rest = resting >= REST_STEPS
-        return Rest(at_rest, throughout if at_rest else frozenset(), height_m)
+        at_rest = resting >= wanted
+        end = {body: z for body, z in on.items() if body in throughout} if at_rest else on
+        return Rest(at_rest, end, frozenset(met), float(data.xpos[thing.body][2]))
 
-    def touched_by(self, thing: Graspable) -> frozenset[int]:
-        """Bodies in contact with the object."""
-        found = set()
+    def touched_by(self, thing: Graspable) -> dict[int, float]:
+        """Bodies in contact with the object -> height of the highest contact, m."""
+        found: dict[int, float] = {}
         for k in range(self._data.ncon):
             contact = self._data.contact[k]
             bodies = [int(self._model.geom_bodyid[g]) for g in (contact.geom1, contact.geom2)]
             if thing.body in bodies:
-                found.add(bodies[0] if bodies[1] == thing.body else bodies[1])
-        return frozenset(found)
+                other = bodies[0] if bodies[1] == thing.body else bodies[1]
+                found[other] = max(found.get(other, -math.inf), float(contact.pos[2]))
+        return found
 
     def _T_world_base(self) -> Matrix:
         return se2_to_se3(*self._robot.pose(self._data))

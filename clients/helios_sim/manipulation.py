@@ -17,7 +17,6 @@ from helios_sim.render import Painter
 from helios_sim.robot_model import REACH_M
 
 PICK_WITHIN_M = 0.15  # from the asked point to the object's box
-MIN_PICK_PIXELS = 30
 
 Point = tuple[float, float, float]
 
@@ -58,10 +57,16 @@ class Manipulation:
         thing = nearest[-1]
         if self._gripper.away_m(self._data.xpos[thing.body]) > REACH_M:
             raise CannotDo(f"what is at {spot} is out of reach ({REACH_M} m); drive nearer")
-        if np.count_nonzero(self._painter.bodies(self._data) == thing.body) < MIN_PICK_PIXELS:
+        if not np.any(self._painter.bodies(self._data) == thing.body):
             raise CannotDo(f"what is at {spot} is not in view; look at it first")
         self._gripper.grasp(thing)
         return thing
+
+    def within_grasp(self, point_world_m: Point) -> frozenset[str]:
+        """Names of all things that a pick at this point could mean."""
+        return frozenset(
+            t.name for t in self._things if t.distance_m(self._data, point_world_m) <= PICK_WITHIN_M
+        )
 
     def place(self, point_world_m: Point) -> tuple[Graspable, Rest]:
         """Release what is held above the point and wait until it rests. Raises CannotDo."""

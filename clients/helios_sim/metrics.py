@@ -40,8 +40,9 @@ class Released:
 
     name: str
     at_rest: bool  # for 50 steps
-    on: frozenset[str]  # bodies it touched during all of them
+    on: Mapping[str, float]  # bodies touched in all of them -> height of the highest contact, m
     height_m: float  # of its middle
+    met: frozenset[str] = frozenset()  # bodies touched at any time
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,7 @@ class Progress:
     pick: bool = False
     find_receptacle: bool = False
     place: bool = False
+    placed: bool = False  # a candidate rests on a goal receptacle, whatever came before
     collisions: int = 0
     collided_with: tuple[str, ...] = ()
     steps: int = 0
@@ -80,7 +82,7 @@ class Progress:
     @property
     def success(self) -> bool:
         """SR"""
-        return self.place and self.collisions == 0
+        return self.placed and self.collisions == 0
 
     @property
     def partial_success(self) -> float:
@@ -93,7 +95,8 @@ def advance(progress: Progress, step: Step, targets: Targets) -> Progress:
     find_object = progress.find_object or any(_found(step, targets.objects))
     pick = progress.pick or (find_object and step.held in targets.objects)
     find_receptacle = progress.find_receptacle or (pick and any(_found(step, targets.goals)))
-    place = progress.place or (pick and placed(step.released, targets))
+    rests = step.held not in targets.objects and (progress.placed or placed(step.released, targets))
+    place = progress.place or (find_receptacle and rests)
     new = sorted(step.collided_with.difference(progress.collided_with))
     return replace(
         progress,
@@ -101,6 +104,7 @@ def advance(progress: Progress, step: Step, targets: Targets) -> Progress:
         pick=pick,
         find_receptacle=find_receptacle,
         place=place,
+        placed=rests,
         collisions=progress.collisions + bool(step.collided_with),
         collided_with=(*progress.collided_with, *new),
         steps=progress.steps + 1,
@@ -114,8 +118,7 @@ def placed(released: Released | None, targets: Targets) -> bool:
         released is not None
         and released.name in targets.objects
         and released.at_rest
-        and released.height_m >= MIN_PLACE_HEIGHT_M
-        and not released.on.isdisjoint(targets.goals)
+        and any(released.on.get(goal, 0.0) >= MIN_PLACE_HEIGHT_M for goal in targets.goals)
     )
 
 

@@ -27,3 +27,16 @@ class Segmentation:
     stamp_ns: int
     ids: NDArray[np.int32]  # [h, w]
     instances: tuple[TruthInstance, ...]  # those that the picture shows
+
+
+@dataclass(frozen=True)
+class TrueThing:
+    """One piece of furniture or movable thing as it is now. World frame, metres."""
+
+    name: str
+    class_name: str
+    center_m: tuple[float, float, float]  # of its box
+    size_m: tuple[float, float, float]  # of its box: along its turned x and y, and upwards
+    yaw_rad: float
+    graspable: bool
+    on: str = ""  # receptacle that a graspable thing was put on; empty: held, or on the floor

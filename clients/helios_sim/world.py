@@ -32,6 +32,7 @@ from helios_core.types import RobotDescription, RobotState
 from numpy.typing import NDArray
 
 from helios_sim.episode import Tracker
+from helios_sim.events import Event
 from helios_sim.gripper import Graspable, Gripper
 from helios_sim.home import Episode, Home
 from helios_sim.limits import refusal
@@ -49,7 +50,8 @@ from helios_sim.robot_model import (
     description,
     pinhole,
 )
-from helios_sim.truth import Segmentation
+from helios_sim.things import things_now
+from helios_sim.truth import Segmentation, TrueThing
 
 DRAWN_GROUPS = (0, 1, 2)
 _REMEMBERED_ACTIONS = 1024
@@ -85,6 +87,7 @@ class World(RobotDriver):
             int(model.body(t.name).id): Graspable.of(model, t.name, t.size_m) for t in home.objects
         }
         self._on = {thing.name: thing.receptacle for thing in home.objects}
+        self._receptacles = frozenset(item.name for item in home.receptacles)
         self._names = [model.body(b).name for b in range(model.nbody)]
         movable = frozenset(self._things)
         self._gripper = Gripper(model, self._data, robot, movable)
@@ -201,6 +204,20 @@ class World(RobotDriver):
         """Where a body of the home is now [3]; the middle of a graspable thing's box."""
         return self._data.body(name).xpos.copy()
 
+    def things(self) -> tuple[TrueThing, ...]:
+        """All furniture and movable things as they are now."""
+        return tuple(things_now(self._home, self._data, self._on))
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """Picks, places and collisions so far."""
+        return tuple(self._tracker.events)
+
+    @property
+    def trajectory_m(self) -> NDArray[np.float64]:
+        """Where the base truly was at the start and after each action [n, 2]."""
+        return np.array(self._tracker.track_m)
+
     def segmentation(self, stamp_ns: int) -> Segmentation:
         """Of one of the last 64 captures. Raises InvalidInput for any other stamp."""
         return self._past.segmentation(stamp_ns)
@@ -247,10 +264,13 @@ class World(RobotDriver):
 
     def _pick(self, point: tuple[float, float, float], class_name: str) -> _Outcome:
         self._pause(_PAUSE_S)
+        near = self._manipulation.within_grasp(point)
         try:
             thing = self._manipulation.pick(point)
         except CannotDo as why:
+            self._tracker.pick_tried(class_name, near, "", str(why))
             return _Outcome(ActionResult(False, str(why)))
+        self._tracker.pick_tried(class_name, near, thing.name, "")
         self._held_as = class_name
         self._on[thing.name] = ""
         self._pause(_PAUSE_S)
@@ -261,11 +281,16 @@ class World(RobotDriver):
         try:
             thing, rest = self._manipulation.place(point)
         except CannotDo as why:
+            self._tracker.place_tried(self.held_name, None, str(why))
             return _Outcome(ActionResult(False, str(why)))
         self._held_as = ""
-        on = frozenset(self._names[body] for body in rest.on)
-        self._on[thing.name] = min(on, default="")
-        released = Released(thing.name, rest.at_rest, on, rest.height_m)
+        on = {self._names[body]: z for body, z in rest.on.items()}
+        met = frozenset(self._names[body] for body in rest.met)
+        self._on[thing.name] = min(
+            on, key=lambda name: (name not in self._receptacles, name), default=""
+        )
+        released = Released(thing.name, rest.at_rest, on, rest.height_m, met)
+        self._tracker.place_tried(thing.name, released, "")
         return _Outcome(ActionResult(True), released=released)
 
     def _measure(self, outcome: _Outcome) -> None:

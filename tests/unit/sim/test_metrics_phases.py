@@ -24,7 +24,7 @@ TARGETS = Targets(
 )
 AT_MUG = Step((1.05, 1.05), {"mug_0": 2e-3})
 AT_SOFA = Step((3.0, 1.0), {"sofa_0": 0.3})
-ON_SOFA = Released("mug_0", True, frozenset({"sofa_0"}), 0.5)
+ON_SOFA = Released("mug_0", True, {"sofa_0": 0.45}, 0.5)
 
 
 def run(*steps: Step) -> Progress:
@@ -95,8 +95,9 @@ def test_what_counts_as_placed():
     assert placed(ON_SOFA, TARGETS)
     assert not placed(None, TARGETS)
     assert not placed(replace(ON_SOFA, at_rest=False), TARGETS)
-    assert not placed(replace(ON_SOFA, on=frozenset({"floor_0"})), TARGETS)
-    assert not placed(replace(ON_SOFA, height_m=0.04), TARGETS)
+    assert not placed(replace(ON_SOFA, on={"floor_0": 0.2}), TARGETS)
+    assert placed(replace(ON_SOFA, on={"floor_0": 0.0, "sofa_0": 0.05}), TARGETS)
+    assert not placed(replace(ON_SOFA, on={"sofa_0": 0.049}), TARGETS)
     assert not placed(replace(ON_SOFA, name="vase_0"), TARGETS)
 
 

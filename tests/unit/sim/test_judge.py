@@ -1,0 +1,128 @@
+"""The causes of failures, case by case."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from helios_sim import judge
+from helios_sim.events import Collided, Event, PickTried, PlaceTried
+from helios_sim.judge import CAUSES, Said, failure_cause, objectnav_cause
+from helios_sim.metrics import Progress
+from hypothesis import given
+from hypothesis import strategies as st
+
+MAX = 1250
+GAVE_UP = Said("failed", "object not found", "nothing left to explore")
+DONE = Said("succeeded")
+STUCK = Said("failed", judge.STUCK)
+SPENT = Said("failed", judge.STEP_BUDGET)
+BROKEN = Said("failed", judge.SYSTEM_ERROR)
+GONE = Said("running")
+
+NOTHING = Progress(steps=80, path_m=20.0)
+FOUND = replace(NOTHING, find_object=True)
+PICKED = replace(FOUND, pick=True)
+AT_GOAL = replace(PICKED, find_receptacle=True)
+PLACED = replace(AT_GOAL, place=True, placed=True)
+BUMPED = replace(PLACED, collisions=1, collided_with=("walls",))
+
+GRASP = PickTried(40, 10.0, "mug", at_candidate=True, name="mug_0", candidate=True)
+WRONG = replace(GRASP, at_candidate=False, name="vase_0", candidate=False)
+VAIN = replace(GRASP, name="", candidate=False, reason="out of reach")
+VAIN_AT_NOTHING = replace(VAIN, at_candidate=False, reason="nothing to grasp")
+VAIN_AT_THE_END = replace(VAIN_AT_NOTHING, path_m=19.5)
+ROLLED = PlaceTried(70, 19.0, "mug_0", "mug", True, released=True, met_goal=True, on_floor=True)
+BESIDE = replace(ROLLED, met_goal=False)
+REFUSED = replace(BESIDE, released=False, reason="no room")
+BUMP = Collided(5, ("walls",))
+
+
+@pytest.mark.parametrize(
+    ("progress", "events", "said", "cause"),
+    [
+        (PLACED, [GRASP], DONE, ""),
+        (PLACED, [GRASP], BROKEN, ""),
+        (PLACED, [GRASP], STUCK, ""),
+        # A collision is to blame where all else went well, whatever the agent says.
+        (BUMPED, [BUMP, GRASP], DONE, judge.COLLISION),
+        (BUMPED, [BUMP, GRASP], BROKEN, judge.COLLISION),
+        (replace(FOUND, collisions=3), [BUMP], GAVE_UP, judge.OBJECT_NOT_FOUND),
+        # Broken: it says so, or never came to an end.
+        (NOTHING, [], BROKEN, judge.SYSTEM_ERROR),
+        (AT_GOAL, [GRASP, ROLLED], BROKEN, judge.SYSTEM_ERROR),
+        (PICKED, [GRASP], GONE, judge.SYSTEM_ERROR),
+        (replace(NOTHING, steps=MAX), [], GONE, judge.OBJECT_NOT_FOUND),
+        # The wrong thing, held, brought or put down.
+        (NOTHING, [WRONG], DONE, judge.WRONG_OBJECT),
+        (FOUND, [WRONG, replace(ROLLED, candidate=False)], DONE, judge.WRONG_OBJECT),
+        (FOUND, [WRONG], STUCK, judge.WRONG_OBJECT),
+        (PICKED, [GRASP, BESIDE, replace(WRONG, step=75)], DONE, judge.WRONG_OBJECT),
+        # The right thing, let go.
+        (AT_GOAL, [GRASP, ROLLED], DONE, judge.ROLLED_OFF),
+        (PICKED, [GRASP, ROLLED], DONE, judge.ROLLED_OFF),
+        (AT_GOAL, [WRONG, replace(GRASP, step=60), BESIDE], DONE, judge.PLACE_MISSED),
+        (AT_GOAL, [GRASP, REFUSED], SPENT, judge.PLACE_MISSED),
+        (PICKED, [GRASP, BESIDE], DONE, judge.RECEPTACLE_NOT_FOUND),
+        (AT_GOAL, [GRASP, ROLLED, replace(VAIN, step=75)], GAVE_UP, judge.ROLLED_OFF),
+        # Nothing was grasped.
+        (FOUND, [VAIN], GAVE_UP, judge.PICK_FAILED),
+        (FOUND, [VAIN, VAIN_AT_THE_END], SPENT, judge.PICK_FAILED),
+        (NOTHING, [VAIN_AT_THE_END], GAVE_UP, judge.WRONG_OBJECT),
+        (NOTHING, [VAIN_AT_NOTHING], GAVE_UP, judge.OBJECT_NOT_FOUND),
+        (NOTHING, [], GAVE_UP, judge.OBJECT_NOT_FOUND),
+        (FOUND, [], GAVE_UP, judge.OBJECT_NOT_FOUND),
+        # Stuck and spent.
+        (NOTHING, [], STUCK, judge.STUCK),
+        (PICKED, [GRASP], STUCK, judge.STUCK),
+        (NOTHING, [], SPENT, judge.OBJECT_NOT_FOUND),
+        (FOUND, [], SPENT, judge.STEP_BUDGET),
+        (replace(FOUND, steps=MAX), [], Said("cancelled"), judge.STEP_BUDGET),
+        (PICKED, [GRASP], SPENT, judge.RECEPTACLE_NOT_FOUND),
+        (AT_GOAL, [GRASP], SPENT, judge.STEP_BUDGET),
+        (AT_GOAL, [GRASP], GAVE_UP, judge.RECEPTACLE_NOT_FOUND),
+    ],
+)
+def test_the_cause_is(progress: Progress, events: list[Event], said: Said, cause: str):
+    assert failure_cause(progress, events, said, MAX) == cause
+
+
+EVENTS = st.lists(st.sampled_from([GRASP, WRONG, VAIN, VAIN_AT_THE_END, ROLLED, BESIDE, BUMP]))
+
+
+@given(
+    st.sampled_from([NOTHING, FOUND, PICKED, AT_GOAL, BUMPED, PLACED]),
+    EVENTS,
+    st.sampled_from([GAVE_UP, DONE, STUCK, SPENT, BROKEN, GONE, Said("", "", "")]),
+)
+def test_every_failure_has_one_cause_of_the_list(
+    progress: Progress, events: list[Event], said: Said
+):
+    cause = failure_cause(progress, events, said, MAX)
+    assert (cause in CAUSES) != progress.success
+
+
+@given(st.sampled_from([NOTHING, FOUND, PICKED, AT_GOAL, BUMPED]), EVENTS, st.text())
+def test_words_of_the_agent_about_the_rest_change_nothing(
+    progress: Progress, events: list[Event], word: str
+):
+    others = [c for c in CAUSES if c not in (judge.STUCK, judge.STEP_BUDGET, judge.SYSTEM_ERROR)]
+    causes = {failure_cause(progress, events, ("failed", c, word), MAX) for c in others}
+    assert len(causes) == 1
+
+
+@pytest.mark.parametrize(
+    ("success", "steps", "said", "cause"),
+    [
+        (True, 100, DONE, ""),
+        (False, 100, DONE, judge.WRONG_OBJECT),
+        (False, 100, STUCK, judge.STUCK),
+        (False, 100, GAVE_UP, judge.OBJECT_NOT_FOUND),
+        (False, 500, SPENT, judge.OBJECT_NOT_FOUND),
+        (False, 500, GONE, judge.OBJECT_NOT_FOUND),
+        (False, 100, GONE, judge.SYSTEM_ERROR),
+        (False, 100, BROKEN, judge.SYSTEM_ERROR),
+    ],
+)
+def test_the_cause_of_a_failed_object_navigation(success: bool, steps: int, said: Said, cause: str):
+    assert objectnav_cause(success, steps, said, 500) == cause

@@ -1,0 +1,90 @@
+"""What the world tells the evaluation: things, track and events."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from helios_core.robot import Forward, Observe, Pick, Place, Turn
+from helios_sim.events import PickTried, PlaceTried
+from helios_sim.home import Home
+from helios_sim.oracle import Oracle
+from helios_sim.things import upright_box
+from helios_sim.world import World
+
+
+def test_all_things_are_listed_where_they_stand(world: World, sim_home: Home):
+    things = {thing.name: thing for thing in world.things()}
+    assert len(things) == len(sim_home.receptacles) + len(sim_home.fixtures) + len(sim_home.objects)
+    for item in sim_home.receptacles:
+        there = things[item.name]
+        assert (there.class_name, there.size_m) == (item.class_name, item.size_m)
+        assert there.center_m == (item.x, item.y, item.size_m[2] / 2)
+        assert not there.graspable
+    for thing in sim_home.objects:
+        there = things[thing.name]
+        assert there.graspable
+        assert (there.class_name, there.on) == (thing.class_name, thing.receptacle)
+        assert np.allclose(there.center_m, thing.position_m, atol=0.02)
+        assert np.allclose(there.size_m, thing.size_m, atol=0.02)
+
+
+def test_a_carried_and_dropped_thing_is_listed_where_it_is(world: World):
+    name = next(iter(world.tracker.targets.objects))
+    oracle = Oracle(world)
+    assert oracle.fetch(name)
+    held = next(thing for thing in world.things() if thing.name == name)
+    assert held.on == ""
+    x, y = world.trajectory_m[-1]
+    assert math.hypot(held.center_m[0] - x, held.center_m[1] - y) < 0.3
+    assert oracle.face_most_room()
+    x, y = world.trajectory_m[-1]
+    yaw = math.atan2(*world.state().T_world_base[1::-1, 0])
+    world.act(Place((x + 0.6 * math.cos(yaw), y + 0.6 * math.sin(yaw), 0.02)), "drop")
+    dropped = next(thing for thing in world.things() if thing.name == name)
+    assert dropped.on == ""
+    assert dropped.center_m[2] < 0.3
+    picked, placed = (e for e in world.events if isinstance(e, PickTried | PlaceTried))
+    assert isinstance(picked, PickTried)
+    assert isinstance(placed, PlaceTried)
+    assert (picked.name, picked.candidate, picked.at_candidate) == (name, True, True)
+    assert (placed.name, placed.released, placed.on_floor, placed.placed) == (
+        name, True, True, False,
+    )  # fmt: skip
+    assert picked.step < placed.step == world.progress.steps
+
+
+def test_a_pick_at_nothing_is_an_event(world: World):
+    world.act(Observe(), "look")
+    world.act(Pick((0.0, 0.0, 5.0), "mug"), "pick")
+    (tried,) = world.events
+    assert isinstance(tried, PickTried)
+    assert tried == PickTried(2, 0.0, "mug", False, reason=tried.reason)
+    assert "nothing to grasp" in tried.reason
+
+
+def test_the_track_has_a_point_for_the_start_and_each_action(world: World, sim_home: Home):
+    assert np.allclose(world.trajectory_m, [sim_home.start_pose[:2]], atol=1e-3)
+    for k, action in enumerate((Turn(0.3), Forward(0.2), Observe())):
+        world.act(action, f"a{k}")
+    track = world.trajectory_m
+    assert track.shape == (4, 2)
+    lengths = np.hypot(*np.diff(track, axis=0).T)
+    assert lengths.sum() == pytest.approx(world.progress.path_m, abs=0.01)
+    assert np.allclose(track[-1], world.state().T_world_base[:2, 3], atol=1e-6)
+
+
+def test_the_box_of_an_upright_thing_is_its_own():
+    c, s = math.cos(0.7), math.sin(0.7)
+    R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    size, yaw = upright_box(R, (0.3, 0.2, 0.1))
+    assert size == pytest.approx((0.3, 0.2, 0.1))
+    assert yaw == pytest.approx(0.7)
+
+
+def test_the_box_of_a_thing_that_fell_over_lies():
+    R = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # about y, by 90 degrees
+    size, _ = upright_box(R, (0.1, 0.2, 0.4))
+    assert size[2] == pytest.approx(0.1)
+    assert sorted(size[:2]) == pytest.approx([0.2, 0.4])
