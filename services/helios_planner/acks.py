@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
 
 from helios_core import proto as pb
 from helios_core.codec import frame_id_from_proto
 from helios_core.types import FrameId
 
-# Who answers each part of a keyframe; the value layers and objects come by way of the detector.
+# Who answers each part of a keyframe; all but the occupancy come by way of the detector.
 PARTS = {
+    "detections": "detector",
     "occupancy": "map2d",
     "value": "map2d (or the detector before it)",
     "objects": "objectmap (or the detector before it)",
@@ -33,14 +35,14 @@ class AckBook:
             self._changed.notify_all()
 
     def wait(
-        self, id: FrameId, timeout_s: float, ending: threading.Event
+        self, id: FrameId, parts: Sequence[str], timeout_s: float, ending: threading.Event
     ) -> tuple[dict[str, pb.Ack], list[str]]:
-        """(answers, parts that are missing) when all have answered, time is over, or `ending`."""
+        """(answers, parts that are missing) when all came, time is over, or `ending` is set."""
         deadline = time.monotonic() + timeout_s
         with self._changed:
             while True:
-                answers = dict(self._answers.get(id, {}))
-                missing = [part for part in PARTS if part not in answers]
+                answers = {p: a for p, a in self._answers.get(id, {}).items() if p in parts}
+                missing = [part for part in parts if part not in answers]
                 left = deadline - time.monotonic()
                 if not missing or left <= 0 or ending.is_set():
                     return answers, missing

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from helios_planner.decide import Decision
 from helios_planner.grid import GroundMap, Pose2
+from helios_planner.sightings import Sighting
 from helios_planner.task import Phase
 
 
@@ -71,6 +72,10 @@ class Body(ABC):
     @abstractmethod
     def objects(self, class_name: str) -> Sequence[ObjectInstance]:
         """All instances of a class, whatever their score."""
+
+    @abstractmethod
+    def sightings(self) -> Sequence[Sighting]:
+        """All that the detector has reported in this task, in the order of its coming."""
 
     @abstractmethod
     def what_if(

@@ -42,7 +42,9 @@ from helios_planner.calls import RETRY_S, system_error
 from helios_planner.decide import Decision
 from helios_planner.driving import Driver, Line
 from helios_planner.grid import GroundMap, Pose2
+from helios_planner.inbox import PART, Inbox
 from helios_planner.settings import Settings
+from helios_planner.sightings import Sighting
 from helios_planner.task import Cause, Phase, TaskFailed
 
 log = logging.getLogger(__name__)
@@ -76,8 +78,11 @@ class BusBody(Body):
         max_steps: int,
         listener: Listener,
         cancelled: threading.Event,
+        parts: Sequence[str],
     ) -> None:
-        self._settings, self._acks = settings, acks
+        """parts: of a keyframe that must be answered before the next action (`acks.PARTS`)."""
+        self._settings, self._acks, self._parts = settings, acks, parts
+        self._inbox = Inbox(bus, acks, context_id) if PART in parts else None
         self._line = Line(bus, settings, cancelled)
         self._driver = Driver(self._line, settings, task_id, self._on_pause)
         self.description = description_from_proto(description)
@@ -110,6 +115,11 @@ class BusBody(Body):
                     + (f": {'; '.join(reasons)}" if reasons else "; see `helios status`"),
                 )
             self._line.rest(RETRY_S)
+
+    def end(self) -> None:
+        """Listen no more."""
+        if self._inbox is not None:
+            self._inbox.close()
 
     # --- acting --------------------------------------------------------------------------------
     def act(self, action: Action) -> ActionResult:
@@ -152,7 +162,7 @@ class BusBody(Body):
                 "the robot restarted or its localisation jumped; submit the task again",
             )
         self._frame = frame
-        answers, missing = self._acks.wait(frame, ack_s, self._line.cancelled)
+        answers, missing = self._acks.wait(frame, self._parts, ack_s, self._line.cancelled)
         self._line.check()
         return result, answers, missing
 
@@ -180,6 +190,10 @@ class BusBody(Body):
             reply = self._line.call(OBJECTS, pb.ObjectsRequest(class_names=[class_name]))
             self._objects[class_name] = [object_from_proto(o) for o in reply.objects]
         return self._objects[class_name]
+
+    def sightings(self) -> Sequence[Sighting]:
+        assert self._inbox is not None, "this task does not listen to the detector"
+        return self._inbox.sightings()
 
     def what_if(
         self, id: int, class_name: str, T_world_cam: Sequence[Matrix], joint: bool

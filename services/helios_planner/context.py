@@ -6,7 +6,7 @@ from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.types import Role, SearchClass, SearchContext
 
-from helios_planner import object_search, receptacle_search
+from helios_planner.explore import PICK_LAYER, PLACE_LAYER
 from helios_planner.instruction import Instruction, Kind, closest
 from helios_planner.settings import Settings
 
@@ -22,9 +22,9 @@ def search_context(id: str, instruction: Instruction, settings: Settings) -> Sea
     classes = tuple(SearchClass(name, role, threshold) for name, role, threshold in wanted if name)
     prompts = {}
     if pick := instruction.start or instruction.object:
-        prompts[object_search.LAYER] = settings.prompt.format(pick)
+        prompts[PICK_LAYER] = settings.prompt.format(pick)
     if instruction.goal:
-        prompts[receptacle_search.LAYER] = settings.prompt.format(instruction.goal)
+        prompts[PLACE_LAYER] = settings.prompt.format(instruction.goal)
     return SearchContext(id, classes, prompts)
 
 

@@ -1,7 +1,8 @@
-"""Decisions of the flow (section 3.2, appendix 6.1): which receptacle or frontier, whether to act.
+"""What a decision is, and those whether to act, to look again or to search on (section 3.2).
 
-Each function is given what is known and returns a Decision: the candidates with all terms, the
-winner, what to do and one sentence of why. Nothing here asks a map or moves a robot.
+Each function here, in `global_search` and in `frontier_rules` is given what is known and returns a
+Decision: the candidates with all terms, the winner, what to do and one sentence of why. Nothing
+there asks a map or moves a robot.
 """
 
 from __future__ import annotations
@@ -11,13 +12,6 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from helios_core.types import ObjectInstance
-
-from helios_planner.objective import (
-    SearchMemory,
-    candidate_value,
-    frontier_scale,
-    frontier_value,
-)
 
 
 class Do(StrEnum):
@@ -85,107 +79,37 @@ class FrontierOption:
 class ViewOption:
     """A candidate thing with the best score that one more view could bring (eq. 11).
 
-    best_score is None where no new gaze point is left."""
+    best_score is None where no new gaze point is left; one that is not `in_place` is not where it
+    was said to be, for example not on a start receptacle."""
 
     instance: ObjectInstance
     score: float
     best_score: float | None
     distance_m: float
-    preferred: bool = False  # where it should be, for example on the start receptacle
-
-
-def global_search(
-    receptacles: Sequence[ReceptacleOption],
-    frontiers: Sequence[FrontierOption],
-    memory: SearchMemory,
-    alpha_d: float,
-) -> Decision:
-    """Candidate start receptacles and frontiers by eq. 10."""
-    scale = frontier_scale(memory, alpha_d)
-    candidates = [
-        Candidate(
-            "receptacle", r.instance.class_name, _position(r.instance),
-            {
-                "class_score": r.class_score,
-                "information_gain": r.information_gain,
-                "distance_m": r.distance_m,
-                "total": candidate_value(
-                    r.class_score, r.information_gain, r.distance_m, alpha_d
-                ),
-            },
-            r.instance.id,
-        )
-        for r in receptacles
-    ]  # fmt: skip
-    candidates += [
-        Candidate(
-            "frontier", f"frontier {f.id}", (*f.xy_m, 0.0),
-            {
-                "value": f.value,
-                "frontier_scale": scale,
-                "distance_m": f.distance_m,
-                "total": frontier_value(f.value, scale, f.distance_m, alpha_d),
-            },
-            f.id,
-        )
-        for f in frontiers
-    ]  # fmt: skip
-    settings = {"alpha_d": alpha_d, "frontier_scale": scale}
-    rule = "global search (eq. 8-10)"
-    if not candidates:
-        why = "no receptacle is left to search and no frontier to explore"
-        return Decision(rule, Do.NOTHING_LEFT, (), None, why, settings)
-    k = _best(candidates)
-    best = candidates[k]
-    total = best.terms["total"]
-    if best.kind == "receptacle":
-        why = (
-            f"search the {best.name}: class score {best.terms['class_score']:.2f} times gain "
-            f"{best.terms['information_gain']:.2f} at {best.terms['distance_m']:.1f} m gives "
-            f"{total:.3f}, the best of {len(candidates)}"
-        )
-        return Decision(rule, Do.SEARCH_RECEPTACLE, tuple(candidates), k, why, settings)
-    why = (
-        f"explore {best.name}: value {best.terms['value']:.2f} times {scale:.2f} at "
-        f"{best.terms['distance_m']:.1f} m gives {total:.3f}, the best of {len(candidates)}"
-    )
-    return Decision(rule, Do.GO_TO_FRONTIER, tuple(candidates), k, why, settings)
-
-
-def frontier_by_value(frontiers: Sequence[FrontierOption], layer: str) -> Decision:
-    """The frontier with the highest value of a layer; the nearer one on a tie."""
-    candidates = tuple(
-        Candidate("frontier", f"frontier {f.id}", (*f.xy_m, 0.0),
-                  {"value": f.value, "distance_m": f.distance_m, "total": f.value}, f.id)
-        for f in frontiers
-    )  # fmt: skip
-    rule = f"frontier by {layer} value"
-    if not candidates:
-        return Decision(rule, Do.NOTHING_LEFT, (), None, "no frontier is left to explore")
-    k = _best(candidates)
-    best = candidates[k].terms
-    why = (
-        f"explore {candidates[k].name}: its {layer} value {best['value']:.2f} is the highest of "
-        f"{len(candidates)}, {best['distance_m']:.1f} m away"
-    )
-    return Decision(rule, Do.GO_TO_FRONTIER, candidates, k, why)
+    in_place: bool = True
 
 
 def act_or_look(
-    things: Sequence[ViewOption], threshold: float, tau_inc: float, kind: str, what: str
+    things: Sequence[ViewOption],
+    threshold: float,
+    tau_inc: float,
+    kind: str,
+    what: str,
+    anywhere: bool = True,
 ) -> Decision:
     """Pick and place decisions: act at score >= threshold, else one more view where
-    Psi' >= min(threshold, Psi + tau_inc), else search on (eq. 11 and the text below it)."""
+    Psi' >= min(threshold, Psi + tau_inc), else search on (eq. 11 and the text below it). Unless
+    `anywhere`, only what is in its place counts; the rest is remembered."""
     candidates = tuple(
         Candidate(
-            kind, t.instance.class_name, _position(t.instance),
+            kind, t.instance.class_name, position_of(t.instance),
             {
                 "class_score": t.instance.class_score,
                 "uncertainty": t.instance.uncertainty,
                 "score": t.score,
                 "views": float(t.instance.views),
                 "distance_m": t.distance_m,
-                "preferred": float(t.preferred),
+                "in_place": float(t.in_place),
                 "total": t.score,
             }
             | ({} if t.best_score is None else {"score_after_view": t.best_score}),
@@ -195,9 +119,9 @@ def act_or_look(
     )  # fmt: skip
     rule = f"{what} (eq. 7, 11)"
     settings = {"threshold": threshold, "tau_inc": tau_inc}
-    sure = [k for k, t in enumerate(things) if t.score >= threshold]
+    sure = [k for k, t in enumerate(things) if t.score >= threshold and (anywhere or t.in_place)]
     if sure:
-        k = max(sure, key=lambda k: (things[k].preferred, things[k].score, -things[k].distance_m))
+        k = max(sure, key=lambda k: (things[k].in_place, things[k].score, -things[k].distance_m))
         why = (
             f"{what} the {candidates[k].name}: its score {things[k].score:.2f} is at least "
             f"{threshold:.2f} after {things[k].instance.views} views"
@@ -205,7 +129,7 @@ def act_or_look(
         return Decision(rule, Do.ACT, candidates, k, why, settings)
     worth: list[tuple[float, int]] = []
     for k, t in enumerate(things):
-        after = t.best_score
+        after = t.best_score if anywhere or t.in_place else None
         if after is not None and after >= min(threshold, t.score + tau_inc):  # below eq. 11
             worth.append((after, k))
     if worth:
@@ -215,11 +139,13 @@ def act_or_look(
             f"{things[k].score:.2f} to {after:.2f}"
         )
         return Decision(rule, Do.LOOK, candidates, k, why, settings)
-    why = (
-        f"search on: no candidate to {what} reaches {threshold:.2f} and no view would help"
-        if things
-        else f"search on: no candidate to {what} yet"
-    )
+    elsewhere = 0 if anywhere else sum(not t.in_place for t in things)
+    if not things:
+        why = f"search on: no candidate to {what} yet"
+    elif elsewhere == len(things):
+        why = f"search on: {elsewhere} candidates to {what} are remembered, none is in its place"
+    else:
+        why = f"search on: no candidate to {what} reaches {threshold:.2f} and no view would help"
     return Decision(rule, Do.SEARCH_ON, candidates, None, why, settings)
 
 
@@ -232,12 +158,12 @@ def best_view(
                   {"score_after_view": s, "total": s}, k)
         for k, (s, xy) in enumerate(zip(scores, poses, strict=True))
     )  # fmt: skip
-    k = _best(candidates)
+    k = best_of(candidates)
     why = f"of {len(scores)} views, this one would raise the score most, to {scores[k]:.2f}"
     return Decision("best view (eq. 11)", Do.LOOK, candidates, k, why)
 
 
-def _best(candidates: Sequence[Candidate]) -> int:
+def best_of(candidates: Sequence[Candidate]) -> int:
     """Highest total; the nearer on a tie, then the first, so that replays decide alike."""
     return max(
         range(len(candidates)),
@@ -247,6 +173,6 @@ def _best(candidates: Sequence[Candidate]) -> int:
     )  # fmt: skip
 
 
-def _position(instance: ObjectInstance) -> tuple[float, float, float]:
+def position_of(instance: ObjectInstance) -> tuple[float, float, float]:
     x, y, z = (float(v) for v in instance.center_m)
     return x, y, z

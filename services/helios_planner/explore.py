@@ -1,8 +1,9 @@
-"""What both searches share: frontiers, extra views, candidates that must wait, second rounds."""
+"""What every search shares: its loop, frontiers, candidates that must wait, second rounds."""
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -10,15 +11,17 @@ import cv2
 import numpy as np
 from helios_core.types import ObjectInstance
 
+from helios_planner.belief import Belief
 from helios_planner.body import Body, Frontier
-from helios_planner.decide import Decision, FrontierOption
+from helios_planner.decide import Decision, Do, FrontierOption
 from helios_planner.gaze import outline_of
 from helios_planner.grid import facing
 from helios_planner.legs import Legs, Outcome
-from helios_planner.look import BestView, Looking, Places
+from helios_planner.look import Looking, Places
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed
 
+PICK_LAYER, PLACE_LAYER = "pick", "place"  # value layers: where the object, where the goal may be
 MOST_WAITS = 8  # times in one task that something out of reach is tried again
 
 
@@ -30,19 +33,66 @@ class Kit:
     settings: Settings
     legs: Legs
     looking: Looking
+    belief: Belief
+    rng: np.random.Generator
     given_up: list[tuple[float, float]] = field(default_factory=list)  # frontiers that stayed
 
 
-class Search:
-    """See the module."""
+class Search(ABC):
+    """Looks for one class until there is one to act on. What an agent adds: how it decides about
+    what it knows of, and where it explores."""
 
-    def __init__(self, kit: Kit, phase: Phase, name: str, threshold: float) -> None:
-        self.kit, self.phase, self.name, self.threshold = kit, phase, name, threshold
+    def __init__(self, kit: Kit, phase: Phase, name: str, refused_m: float) -> None:
+        """refused_m: how near to a refused candidate nothing is tried again."""
+        self.kit, self.phase, self.name = kit, phase, name
         self.body, self.settings = kit.body, kit.settings
-        self.legs, self.looking = kit.legs, kit.looking
-        self.refused = Places(0.15)  # for good
+        self.legs, self.looking, self.belief = kit.legs, kit.looking, kit.belief
+        self.refused = Places(refused_m)  # for good
         self.waiting = Places(kit.settings.same_place_m)  # until more ground is known
         self._waited = 0
+
+    @abstractmethod
+    def decide(self) -> Decision:
+        """About what is known: act on one, look at one again, or search on."""
+
+    @abstractmethod
+    def explore(self) -> bool:
+        """One step to learn of more; False when nothing is left."""
+
+    def look_again(self, decision: Decision) -> None:
+        """Take the view that `decide` asked for."""
+        raise NotImplementedError(f"{type(self).__name__} decides to look and cannot")
+
+    def settle_for_less(self) -> bool:
+        """With nothing left to explore: drop a condition, if there is one to drop."""
+        return False
+
+    def find(self) -> ObjectInstance:
+        """Look until there is one to act on. Raises TaskFailed when nothing is left."""
+        for round_number in range(self.settings.rounds):
+            if round_number:
+                self.next_round()
+            while True:
+                decision = self.decide()
+                if decision.candidates:
+                    self.body.tell_decision(decision)
+                    self.tell(decision.why)
+                if decision.do is Do.ACT:
+                    return self.chosen(decision)
+                if decision.do is Do.LOOK:
+                    self.look_again(decision)
+                    continue
+                more = self.explore() or self.clear_way()
+                if not self.end_waiting() and not more and not self.settle_for_less():
+                    break
+        raise self._not_found()
+
+    def _not_found(self) -> TaskFailed:
+        if self.phase is Phase.FIND_OBJECT:
+            cause, where = Cause.OBJECT_NOT_FOUND, "every frontier and every candidate place"
+        else:
+            cause, where = Cause.RECEPTACLE_NOT_FOUND, "every frontier"
+        return TaskFailed(cause, f"no {self.name} was found: {where} was searched")
 
     def tell(self, message: str) -> None:
         self.body.tell_phase(self.phase, self.name, message)
@@ -68,25 +118,13 @@ class Search:
 
     def chosen(self, decision: Decision) -> ObjectInstance:
         """The instance that a decision chose."""
-        for o in self.body.objects(self.name):
+        for o in self.belief.known(self.name):
             if o.id == decision.chosen.id:
                 return o
         raise TaskFailed(
             Cause.SYSTEM_ERROR,
-            f"the object map lost {self.name} {decision.chosen.id} between two questions",
+            f"{self.name} {decision.chosen.id} was lost between two questions",
         )
-
-    def extra_view(self, decision: Decision, views: dict[int, BestView | None]) -> None:
-        """Go to the best view of the chosen candidate, unless one becomes sure on the way."""
-        view = views[decision.chosen.id]
-        assert view is not None
-
-        def sure() -> bool:
-            found = self.body.objects(self.name)
-            return any(o.score >= self.threshold and self.open(o) for o in found)
-
-        purpose = f"another view of the {self.name}"
-        self.looking.go_and_look(self.chosen(decision), view.gaze, purpose, sure)
 
     # --- frontiers -----------------------------------------------------------------------------
     def frontier_options(self, layer: str) -> list[FrontierOption]:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from helios_planner.agents import agent_named
 from helios_planner.body import Body
-from helios_planner.explore import Kit
+from helios_planner.explore import Kit, Search
 from helios_planner.instruction import Instruction, Kind
 from helios_planner.legs import Legs, Outcome
-from helios_planner.look import Looking, nearest_to
-from helios_planner.object_search import ObjectSearch
-from helios_planner.receptacle_search import ReceptacleSearch
+from helios_planner.look import Looking
 from helios_planner.settings import Settings
 from helios_planner.skills import Done, Skills
 from helios_planner.task import Cause, Phase, TaskFailed
@@ -19,11 +18,20 @@ from helios_planner.task import Cause, Phase, TaskFailed
 class Mission:
     """One task from beginning to end; `run` returns the sentence of its success."""
 
-    def __init__(self, body: Body, instruction: Instruction, settings: Settings) -> None:
+    def __init__(
+        self, body: Body, instruction: Instruction, settings: Settings, agent: str = ""
+    ) -> None:
+        """agent: a name of `agents.AGENTS`; empty for that of the settings."""
         self.body, self.instruction, self.settings = body, instruction, settings
+        self.agent = agent_named(agent or settings.agent)
         legs = Legs(body, settings)
-        self.kit = Kit(body, settings, legs, Looking(body, legs, settings))
-        self.skills = Skills(body, legs, settings)
+        belief = self.agent.belief(body, settings)
+        self.kit = Kit(
+            body, settings, legs, Looking(body, legs, settings), belief,
+            np.random.default_rng(settings.agent_seed),
+        )  # fmt: skip
+        attempts = settings.picks_per_object if self.agent.retries else 1
+        self.skills = Skills(body, legs, settings, belief, attempts)
 
     def run(self) -> str:
         """Raises TaskFailed and TaskCancelled."""
@@ -36,7 +44,7 @@ class Mission:
             self._go_to(i.goal)
             return f"stands at the {i.goal}"
         assert i.object
-        search = ObjectSearch(self.kit, i.object, i.start)
+        search = self.agent.seek_object(self.kit, i.object, i.start)
         if i.kind is Kind.FIND:
             return self._show(search)
         assert i.goal
@@ -44,7 +52,7 @@ class Mission:
         self._place(i.goal, picked_at if i.goal == i.start else None)
         return f"put the {i.object} on the {i.goal}"
 
-    def _pick(self, search: ObjectSearch) -> np.ndarray:
+    def _pick(self, search: Search) -> np.ndarray:
         """Until something is held; where it was."""
         while True:
             try:
@@ -65,7 +73,7 @@ class Mission:
             search.tell(f"the pick did not work ({_words(done)}); searching on")
 
     def _place(self, goal: str, not_at: np.ndarray | None) -> None:
-        search = ReceptacleSearch(self.kit, goal, not_at)
+        search = self.agent.seek_receptacle(self.kit, goal, not_at)
         while True:
             try:
                 found = search.find()
@@ -83,7 +91,7 @@ class Mission:
             search.tell(f"this {goal} did not work ({_words(done)}); another one")
 
     def _go_to(self, goal: str) -> None:
-        search = ReceptacleSearch(self.kit, goal)
+        search = self.agent.seek_receptacle(self.kit, goal, None)
         looking, pose = self.kit.looking, self.body.pose
         while True:
             found = search.find()
@@ -95,7 +103,7 @@ class Mission:
                 return
             search.leave(found, out_of_reach=True)
 
-    def _show(self, search: ObjectSearch) -> str:
+    def _show(self, search: Search) -> str:
         """Find a thing and stand so that it is in sight; it must still be believed from there."""
         looking = self.kit.looking
         while True:
@@ -104,7 +112,7 @@ class Mission:
                 purpose = f"show the {search.name}"
                 if looking.go_and_look(found, gaze, purpose) is Outcome.ARRIVED:
                     break
-            seen = nearest_to(found.center_m, self.body.objects(search.name), 0.3)
+            seen = self.kit.belief.from_near(found, search.name, 0.3)
             if seen is not None and seen.score >= self.settings.tau_g:
                 x, y, z = seen.center_m
                 return f"found the {search.name} at ({x:.2f}, {y:.2f}, {z:.2f}) m"

@@ -126,13 +126,19 @@ class Looking:
         return self._views[key]
 
     def option(
-        self, thing: ObjectInstance, class_name: str, threshold: float, preferred: bool = False
+        self,
+        thing: ObjectInstance,
+        class_name: str,
+        threshold: float,
+        in_place: bool,
+        ask: bool,
     ) -> tuple[ViewOption, BestView | None]:
-        """A candidate with its terms; what-ifs are asked only where they matter."""
-        view = None if thing.score >= threshold else self.best_view(thing, class_name)
+        """A candidate with its terms; with `ask`, what one more view would bring, if it matters."""
+        matters = ask and thing.score < threshold
+        view = self.best_view(thing, class_name) if matters else None
         distance_m = self.body.pose().distance_m(thing.center_m)
         score = view.score if view else None
-        return ViewOption(thing, thing.score, score, distance_m, preferred), view
+        return ViewOption(thing, thing.score, score, distance_m, in_place), view
 
     # --- going to look -------------------------------------------------------------------------
     def go_and_look(

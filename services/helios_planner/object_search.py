@@ -4,75 +4,64 @@ from __future__ import annotations
 
 from helios_core.types import ObjectInstance
 
-from helios_planner.decide import (
-    Decision,
-    Do,
-    ReceptacleOption,
-    act_or_look,
-    global_search,
-)
-from helios_planner.explore import Kit, Search, near_outline
+from helios_planner.decide import Do, ReceptacleOption
+from helios_planner.explore import PICK_LAYER, Kit, near_outline
+from helios_planner.global_search import SearchRule
 from helios_planner.legs import Outcome
-from helios_planner.look import BestView, Places
+from helios_planner.look import Places
 from helios_planner.objective import ChosenFrontier, FirstSeen, SearchMemory, normalised_gain
-from helios_planner.task import Cause, Phase, TaskFailed
+from helios_planner.scored_search import ScoredSearch
+from helios_planner.task import Phase
 
-LAYER = "pick"
+ON_M = 0.15  # this near to a receptacle's outline is on it
 
 
-class ObjectSearch(Search):
-    """Remembers over a task what was visited, chosen and first seen."""
+class ObjectSearch(ScoredSearch):
+    """Remembers over a task what was visited, chosen and first seen.
 
-    def __init__(self, kit: Kit, name: str, start: str | None) -> None:
-        super().__init__(kit, Phase.FIND_OBJECT, name, kit.settings.tau_g)
-        self.start = start
+    Where the instruction names a start receptacle, what lies elsewhere is remembered, and acted on
+    only when there is nothing left to search.
+    """
+
+    kind, what = "object", "pick"
+
+    def __init__(self, kit: Kit, name: str, start: str | None, rule: SearchRule) -> None:
+        super().__init__(kit, Phase.FIND_OBJECT, name, kit.settings.tau_g, refused_m=0.15)
+        self.start, self._rule = start, rule
         self.memory = SearchMemory()
         self.visited = Places(kit.settings.same_place_m)
+        self._anywhere = start is None
         self._last_seen: tuple = ()
-
-    def find(self) -> ObjectInstance:
-        """Look until an object has Psi >= tau_g. Raises TaskFailed when nothing is left."""
-        for round_number in range(self.settings.rounds):
-            while True:
-                decision, views = self._decide()
-                if decision.do in (Do.ACT, Do.LOOK):
-                    self.body.tell_decision(decision)
-                    self.tell(decision.why)
-                if decision.do is Do.ACT:
-                    return self.chosen(decision)
-                if decision.do is Do.LOOK:
-                    self.extra_view(decision, views)
-                    continue
-                more = self._step() or self.clear_way()
-                if not self.end_waiting() and not more:
-                    break
-            if round_number + 1 < self.settings.rounds:
-                self.visited.clear()
-                self.next_round()
-        raise TaskFailed(
-            Cause.OBJECT_NOT_FOUND,
-            f"no {self.name} was found: every frontier and every candidate place was searched",
-        )
 
     def end_waiting(self) -> bool:
         self._last_seen = ()
         return super().end_waiting()
 
+    def next_round(self) -> None:
+        self.visited.clear()
+        super().next_round()
+
     # --- the object ----------------------------------------------------------------------------
-    def _decide(self) -> tuple[Decision, dict[int, BestView | None]]:
-        s = self.settings
-        things = [
-            o for o in self.body.objects(self.name) if o.class_score >= s.cs_g and self.open(o)
-        ]
-        starts = self._receptacles()
-        pairs = [
-            self.looking.option(
-                o, self.name, s.tau_g, any(near_outline(r, o.center_m, 0.15) for r in starts)
-            )
-            for o in things
-        ]
-        decision = act_or_look([p[0] for p in pairs], s.tau_g, s.tau_inc, "object", "pick")
-        return decision, {o.id: p[1] for o, p in zip(things, pairs, strict=True)}
+    def candidates(self) -> list[ObjectInstance]:
+        return [
+            o for o in self.body.objects(self.name)
+            if o.class_score >= self.settings.cs_g and self.open(o)
+        ]  # fmt: skip
+
+    def in_place(self, candidate: ObjectInstance) -> bool:
+        """On or near anything that may be a start receptacle, however little it is believed."""
+        return self.start is None or any(
+            near_outline(r, candidate.center_m, ON_M) for r in self.body.objects(self.start)
+        )
+
+    @property
+    def anywhere(self) -> bool:
+        return self._anywhere
+
+    def settle_for_less(self) -> bool:
+        dropped = not self._anywhere
+        self._anywhere, self._last_seen = True, ()
+        return dropped
 
     def _something_to_do(self) -> bool:
         """Whether the search is to be interrupted for a candidate object."""
@@ -81,14 +70,14 @@ class ObjectSearch(Search):
         if not seen or self._last_seen == seen:
             return False
         self._last_seen = seen
-        return self._decide()[0].do in (Do.ACT, Do.LOOK)
+        return self.decide().do in (Do.ACT, Do.LOOK)
 
     # --- where it may be -----------------------------------------------------------------------
-    def _step(self) -> bool:
-        """One step of the global search; False when nothing is left."""
+    def explore(self) -> bool:
+        """One step of the global search."""
         options = self._receptacle_options()
-        frontiers = self.frontier_options(LAYER)
-        decision = global_search(options, frontiers, self.memory, self.settings.alpha_d)
+        frontiers = self.frontier_options(PICK_LAYER)
+        decision = self._rule(options, frontiers, self.memory, self.settings.alpha_d)
         self.body.tell_decision(decision)
         if decision.do is Do.NOTHING_LEFT:
             return False

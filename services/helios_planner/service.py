@@ -32,6 +32,7 @@ from helios_core.topics import (
 )
 
 from helios_planner.acks import AckBook
+from helios_planner.agents import agent_named
 from helios_planner.bus_body import BusBody
 from helios_planner.calls import patiently
 from helios_planner.context import check_able, in_vocabulary, search_context
@@ -90,6 +91,8 @@ class PlannerService:
     # --- methods -------------------------------------------------------------------------------
     def submit(self, request: pb.SubmitRequest) -> pb.Task:
         instruction = parse(request.instruction)
+        agent = request.agent or self._settings.agent
+        agent_named(agent)
         try:
             instruction = in_vocabulary(
                 instruction, self._bus.call(VOCABULARY, pb.Empty(), VOCABULARY_S)
@@ -108,6 +111,7 @@ class PlannerService:
             created_s=time.time(),
             message="waits for its turn",
             context_id=id,
+            agent=agent,
         )
         with self._lock:
             self._tasks[id] = task
@@ -184,9 +188,10 @@ class PlannerService:
             body = BusBody(
                 self._bus, self._settings, self._description, self._acks, id, context.id,
                 task.max_steps, TaskVoice(self, id), cancelled,
+                agent_named(task.agent).belief.answered,
             )  # fmt: skip
             body.begin()
-            message = Mission(body, task.instruction, self._settings).run()
+            message = Mission(body, task.instruction, self._settings, task.agent).run()
             if body.collisions:
                 message += f" (with {body.collisions} contacts on the way)"
             self._end(id, State.SUCCEEDED, message)
@@ -200,6 +205,9 @@ class PlannerService:
             self._end(id, State.FAILED, message, cause)
         except HeliosError as error:
             self._end(id, State.FAILED, error.message, Cause.SYSTEM_ERROR)
+        finally:
+            if body is not None:
+                body.end()
 
     def _named(self, id: str, task: Task, cancelled: threading.Event) -> Task:
         """The task in the detector's names; waits for a detector that is away."""

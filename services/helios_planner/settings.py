@@ -21,6 +21,11 @@ class Settings(ServiceSettings):
         default=1250, ge=1, description="actions a task may take, unless it says so"
     )
 
+    agent: Literal[
+        "helios", "no-global-objective", "trusting", "random-frontier", "homerobot-heuristic"
+    ] = Field(default="helios", description="who decides, unless a task says so")
+    agent_seed: int = Field(default=0, ge=0, description="seed of an agent that draws frontiers")
+
     # --- Table 3 of the paper ---
     alpha_d: float = Field(
         default=0.001, ge=0, description="weight of a metre in the objective (eq. 8, 10)"

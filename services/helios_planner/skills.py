@@ -9,11 +9,11 @@ import numpy as np
 from helios_core.robot import Pick, Place
 from helios_core.types import ObjectInstance
 
+from helios_planner.belief import Belief
 from helios_planner.body import Body
 from helios_planner.gaze import tilt_towards
 from helios_planner.grid import Pose2
 from helios_planner.legs import Legs, Outcome
-from helios_planner.look import nearest_to
 from helios_planner.motion import Reach
 from helios_planner.settings import Settings
 from helios_planner.stand import PlaceRules, Spot, edge_spot, place_spots, stand_for
@@ -36,20 +36,22 @@ class Skills:
     body: Body
     legs: Legs
     settings: Settings
+    belief: Belief
+    attempts: int  # picks at one thing
     picks: int = 0
     last_reason: str = ""
 
     # --- pick ----------------------------------------------------------------------------------
     def pick(self, thing: ObjectInstance, class_name: str) -> Done:
-        """Grasp a thing: up to `picks_per_object` attempts, each from another place."""
+        """Grasp a thing: up to `attempts` times, each from another place."""
         tried: list[tuple[float, float]] = []
         attempts = 0
-        while attempts < self.settings.picks_per_object:
+        while attempts < self.attempts:
             if not self._approach(np.asarray(thing.center_m), tried, f"reach the {class_name}"):
                 return Done.FAILED if attempts else Done.OUT_OF_REACH
             tried.append(self.body.pose().xy)
-            near = nearest_to(thing.center_m, self.body.objects(class_name), 0.3)
-            if near is None or near.class_score < self.settings.cs_g:
+            near = self.belief.from_near(thing, class_name, 0.3)
+            if near is None:
                 return Done.DOUBTED
             thing = near
             if self._missing_m(thing.center_m) > 0:
@@ -59,7 +61,7 @@ class Skills:
             x, y, z = (float(v) for v in thing.center_m)
             result = self.body.act(Pick((x, y, z), class_name))
             if result.succeeded:
-                self.body.retire(thing.id, np.asarray(thing.center_m), "picked up")
+                self.belief.taken(thing)
                 return Done.SUCCEEDED
             self.last_reason = result.reason
         return Done.FAILED
@@ -119,8 +121,7 @@ class Skills:
         failed: list[tuple[float, float, float]] = []
         stood = False
         for _ in range(self.settings.places_per_receptacle):
-            near = nearest_to(receptacle.center_m, self.body.objects(class_name), 0.5)
-            receptacle = near or receptacle
+            receptacle = self.belief.from_near(receptacle, class_name, 0.5) or receptacle
             spot = self._spot(receptacle, failed)
             if spot is None:
                 break

@@ -75,6 +75,7 @@ class Task:
     ended_s: float = 0.0
     progress: float = 0.0
     context_id: str = ""
+    agent: str = "helios"
 
     def with_(self, **changes: object) -> Task:
         """A copy with some fields changed."""

@@ -52,6 +52,7 @@ def task_to_proto(task: Task) -> pb.Task:
         progress=task.progress,
         context_id=task.context_id,
         seeking=task.seeking,
+        agent=task.agent,
     )
 
 
@@ -76,6 +77,7 @@ def task_from_proto(task: pb.Task) -> Task:
         ended_s=task.ended_s,
         progress=task.progress,
         context_id=task.context_id,
+        agent=task.agent or "helios",
     )
 
 

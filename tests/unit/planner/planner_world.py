@@ -14,6 +14,7 @@ from helios_core.types import ObjectInstance, RobotDescription
 from helios_planner.body import Body, Frontier, WhatIf
 from helios_planner.decide import Decision
 from helios_planner.grid import GroundMap, Pose2
+from helios_planner.sightings import Sighting, sighting_of
 from helios_planner.task import Cause, Phase, TaskCancelled, TaskFailed
 from numpy.typing import NDArray
 
@@ -78,6 +79,7 @@ class FakeWorld(Body):
         self.phases: list[Phase] = []
         self.picks, self.released = 0, None
         self.cancel_after: int | None = None
+        self._reported: list[Sighting] = []
         self._held: Thing | None = None
         self._pose, self._tilt = start, 0.0
         rows, columns = round(size_m[1] / CELL_M), round(size_m[0] / CELL_M)
@@ -203,6 +205,7 @@ class FakeWorld(Body):
         self._known |= own
         for t in self.things.values():
             if t is not self._held and self._sees(p, t.center_m):
+                self._reported.append(sighting_of(t.class_name, 0.6, corners_of(t)))
                 here = (p.x_m, p.y_m, p.yaw_rad)
                 if all(math.dist(v[:2], here[:2]) > 0.08 or abs(wrap_angle(v[2] - here[2])) > 0.07
                        for v in t.views):  # fmt: skip
@@ -263,6 +266,9 @@ class FakeWorld(Body):
                 ))  # fmt: skip
         return out
 
+    def sightings(self) -> list[Sighting]:
+        return list(self._reported)
+
     def what_if(
         self, id: int, class_name: str, T_world_cam: Sequence[Matrix], joint: bool
     ) -> WhatIf:
@@ -293,6 +299,12 @@ class FakeWorld(Body):
 
     def tell_picks(self, picks: int) -> None:
         self.picks = picks
+
+
+def corners_of(thing: Thing) -> NDArray[np.float64]:
+    """Points [8, 3] of a thing's box."""
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    return thing.center_m + signs * thing.size_m / 2
 
 
 def flat(

@@ -10,16 +10,10 @@ import pytest
 from helios_core import proto as pb
 from helios_core.errors import Unavailable
 from helios_core.types import ObjectInstance
-from helios_planner.decide import (
-    Do,
-    FrontierOption,
-    ReceptacleOption,
-    ViewOption,
-    act_or_look,
-    frontier_by_value,
-    global_search,
-)
+from helios_planner.decide import Do, FrontierOption, ReceptacleOption, ViewOption, act_or_look
+from helios_planner.frontier_rules import drawn, highest_value, nearest
 from helios_planner.gaze import GazeRules, gaze_points
+from helios_planner.global_search import by_objective, receptacles_first
 from helios_planner.grid import GroundMap, Pose2
 from helios_planner.motion import MotionRules, reach
 from helios_planner.objective import (
@@ -101,7 +95,7 @@ def test_alpha_d_of_tables_6_to_8_changes_the_winner() -> None:
             ReceptacleOption(near, 0.5, normalised_gain(gains[0], gaussians, norm), 2.0),
             ReceptacleOption(far, 0.5, normalised_gain(gains[1], gaussians, norm), 8.0),
         ]
-        return global_search(options, [], SearchMemory(), alpha_d).chosen.id
+        return by_objective(options, [], SearchMemory(), alpha_d).chosen.id
 
     assert [winner(a, 1) for a in (0.0001, 0.001, 0.01)] == [2, 2, 1]
     assert [winner(a, 5000) for a in (0.0001, 0.001, 0.01)] == [2, 2, 2]
@@ -117,7 +111,7 @@ def test_a_decision_lists_every_candidate_with_its_terms_and_says_why() -> None:
     memory = SearchMemory({1: FirstSeen(0.5, 2.0, (0.0, 0.0))}, [ChosenFrontier((0.0, 0.0), 0.5)])
     receptacle = ReceptacleOption(thing(7), 0.6, 1.5, 3.0)
     frontier = FrontierOption(9, (5.0, 5.0), 0.4, 6.0)
-    got = global_search([receptacle], [frontier], memory, ALPHA_D)
+    got = by_objective([receptacle], [frontier], memory, ALPHA_D)
     assert got.do is Do.SEARCH_RECEPTACLE
     assert got.candidates[0].terms["total"] == pytest.approx(0.6 * 1.5 - 0.003)
     assert got.candidates[1].terms["total"] == pytest.approx(0.4 * 2.0 - 0.006)
@@ -126,13 +120,51 @@ def test_a_decision_lists_every_candidate_with_its_terms_and_says_why() -> None:
 
 
 def test_with_nothing_left_the_search_says_so() -> None:
-    assert global_search([], [], SearchMemory(), ALPHA_D).do is Do.NOTHING_LEFT
-    assert frontier_by_value([], "place").do is Do.NOTHING_LEFT
+    assert by_objective([], [], SearchMemory(), ALPHA_D).do is Do.NOTHING_LEFT
+    assert receptacles_first([], [], SearchMemory(), ALPHA_D).do is Do.NOTHING_LEFT
+    for rule in (highest_value, nearest, drawn):
+        assert rule([], "place", RNG).do is Do.NOTHING_LEFT
 
 
-def test_the_nearer_of_two_equal_frontiers_is_chosen() -> None:
-    options = [FrontierOption(1, (5, 0), 0.3, 5.0), FrontierOption(2, (1, 0), 0.3, 1.0)]
-    assert frontier_by_value(options, "place").chosen.id == 2
+def test_without_the_objective_the_nearest_receptacle_comes_before_a_far_better_frontier() -> None:
+    receptacles = [
+        ReceptacleOption(thing(1), 0.9, 2.0, 8.0),
+        ReceptacleOption(thing(2), 0.3, 0.01, 5.0),
+    ]
+    frontiers = [FrontierOption(9, (1.0, 0.0), 50.0, 0.5)]
+    assert by_objective(receptacles, frontiers, SearchMemory(), ALPHA_D).chosen.id == 9
+    got = receptacles_first(receptacles, frontiers, SearchMemory(), ALPHA_D)
+    assert (got.do, got.chosen.kind, got.chosen.id) == (Do.SEARCH_RECEPTACLE, "receptacle", 2)
+    assert len(got.candidates) == 3
+    only_frontiers = receptacles_first([], frontiers, SearchMemory(), ALPHA_D)
+    assert (only_frontiers.do, only_frontiers.chosen.id) == (Do.GO_TO_FRONTIER, 9)
+
+
+# --- frontiers -----------------------------------------------------------------------------------
+RNG = np.random.default_rng(0)
+FRONTIERS = [
+    FrontierOption(1, (5.0, 0.0), 0.3, 5.0),
+    FrontierOption(2, (1.0, 0.0), 0.3, 1.0),
+    FrontierOption(3, (0.5, 0.0), 0.1, 0.5),
+]
+
+
+def test_the_highest_value_wins_and_of_two_equal_ones_the_nearer() -> None:
+    assert highest_value(FRONTIERS, "place", RNG).chosen.id == 2
+
+
+def test_the_heuristic_takes_the_nearest_frontier_whatever_its_value() -> None:
+    assert nearest(FRONTIERS, "place", RNG).chosen.id == 3
+
+
+def test_frontiers_are_drawn_alike_from_the_same_seed_and_each_at_some_time() -> None:
+    def draws(seed: int) -> list[int]:
+        rng = np.random.default_rng(seed)
+        return [drawn(FRONTIERS, "place", rng).chosen.id for _ in range(40)]
+
+    assert draws(1) == draws(1)
+    assert draws(1) != draws(2)
+    assert set(draws(1)) == {1, 2, 3}
 
 
 # --- pick and place ------------------------------------------------------------------------------
@@ -155,10 +187,21 @@ def test_act_look_or_search_on(score: float, after: float | None, do: Do) -> Non
 
 def test_of_two_sure_things_the_one_on_the_start_receptacle_is_taken() -> None:
     options = [
-        ViewOption(thing(1), 0.9, None, 1.0),
-        ViewOption(thing(2), 0.6, None, 5.0, preferred=True),
+        ViewOption(thing(1), 0.9, None, 1.0, in_place=False),
+        ViewOption(thing(2), 0.6, None, 5.0),
     ]
     assert act_or_look(options, 0.5, 0.05, "object", "pick").chosen.id == 2
+
+
+@pytest.mark.parametrize(("score", "after"), [(0.9, None), (0.4, 0.9)])
+def test_a_thing_elsewhere_is_remembered_and_neither_picked_nor_looked_at(
+    score: float, after: float | None
+) -> None:
+    options = [ViewOption(thing(1), score, after, 1.0, in_place=False)]
+    got = act_or_look(options, 0.5, 0.05, "object", "pick", anywhere=False)
+    assert got.do is Do.SEARCH_ON
+    assert "remembered" in got.why
+    assert act_or_look(options, 0.5, 0.05, "object", "pick").do in (Do.ACT, Do.LOOK)
 
 
 # --- gaze points ---------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Map
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class Task(_message.Message):
-    __slots__ = ("id", "instruction", "state", "phase", "cause", "message", "object", "start", "goal", "kind", "steps", "max_steps", "picks", "created_s", "started_s", "ended_s", "progress", "context_id", "seeking")
+    __slots__ = ("id", "instruction", "state", "phase", "cause", "message", "object", "start", "goal", "kind", "steps", "max_steps", "picks", "created_s", "started_s", "ended_s", "progress", "context_id", "seeking", "agent")
     ID_FIELD_NUMBER: _ClassVar[int]
     INSTRUCTION_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
@@ -27,6 +27,7 @@ class Task(_message.Message):
     PROGRESS_FIELD_NUMBER: _ClassVar[int]
     CONTEXT_ID_FIELD_NUMBER: _ClassVar[int]
     SEEKING_FIELD_NUMBER: _ClassVar[int]
+    AGENT_FIELD_NUMBER: _ClassVar[int]
     id: str
     instruction: str
     state: str
@@ -46,15 +47,18 @@ class Task(_message.Message):
     progress: float
     context_id: str
     seeking: str
-    def __init__(self, id: _Optional[str] = ..., instruction: _Optional[str] = ..., state: _Optional[str] = ..., phase: _Optional[str] = ..., cause: _Optional[str] = ..., message: _Optional[str] = ..., object: _Optional[str] = ..., start: _Optional[str] = ..., goal: _Optional[str] = ..., kind: _Optional[str] = ..., steps: _Optional[int] = ..., max_steps: _Optional[int] = ..., picks: _Optional[int] = ..., created_s: _Optional[float] = ..., started_s: _Optional[float] = ..., ended_s: _Optional[float] = ..., progress: _Optional[float] = ..., context_id: _Optional[str] = ..., seeking: _Optional[str] = ...) -> None: ...
+    agent: str
+    def __init__(self, id: _Optional[str] = ..., instruction: _Optional[str] = ..., state: _Optional[str] = ..., phase: _Optional[str] = ..., cause: _Optional[str] = ..., message: _Optional[str] = ..., object: _Optional[str] = ..., start: _Optional[str] = ..., goal: _Optional[str] = ..., kind: _Optional[str] = ..., steps: _Optional[int] = ..., max_steps: _Optional[int] = ..., picks: _Optional[int] = ..., created_s: _Optional[float] = ..., started_s: _Optional[float] = ..., ended_s: _Optional[float] = ..., progress: _Optional[float] = ..., context_id: _Optional[str] = ..., seeking: _Optional[str] = ..., agent: _Optional[str] = ...) -> None: ...
 
 class SubmitRequest(_message.Message):
-    __slots__ = ("instruction", "max_steps")
+    __slots__ = ("instruction", "max_steps", "agent")
     INSTRUCTION_FIELD_NUMBER: _ClassVar[int]
     MAX_STEPS_FIELD_NUMBER: _ClassVar[int]
+    AGENT_FIELD_NUMBER: _ClassVar[int]
     instruction: str
     max_steps: int
-    def __init__(self, instruction: _Optional[str] = ..., max_steps: _Optional[int] = ...) -> None: ...
+    agent: str
+    def __init__(self, instruction: _Optional[str] = ..., max_steps: _Optional[int] = ..., agent: _Optional[str] = ...) -> None: ...
 
 class TaskRequest(_message.Message):
     __slots__ = ("id",)

@@ -1,0 +1,118 @@
+"""What an agent takes for true of things: the object map's scores, or what the detector says."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+from helios_core.types import ObjectInstance
+
+from helios_planner.body import Body
+from helios_planner.look import nearest_to
+from helios_planner.settings import Settings
+from helios_planner.sightings import Sighting
+
+SAME_THING_M = 0.3  # two detections of a class nearer than this are of one thing
+
+
+class Belief(ABC):
+    """Things by class, and what is said of one when the robot stands before it."""
+
+    answered: ClassVar[tuple[str, ...]]  # parts of a keyframe that must be there to decide
+
+    def __init__(self, body: Body, settings: Settings) -> None:
+        self.body, self.settings = body, settings
+
+    @abstractmethod
+    def known(self, class_name: str) -> Sequence[ObjectInstance]:
+        """Everything that may be of a class."""
+
+    @abstractmethod
+    def from_near(
+        self, thing: ObjectInstance, class_name: str, within_m: float
+    ) -> ObjectInstance | None:
+        """The thing as it is believed now; None where it is no longer believed to be there."""
+
+    @abstractmethod
+    def taken(self, thing: ObjectInstance) -> None:
+        """It was picked up: it is no longer where it was."""
+
+
+class MapBelief(Belief):
+    """The object map, with scores over all views (HELIOS)."""
+
+    answered = ("occupancy", "value", "objects")
+
+    def known(self, class_name: str) -> Sequence[ObjectInstance]:
+        return self.body.objects(class_name)
+
+    def from_near(
+        self, thing: ObjectInstance, class_name: str, within_m: float
+    ) -> ObjectInstance | None:
+        near = nearest_to(thing.center_m, self.body.objects(class_name), within_m)
+        return near if near is not None and near.class_score >= self.settings.cs_g else None
+
+    def taken(self, thing: ObjectInstance) -> None:
+        self.body.retire(thing.id, np.asarray(thing.center_m), "picked up")
+
+
+class TrustingBelief(Belief):
+    """Every detection is true and stays so: no map, no doubt. A later detection at the same place
+    says where the thing is more exactly."""
+
+    answered = ("occupancy", "value", "detections")
+
+    def __init__(self, body: Body, settings: Settings) -> None:
+        super().__init__(body, settings)
+        self._things: list[ObjectInstance] = []
+        self._read = self._ids = 0
+
+    def known(self, class_name: str) -> Sequence[ObjectInstance]:
+        sightings = self.body.sightings()
+        for sighting in sightings[self._read :]:
+            self._take_in(sighting)
+        self._read = len(sightings)
+        return [t for t in self._things if t.class_name == class_name]
+
+    def from_near(
+        self, thing: ObjectInstance, class_name: str, within_m: float
+    ) -> ObjectInstance | None:
+        return nearest_to(thing.center_m, self.known(class_name), within_m) or thing
+
+    def taken(self, thing: ObjectInstance) -> None:
+        self._things = [t for t in self._things if t.id != thing.id]
+
+    def _take_in(self, sighting: Sighting) -> None:
+        same = [
+            k for k, t in enumerate(self._things)
+            if t.class_name == sighting.class_name
+            and math.dist(t.center_m[:2], sighting.center_m[:2]) < SAME_THING_M
+        ]  # fmt: skip
+        if not same:
+            self._ids += 1
+            self._things.append(trusted(self._ids, sighting, 1))
+            return
+        k = min(same, key=lambda k: math.dist(self._things[k].center_m, sighting.center_m))
+        self._things[k] = trusted(self._things[k].id, sighting, self._things[k].views + 1)
+
+
+def trusted(id: int, sighting: Sighting, views: int) -> ObjectInstance:
+    """A sighting as an instance that is beyond doubt."""
+    return ObjectInstance(
+        id=id,
+        class_name=sighting.class_name,
+        center_m=sighting.center_m,
+        size_m=sighting.size_m,
+        score=1.0,
+        class_score=1.0,
+        uncertainty=0.0,
+        views=views,
+        gaussians=0,
+        probabilities={sighting.class_name: 1.0},
+        top_m=sighting.top_m,
+        outline_m=sighting.outline_m,
+        detection_rate=1.0,
+    )

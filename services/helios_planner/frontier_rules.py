@@ -1,0 +1,62 @@
+"""Which frontier to explore next, where no candidate receptacle is weighed against it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from helios_planner.decide import Candidate, Decision, Do, FrontierOption, best_of
+
+FrontierRule = Callable[[Sequence[FrontierOption], str, np.random.Generator], Decision]
+
+
+def highest_value(
+    frontiers: Sequence[FrontierOption], layer: str, _: np.random.Generator
+) -> Decision:
+    """The frontier with the highest value of a layer; the nearer one on a tie."""
+    candidates = _listed(frontiers, [f.value for f in frontiers])
+    rule = f"frontier by {layer} value"
+    if not candidates:
+        return _nothing(rule)
+    k = best_of(candidates)
+    why = (
+        f"explore {candidates[k].name}: its {layer} value {frontiers[k].value:.2f} is the highest "
+        f"of {len(candidates)}, {frontiers[k].distance_m:.1f} m away"
+    )
+    return Decision(rule, Do.GO_TO_FRONTIER, candidates, k, why)
+
+
+def nearest(frontiers: Sequence[FrontierOption], layer: str, _: np.random.Generator) -> Decision:
+    """The nearest frontier, whatever its value."""
+    candidates = _listed(frontiers, [-f.distance_m for f in frontiers])
+    if not candidates:
+        return _nothing("nearest frontier")
+    k = best_of(candidates)
+    why = (
+        f"explore {candidates[k].name}: {frontiers[k].distance_m:.1f} m away, the nearest of "
+        f"{len(candidates)}"
+    )
+    return Decision("nearest frontier", Do.GO_TO_FRONTIER, candidates, k, why)
+
+
+def drawn(frontiers: Sequence[FrontierOption], layer: str, rng: np.random.Generator) -> Decision:
+    """Any frontier with the same chance."""
+    candidates = _listed(frontiers, [0.0 for _ in frontiers])
+    if not candidates:
+        return _nothing("random frontier")
+    k = int(rng.integers(len(candidates)))
+    why = f"explore {candidates[k].name}: drawn among {len(candidates)}"
+    return Decision("random frontier", Do.GO_TO_FRONTIER, candidates, k, why)
+
+
+def _listed(frontiers: Sequence[FrontierOption], totals: Sequence[float]) -> tuple[Candidate, ...]:
+    return tuple(
+        Candidate("frontier", f"frontier {f.id}", (*f.xy_m, 0.0),
+                  {"value": f.value, "distance_m": f.distance_m, "total": total}, f.id)
+        for f, total in zip(frontiers, totals, strict=True)
+    )  # fmt: skip
+
+
+def _nothing(rule: str) -> Decision:
+    return Decision(rule, Do.NOTHING_LEFT, (), None, "no frontier is left to explore")

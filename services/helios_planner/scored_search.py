@@ -1,0 +1,67 @@
+"""Searches by score: candidates of the object map, extra views where one would help (eq. 7, 11)."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+from helios_core.types import ObjectInstance
+
+from helios_planner.decide import Decision, act_or_look
+from helios_planner.explore import Kit, Search
+from helios_planner.look import BestView
+from helios_planner.task import Phase
+
+
+class ScoredSearch(Search):
+    """Acts on a candidate with Psi >= threshold."""
+
+    kind: str  # of what is sought, in decisions
+    what: str  # is done with it
+
+    def __init__(
+        self, kit: Kit, phase: Phase, name: str, threshold: float, refused_m: float
+    ) -> None:
+        super().__init__(kit, phase, name, refused_m)
+        self.threshold = threshold
+        self._views: dict[int, BestView | None] = {}
+
+    @abstractmethod
+    def candidates(self) -> list[ObjectInstance]:
+        """What may be what is sought, by its class score."""
+
+    def in_place(self, candidate: ObjectInstance) -> bool:
+        """Whether it is where it was said to be."""
+        return True
+
+    @property
+    def anywhere(self) -> bool:
+        """Whether what is not in its place may be acted on."""
+        return True
+
+    def decide(self) -> Decision:
+        options = []
+        self._views.clear()
+        for thing in self.candidates():
+            in_place = self.in_place(thing)
+            worth = in_place or self.anywhere
+            option, self._views[thing.id] = self.looking.option(
+                thing, self.name, self.threshold, in_place, ask=worth
+            )
+            options.append(option)
+        return act_or_look(
+            options, self.threshold, self.settings.tau_inc, self.kind, self.what, self.anywhere
+        )
+
+    def look_again(self, decision: Decision) -> None:
+        """Go to the best view of the chosen candidate, unless one becomes sure on the way."""
+        view = self._views[decision.chosen.id]
+        assert view is not None
+
+        def sure() -> bool:
+            return any(
+                o.score >= self.threshold and (self.anywhere or self.in_place(o))
+                for o in self.candidates()
+            )
+
+        purpose = f"another view of the {self.name}"
+        self.looking.go_and_look(self.chosen(decision), view.gaze, purpose, sure)
