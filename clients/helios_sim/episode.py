@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import cv2
 import numpy as np
+from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
 from helios_sim.events import Collided, Event, PickTried, PlaceTried
+from helios_sim.ground import Ground, Points, clearance_m
 from helios_sim.home import Episode, Home
+from helios_sim.home.freespace import obstacles
 from helios_sim.metrics import (
-    Points,
     Progress,
     Released,
     Step,
     Targets,
     advance,
-    at_viewpoint,
     placed,
     viewpoints_of,
 )
+from helios_sim.objectnav import MIN_SHORTEST_M
 
 _CELL_M = 0.05
+_LOOK_M = 0.05  # how often a way is looked at for leaving the navigable area
 
 
 def episode_of(home: Home, seed: int) -> Episode:
@@ -41,34 +45,66 @@ def reachable(
     return (labels == labels[row, column]) & free, origin_m
 
 
-def targets_of(home: Home, episode: Episode, radius_m: float) -> Targets:
-    """Candidates and goals of a task, with their viewpoints for a robot of that radius."""
+def ground_of(home: Home, radius_m: float) -> Ground:
+    """Where a disc fits and can get to from the start."""
     free, origin_m = reachable(home, radius_m)
+    return Ground(free, origin_m, _CELL_M)
+
+
+def objectnav_episode_of(home: Home, seed: int, radius_m: float) -> Episode:
+    """A task "Find the sofa": any furniture of the home whose nearest viewpoint is 1 m away."""
+    ground = ground_of(home, radius_m)
+    furniture = {item.class_name for item in home.receptacles}
+    furniture |= {item.class_name for item in home.fixtures if item.blocks}
+    names = sorted(furniture)
+    np.random.default_rng([seed, 0x0B1A]).shuffle(names)
+    for name in names:
+        episode = Episode(name, "", "", f"Find the {name}")
+        if MIN_SHORTEST_M <= shortest_path_m(home, targets_of(home, episode, ground)) < np.inf:
+            return episode
+    raise InvalidInput(
+        f"home {home.seed} has no furniture at least 1 m from the start; take another"
+    )
+
+
+def shortest_path_m(home: Home, targets: Targets) -> float:
+    """From the start to the nearest viewpoint of a candidate, over free ground; inf without any."""
+    viewpoints = np.concatenate([np.empty((0, 2)), *targets.objects.values()])
+    return targets.ground.shortest_m(home.start_pose[:2], viewpoints)
+
+
+def targets_of(home: Home, episode: Episode, ground: Ground) -> Targets:
+    """Candidates and goals of a task, with their viewpoints.
+
+    A task without a start receptacle is object navigation: all things and all furniture of the
+    class are candidates.
+    """
 
     def around(x: float, y: float, yaw_rad: float, size_m: tuple[float, float, float]) -> Points:
         c, s = abs(np.cos(yaw_rad)), abs(np.sin(yaw_rad))
         half = np.array([c * size_m[0] + s * size_m[1], s * size_m[0] + c * size_m[1]]) / 2
         low, high = np.array([x, y]) - half, np.array([x, y]) + half
-        return viewpoints_of(
-            (float(low[0]), float(low[1])),
-            (float(high[0]), float(high[1])),
-            free,
-            origin_m,
-            _CELL_M,
-        )
+        box = (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
+        return viewpoints_of(*box, ground.free, ground.origin_m, ground.cell_m)
 
     objects = {
         thing.name: around(*thing.position_m[:2], thing.yaw_rad, thing.size_m)
         for thing in home.objects
         if thing.class_name == episode.object_class
-        and home.receptacle(thing.receptacle).class_name == episode.start_receptacle_class
+        and episode.start_receptacle_class in ("", home.receptacle(thing.receptacle).class_name)
     }
+    if not episode.start_receptacle_class:
+        objects |= {
+            item.name: around(item.x, item.y, item.yaw_rad, item.size_m)
+            for item in (*home.receptacles, *home.fixtures)
+            if item.class_name == episode.object_class
+        }
     goals = {
         item.name: around(item.x, item.y, item.yaw_rad, item.size_m)
         for item in home.receptacles
         if item.class_name == episode.goal_receptacle_class
     }
-    return Targets(objects, goals)
+    return Targets(objects, goals, ground)
 
 
 class Tracker:
@@ -79,11 +115,26 @@ class Tracker:
 
     def __init__(self, home: Home, episode: Episode, radius_m: float) -> None:
         self.episode = episode
-        self.targets = targets_of(home, episode, radius_m)
+        self.targets = targets_of(home, episode, ground_of(home, radius_m))
         self.progress = Progress()
         self.events: list[Event] = []
         self.track_m: list[tuple[float, float]] = [(home.start_pose[0], home.start_pose[1])]
         self._home = home
+        self._radius_m = radius_m
+        self._rectangles = np.array(
+            [
+                (o.x, o.y, o.half_x, o.half_y, o.yaw_rad)
+                for o in obstacles(home.rooms, home.doorways, home.receptacles, home.fixtures)
+            ]
+        ).reshape(-1, 5)
+
+    def arrived(self) -> bool:
+        """Whether the base is where object navigation succeeds; see `objectnav`."""
+        return any(self.targets.at(self.track_m[-1], name) for name in self.targets.objects)
+
+    def shortest_path_m(self) -> float:
+        """From the start to the nearest viewpoint of a candidate; inf without any."""
+        return shortest_path_m(self._home, self.targets)
 
     def in_question(self, base_xy_m: tuple[float, float], held: str) -> tuple[str, ...]:
         """Names of which the coverage of the image matters here and now."""
@@ -91,7 +142,7 @@ class Tracker:
         asked = {} if now.find_object else dict(self.targets.objects)
         if not now.find_receptacle and (now.pick or held in self.targets.objects):
             asked |= self.targets.goals
-        return tuple(name for name, views in asked.items() if at_viewpoint(base_xy_m, views))
+        return tuple(name for name in asked if self.targets.at(base_xy_m, name))
 
     def note(
         self,
@@ -103,7 +154,9 @@ class Tracker:
         released: Released | None = None,
     ) -> None:
         """Count one action."""
-        step = Step(base_xy_m, coverage, held, released, collided_with, moved_m)
+        way = np.linspace(self.track_m[-1], base_xy_m, 2 + math.ceil(moved_m / _LOOK_M))
+        left = bool((clearance_m(way[1:], self._rectangles) < self._radius_m).any())
+        step = Step(base_xy_m, coverage, held, released, collided_with, moved_m, left)
         self.progress = advance(self.progress, step, self.targets)
         self.track_m.append(base_xy_m)
         if collided_with:

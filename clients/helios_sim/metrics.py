@@ -1,37 +1,47 @@
 """The phases of a move task, as HomeRobot OVMM defines them. Pure: records in, progress out.
 
-- FindObj, latched: the base is within 0.1 m of a viewpoint of a candidate object, and that
+- FindObj, latched: the base is within 0.1 m geodesic of a viewpoint of a candidate object, and that
   candidate covers at least 0.001 of the image. Candidates are of the asked class on a receptacle of
   the asked class when the task begins.
 - Pick, latched: FindObj, and the held object is a candidate.
 - FindRec, latched: Pick, then the test of FindObj for a goal receptacle.
-- Place, latched: Pick, and a candidate was released and rests for 50 steps of the physics in
-  contact with a goal receptacle, its middle at least 0.05 m high.
-- SR: Place, and no collision of the robot with the scene in the whole task. Contact with movable
-  objects is no collision; collisions count at most once a step.
+- Placed: a candidate was released and was at rest (below 0.005 m/s and 0.05 rad/s) for 50 control
+  steps of 1/30 s without a break, all the while in contact with a goal receptacle at a height of at
+  least 0.05 m. It ends when a candidate is held again.
+- Place, latched: FindRec, and placed. The phases are a chain.
+- SR: placed, and no collision of the robot with the scene in the whole task. As in habitat this
+  takes the unchained place: who brings the object without having been at a viewpoint succeeds.
 - Partial success: (FindObj + Pick + FindRec + SR) / 4.
-- Steps: actions carried out, whatever their kind.
+- Collisions: contact of the robot's body with anything but movable things, at most once a step. The
+  body ends 1 cm above the floor: its wheels are not modelled.
+- Steps: actions carried out, whatever their kind. The limit, 1250, is the caller's.
 
-Viewpoints stand on a grid of 0.15 m around a bounding box, up to 1.0 m beyond it, where the robot
-fits and can get to. "Within 0.1 m" is measured straight: between two places where a disc of 0.3 m
-fits that are 0.1 m apart, there is no room for an obstacle, so that the geodesic is the line.
+Viewpoints stand on a grid of 0.15 m around a bounding box, up to 1.0 m beyond it, where a disc of
+0.3 m fits and can get to.
+
+Leaving the navigable area is counted apart from collisions, at most once a step. Habitat has no
+contact between its base and the scene, so it must reject the whole of such a move; then a robot can
+never graze anything. Here the move is carried out and the body, 0.27 m, is stopped where it touches
+something: that is a collision, and the step counts as one that left the navigable area (0.3 m) too.
+This is how a real robot fails, and it is stricter: habitat forgives a move into a table that it
+rejects, here it spoils SR.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
+from helios_sim.ground import Ground, Points
 
 VIEWPOINT_GRID_M = 0.15
 VIEWPOINT_MAX_M = 1.0
 AT_VIEWPOINT_M = 0.1
 MIN_COVERAGE = 1e-3
 MIN_PLACE_HEIGHT_M = 0.05
-
-Points = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -55,14 +65,24 @@ class Step:
     released: Released | None = None
     collided_with: frozenset[str] = frozenset()
     moved_m: float = 0.0
+    left_navigable: bool = False  # at some time of the move
 
 
 @dataclass(frozen=True)
 class Targets:
-    """What the task is about: names of candidates and goals, with their viewpoints [n, 2] in m."""
+    """What the task is about: names of candidates and goals, with their viewpoints [n, 2] in m.
+
+    Viewpoints and the base stand on `ground`.
+    """
 
     objects: Mapping[str, Points]
     goals: Mapping[str, Points]
+    ground: Ground
+
+    def at(self, base_xy_m: tuple[float, float], name: str) -> bool:
+        """Whether the base is within 0.1 m geodesic of a viewpoint of a candidate or goal."""
+        viewpoints = self.objects[name] if name in self.objects else self.goals[name]
+        return self.ground.within(base_xy_m, viewpoints, AT_VIEWPOINT_M)
 
 
 @dataclass(frozen=True)
@@ -76,6 +96,7 @@ class Progress:
     placed: bool = False  # a candidate rests on a goal receptacle, whatever came before
     collisions: int = 0
     collided_with: tuple[str, ...] = ()
+    left_navigable: int = 0  # steps
     steps: int = 0
     path_m: float = 0.0
 
@@ -92,9 +113,9 @@ class Progress:
 
 def advance(progress: Progress, step: Step, targets: Targets) -> Progress:
     """The progress after one more action."""
-    find_object = progress.find_object or any(_found(step, targets.objects))
+    find_object = progress.find_object or _found(step, targets, targets.objects)
     pick = progress.pick or (find_object and step.held in targets.objects)
-    find_receptacle = progress.find_receptacle or (pick and any(_found(step, targets.goals)))
+    find_receptacle = progress.find_receptacle or (pick and _found(step, targets, targets.goals))
     rests = step.held not in targets.objects and (progress.placed or placed(step.released, targets))
     place = progress.place or (find_receptacle and rests)
     new = sorted(step.collided_with.difference(progress.collided_with))
@@ -107,6 +128,7 @@ def advance(progress: Progress, step: Step, targets: Targets) -> Progress:
         placed=rests,
         collisions=progress.collisions + bool(step.collided_with),
         collided_with=(*progress.collided_with, *new),
+        left_navigable=progress.left_navigable + step.left_navigable,
         steps=progress.steps + 1,
         path_m=progress.path_m + step.moved_m,
     )
@@ -123,10 +145,8 @@ def placed(released: Released | None, targets: Targets) -> bool:
 
 
 def at_viewpoint(base_xy_m: tuple[float, float], viewpoints: Points) -> bool:
-    """Whether the base is within 0.1 m of one of the viewpoints [n, 2]."""
-    if len(viewpoints) == 0:
-        return False
-    return bool(np.hypot(*(viewpoints - base_xy_m).T).min() <= AT_VIEWPOINT_M)
+    """Whether the base is within 0.1 m of one of the viewpoints [n, 2], in a straight line."""
+    return bool((np.hypot(*(viewpoints - base_xy_m).T) <= AT_VIEWPOINT_M).any())
 
 
 def viewpoints_of(
@@ -136,10 +156,7 @@ def viewpoints_of(
     origin_m: tuple[float, float],
     cell_m: float,
 ) -> Points:
-    """Viewpoints [n, 2] around a box on the ground.
-
-    free: cells [row, column] where the robot fits and can get to; cell (0, 0) begins at the origin.
-    """
+    """Viewpoints [n, 2] around a box; free, origin_m and cell_m as in `Ground`."""
     low = np.asarray(box_min_m) - VIEWPOINT_MAX_M
     high = np.asarray(box_max_m) + VIEWPOINT_MAX_M
     x = np.arange(low[0], high[0] + 1e-9, VIEWPOINT_GRID_M)
@@ -147,14 +164,11 @@ def viewpoints_of(
     points = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
     beyond = np.maximum(np.maximum(box_min_m - points, points - box_max_m), 0.0)
     points = points[np.hypot(beyond[:, 0], beyond[:, 1]) <= VIEWPOINT_MAX_M]
-    column, row = np.floor((points - origin_m) / cell_m).astype(int).T
-    inside = (row >= 0) & (row < free.shape[0]) & (column >= 0) & (column < free.shape[1])
-    inside[inside] = free[row[inside], column[inside]]
-    return points[inside]
+    return points[Ground(free, origin_m, cell_m).holds(points)]
 
 
-def _found(step: Step, candidates: Mapping[str, Points]) -> list[bool]:
-    return [
-        step.coverage.get(name, 0.0) >= MIN_COVERAGE and at_viewpoint(step.base_xy_m, viewpoints)
-        for name, viewpoints in candidates.items()
-    ]
+def _found(step: Step, targets: Targets, names: Iterable[str]) -> bool:
+    return any(
+        step.coverage.get(name, 0.0) >= MIN_COVERAGE and targets.at(step.base_xy_m, name)
+        for name in names
+    )

@@ -213,6 +213,10 @@ class World(RobotDriver):
         """Picks, places and collisions so far."""
         return tuple(self._tracker.events)
 
+    def arrived(self) -> bool:
+        """Whether an agent that says now that it has found the thing is right (see objectnav)."""
+        return self._tracker.arrived()
+
     @property
     def trajectory_m(self) -> NDArray[np.float64]:
         """Where the base truly was at the start and after each action [n, 2]."""

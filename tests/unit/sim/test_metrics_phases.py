@@ -5,22 +5,24 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from helios_sim.ground import Ground
 from helios_sim.metrics import (
     Progress,
     Released,
     Step,
     Targets,
     advance,
-    at_viewpoint,
     placed,
     viewpoints_of,
 )
 from hypothesis import given
 from hypothesis import strategies as st
 
+GROUND = Ground(np.ones((200, 200), bool), (0.0, 0.0), 0.05)
 TARGETS = Targets(
     objects={"mug_0": np.array([[1.0, 1.0]]), "mug_1": np.array([[5.0, 5.0]])},
     goals={"sofa_0": np.array([[3.0, 1.0]])},
+    ground=GROUND,
 )
 AT_MUG = Step((1.05, 1.05), {"mug_0": 2e-3})
 AT_SOFA = Step((3.0, 1.0), {"sofa_0": 0.3})
@@ -52,6 +54,22 @@ def test_finding_is_latched():
 
 def test_seen_from_afar_is_not_found():
     assert not run(replace(AT_MUG, base_xy_m=(1.2, 1.0))).find_object
+    assert run(replace(AT_MUG, base_xy_m=(1.099, 1.0))).find_object
+    assert not run(replace(AT_MUG, base_xy_m=(1.101, 1.0))).find_object
+
+
+def test_a_viewpoint_behind_a_wall_is_not_near():
+    free = GROUND.free.copy()
+    free[:, 21] = False  # from 1.05 to 1.10 m
+    walled = replace(TARGETS, ground=replace(GROUND, free=free))
+    beyond = Step((1.095 + 0.006, 1.0), {"mug_0": 2e-3})
+    near = replace(beyond, base_xy_m=(1.04, 1.08))
+    assert not advance(Progress(), beyond, walled).find_object
+    assert advance(Progress(), near, walled).find_object
+
+
+def test_exactly_a_thousandth_of_the_image_is_enough():
+    assert run(replace(AT_MUG, coverage={"mug_0": 1e-3})).find_object
 
 
 def test_too_few_pixels_are_not_found():
@@ -73,6 +91,32 @@ def test_a_pick_without_finding_does_not_count():
 def test_the_receptacle_counts_only_after_the_pick():
     assert not run(AT_MUG, AT_SOFA).find_receptacle
     assert run(AT_MUG, holding(AT_MUG), holding(AT_SOFA)).find_receptacle
+
+
+def test_place_needs_the_receptacle_found_but_success_does_not():
+    from_afar = Step((3.0, 1.9), {"sofa_0": 0.3}, released=ON_SOFA)
+    done = run(AT_MUG, holding(AT_MUG), from_afar)
+    assert (done.pick, done.find_receptacle, done.place) == (True, False, False)
+    assert done.success
+    assert done.partial_success == 0.75
+
+
+def test_what_was_found_after_the_release_completes_the_chain():
+    from_afar = Step((3.0, 1.9), {"sofa_0": 0.3}, released=ON_SOFA)
+    assert run(AT_MUG, holding(AT_MUG), from_afar, AT_SOFA).place
+
+
+def test_who_takes_it_away_again_has_not_placed_it():
+    done = run(AT_MUG, holding(AT_MUG), replace(AT_SOFA, released=ON_SOFA), holding(AT_SOFA))
+    assert done.place
+    assert not done.success
+
+
+def test_leaving_the_navigable_area_is_counted_but_spoils_nothing():
+    out = Step((2.0, 1.0), left_navigable=True, held="mug_0")
+    done = run(AT_MUG, holding(AT_MUG), out, out, replace(AT_SOFA, released=ON_SOFA))
+    assert (done.left_navigable, done.collisions) == (2, 0)
+    assert done.success
 
 
 def test_a_collision_spoils_success_but_not_the_place():
@@ -101,8 +145,13 @@ def test_what_counts_as_placed():
     assert not placed(replace(ON_SOFA, name="vase_0"), TARGETS)
 
 
-def test_a_place_without_a_pick_does_not_count():
+def test_a_place_without_a_pick_is_no_link_of_the_chain():
     assert not run(replace(AT_SOFA, released=ON_SOFA)).place
+
+
+def test_steps_and_the_way_add_up():
+    done = run(*[Step((2.0, 2.0), moved_m=0.25)] * 4)
+    assert (done.steps, done.path_m) == (4, 1.0)
 
 
 @given(st.lists(st.sampled_from([AT_MUG, holding(AT_MUG), holding(AT_SOFA), Step((2.0, 2.0))])))
@@ -138,4 +187,4 @@ def test_viewpoints_stand_where_the_robot_fits():
 
 
 def test_nothing_is_near_no_viewpoints():
-    assert not at_viewpoint((0.0, 0.0), np.zeros((0, 2)))
+    assert not GROUND.within((1.0, 1.0), np.zeros((0, 2)), 0.1)

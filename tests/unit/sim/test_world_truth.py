@@ -7,8 +7,10 @@ import math
 import numpy as np
 import pytest
 from helios_core.robot import Forward, Observe, Pick, Place, Turn
+from helios_sim.episode import objectnav_episode_of
 from helios_sim.events import PickTried, PlaceTried
 from helios_sim.home import Home
+from helios_sim.objectnav import MIN_SHORTEST_M
 from helios_sim.oracle import Oracle
 from helios_sim.things import upright_box
 from helios_sim.world import World
@@ -88,3 +90,34 @@ def test_the_box_of_a_thing_that_fell_over_lies():
     size, _ = upright_box(R, (0.1, 0.2, 0.4))
     assert size[2] == pytest.approx(0.1)
     assert sorted(size[:2]) == pytest.approx([0.2, 0.4])
+
+
+def test_object_navigation_succeeds_at_a_viewpoint_and_nowhere_else(sim_home: Home):
+    episode = objectnav_episode_of(sim_home, 0, 0.3)
+    assert episode.instruction == f"Find the {episode.object_class}"
+    assert episode == objectnav_episode_of(sim_home, 0, 0.3)
+    world = World(sim_home, episode)
+    try:
+        assert not world.arrived()
+        shortest_m = world.tracker.shortest_path_m()
+        assert shortest_m >= MIN_SHORTEST_M
+        viewpoints = np.concatenate(list(world.tracker.targets.objects.values()))
+        oracle = Oracle(world)
+        arrived = []
+        for x, y in viewpoints[:: max(1, len(viewpoints) // 6)]:
+            assert oracle.go_near((x, y))
+            away_m = np.hypot(*(viewpoints - world.trajectory_m[-1]).T).min()
+            assert world.arrived() == (away_m <= 0.1)
+            arrived.append(world.arrived())
+        assert any(arrived)
+        assert world.progress.path_m > shortest_m - 0.1
+    finally:
+        world.close()
+
+
+def test_grazing_a_wall_is_counted_as_leaving_the_navigable_area(world: World):
+    for k in range(20):
+        if not world.act(Forward(1.0), f"on-{k}").succeeded:
+            break
+    assert world.progress.collisions == 1
+    assert world.progress.left_navigable == 1
