@@ -1,0 +1,5 @@
+"""Does the uncertainty mean anything? The map's scores of its instances against the truth."""
+
+from helios_eval.calibration.figures import Figure, figures
+
+__all__ = ["Figure", "figures"]

@@ -95,13 +95,13 @@ def by_setting(records: Iterable[EpisodeRecord]) -> dict[str, list[EpisodeRecord
     Sorted: ground truth, then by level and correlation.
     """
     told = [(_facts(r), r) for r in records if r.beliefs]
-    names = list(dict.fromkeys(name for facts, _ in told for name in facts))
-    differ = [n for n in names if len({facts.get(n, "default") for facts, _ in told}) > 1]
+    names = dict.fromkeys(name for facts, _ in told for name in facts)
+    differ = [n for n in names if len({facts.get(n, _default(n)) for facts, _ in told} - {""}) > 1]
     out: dict[str, list[EpisodeRecord]] = {}
-    for _, record in sorted(told, key=lambda pair: _order(pair[1])):
-        facts = _facts(record)
-        extra = [facts.get(name, f"default {name}") for name in differ]
-        out.setdefault(", ".join([_noise(record), *extra]), []).append(record)
+    for facts, record in sorted(told, key=lambda pair: _order(pair[1])):
+        extra = [facts.get(name, _default(name)) for name in differ]
+        name = ", ".join(part for part in (_noise(record), *extra) if part)
+        out.setdefault(name, []).append(record)
     return out
 
 
@@ -123,14 +123,15 @@ def _order(record: EpisodeRecord) -> tuple[float, float, str, str]:
 
 
 def _facts(record: EpisodeRecord) -> dict[str, str]:
-    facts = {
-        "agent": record.agent,
-        "benchmark": record.benchmark,
-        "preset": record.preset,
-        **{name: f"{name}={value}" for name, value in sorted(record.settings.items())},
-    }
+    facts = {"agent": record.agent, "benchmark": record.benchmark, "preset": record.preset}
     if record.noise is not None:
-        facts["table"] = f"table {record.noise.table}"
-        if record.noise.table == record.preset:
-            del facts["table"]
-    return facts
+        facts[_TABLE] = f"table {record.noise.table}"
+    return facts | {name: f"{name}={value}" for name, value in sorted(record.settings.items())}
+
+
+def _default(name: str) -> str:
+    """What stands for a fact that a record does not have; empty: nothing."""
+    return "" if name == _TABLE else f"{name}=default"
+
+
+_TABLE = "noise table"

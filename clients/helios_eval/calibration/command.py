@@ -1,0 +1,23 @@
+"""`helios eval calibration`"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def calibration(
+    folders: Annotated[
+        list[Path], typer.Argument(help="what `helios eval` wrote; one folder for each setting")
+    ],
+    out: Annotated[Path, typer.Option(help="folder for calibration.md and the pictures")],
+    every_step: Annotated[
+        bool, typer.Option("--every-step", help="all recorded beliefs, not the last of each thing")
+    ] = False,
+) -> None:
+    """Hold what the object map believed against the truth: reliability, ECE, AUROC."""
+    from helios_eval.calibration import report  # matplotlib takes a second to load
+
+    print(f"written to {report.write(folders, out, every_step)}")
