@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from helios_eval.command import app as eval_app  # light: it imports the rest when it runs
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -23,6 +24,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+
+app.add_typer(eval_app)
 
 Port = Annotated[int, typer.Option(help="port of the HTTP interface", min=1, max=65535)]
 Json = Annotated[bool, typer.Option("--json", help="print JSON only")]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -19,6 +19,7 @@ EPISODES = "episodes.jsonl"
 
 Benchmark = Literal["ovmm", "objectnav"]
 Semantics = Literal["noisy", "ground-truth"]
+Setting = str | float | int | bool
 
 
 class _Frozen(BaseModel):
@@ -49,6 +50,21 @@ class Belief(_Frozen):
     correct: bool = Field(description="a thing of that class is there")
 
 
+def key_of(
+    benchmark: Benchmark,
+    agent: str,
+    semantics: Semantics,
+    preset: str,
+    seed: int,
+    noise: Noise | None,
+    settings: Mapping[str, Setting],
+) -> str:
+    """What names an episode, before and after it is played."""
+    told = noise.model_dump_json() if noise else ""
+    parts = (benchmark, agent, semantics, preset, seed, told)
+    return "|".join(map(str, (*parts, json.dumps(dict(settings), sort_keys=True))))
+
+
 class EpisodeRecord(_Frozen):
     """One episode. Metrics as in `helios_sim.metrics`, by the simulator's truth."""
 
@@ -59,7 +75,7 @@ class EpisodeRecord(_Frozen):
     preset: str
     seed: int
     noise: Noise | None = Field(description="None with ground-truth semantics")
-    settings: dict[str, str | float | int | bool] = Field(
+    settings: dict[str, Setting] = Field(
         default_factory=dict, description="what differs from the services' defaults"
     )
 
@@ -103,18 +119,15 @@ class EpisodeRecord(_Frozen):
     @property
     def key(self) -> str:
         """Same key, same episode, same result."""
-        noise = self.noise.model_dump_json() if self.noise else ""
-        settings = json.dumps(self.settings, sort_keys=True)
-        parts = (
+        return key_of(
             self.benchmark,
             self.agent,
             self.semantics,
             self.preset,
             self.seed,
-            noise,
-            settings,
+            self.noise,
+            self.settings,
         )
-        return "|".join(map(str, parts))
 
     @property
     def partial_success(self) -> float:
@@ -130,29 +143,33 @@ class EpisodeRecord(_Frozen):
 
 
 def append(folder: Path, record: EpisodeRecord) -> None:
-    """Add one line, on the disk when this returns."""
+    """Add one line, on the disk when this returns. A torn last line is ended first."""
     line = record.model_dump_json() + "\n"
-    with (folder / EPISODES).open("a", encoding="utf-8") as file:
-        file.write(line)
+    with (folder / EPISODES).open("ab+") as file:
+        if file.seek(0, os.SEEK_END) > 0:
+            file.seek(-1, os.SEEK_END)
+            if file.read(1) != b"\n":
+                file.write(b"\n")
+        file.write(line.encode())
         file.flush()
         os.fsync(file.fileno())
 
 
 def read(folder: Path) -> list[EpisodeRecord]:
-    """All episodes of a folder, the last of each key; a torn last line is left out.
+    """All episodes of a folder, the last of each key; torn lines are left out: they run again.
 
     Raises InvalidInput for a line that is not an episode.
     """
     path = folder / EPISODES
     if not path.exists():
         return []
-    *whole, _torn = path.read_text(encoding="utf-8").split("\n")  # torn: it runs again
-    return list({record.key: record for record in _parsed(path, whole)}.values())
+    lines = path.read_bytes().split(b"\n")
+    return list({record.key: record for record in _parsed(path, lines)}.values())
 
 
-def _parsed(path: Path, lines: Iterable[str]) -> Iterator[EpisodeRecord]:
+def _parsed(path: Path, lines: Iterable[bytes]) -> Iterator[EpisodeRecord]:
     for number, line in enumerate(lines, 1):
-        if not line.strip():
+        if not line.strip() or _torn(line):
             continue
         try:
             yield EpisodeRecord.model_validate_json(line)
@@ -163,3 +180,18 @@ def _parsed(path: Path, lines: Iterable[str]) -> Iterator[EpisodeRecord]:
                 f"{path}, line {number} is no episode ({where}: {first['msg']}); move the file "
                 "away, or run into another folder"
             ) from error
+
+
+def _torn(line: bytes) -> bool:
+    """Whether a line is the beginning of a record whose writing was cut short."""
+    begins = line.startswith(_FIRST) or _FIRST.startswith(line)
+    if not begins:
+        return False
+    try:
+        json.loads(line)
+    except ValueError:
+        return True
+    return False
+
+
+_FIRST = b'{"benchmark":'  # what every record begins with

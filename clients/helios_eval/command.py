@@ -1,0 +1,171 @@
+"""`helios eval`: a sub-command of `helios`. Imports what it needs only when it runs."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from helios_eval.record import Benchmark, Noise
+
+FIRST_NEVER = 100_000  # seeds from here on are never run
+
+app = typer.Typer(
+    name="eval",
+    help="Play episodes in simulated homes and judge them by the truth.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+Agents = Annotated[str, typer.Option(help="names, with commas between")]
+Limits = Annotated[str, typer.Option(help="limits of picks: 1,5,unlimited")]
+Semantics = Annotated[str, typer.Option(help="noisy or ground-truth")]
+Preset = Annotated[str, typer.Option(help="kind of homes")]
+Episodes = Annotated[int, typer.Option(help="homes, each with one task", min=1)]
+Seed0 = Annotated[int, typer.Option(help="seed of the first home", min=0)]
+Out = Annotated[Path, typer.Option(help="folder for the results; what is there is not run again")]
+Jobs = Annotated[int | None, typer.Option(help="episodes at a time  [default: cores]", min=1)]
+Table = Annotated[str | None, typer.Option(help="noise table  [default: the preset's]")]
+Level = Annotated[float, typer.Option(help="multiplies the noise; 0: none", min=0, max=10)]
+Correlation = Annotated[
+    float | None, typer.Option(help="1: errors stay, 0: drawn per frame  [default: the table's]")
+]
+Sensor = Annotated[str, typer.Option(help="noise of camera and pose: none or realistic")]
+Assignments = Annotated[list[str] | None, typer.Option("--set", help="setting of a service: a=1")]
+Steps = Annotated[int | None, typer.Option(help="actions an episode may take", min=1)]
+Ray = Annotated[str | None, typer.Option(help="address of a Ray cluster, or local")]
+
+
+@app.command()
+def ovmm(
+    agents: Agents,
+    out: Out,
+    picks: Limits = "unlimited",
+    semantics: Semantics = "noisy",
+    preset: Preset = "ovmm-v1",
+    episodes: Episodes = 10,
+    seed0: Seed0 = 0,
+    jobs: Jobs = None,
+    noise: Table = None,
+    noise_level: Level = 1.0,
+    noise_correlation: Correlation = None,
+    sensor: Sensor = "none",
+    assignments: Assignments = None,
+    max_steps: Steps = None,
+    ray: Ray = None,
+) -> None:
+    """Open-vocabulary mobile manipulation: move a thing from one kind of furniture to another."""
+    _run(
+        "ovmm", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise, noise_level,
+        noise_correlation, sensor, assignments or [], max_steps, ray,
+    )  # fmt: skip
+
+
+@app.command()
+def objectnav(
+    agents: Agents,
+    out: Out,
+    semantics: Semantics = "noisy",
+    preset: Preset = "ovmm-v1",
+    episodes: Episodes = 10,
+    seed0: Seed0 = 0,
+    jobs: Jobs = None,
+    picks: Limits = "unlimited",
+    noise: Table = None,
+    noise_level: Level = 1.0,
+    noise_correlation: Correlation = None,
+    sensor: Sensor = "none",
+    assignments: Assignments = None,
+    max_steps: Steps = None,
+    ray: Ray = None,
+) -> None:
+    """Object navigation: find a kind of furniture and stop there. Nothing is picked."""
+    _run(
+        "objectnav", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise,
+        noise_level, noise_correlation, sensor, assignments or [], max_steps, ray,
+    )  # fmt: skip
+
+
+@app.command()
+def report(
+    folder: Annotated[Path, typer.Argument(help="of a run")],
+) -> None:
+    """Write report.md and report.html of a folder anew."""
+    from helios_eval.report import write_report
+
+    write_report(folder)
+    print(f"written to {folder / 'report.md'} and {folder / 'report.html'}")
+
+
+def _run(
+    benchmark: Benchmark,
+    agents: str,
+    picks: str,
+    semantics: str,
+    preset: str,
+    episodes: int,
+    seed0: int,
+    out: Path,
+    jobs: int | None,
+    noise: str | None,
+    level: float,
+    correlation: float | None,
+    sensor: str,
+    assignments: list[str],
+    max_steps: int | None,
+    ray: str | None,
+) -> None:
+    from helios_client.wrong_use import WrongUse
+    from helios_core.errors import InvalidInput
+    from rich.console import Console
+
+    try:
+        from helios_eval import results, service_settings, spec
+        from helios_eval.run import Run, run
+    except ImportError as error:
+        from helios_core.errors import Unavailable
+
+        raise Unavailable(
+            f"the evaluation cannot be loaded ({error}); pip install 'helios-ovmm[all]'"
+        ) from error
+
+    names = _names(agents, "--agents")
+    spec.check_agents(names, benchmark)
+    spec.check_preset(preset)
+    if semantics not in ("noisy", "ground-truth"):
+        raise WrongUse(f"--semantics is {semantics!r}; wanted noisy or ground-truth")
+    if sensor not in ("none", "realistic"):
+        raise WrongUse(f"--sensor is {sensor!r}; wanted none or realistic")
+    if seed0 + episodes > FIRST_NEVER:
+        raise WrongUse(f"seeds from {FIRST_NEVER} on are never run; lower --seed0 or --episodes")
+    settings = service_settings.parsed(assignments)
+    if max_steps is not None and max_steps != spec.DEFAULT_STEPS[benchmark]:
+        settings[spec.MAX_STEPS] = max_steps
+    if sensor != "none":
+        settings[spec.SENSOR] = sensor
+    told: Noise | None = None
+    try:
+        limits = tuple(results.picks_of(p) for p in _names(picks, "--picks"))
+        if semantics == "noisy":
+            told = spec.noise_of(noise or preset, level, correlation)
+    except InvalidInput as error:
+        raise WrongUse(error.message) from error
+    asked = Run(
+        benchmark, tuple(names), limits, semantics, preset, episodes, seed0, out,
+        jobs or os.cpu_count() or 1, told, settings, ray,
+    )  # fmt: skip
+    console = Console()
+    run(asked, console)
+    console.print(f"written to {out}", highlight=False)
+
+
+def _names(text: str, flag: str) -> list[str]:
+    from helios_client.wrong_use import WrongUse
+
+    names = list(dict.fromkeys(name.strip() for name in text.split(",")))
+    if "" in names:
+        raise WrongUse(f"{flag} {text!r} has an empty name; write a,b")
+    return names

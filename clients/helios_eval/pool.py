@@ -1,0 +1,101 @@
+"""Episodes on many cores: one process each, and what one of them breaks stays with it.
+
+Processes are spawned, not forked: a fork would carry OpenGL and threads along. Each has a pipe of
+its own, so that one that is killed while it writes leaves the others in peace.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections import deque
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+
+from helios_core.errors import HeliosError
+
+from helios_eval.play import Played
+from helios_eval.spec import EpisodeSpec
+from helios_eval.worker import serve
+
+ATTEMPTS = 2  # at an episode of which the process died
+
+Outcome = tuple[EpisodeSpec, "Played | str"]  # a sentence where it could not be played
+
+
+@dataclass(eq=False)
+class _Worker:
+    process: BaseProcess
+    connection: Connection
+    spec: EpisodeSpec | None = None
+
+    def give(self, spec: EpisodeSpec) -> None:
+        self.spec = spec
+        try:
+            self.connection.send(spec)
+        except OSError:
+            return  # it is dead: noticed when it is waited for
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.join()
+        self.connection.close()
+
+
+def play_all(specs: Sequence[EpisodeSpec], jobs: int, commit: str) -> Generator[Outcome]:
+    """The outcome of every episode, in the order in which they end.
+
+    Closing the iterator kills what still runs. Raises Unavailable where nothing can be played.
+    """
+    context = multiprocessing.get_context("spawn")
+    waiting = deque(specs)
+    deaths: dict[str, int] = {}
+    workers: list[_Worker] = []
+
+    def start() -> None:
+        ours, theirs = context.Pipe()
+        process = context.Process(target=serve, args=(theirs, commit), daemon=True)
+        process.start()
+        theirs.close()
+        worker = _Worker(process, ours)
+        workers.append(worker)
+        worker.give(waiting.popleft())
+
+    try:
+        while waiting or workers:
+            while waiting and len(workers) < jobs:
+                start()
+            ready = wait([w.connection for w in workers])
+            for worker in [w for w in workers if w.connection in ready]:
+                spec = worker.spec
+                assert spec is not None
+                try:
+                    came = worker.connection.recv()
+                except (EOFError, OSError):
+                    workers.remove(worker)
+                    worker.kill()
+                    deaths[spec.key] = deaths.get(spec.key, 0) + 1
+                    if deaths[spec.key] < ATTEMPTS:
+                        waiting.appendleft(spec)
+                    else:
+                        yield spec, _obituary(worker)
+                    continue
+                if isinstance(came, HeliosError):
+                    raise came
+                if waiting:
+                    worker.give(waiting.popleft())
+                else:
+                    workers.remove(worker)
+                    worker.connection.close()
+                    worker.process.join()
+                yield spec, came
+    finally:
+        for worker in workers:
+            worker.kill()
+
+
+def _obituary(worker: _Worker) -> str:
+    code = worker.process.exitcode
+    how = f"was ended by signal {-code}" if code is not None and code < 0 else f"ended with {code}"
+    return f"the process that played it {how}, {ATTEMPTS} times"

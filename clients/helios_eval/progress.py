@@ -1,0 +1,111 @@
+"""How a run goes: a progress bar with running figures per agent, or plain lines."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from helios_eval.record import EpisodeRecord
+from helios_eval.spec import EpisodeSpec
+
+
+class Board:
+    """Fed with every record. A context manager while episodes are played."""
+
+    def __init__(
+        self,
+        console: Console,
+        known: Sequence[EpisodeRecord],
+        specs: Sequence[EpisodeSpec],
+        jobs: int,
+    ) -> None:
+        """known: episodes of this run that are there already."""
+        self._console, self._jobs, self._total = console, jobs, len(specs)
+        self._known = len(known)
+        self._records = {spec.agent: [] for spec in specs}
+        self._wanted = dict.fromkeys(self._records, 0)
+        for spec in specs:
+            self._wanted[spec.agent] += 1
+        for record in known:
+            self._records[record.agent].append(record)
+        self._began_s = time.monotonic()
+        self._live = Live(console=console, get_renderable=self._shown, refresh_per_second=2)
+        if known:
+            console.print(f"{len(known)} of {self._total} episodes are there already")
+
+    @property
+    def done(self) -> int:
+        return sum(map(len, self._records.values()))
+
+    def add(self, record: EpisodeRecord) -> None:
+        self._records[record.agent].append(record)
+        if not self._console.is_terminal:
+            how = "success" if record.success else record.cause or "failed"
+            print(
+                f"{self.done}/{self._total} {record.agent} seed {record.seed}: {how}, "
+                f"{record.steps} steps in {record.wall_s:.1f} s; {self._figures(record.agent)}; "
+                f"{self._left()}",
+                file=self._console.file,
+                flush=True,
+            )
+
+    def __enter__(self) -> Self:
+        if self._console.is_terminal:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._console.is_terminal:
+            self._live.stop()
+
+    def _figures(self, agent: str) -> str:
+        records = self._records[agent]
+        n = max(1, len(records))
+        success = sum(r.success for r in records) / n
+        picked = sum(r.pick for r in records) / n
+        return f"SR {success:.0%} Pick {picked:.0%} of {len(records)}"
+
+    def _left(self) -> str:
+        """The time that is left, by the rate of this run."""
+        fresh = self.done - self._known
+        if not fresh:
+            return "time left unknown"
+        left_s = (time.monotonic() - self._began_s) / fresh * (self._total - self.done)
+        return f"{left_s / 60:.0f} min left" if left_s >= 90 else f"{left_s:.0f} s left"
+
+    def _shown(self) -> Group:
+        table = Table(box=None, header_style="dim")
+        for heading in ("agent", "n", "SR", "Pick", "steps", "s/step"):
+            table.add_column(heading, justify="left" if heading == "agent" else "right")
+        for agent, records in self._records.items():
+            n = len(records)
+            row = [agent, f"{n}/{self._wanted[agent]}"]
+            if n:
+                steps = sum(r.steps for r in records)
+                pace = sum(r.wall_s for r in records) / max(1, steps)
+                row += [
+                    f"{sum(r.success for r in records) / n:.1%}",
+                    f"{sum(r.pick for r in records) / n:.1%}",
+                    f"{steps / n:.0f}",
+                    f"{pace:.3f}",
+                ]
+            table.add_row(*row)
+        line = Table.grid(padding=(0, 1))
+        line.add_row(
+            ProgressBar(self._total, self.done, width=40),
+            Text(f"{self.done}/{self._total}, {self._jobs} at a time, {self._left()}"),
+        )
+        return Group(table, line)

@@ -1,0 +1,55 @@
+"""Episodes spread over a Ray cluster; every machine of it needs HELIOS installed."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+
+from helios_core.errors import Unavailable
+
+from helios_eval.pool import ATTEMPTS, Outcome
+from helios_eval.spec import EpisodeSpec
+from helios_eval.worker import ONE_THREAD, play_safely, prepare
+
+LOCAL = "local"
+
+
+def play_all_on_ray(specs: Sequence[EpisodeSpec], address: str, commit: str) -> Generator[Outcome]:
+    """As `pool.play_all`. address: of a cluster, or "local" for one on this machine.
+
+    Raises Unavailable without Ray, or without a cluster at the address.
+    """
+    try:
+        import ray
+    except ImportError as error:
+        raise Unavailable(f"Ray is missing ({error}); pip install 'helios-ovmm[ray]'") from error
+    try:
+        ray.init(
+            address=None if address == LOCAL else address,
+            runtime_env={"env_vars": ONE_THREAD},
+            include_dashboard=False if address == LOCAL else None,
+            log_to_driver=False,
+            logging_level="error",
+        )
+    except Exception as error:  # Ray has no error of its own for it
+        raise Unavailable(f"no Ray cluster at {address} ({error}); see `ray status`") from error
+    # A process that dies loses its episode alone, and Ray starts it again as often as the pool.
+    remote = ray.remote(num_cpus=1, max_retries=ATTEMPTS - 1)(_played)
+    try:
+        running = {remote.remote(spec, commit): spec for spec in specs}
+        while running:
+            (ended, *_), _ = ray.wait(list(running), num_returns=1)
+            spec = running.pop(ended)
+            try:
+                came = ray.get(ended)
+            except ray.exceptions.WorkerCrashedError:
+                came = f"the process that played it died, {ATTEMPTS} times"
+            except ray.exceptions.RayTaskError as error:
+                raise error.as_instanceof_cause() from error
+            yield spec, came
+    finally:
+        ray.shutdown()
+
+
+def _played(spec: EpisodeSpec, commit: str) -> object:
+    prepare()
+    return play_safely(spec, commit)

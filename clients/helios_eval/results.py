@@ -1,0 +1,88 @@
+"""From records to `results.json`: means with standard errors, by agent and limit of picks.
+
+An episode in which more than N things were picked scores 0 in every score of the row for N picks;
+what it took (collisions, steps, seconds) is left as it was. So one run without a limit gives the
+rows for every limit.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from helios_core.errors import InvalidInput
+from numpy.typing import NDArray
+
+from helios_eval.record import EpisodeRecord
+from helios_eval.report.metrics import NAMES, values
+
+RESULTS = "results.json"
+UNLIMITED = "unlimited"
+
+Picks = int | str  # a limit, or UNLIMITED
+
+
+def picks_of(text: str) -> Picks:
+    """ "5" or "unlimited". Raises InvalidInput."""
+    if text == UNLIMITED:
+        return UNLIMITED
+    if text.isdecimal() and int(text) > 0:
+        return int(text)
+    raise InvalidInput(f"picks are {text!r}; wanted a number above 0, or {UNLIMITED}")
+
+
+def rows(records: Iterable[EpisodeRecord], picks: Sequence[Picks]) -> list[dict[str, Any]]:
+    """The entries of `results.json`, one per benchmark, agent, semantics, preset, noise, settings
+    and limit of picks; object navigation picks nothing and has one row."""
+    groups: dict[str, list[EpisodeRecord]] = {}
+    for record in records:
+        groups.setdefault(_group(record), []).append(record)
+    out = []
+    for group in groups.values():
+        first = group[0]
+        limits = picks if first.benchmark == "ovmm" else [UNLIMITED]
+        for limit in limits:
+            out.append(
+                {
+                    "benchmark": first.benchmark,
+                    "agent": first.agent,
+                    "picks": limit,
+                    "semantics": first.semantics,
+                    "preset": first.preset,
+                    "noise": first.noise.model_dump() if first.noise else None,
+                    "settings": first.settings,
+                    "metrics": metrics(group, limit),
+                }
+            )
+    return out
+
+
+def metrics(records: Sequence[EpisodeRecord], picks: Picks) -> dict[str, dict[str, float]]:
+    """name -> mean, standard error of the mean (0 for a single episode) and number of episodes.
+
+    All records are of one benchmark.
+    """
+    limit = None if picks == UNLIMITED else int(picks)
+    return {name: _summary(values(records, name, limit)) for name in NAMES[records[0].benchmark]}
+
+
+def write(folder: Path, records: Iterable[EpisodeRecord], picks: Sequence[Picks]) -> None:
+    """`results.json`, whole or not at all."""
+    part = folder / f"{RESULTS}.part"
+    part.write_text(json.dumps(rows(records, picks), indent=1) + "\n")
+    part.replace(folder / RESULTS)
+
+
+def _group(record: EpisodeRecord) -> str:
+    """The key without the seed."""
+    return record.model_copy(update={"seed": 0}).key
+
+
+def _summary(found: NDArray[np.float64]) -> dict[str, float]:
+    n = len(found)
+    sem = float(found.std(ddof=1)) / math.sqrt(n) if n > 1 else 0.0
+    return {"mean": float(found.mean()), "sem": sem, "n": n}

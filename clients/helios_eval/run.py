@@ -1,0 +1,138 @@
+"""A run: which episodes are wanted, which are there already, and what is left behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+import time
+from collections.abc import Generator, Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from helios_eval import keepsake, record, results
+from helios_eval.bench.run import commit, machine
+from helios_eval.play import preset_hash
+from helios_eval.pool import Outcome, play_all
+from helios_eval.progress import Board
+from helios_eval.record import Benchmark, EpisodeRecord, Noise, Semantics, Setting
+from helios_eval.report import write_report
+from helios_eval.results import Picks
+from helios_eval.spec import EpisodeSpec
+
+RUN = "run.json"
+_LIBRARIES = ("numpy", "mujoco", "numba", "opencv-python-headless", "scipy", "protobuf")
+
+
+@dataclass(frozen=True)
+class Run:
+    """What `helios eval` was asked for."""
+
+    benchmark: Benchmark
+    agents: tuple[str, ...]
+    picks: tuple[Picks, ...]
+    semantics: Semantics
+    preset: str
+    episodes: int
+    seed0: int
+    out: Path
+    jobs: int
+    noise: Noise | None
+    settings: dict[str, Setting]
+    ray: str | None = None
+
+    def specs(self) -> list[EpisodeSpec]:
+        """Home by home, so that a run that is cut short has compared its agents."""
+        return [
+            EpisodeSpec(
+                self.benchmark, agent, self.semantics, self.preset, seed, self.noise, self.settings
+            )
+            for seed in range(self.seed0, self.seed0 + self.episodes)
+            for agent in self.agents
+        ]
+
+
+def run(asked: Run, console: Console) -> list[EpisodeRecord]:
+    """Play what is missing, then write results and report; the records of this run's episodes.
+
+    Raises Unavailable where nothing can be played, InvalidInput for a folder that holds something
+    else.
+    """
+    asked.out.mkdir(parents=True, exist_ok=True)
+    specs = asked.specs()
+    known = {r.key: r for r in record.read(asked.out)}
+    missing = [spec for spec in specs if spec.key not in known]
+    here = commit()
+    began = time.time()
+    note(asked, here, began, None)
+    board = Board(console, [known[s.key] for s in specs if s.key in known], specs, asked.jobs)
+    if missing:
+        with closing(_outcomes(asked, missing, here)) as outcomes, board:
+            for spec, came in outcomes:
+                played = lost(spec, came, here) if isinstance(came, str) else came.record
+                if not isinstance(came, str) and came.keepsake is not None:
+                    _keep(asked.out, came.keepsake)
+                record.append(asked.out, played)
+                known[spec.key] = played
+                board.add(played)
+    note(asked, here, began, time.time() - began)
+    results.write(asked.out, known.values(), asked.picks)
+    write_report(asked.out)
+    return [known[spec.key] for spec in specs]
+
+
+def lost(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
+    """The record of an episode that could not be played."""
+    return EpisodeRecord(
+        benchmark=spec.benchmark, agent=spec.agent, semantics=spec.semantics, preset=spec.preset,
+        seed=spec.seed, noise=spec.noise, settings=spec.settings, instruction="", object_class="",
+        find_object=False, pick=False, find_receptacle=False, place=False, success=False,
+        collisions=0, steps=0, path_m=0.0, picks=0, cause="system error", state="failed",
+        message=why, wall_s=0.0, step_ms=0.0, commit=here, preset_hash=preset_hash(spec.preset),
+        structure_hash="",
+    )  # fmt: skip
+
+
+def note(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
+    """`run.json`: what was asked, of which program, on what."""
+    told: dict[str, Any] = asdict(asked) | {
+        "out": str(asked.out),
+        "noise": asked.noise.model_dump() if asked.noise else None,
+        "command": ["helios", *sys.argv[1:]],
+        "commit": here,
+        "preset_hash": preset_hash(asked.preset),
+        "noise_hash": asked.noise.digest if asked.noise else None,
+        "machine": machine(),
+        "cores": os.cpu_count(),
+        "versions": {
+            "python": platform.python_version(),
+            "helios-ovmm": version("helios-ovmm"),
+            **{name: version(name) for name in _LIBRARIES},
+        },
+        "started": datetime.fromtimestamp(began_s, UTC).isoformat(timespec="seconds"),
+        "wall_s": None if wall_s is None else round(wall_s, 1),
+    }
+    part = asked.out / f"{RUN}.part"
+    part.write_text(json.dumps(told, indent=1) + "\n")
+    part.replace(asked.out / RUN)
+
+
+def _outcomes(asked: Run, missing: Sequence[EpisodeSpec], here: str) -> Generator[Outcome]:
+    if asked.ray is None:
+        return play_all(missing, asked.jobs, here)
+    from helios_eval.ray_pool import play_all_on_ray
+
+    return play_all_on_ray(missing, asked.ray, here)
+
+
+def _keep(out: Path, kept: keepsake.Keepsake) -> None:
+    """For the first failures of each folder."""
+    if len(keepsake.all_of(out)) < keepsake.MOST_KEPT:
+        keepsake.save(out, kept)

@@ -1,0 +1,95 @@
+"""Settings of the services that an episode is played with.
+
+`--set alpha_d=0.01` names a setting of one service; `--set planner.max_steps=5` says whose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, cast
+
+from helios_client.wrong_use import WrongUse
+from helios_core.settings import ServiceSettings
+from helios_detector.settings import Settings as DetectorSettings
+from helios_map2d.settings import Settings as Map2DSettings
+from helios_objectmap.settings import ObjectMapSettings
+from helios_planner.settings import Settings as PlannerSettings
+from pydantic import TypeAdapter, ValidationError
+
+from helios_eval.record import Setting
+
+SERVICES: dict[str, type[ServiceSettings]] = {
+    "planner": PlannerSettings,
+    "objectmap": ObjectMapSettings,
+    "map2d": Map2DSettings,
+    "detector": DetectorSettings,
+}
+# What the evaluation sets itself, or what means nothing within one process.
+_OURS = frozenset(ServiceSettings.model_fields) | {
+    "state_dir", "agent", "detector", "noise", "noise_seed", "noise_level", "noise_correlation",
+    "max_steps", "max_picks", "ack_timeout_s", "action_timeout_s", "call_timeout_s", "away_s",
+    "truth_timeout_s", "retry_s", "preview_quality", "threads",
+}  # fmt: skip
+
+
+def parsed(assignments: Iterable[str]) -> dict[str, Setting]:
+    """`["alpha_d=0.01"]` as `{"planner.alpha_d": 0.01}`. Raises WrongUse."""
+    out: dict[str, Setting] = {}
+    for assignment in assignments:
+        name, equals, text = assignment.partition("=")
+        if not equals or not name.strip():
+            raise WrongUse(f"--set {assignment!r} is no name=value; write --set alpha_d=0.01")
+        service, field = _found(name.strip())
+        value = _value(service, field, text.strip())
+        if value != SERVICES[service].model_fields[field].default:  # a default names no change
+            out[f"{service}.{field}"] = value if isinstance(value, Setting) else text.strip()
+    return out
+
+
+def of_service(service: str, settings: Mapping[str, Setting]) -> dict[str, object]:
+    """The settings of one service, by its own names and of its own types."""
+    prefix = f"{service}."
+    return {
+        name.removeprefix(prefix): _value(service, name.removeprefix(prefix), str(value))
+        for name, value in settings.items()
+        if name.startswith(prefix)
+    }
+
+
+def _found(name: str) -> tuple[str, str]:
+    service, dot, field = name.rpartition(".")
+    wanted = [service] if dot else list(SERVICES)
+    having = [
+        s for s in wanted if s in SERVICES and field in SERVICES[s].model_fields.keys() - _OURS
+    ]
+    if not having:
+        raise WrongUse(
+            f"no service has a setting {name!r} that can be set here; see "
+            "`python -m helios_planner --help`"
+        )
+    if len(having) > 1:
+        raise WrongUse(
+            f"{' and '.join(having)} have a setting {field!r}; say whose, --set {having[0]}.{field}"
+        )
+    return having[0], field
+
+
+def _value(service: str, field: str, text: str) -> object:
+    """The text as the setting's type; a tuple as "0.1,0.2"."""
+    info = SERVICES[service].model_fields[field]
+    adapter: TypeAdapter[object] = TypeAdapter(cast(Any, info.annotation))
+    given: object = text
+    if str(info.annotation).startswith("tuple"):
+        given = tuple(part.strip() for part in text.split(","))
+    elif text.lower() == "none":
+        given = None
+    try:
+        value = adapter.validate_python(given)
+        SERVICES[service].__pydantic_validator__.validate_assignment(
+            SERVICES[service].model_construct(), field, value
+        )
+        return value
+    except ValidationError as error:
+        raise WrongUse(
+            f"--set {service}.{field}={text}: {error.errors()[0]['msg'].lower()}"
+        ) from error

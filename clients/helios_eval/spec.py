@@ -1,0 +1,90 @@
+"""Which episode is to be played: everything that its result depends on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from helios_client.wrong_use import WrongUse
+from helios_detector.noise import load_noise
+from helios_sim.home import PRESETS
+
+from helios_eval.record import Benchmark, Noise, Semantics, Setting, key_of
+
+Sensor = Literal["none", "realistic"]
+
+WALKER = "ground-truth-walker"  # knows the map: what can be reached at all
+DEFAULT_STEPS: dict[Benchmark, int] = {"ovmm": 1250, "objectnav": 500}
+MAX_STEPS, SENSOR = "max_steps", "sensor"  # names among the settings of a record
+
+
+@dataclass(frozen=True)
+class EpisodeSpec:
+    """One episode. Same key, same result, on any core of one machine."""
+
+    benchmark: Benchmark
+    agent: str
+    semantics: Semantics
+    preset: str
+    seed: int
+    noise: Noise | None
+    settings: dict[str, Setting] = field(default_factory=dict)  # as in the record
+
+    @property
+    def key(self) -> str:
+        return key_of(
+            self.benchmark,
+            self.agent,
+            self.semantics,
+            self.preset,
+            self.seed,
+            self.noise,
+            self.settings,
+        )
+
+    @property
+    def max_steps(self) -> int:
+        """Actions that the episode may take."""
+        return int(self.settings.get(MAX_STEPS, DEFAULT_STEPS[self.benchmark]))
+
+    @property
+    def sensor(self) -> str:
+        """none or realistic"""
+        return str(self.settings.get(SENSOR, "none"))
+
+
+def planner_agents() -> tuple[str, ...]:
+    """The agents that the planner can be, by name."""
+    from helios_planner.settings import Settings
+
+    setting = Settings.model_fields.get("agent")
+    return tuple(get_args(setting.annotation)) if setting is not None else ("helios",)
+
+
+def known_agents(benchmark: Benchmark) -> tuple[str, ...]:
+    """All agents that can play a benchmark."""
+    return (*planner_agents(), WALKER) if benchmark == "ovmm" else planner_agents()
+
+
+def check_agents(agents: list[str], benchmark: Benchmark) -> None:
+    """Raises WrongUse for an agent that is not known."""
+    known = known_agents(benchmark)
+    for agent in agents:
+        if agent not in known:
+            raise WrongUse(
+                f"no agent of {benchmark} is called {agent!r}; wanted some of {', '.join(known)}"
+            )
+
+
+def check_preset(preset: str) -> None:
+    """Raises WrongUse for a preset that is not known."""
+    if preset not in PRESETS:
+        raise WrongUse(
+            f"no preset is called {preset!r}; wanted one of {', '.join(sorted(PRESETS))}"
+        )
+
+
+def noise_of(table: str, level: float, correlation: float | None) -> Noise:
+    """The noise as it goes into the record. Raises InvalidInput for a table that is not there."""
+    loaded = load_noise(table).scaled(level, correlation)
+    return Noise(table=table, digest=loaded.digest, level=level, correlation=correlation)

@@ -1,0 +1,85 @@
+"""A process that plays one episode after the other on one core.
+
+`prepare` must run before anything heavy is imported: libraries read these variables once.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import threading
+from collections.abc import Callable
+from multiprocessing import parent_process
+from multiprocessing.connection import Connection, wait
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from helios_eval.play import Played
+    from helios_eval.spec import EpisodeSpec
+
+# One thread each: as many episodes run side by side as there are cores.
+_COUNTS = (
+    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS", "LP_NUM_THREADS",
+)  # fmt: skip
+ONE_THREAD: dict[str, str] = dict.fromkeys(_COUNTS, "1")
+
+
+def prepare() -> None:
+    """One thread per library; no service reads its settings from the environment."""
+    for name in [name for name in os.environ if name.startswith("HELIOS_")]:
+        del os.environ[name]
+    os.environ.update(ONE_THREAD)
+    logging.basicConfig(
+        level=logging.ERROR, format="%(asctime)s %(name)s %(levelname)s %(message)s"
+    )
+    import cv2
+
+    cv2.setNumThreads(1)
+
+
+def play_safely(spec: EpisodeSpec, commit: str) -> Played | str:
+    """What was played, or why it could not be. Raises Unavailable where nothing can be played."""
+    from helios_core.errors import HeliosError, Unavailable
+
+    from helios_eval.play import play
+
+    try:
+        return play(spec, commit)
+    except Unavailable:
+        raise
+    except HeliosError as error:
+        return error.message
+    except Exception as error:
+        logging.getLogger(__name__).exception("%s could not be played", spec.key)
+        return f"{type(error).__name__}: {error}"
+
+
+def serve(connection: Connection, commit: str) -> None:
+    """Play what comes over the connection until it ends, or the process that made this one does.
+
+    Answers are `Played`, a sentence why it could not be played, or an `Unavailable`.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
+    threading.Thread(target=_leave_with_parent, name="parent", daemon=True).start()
+    prepare()
+    from helios_core.errors import Unavailable
+
+    answer: Callable[[object], None] = connection.send
+    while True:
+        try:
+            spec = connection.recv()
+        except EOFError:
+            return
+        try:
+            answer(play_safely(spec, commit))
+        except Unavailable as error:
+            answer(error)
+
+
+def _leave_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
