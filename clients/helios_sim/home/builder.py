@@ -119,11 +119,15 @@ class ShapeBuilder:
         self._solids.append(Solid(kind, half, center, _quat(tilt_rad)))
 
     def surface(
-        self, center_xy: tuple[float, float], size_xy: tuple[float, float], height_m: float
+        self,
+        center_xy: tuple[float, float],
+        size_xy: tuple[float, float],
+        height_m: float,
+        clear_m: float = 10.0,
     ) -> None:
-        """A flat rectangle on which things can stand."""
+        """A flat rectangle on which things up to `clear_m` high can stand."""
         half = (size_xy[0] / 2, size_xy[1] / 2)
-        self._surfaces.append(Surface(center_xy, half, 0.0, height_m))
+        self._surfaces.append(Surface(center_xy, half, 0.0, height_m, clear_m))
 
     def finish(
         self, size_m: Vec3, main: Material, *, mass_kg: float = 0.0, rolls: bool = False

@@ -1,7 +1,22 @@
 """Which classes there are, how they are made, and where each stands by custom."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
 from helios_sim.home import decor, fitted, seating, storage, tables, tableware, things
 from helios_sim.home.seating import Maker
+
+
+@dataclass(frozen=True)
+class Catalog:
+    """What the homes of a preset are made of, by class."""
+
+    receptacles: Mapping[str, tuple[str, Maker]]  # class -> (stem of the body name, maker)
+    fixtures: Mapping[str, Maker]
+    objects: Mapping[str, tuple[Maker, tuple[str, ...]]]  # class -> (maker, likely receptacles)
+    ovmm_class: Mapping[str, str] = field(default_factory=dict)  # ours -> the benchmark's
+    look_alikes: tuple[tuple[str, ...], ...] = ()  # classes that are taken for each other
+
 
 # Receptacle class -> (stem of the body name, maker).
 RECEPTACLES: dict[str, tuple[str, Maker]] = {
@@ -61,3 +76,5 @@ OBJECTS: dict[str, tuple[Maker, tuple[str, ...]]] = {
     "remote control": (things.remote_control, ("sofa", "coffee table", "TV stand", "armchair")),
     "pot plant": (things.pot_plant, ("bookcase", "desk", "washstand", "TV stand", "dresser")),
 }
+
+DEMO = Catalog(RECEPTACLES, FIXTURES, OBJECTS)

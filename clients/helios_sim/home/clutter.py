@@ -1,4 +1,7 @@
-"""Puts things on furniture: within reach, apart from one another, room left for one more."""
+"""Puts things on furniture: within reach, apart from one another, room left for one more.
+
+For homes of the "demo" catalog; `scatter.py` does it for the benchmark.
+"""
 
 import math
 from dataclasses import dataclass

@@ -1,8 +1,12 @@
 """Tasks in a home: move one thing from one kind of furniture to another."""
 
+import math
+
 import numpy as np
 
 from helios_sim.home.types import Episode, Receptacle, SceneObject
+
+_EDGE_M = 0.03
 
 
 def sample(
@@ -29,3 +33,41 @@ def sample(
     return Episode(
         thing.class_name, start, goal, f"Move the {thing.class_name} from the {start} to the {goal}"
     )
+
+
+def sample_any(
+    receptacles: tuple[Receptacle, ...],
+    objects: tuple[SceneObject, ...],
+    rng: np.random.Generator,
+) -> Episode:
+    """A task like the benchmark's: a class of things, where one of them is, where it shall go.
+
+    Others of the class may stand elsewhere: they are the wrong ones. Each class is as likely as
+    any other, however many there are of it. What rolls is never asked for: where it comes to rest
+    is a matter of luck. The goal has a surface on which the thing fits.
+    """
+    class_of = {receptacle.name: receptacle.class_name for receptacle in receptacles}
+    steady = [thing for thing in objects if not thing.shape.rolls]
+    wanted = _one_of(sorted({thing.class_name for thing in steady}), rng)
+    instances = [thing for thing in steady if thing.class_name == wanted]
+    start = _one_of(sorted({class_of[thing.receptacle] for thing in instances}), rng)
+    candidates = [thing for thing in instances if class_of[thing.receptacle] == start]
+    goals = {
+        host.class_name
+        for host in receptacles
+        if host.class_name != start and all(_fits(thing, host) for thing in candidates)
+    }
+    goal = _one_of(sorted(goals), rng)
+    return Episode(wanted, start, goal, f"Move the {wanted} from the {start} to the {goal}")
+
+
+def _fits(thing: SceneObject, host: Receptacle) -> bool:
+    radius = math.hypot(thing.size_m[0], thing.size_m[1]) / 2
+    return any(
+        radius + _EDGE_M <= min(surface.half_extent_xy) and thing.size_m[2] + 0.05 < surface.clear_m
+        for surface in host.surfaces
+    )
+
+
+def _one_of(names: list[str], rng: np.random.Generator) -> str:
+    return names[int(rng.integers(len(names)))]

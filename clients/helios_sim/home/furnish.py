@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_sim.home import freespace, plan
-from helios_sim.home.catalog import FIXTURES, RECEPTACLES
+from helios_sim.home.catalogs import CATALOGS
 from helios_sim.home.freespace import CELL_M, Obstacle
 from helios_sim.home.palette import Palette
 from helios_sim.home.places import Placed, Pose, Poses
@@ -56,6 +56,7 @@ class Furnisher:
     ) -> None:
         self.rooms, self.doorways, self.preset = rooms, doorways, preset
         self.palette, self.rng = palette, rng
+        self.catalog = CATALOGS[preset.catalog]
         self.bounds = plan.bounds_of(rooms)
         self.receptacles: list[Receptacle] = []
         self.fixtures: list[Fixture] = []
@@ -77,11 +78,16 @@ class Furnisher:
 
     # ---- what can be placed
 
-    def receptacle(self, class_name: str, room: Room, poses: Poses) -> Receptacle | None:
-        """A receptacle at the first of the poses that fits; None if none does."""
-        stem, make = RECEPTACLES[class_name]
+    def receptacle(
+        self, class_name: str, room: Room, poses: Poses, *, beside: Placed | None = None
+    ) -> Receptacle | None:
+        """A receptacle at the first of the poses that fits; None if none does.
+
+        It may touch the footprint of `beside`.
+        """
+        stem, make = self.catalog.receptacles[class_name]
         shape = make(self.rng, self.palette)
-        pose = self._first_fit(shape, room, poses, with_surfaces=True)
+        pose = self._first_fit(shape, room, poses, with_surfaces=True, ignore=beside)
         if pose is None:
             return None
         item = Receptacle(
@@ -102,7 +108,7 @@ class Furnisher:
         self, class_name: str, room: Room, poses: Poses, *, beside: Placed | None = None
     ) -> Fixture | None:
         """Furniture that is no receptacle; it may touch the footprint of `beside`."""
-        shape = FIXTURES[class_name](self.rng, self.palette)
+        shape = self.catalog.fixtures[class_name](self.rng, self.palette)
         pose = self._first_fit(shape, room, poses, ignore=beside)
         return None if pose is None else self.hang(class_name, room, pose, shape, blocks=True)
 
@@ -139,6 +145,12 @@ class Furnisher:
             self.hang(class_name, room, pose, shape)
 
     # ---- where it fits
+
+    def stands_open(self, shape: Shape, room: Room, pose: Pose) -> bool:
+        """Whether a door's leaf can stand there: doorways may be near, other things not."""
+        rect = _rect(shape, pose)
+        free = not any(_overlap(rect, other, 0.03) for other in self._taken[room.index])
+        return _inside(rect, room) and free and self._stays_passable(rect, room, [])
 
     def passable(self) -> NDArray[np.bool_]:
         """Cells from which the robot, with its margin, reaches everything."""

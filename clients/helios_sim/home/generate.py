@@ -5,26 +5,24 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 from helios_core.errors import Internal, InvalidInput
 
-from helios_sim.home import freespace, plan, recipes
+from helios_sim.home import freespace, plan, recipes, recipes_ovmm, settle
 from helios_sim.home.clutter import Clutter
 from helios_sim.home.freespace import CELL_M
 from helios_sim.home.furnish import Furnisher
 from helios_sim.home.home import Home
 from helios_sim.home.palette import Palette, draw_palette, tinted
 from helios_sim.home.presets import HomePreset
+from helios_sim.home.scatter import Scatter
 from helios_sim.home.types import Rgb, Room, RoomStyle, SceneObject
 
 _ATTEMPTS = 60
-_SETTLE_S = 2.0
-_MAX_DRIFT_M = 0.04
-_MAX_TILT_COS = math.cos(math.radians(2))
-_VIEW_CELLS = 24
+_ROUNDS = 5
 
 _FLOORS: dict[str, str] = {"kitchen": "tiles", "bathroom": "tiles", "bedroom": "carpet"}
+_FLOORS |= {"laundry room": "tiles", "hallway": "tiles"}
 _FLOOR_COLORS: dict[str, tuple[Rgb, ...]] = {
     "planks": ((0.72, 0.53, 0.35), (0.58, 0.41, 0.27), (0.80, 0.66, 0.48)),
     "tiles": ((0.82, 0.81, 0.78), (0.68, 0.71, 0.73), (0.78, 0.71, 0.63)),
@@ -59,35 +57,67 @@ def _draw(rng: np.random.Generator, seed: int, preset: HomePreset) -> Home | Non
     rooms, doorways = floor_plan
     palette = draw_palette(rng)
     furnisher = Furnisher(rooms, doorways, preset, palette, rng)
-    for room in rooms:
-        recipes.furnish(furnisher, room)
-    classes = {item.class_name for item in furnisher.receptacles}
+    (recipes_ovmm if preset.catalog == "ovmm" else recipes).furnish_all(furnisher)
+    same_as = furnisher.catalog.ovmm_class
+    classes = {same_as.get(item.class_name, item.class_name) for item in furnisher.receptacles}
     lo, hi = preset.receptacles
     if not lo <= len(furnisher.receptacles) <= hi or len(classes) < preset.min_receptacle_classes:
         return None
     for room in rooms:
         recipes.decorate(furnisher, room)
+    if preset.catalog == "ovmm":
+        return _scattered(furnisher, seed)
     clutter = Clutter(furnisher)
     clutter.fill()
-    start = _start_pose(furnisher)
-    if start is None:
+    home = _home(furnisher, seed, clutter.objects)
+    if home is None:
         return None
-    home = Home(
-        seed=seed,
-        preset=preset,
-        rooms=rooms,
-        doorways=doorways,
-        receptacles=tuple(furnisher.receptacles),
-        objects=tuple(clutter.objects),
-        fixtures=tuple(furnisher.fixtures),
-        start_pose=start,
-        bounds=furnisher.bounds,
-        styles=tuple(_style(rng, room, palette) for room in rooms),
-    )
-    home = _settle(home, furnisher)
+    home = replace(home, objects=settle.renumbered(settle.settled(home, furnisher.passable())))
     object_classes = {thing.class_name for thing in home.objects}
     enough = len(home.objects) >= preset.objects[0]
     return home if enough and len(object_classes) >= preset.min_object_classes else None
+
+
+def _scattered(furnisher: Furnisher, seed: int) -> Home | None:
+    """A home whose things were placed, settled and, where they fell, placed anew.
+
+    So which furniture stands where never depends on the physics, but for a home in which no place
+    for all things is found in `_ROUNDS`; that one is drawn anew.
+    """
+    preset = furnisher.preset
+    count = int(furnisher.rng.integers(preset.objects[0], preset.objects[1] + 1))
+    empty = _home(furnisher, seed, ())
+    if empty is None:
+        return None
+    scatter = Scatter(furnisher)
+    passable = furnisher.passable()
+    for _ in range(_ROUNDS):
+        scatter.top_up(count)
+        home = replace(empty, objects=tuple(scatter.objects))
+        scatter.keep(settle.settled(home, passable))
+        classes = {thing.class_name for thing in scatter.objects}
+        if len(scatter.objects) == count and len(classes) >= preset.min_object_classes:
+            return replace(empty, objects=settle.renumbered(scatter.objects))
+    return None
+
+
+def _home(furnisher: Furnisher, seed: int, objects: Sequence[SceneObject]) -> Home | None:
+    """The home as it is drawn; None without a place to start from."""
+    start = _start_pose(furnisher)
+    if start is None:
+        return None
+    return Home(
+        seed=seed,
+        preset=furnisher.preset,
+        rooms=furnisher.rooms,
+        doorways=furnisher.doorways,
+        receptacles=tuple(furnisher.receptacles),
+        objects=tuple(objects),
+        fixtures=tuple(furnisher.fixtures),
+        start_pose=start,
+        bounds=furnisher.bounds,
+        styles=tuple(_style(furnisher.rng, room, furnisher.palette) for room in furnisher.rooms),
+    )
 
 
 def _style(rng: np.random.Generator, room: Room, palette: Palette) -> RoomStyle:
@@ -119,73 +149,3 @@ def _free_line_m(furnisher: Furnisher, x: float, y: float, yaw: float) -> float:
             break
         length += CELL_M
     return length
-
-
-def _settle(home: Home, furnisher: Furnisher) -> Home:
-    """Lets everything come to rest; keeps what stays upright in its place and can be seen."""
-    model = home.spec(visuals=False).compile()
-    data = mujoco.MjData(model)
-    for _ in range(round(_SETTLE_S / model.opt.timestep)):
-        mujoco.mj_step(model, data)
-    passable = furnisher.passable()
-    kept = []
-    for thing in home.objects:
-        body = data.body(thing.name)
-        drift = float(np.linalg.norm(body.xpos - thing.position_m))
-        up = float(body.xmat[8])
-        yaw = math.atan2(float(body.xmat[3]), float(body.xmat[0]))
-        # A ball has no upright.
-        upright = up > _MAX_TILT_COS or (len(thing.shape.solids) == 1 and thing.shape.rolls)
-        if drift > _MAX_DRIFT_M or not upright:
-            continue
-        x, y, z = (float(value) for value in body.xpos)
-        rested = replace(thing, position_m=(x, y, z), yaw_rad=yaw)
-        if _can_be_seen(rested, home, furnisher, passable, model, data):
-            kept.append(rested)
-    return replace(home, objects=_renumbered(kept))
-
-
-def _can_be_seen(
-    thing: SceneObject,
-    home: Home,
-    furnisher: Furnisher,
-    passable: np.ndarray,
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-) -> bool:
-    """Whether a robot within reach has the object's middle or top in its line of sight."""
-    receptacle = home.receptacle(thing.receptacle)
-    near = passable & freespace.room_mask(home.rooms[receptacle.room], home.bounds, CELL_M)
-    x_of, y_of = freespace.cell_centers(home.bounds, CELL_M)
-    rows, columns = np.nonzero(near)
-    away = np.hypot(x_of[columns] - thing.position_m[0], y_of[rows] - thing.position_m[1])
-    in_reach = np.nonzero(away <= home.preset.reach_m - 0.05)[0]
-    step = max(1, len(in_reach) // _VIEW_CELLS)
-    for k in in_reach[::step]:
-        eye = np.array([x_of[columns[k]], y_of[rows[k]], home.preset.camera_height_m])
-        for lift in (0.0, 0.4):
-            target = np.array(thing.position_m)
-            target[2] += lift * thing.size_m[2]
-            if _first_body(model, data, eye, target) == thing.name:
-                return True
-    return False
-
-
-def _first_body(
-    model: mujoco.MjModel, data: mujoco.MjData, eye: np.ndarray, target: np.ndarray
-) -> str:
-    """Name of the first body that a ray from the eye through the target meets."""
-    geom = np.array([-1], dtype=np.int32)
-    mujoco.mj_ray(model, data, eye, target - eye, None, 1, -1, geom)
-    return model.body(model.geom_bodyid[geom[0]]).name if geom[0] >= 0 else ""
-
-
-def _renumbered(things: Sequence[SceneObject]) -> tuple[SceneObject, ...]:
-    """Names without gaps: mug_0, mug_1, …"""
-    counts: dict[str, int] = {}
-    named = []
-    for thing in things:
-        number = counts.get(thing.class_name, 0)
-        counts[thing.class_name] = number + 1
-        named.append(replace(thing, name=f"{thing.class_name.replace(' ', '_')}_{number}"))
-    return tuple(named)

@@ -174,6 +174,27 @@ def at_desk(rng: np.random.Generator, desk: Placed) -> Poses:
     return poses
 
 
+def pulled_out(rng: np.random.Generator, table: Placed, *, front_only: bool = False) -> Poses:
+    """Chairs around a table, most of their seats before its edge, backs outward."""
+
+    def poses(shape: Shape, room: Room) -> Iterator[Pose]:
+        del room
+        w, d = table.size_m[0] / 2, table.size_m[1] / 2
+        seats = []
+        for x in (-w * 0.5, w * 0.5) if w > 0.55 else (0.0,):
+            seats += [(x, -d, math.pi)] if front_only else [(x, d, 0.0), (x, -d, math.pi)]
+        if not front_only:
+            seats += [(w, 0.0, -math.pi / 2), (-w, 0.0, math.pi / 2)]
+        for k in rng.permutation(len(seats)):
+            x, y, turn = seats[int(k)]
+            out = shape.size_m[1] / 2 - float(rng.uniform(0.03, 0.12))
+            x, y = x - out * math.sin(turn), y + out * math.cos(turn)
+            px, py, yaw = _shifted(table, x, y)
+            yield px, py, yaw + turn + float(rng.normal(0, 0.12))
+
+    return poses
+
+
 def _shifted(anchor: Placed, dx: float, dy: float) -> Pose:
     cos, sin = math.cos(anchor.yaw_rad), math.sin(anchor.yaw_rad)
     return anchor.x + cos * dx - sin * dy, anchor.y + sin * dx + cos * dy, anchor.yaw_rad

@@ -1,5 +1,6 @@
 """The floor plan: a rectangle cut into rooms by binary space partition, joined by doorways."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,15 @@ _KINDS = {
         "office",
         "bathroom",
     ),
+}
+
+# The same for homes of the "ovmm" catalog; a bar joins alternatives of which one is drawn.
+_OVMM_KINDS = {
+    4: "living room, kitchen, bedroom, bathroom",
+    5: "living room, kitchen, bedroom, office|dining room|hallway, bathroom",
+    6: "living room, kitchen, bedroom, dining room|office, hallway|laundry room, bathroom",
+    7: "living room, kitchen, bedroom, bedroom, dining room|office, hallway|laundry room, bathroom",
+    8: "living room, kitchen, bedroom, dining room, bedroom, office, hallway|laundry room, bathroom",
 }
 
 Rect = tuple[float, float, float, float]  # x0, y0, x1, y1 in m
@@ -60,15 +70,12 @@ def draw_plan(
 ) -> tuple[tuple[Room, ...], tuple[Doorway, ...]] | None:
     """Rooms and doorways, or None when this draw cannot be cut into that many rooms."""
     count = int(rng.integers(preset.rooms[0], preset.rooms[1] + 1))
-    width = round(float(rng.uniform(*preset.width_m)), 2)
-    depth = round(float(rng.uniform(*preset.depth_m)), 2)
-    rects = _partition(rng, (0.0, 0.0, width, depth), count, preset.min_room_side_m)
+    width, depth = _size(rng, preset, count)
+    rects = _partition(rng, (0.0, 0.0, width, depth), count, preset)
     if rects is None:
         return None
     rects.sort(key=lambda r: (-(r[2] - r[0]) * (r[3] - r[1]), r))
-    kinds = list(_KINDS[count])
-    if count == 4:
-        kinds[3] = str(rng.choice(["office", "dining room", "bathroom"]))
+    kinds = _kinds(rng, preset, count)
     rooms = tuple(
         Room(i, kind, *rect) for i, (kind, rect) in enumerate(zip(kinds, rects, strict=True))
     )
@@ -76,9 +83,34 @@ def draw_plan(
     return None if doorways is None else (rooms, doorways)
 
 
+def _size(rng: np.random.Generator, preset: HomePreset, count: int) -> tuple[float, float]:
+    """Width and depth of the home in metres."""
+    if preset.room_area_m2 == (0.0, 0.0):
+        width = round(float(rng.uniform(*preset.width_m)), 2)
+        return width, round(float(rng.uniform(*preset.depth_m)), 2)
+    area = count * float(rng.uniform(*preset.room_area_m2))
+    width = math.sqrt(area * float(rng.uniform(1.05, 1.55)))
+    return (
+        round(float(np.clip(width, *preset.width_m)), 2),
+        round(float(np.clip(area / width, *preset.depth_m)), 2),
+    )
+
+
+def _kinds(rng: np.random.Generator, preset: HomePreset, count: int) -> list[str]:
+    """Kinds of rooms by falling area."""
+    if preset.catalog == "ovmm":
+        alternatives = [names.split("|") for names in _OVMM_KINDS[count].split(", ")]
+        return [names[int(rng.integers(len(names)))] for names in alternatives]
+    kinds = list(_KINDS[count])
+    if count == 4:
+        kinds[3] = str(rng.choice(["office", "dining room", "bathroom"]))
+    return kinds
+
+
 def _partition(
-    rng: np.random.Generator, rect: Rect, count: int, min_side: float
+    rng: np.random.Generator, rect: Rect, count: int, preset: HomePreset
 ) -> list[Rect] | None:
+    min_side = preset.min_room_side_m
     rects = [rect]
     while len(rects) < count:
         rects.sort(key=lambda r: (-(r[2] - r[0]) * (r[3] - r[1]), r))
@@ -87,7 +119,7 @@ def _partition(
         lo, hi = (x0, x1) if across_x else (y0, y1)
         if hi - lo < 2 * min_side:
             return None
-        cut = lo + float(rng.uniform(0.42, 0.58)) * (hi - lo)
+        cut = lo + float(rng.uniform(*preset.cut)) * (hi - lo)
         cut = round(float(np.clip(cut, lo + min_side, hi - min_side)), 2)
         if across_x:
             rects += [(x0, y0, cut, y1), (cut, y0, x1, y1)]

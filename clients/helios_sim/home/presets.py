@@ -1,11 +1,18 @@
 """Named kinds of homes. A preset never changes once published: a new one gets a new name."""
 
-from dataclasses import dataclass
+import hashlib
+from dataclasses import dataclass, fields
+from typing import Literal
 
 
 @dataclass(frozen=True)
 class HomePreset:
-    """Everything that a home depends on apart from its seed; pairs are inclusive ranges."""
+    """Everything that a home depends on apart from its seed; pairs are inclusive ranges.
+
+    `catalog` names the makers and recipes (`catalogs.py`); `min_receptacle_classes` counts in its
+    own classes ("demo") or in the 21 of the OVMM benchmark ("ovmm"). `room_area_m2` is the mean
+    area of a room, which then sets width and depth within their limits; (0, 0): drawn directly.
+    """
 
     name: str
     rooms: tuple[int, int]
@@ -25,11 +32,19 @@ class HomePreset:
     view_distance_m: float = 1.5
     camera_height_m: float = 1.31
     surface_height_m: tuple[float, float] = (0.3, 1.2)
+    catalog: Literal["demo", "ovmm"] = "demo"
+    room_area_m2: tuple[float, float] = (0.0, 0.0)
+    cut: tuple[float, float] = (0.42, 0.58)  # where a floor plan's part is cut in two
 
     @property
     def passage_radius_m(self) -> float:
         """Radius of the disc for which everything in the home is reachable."""
         return self.robot_radius_m + self.clearance_margin_m
+
+    def digest(self) -> str:
+        """SHA-256 of all fields by name, the first 16 hexadecimal digits: for reports."""
+        told = "\n".join(f"{f.name}={getattr(self, f.name)!r}" for f in fields(self))
+        return hashlib.sha256(told.encode()).hexdigest()[:16]
 
 
 DEMO_V1 = HomePreset(
@@ -47,4 +62,23 @@ DEMO_V1 = HomePreset(
     chairs_per_table=(1, 3),
 )
 
-PRESETS: dict[str, HomePreset] = {preset.name: preset for preset in (DEMO_V1,)}
+OVMM_V1 = HomePreset(
+    name="ovmm-v1",
+    rooms=(4, 8),
+    width_m=(8.4, 15.0),
+    depth_m=(7.4, 11.0),
+    min_room_side_m=2.5,
+    doorway_width_m=(0.9, 1.05),
+    extra_doorways=1,
+    receptacles=(16, 28),
+    min_receptacle_classes=12,
+    objects=(30, 30),
+    min_object_classes=20,
+    chairs_per_table=(2, 4),
+    surface_height_m=(0.1, 1.25),
+    catalog="ovmm",
+    room_area_m2=(14.5, 18.0),
+    cut=(0.38, 0.62),
+)
+
+PRESETS: dict[str, HomePreset] = {preset.name: preset for preset in (DEMO_V1, OVMM_V1)}

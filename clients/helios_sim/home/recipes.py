@@ -8,9 +8,10 @@ from helios_sim.home.places import EAST, NORTH, SOUTH, WEST, side_of, wall_pose,
 from helios_sim.home.types import Fixture, Receptacle, Room
 
 
-def furnish(furnisher: Furnisher, room: Room) -> None:
-    """Fills a room by its kind."""
-    _RECIPES[room.kind](furnisher, room)
+def furnish_all(furnisher: Furnisher) -> None:
+    """Fills each room by its kind."""
+    for room in furnisher.rooms:
+        _RECIPES[room.kind](furnisher, room)
 
 
 def _living_room(f: Furnisher, room: Room) -> None:
@@ -21,7 +22,7 @@ def _living_room(f: Furnisher, room: Room) -> None:
         if stand is None:
             stand = f.receptacle("TV stand", room, places.along_walls(f.rng))
         if stand is not None:
-            _above(f, room, stand, "television", stand.size_m[2] + 0.3)
+            above(f, room, stand, "television", stand.size_m[2] + 0.3)
         if table is not None:
             rug = decor.rug(f.rng, f.palette, (table.size_m[0] + 0.9, table.size_m[1] + 0.7))
             f.lay("rug", room, (table.x, table.y, table.yaw_rad), rug)
@@ -38,7 +39,7 @@ def _kitchen(f: Furnisher, room: Room) -> None:
         if f.fixture("fridge", room, places.beside(f.rng, counter)) is None:
             f.fixture("fridge", room, places.along_walls(f.rng))
         cabinet = decor.wall_cabinet(f.rng, f.palette, counter.size_m[0])
-        _mount(f, room, counter, "wall cabinet", cabinet, 1.5)
+        mount(f, room, counter, "wall cabinet", cabinet, 1.5)
     _dining_set(f, room)
     f.receptacle("bench", room, places.along_walls(f.rng))
     f.fixture("plant", room, places.corners(f.rng))
@@ -72,7 +73,7 @@ def _office(f: Furnisher, room: Room) -> None:
 def _bathroom(f: Furnisher, room: Room) -> None:
     stand = f.receptacle("washstand", room, places.along_walls(f.rng))
     if stand is not None:
-        _above(f, room, stand, "mirror", stand.size_m[2] + 0.35)
+        above(f, room, stand, "mirror", stand.size_m[2] + 0.35)
     f.fixture("bathtub", room, places.along_walls(f.rng))
     f.fixture("toilet", room, places.along_walls(f.rng))
     f.receptacle("bench", room, places.along_walls(f.rng))
@@ -96,12 +97,13 @@ def _dining_set(f: Furnisher, room: Room) -> None:
         f.fixture("chair", room, places.tucked_under(f.rng, table), beside=table)
 
 
-def _above(f: Furnisher, room: Room, item: Receptacle, class_name: str, z_m: float) -> None:
+def above(f: Furnisher, room: Room, item: Receptacle, class_name: str, z_m: float) -> None:
+    """A television or a mirror over a piece of furniture."""
     make = {"television": decor.television, "mirror": decor.mirror}[class_name]
-    _mount(f, room, item, class_name, make(f.rng, f.palette), z_m)
+    mount(f, room, item, class_name, make(f.rng, f.palette), z_m)
 
 
-def _mount(
+def mount(
     f: Furnisher, room: Room, item: Receptacle, class_name: str, shape: decor.Shape, z_m: float
 ) -> Fixture:
     """On the wall behind a piece of furniture."""

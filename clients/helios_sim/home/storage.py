@@ -160,22 +160,24 @@ def bookcase(rng: np.random.Generator, palette: Palette) -> Shape:
     for k in range(rows):
         floor_z = 0.06 + k * cell
         b.box((0, 0, floor_z + 0.009), (width - 0.05, depth - 0.02, 0.018), wood)
-        _shelf_goods(b, rng, palette, width - 0.07, depth, floor_z + 0.018, cell - 0.05)
+        half = (width - 0.07) / 2
+        shelf_goods(b, rng, palette, (-half, half), depth, floor_z + 0.018, cell - 0.05)
     b.solid("box", (0, 0, height / 2), (width, depth, height))
     b.surface((0, 0), (width, depth), height)
     return b.finish((width, depth, height), wood)
 
 
-def _shelf_goods(
+def shelf_goods(
     b: ShapeBuilder,
     rng: np.random.Generator,
     palette: Palette,
-    width: float,
+    span_x: tuple[float, float],
     depth: float,
     z: float,
     room: float,
 ) -> None:
-    x, end = -width / 2, width / 2
+    """Books and baskets on a board of a shelf at height z, `room` high; drawn, not touched."""
+    x, end = span_x
     colors = [
         Material(tinted((0.62, 0.34, 0.28), rng, 0.2), "", 0.08),
         Material(tinted((0.30, 0.38, 0.48), rng, 0.2), "", 0.08),

@@ -141,6 +141,30 @@ def _art(rng: np.random.Generator) -> Image:
     return (np.clip(image, 0, 1) * 255).astype(np.uint8)
 
 
+def _weave(rng: np.random.Generator) -> Image:
+    """Wicker: strands that go over and under."""
+    y, x = np.mgrid[0:_SIDE, 0:_SIDE] / 16.0
+    over = (np.floor(x) + np.floor(y)) % 2 == 0
+    round_y, round_x = np.sin(np.pi * (y % 1)), np.sin(np.pi * (x % 1))
+    value = np.where(over, 0.62 + 0.36 * round_y, 0.52 + 0.3 * round_x)
+    return _grey(value + 0.03 * smooth_noise(rng, (_SIDE, _SIDE), (3, 3)))
+
+
+def _dots(rng: np.random.Generator) -> Image:
+    y, x = np.mgrid[0:_SIDE, 0:_SIDE] / 32.0
+    shifted = x + 0.5 * (np.floor(y) % 2)
+    spot = np.hypot(shifted % 1 - 0.5, y % 1 - 0.5) < 0.26
+    return _grey(np.where(spot, 0.55, 0.96) + 0.01 * smooth_noise(rng, spot.shape, (3, 3)))
+
+
+def _bands(rng: np.random.Generator) -> Image:
+    """Rings around lathed things."""
+    y, _ = np.mgrid[0:_SIDE, 0:_SIDE] / _SIDE
+    value = np.where((y > 0.35) & (y < 0.5), 0.5, 0.96)
+    del rng
+    return _grey(np.where((y > 0.58) & (y < 0.62), 0.6, value))
+
+
 # Pattern -> (metres of one repeat, how it is drawn).
 PATTERNS: dict[str, tuple[float, Callable[[np.random.Generator], Image]]] = {
     "wood": (0.8, _wood),
@@ -157,6 +181,9 @@ PATTERNS: dict[str, tuple[float, Callable[[np.random.Generator], Image]]] = {
     "sky": (1.0, _sky),
     "screen": (1.0, _screen),
     **{f"art{k}": (1.0, _art) for k in range(6)},
+    "weave": (0.24, _weave),
+    "dots": (0.16, _dots),
+    "bands": (0.12, _bands),
 }
 
 

@@ -59,12 +59,16 @@ class Solid:
 
 @dataclass(frozen=True)
 class Surface:
-    """A flat rectangle on which things can stand, `height_m` above the frame's floor."""
+    """A flat rectangle on which things can stand, `height_m` above the frame's floor.
+
+    `clear_m` is the height of what fits on it: up to the next shelf board, else as good as endless.
+    """
 
     center_xy: tuple[float, float]
     half_extent_xy: tuple[float, float]
     yaw_rad: float
     height_m: float
+    clear_m: float = 10.0
 
 
 @dataclass(frozen=True, eq=False)

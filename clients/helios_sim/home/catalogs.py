@@ -1,0 +1,6 @@
+"""The catalogs by the names that presets use."""
+
+from helios_sim.home.catalog import DEMO, Catalog
+from helios_sim.home.catalog_ovmm import OVMM
+
+CATALOGS: dict[str, Catalog] = {"demo": DEMO, "ovmm": OVMM}

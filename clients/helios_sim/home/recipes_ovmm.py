@@ -1,0 +1,172 @@
+"""What the rooms of the benchmark's homes are furnished with, in the order of placing."""
+
+from collections.abc import Callable
+
+from helios_sim.home import decor, doors, places, plan, wall_decor
+from helios_sim.home.furnish import Furnisher
+from helios_sim.home.recipes import above, mount
+from helios_sim.home.types import Receptacle, Room, Shape
+
+
+def furnish_all(f: Furnisher) -> None:
+    """Door leaves first, then room by room what it needs, then what else there is space for."""
+    for door in f.doorways:
+        if f.rng.random() < 0.8:
+            _leaf(f, door)
+    for room in f.rooms:
+        _RECIPES[room.kind](f, room)
+    hi = f.preset.receptacles[1]
+    wanted = hi - int(f.rng.integers(0, 5))
+    extras = [(room, name) for room in f.rooms for name in _EXTRAS[room.kind]]
+    for k in f.rng.permutation(len(extras)):
+        room, name = extras[int(k)]
+        if len(f.receptacles) >= wanted:
+            break
+        if name not in {item.class_name for item in f.receptacles if item.room == room.index}:
+            f.receptacle(name, room, places.along_walls(f.rng))
+    for room in f.rooms:
+        for _ in range(int(f.rng.integers(0, 3))):
+            f.fixture("plant", room, places.corners(f.rng))
+        shape = wall_decor.ceiling_lamp(f.rng, f.palette)
+        pose = (*room.center_xy, 0.0)
+        f.hang("ceiling lamp", room, pose, shape, z_m=plan.WALL_HEIGHT_M - shape.size_m[2])
+
+
+def _leaf(f: Furnisher, door: plan.Doorway) -> None:
+    shape = doors.door_leaf(f.rng, f.palette, door.width_m)
+    for room, pose in doors.open_poses(f.rng, door, f.rooms, shape.size_m[0]):
+        if f.stands_open(shape, room, pose):
+            f.hang("door", room, pose, shape, blocks=True)
+            return
+
+
+def _living_room(f: Furnisher, room: Room) -> None:
+    sofa = f.receptacle("sofa", room, places.along_walls(f.rng))
+    if sofa is not None:
+        table = f.receptacle("coffee table", room, places.in_front_of(f.rng, sofa, (0.84, 0.95)))
+        stand = f.receptacle("TV stand", room, places.opposite(f.rng, sofa))
+        if stand is None:
+            stand = f.receptacle("TV stand", room, places.along_walls(f.rng))
+        if stand is not None:
+            above(f, room, stand, "television", stand.size_m[2] + 0.3)
+        if table is not None:
+            _rug(f, room, table, (table.size_m[0] + 0.9, table.size_m[1] + 0.7))
+        f.receptacle("side table", room, places.beside(f.rng, sofa))
+    f.receptacle("armchair", room, places.along_walls(f.rng))
+    f.receptacle("bookcase", room, places.along_walls(f.rng))
+    f.receptacle("sideboard", room, places.along_walls(f.rng))
+    f.fixture("floor lamp", room, places.corners(f.rng))
+
+
+def _kitchen(f: Furnisher, room: Room) -> None:
+    counter = f.receptacle("kitchen counter", room, places.along_walls(f.rng))
+    if counter is not None:
+        if f.fixture("fridge", room, places.beside(f.rng, counter)) is None:
+            f.fixture("fridge", room, places.along_walls(f.rng))
+        cabinet = decor.wall_cabinet(f.rng, f.palette, counter.size_m[0])
+        mount(f, room, counter, "wall cabinet", cabinet, 1.5)
+    if not any(other.kind == "dining room" for other in f.rooms):
+        _dining_set(f, room)
+    f.receptacle("serving cart", room, places.along_walls(f.rng))
+    f.receptacle("stool", room, places.along_walls(f.rng))
+
+
+def _bedroom(f: Furnisher, room: Room) -> None:
+    bed = f.receptacle("bed", room, places.along_walls(f.rng))
+    if bed is not None:
+        for _ in range(2):
+            f.receptacle("nightstand", room, places.beside(f.rng, bed))
+        rug = decor.rug(f.rng, f.palette, (bed.size_m[0] + 0.9, 1.0))
+        x, y, _ = next(places.in_front_of(f.rng, bed, (-0.7, -0.65))(rug, room))
+        f.lay("rug", room, (x, y, bed.yaw_rad), rug)
+    f.receptacle("wardrobe", room, places.along_walls(f.rng))
+    f.receptacle("dresser", room, places.along_walls(f.rng))
+    if not any(item.class_name == "trunk" for item in f.receptacles):
+        f.receptacle("trunk", room, places.along_walls(f.rng))
+
+
+def _office(f: Furnisher, room: Room) -> None:
+    desk = f.receptacle("desk", room, places.along_walls(f.rng))
+    if desk is not None:
+        f.receptacle("chair", room, places.pulled_out(f.rng, desk, front_only=True), beside=desk)
+    f.receptacle("filing cabinet", room, places.along_walls(f.rng))
+    f.receptacle("shelf", room, places.along_walls(f.rng))
+    f.fixture("floor lamp", room, places.corners(f.rng))
+
+
+def _bathroom(f: Furnisher, room: Room) -> None:
+    stand = f.receptacle("washstand", room, places.along_walls(f.rng))
+    if stand is not None:
+        above(f, room, stand, "mirror", stand.size_m[2] + 0.35)
+        mat = decor.rug(f.rng, f.palette, (0.8, 0.5))
+        x, y, yaw = next(places.in_front_of(f.rng, stand, (0.1, 0.15))(mat, room))
+        f.lay("rug", room, (x, y, yaw), mat)
+    f.receptacle("bathtub", room, places.along_walls(f.rng))
+    f.receptacle("toilet", room, places.along_walls(f.rng))
+    _laundry(f, room)
+
+
+def _laundry_room(f: Furnisher, room: Room) -> None:
+    _laundry(f, room)
+    f.receptacle("shelf", room, places.along_walls(f.rng))
+
+
+def _laundry(f: Furnisher, room: Room) -> None:
+    """Washing machine and hamper, once in a home."""
+    there = {item.class_name for item in f.receptacles}
+    if "washing machine" not in there:
+        f.receptacle("washing machine", room, places.along_walls(f.rng))
+    if "hamper" not in there:
+        f.receptacle("hamper", room, places.along_walls(f.rng))
+
+
+def _hallway(f: Furnisher, room: Room) -> None:
+    f.receptacle("shoe rack", room, places.along_walls(f.rng))
+    f.receptacle("bench", room, places.along_walls(f.rng))
+    f.receptacle("trunk", room, places.along_walls(f.rng))
+
+
+def _dining_room(f: Furnisher, room: Room) -> None:
+    _dining_set(f, room)
+    f.receptacle("sideboard", room, places.along_walls(f.rng))
+    f.receptacle("serving cart", room, places.along_walls(f.rng))
+
+
+def _dining_set(f: Furnisher, room: Room) -> None:
+    table = f.receptacle("dining table", room, places.in_the_middle(f.rng))
+    if table is None:
+        return
+    if f.rng.random() < 0.6:
+        _rug(f, room, table, (table.size_m[0] + 1.1, table.size_m[1] + 1.0))
+    lo, hi = f.preset.chairs_per_table
+    for _ in range(int(f.rng.integers(lo, hi + 1))):
+        f.receptacle("chair", room, places.pulled_out(f.rng, table), beside=table)
+
+
+def _rug(f: Furnisher, room: Room, item: Receptacle, size_m: tuple[float, float]) -> None:
+    rug: Shape = decor.rug(f.rng, f.palette, size_m)
+    f.lay("rug", room, (item.x, item.y, item.yaw_rad), rug)
+
+
+_RECIPES: dict[str, Callable[[Furnisher, Room], None]] = {
+    "living room": _living_room,
+    "kitchen": _kitchen,
+    "bedroom": _bedroom,
+    "office": _office,
+    "bathroom": _bathroom,
+    "laundry room": _laundry_room,
+    "hallway": _hallway,
+    "dining room": _dining_room,
+}
+
+# What else may stand in a room, once.
+_EXTRAS: dict[str, tuple[str, ...]] = {
+    "living room": ("shelf", "trunk", "stool", "bench", "shoe rack"),
+    "kitchen": ("bench", "shelf", "stool", "sideboard", "shoe rack"),
+    "bedroom": ("bench", "armchair", "stool", "hamper", "desk", "shelf"),
+    "office": ("armchair", "side table", "bookcase", "stool", "trunk"),
+    "bathroom": ("stool", "shelf", "hamper"),
+    "laundry room": ("washing machine", "stool", "bench", "shoe rack"),
+    "hallway": ("wardrobe", "stool", "chair", "side table"),
+    "dining room": ("bench", "armchair", "shelf", "stool", "bookcase"),
+}
