@@ -9,6 +9,7 @@ from __future__ import annotations
 import tempfile
 import threading
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -33,6 +34,8 @@ from helios_map2d.settings import Settings as Map2DSettings
 from helios_map2d.warm_up import warm_up as warm_up_maps
 from helios_objectmap.service import ObjectMapService
 from helios_objectmap.settings import ObjectMapSettings
+from helios_objectmap.warmup import warm_up as warm_up_objects
+from helios_planner.motion import warm_up as warm_up_paths
 from helios_planner.service import PlannerService
 from helios_planner.settings import Settings as PlannerSettings
 from helios_sim.thread import WorldThread
@@ -72,12 +75,13 @@ class House:
         world: WorldThread,
         agent: str,
         noise: Noise | None,
-        noise_seed: int,
+        seed: int,
         settings: Mapping[str, Setting],
         on_step: Callable[[], None] = lambda: None,
     ) -> None:
-        """noise: None for ground-truth semantics. on_step: called after each action, when every
-        map holds what was seen; it may ask the house."""
+        """seed: of the detector's errors, and of an agent that draws. noise: None for ground-truth
+        semantics. on_step: called after each action, when every map holds what was seen; it may
+        ask the house."""
         self._folder = tempfile.TemporaryDirectory(prefix="helios-eval-", dir=_memory())
         self._ended = threading.Event()
         self._hub = MemoryHub()
@@ -89,20 +93,20 @@ class House:
         def bus() -> MemoryBus:
             return MemoryBus(self._hub)
 
+        _warm_up()
         # In this order the maps take up a keyframe: 2D map, then detector and what follows it.
-        map2d = Map2DSettings(**of_service("map2d", settings))  # pyright: ignore[reportArgumentType]
-        warm_up_maps()
+        map2d = Map2DSettings(**of_service("map2d", settings))
         self._map2d = Map2DService(bus(), map2d, self.healths["map2d"])
-        objects = ObjectMapSettings(**of_service("objectmap", settings))  # pyright: ignore[reportArgumentType]
+        objects = ObjectMapSettings(**of_service("objectmap", settings))
         self._objectmap = ObjectMapService(bus(), objects, self.healths["objectmap"])
         self._objectmap.warm_up()
-        self._detector = self._detector_service(bus(), world, noise, noise_seed, settings)
+        self._detector = self._detector_service(bus(), world, noise, seed, settings)
         self._bridge = BridgeService(
             bus(), world, BridgeSettings(stream_hz=0, lockstep=True, lease_s=NEVER_S),
             self.healths["bridge"], first_number=0,
         )  # fmt: skip
         self._planner = PlannerService(
-            bus(), _planner_settings(Path(self._folder.name), agent, settings),
+            bus(), _planner_settings(Path(self._folder.name), agent, seed, settings),
             self.healths["planner"],
         )  # fmt: skip
         self.camera_jpeg = b""  # of the newest keyframe
@@ -169,7 +173,7 @@ class House:
         seed: int,
         settings: Mapping[str, Setting],
     ) -> DetectorService:
-        s = DetectorSettings(**of_service("detector", settings))  # pyright: ignore[reportArgumentType]
+        s = DetectorSettings(**of_service("detector", settings))
         options = DetectorOptions(truth=DirectTruth(world), threads=1)
         name = "ground-truth"
         if noise is not None:
@@ -183,14 +187,21 @@ class House:
         return DetectorService(bus, detector, scorer, self.healths["detector"])
 
 
-def _planner_settings(folder: Path, agent: str, settings: Mapping[str, Setting]) -> PlannerSettings:
+@cache
+def _warm_up() -> None:
+    """Compile what is compiled, once in a process, so that no step has to wait for it."""
+    warm_up_maps()
+    warm_up_objects(ObjectMapSettings())
+    warm_up_paths()
+
+
+def _planner_settings(
+    folder: Path, agent: str, seed: int, settings: Mapping[str, Setting]
+) -> PlannerSettings:
     chosen = of_service("planner", settings)
-    if "agent" in PlannerSettings.model_fields:
-        chosen["agent"] = agent
-    return PlannerSettings(
-        state_dir=folder, ack_timeout_s=NEVER_S, action_timeout_s=LONGEST_ACTION_S,
-        call_timeout_s=NEVER_S, **chosen,  # pyright: ignore[reportArgumentType]
-    )  # fmt: skip
+    chosen |= {"state_dir": folder, "agent": agent, "agent_seed": seed}
+    chosen |= {"ack_timeout_s": NEVER_S, "call_timeout_s": NEVER_S}
+    return PlannerSettings(**chosen, action_timeout_s=LONGEST_ACTION_S)
 
 
 def _memory() -> str | None:

@@ -15,13 +15,14 @@ from helios_core.grids import FREE, OCCUPIED
 from helios_core.types import ObjectInstance
 from helios_sim.events import PickTried
 from helios_sim.home import PRESETS, Home, generate_home
+from helios_sim.judge import Said
 from helios_sim.oracle import Oracle
 from helios_sim.thread import WorldThread
 from numpy.typing import NDArray
 
 from helios_eval.beliefs import Role, judged
 from helios_eval.house import House
-from helios_eval.judging import episode_for, goals_of, verdict
+from helios_eval.judging import episode_for, verdict
 from helios_eval.keepsake import Keepsake, Marked
 from helios_eval.record import Belief, EpisodeRecord
 from helios_eval.spec import WALKER, EpisodeSpec
@@ -51,7 +52,7 @@ class _Floor:
 
 
 @dataclass(frozen=True)
-class _Said:
+class _Told:
     """What the agent made of its task, in its own eyes."""
 
     state: str
@@ -101,14 +102,14 @@ def _watched(world: object) -> WatchedWorld:
 
 
 # --- agents -------------------------------------------------------------------------------------
-def _walk(world: WatchedWorld) -> _Said:
+def _walk(world: WatchedWorld) -> _Told:
     """The walker that knows the truth; on the world's thread."""
     began = time.perf_counter()
     done = Oracle(world).run()
     wall_s = time.perf_counter() - began
     free, origin_m = world.home.free_space(0.0, _PLAN_CELL_M)
     plan = np.where(free, FREE, OCCUPIED).astype(np.int8)
-    return _Said(
+    return _Told(
         "succeeded" if done.place else "failed",
         "placed it" if done.place else "knows no other way",
         "",
@@ -118,7 +119,7 @@ def _walk(world: WatchedWorld) -> _Said:
     )
 
 
-def _live(spec: EpisodeSpec, thread: WorldThread) -> _Said:
+def _live(spec: EpisodeSpec, thread: WorldThread) -> _Told:
     """An agent of the planner, with every service."""
     world = thread.run(_watched)
     episode = world.episode
@@ -145,7 +146,7 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Said:
         wall_s = time.perf_counter() - began
         objects = look(house)
         view = house.map()
-        return _Said(
+        return _Told(
             task.state,
             task.message,
             task.cause,
@@ -168,9 +169,9 @@ def _stages(world: WatchedWorld) -> dict[str, float]:
 
 
 # --- what came of it ----------------------------------------------------------------------------
-def _played(spec: EpisodeSpec, commit: str, world: WatchedWorld, said: _Said) -> Played:
+def _played(spec: EpisodeSpec, commit: str, world: WatchedWorld, said: _Told) -> Played:
     done, episode = world.progress, world.episode
-    told = (said.state, said.cause, said.message)
+    told = Said(said.state, said.cause, said.message)
     judged_as = verdict(spec.benchmark, world, told, spec.max_steps)
     record = EpisodeRecord(
         benchmark=spec.benchmark, agent=spec.agent, semantics=spec.semantics, preset=spec.preset,
@@ -191,18 +192,14 @@ def _played(spec: EpisodeSpec, commit: str, world: WatchedWorld, said: _Said) ->
     return Played(record, None if record.success else _keepsake(record, world, said))
 
 
-def _keepsake(record: EpisodeRecord, world: WatchedWorld, said: _Said) -> Keepsake:
+def _keepsake(record: EpisodeRecord, world: WatchedWorld, said: _Told) -> Keepsake:
     targets = world.tracker.targets
-    candidates: Mapping[str, object] = targets.objects
-    if record.benchmark == "objectnav":
-        radius_m = world.describe().footprint_radius_m
-        candidates = goals_of(world.home, record.object_class, radius_m)
     return Keepsake(
         agent=record.agent, semantics=record.semantics, seed=record.seed, preset=record.preset,
         instruction=record.instruction, cause=record.cause, message=record.message,
         occupancy=said.floor.occupancy, origin_m=said.floor.origin_m, cell_m=said.floor.cell_m,
         trajectory_m=world.trajectory_m, start_pose=world.home.start_pose,
-        candidates=_true(world, candidates), goals=_true(world, targets.goals),
+        candidates=_true(world, targets.objects), goals=_true(world, targets.goals),
         beliefs=tuple(
             Marked(o.class_name, _triple(o.center_m), _triple(o.size_m), o.score, o.class_score)
             for o in said.believed

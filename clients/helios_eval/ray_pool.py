@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Generator, Sequence
 
 from helios_core.errors import Unavailable
@@ -19,7 +20,11 @@ def play_all_on_ray(specs: Sequence[EpisodeSpec], address: str, commit: str) -> 
     Raises Unavailable without Ray, or without a cluster at the address.
     """
     try:
-        import ray
+        import ray  # pyright: ignore[reportMissingImports]
+        from ray.exceptions import (  # pyright: ignore[reportMissingImports]
+            RayTaskError,
+            WorkerCrashedError,
+        )
     except ImportError as error:
         raise Unavailable(f"Ray is missing ({error}); pip install 'helios-ovmm[ray]'") from error
     try:
@@ -28,7 +33,7 @@ def play_all_on_ray(specs: Sequence[EpisodeSpec], address: str, commit: str) -> 
             runtime_env={"env_vars": ONE_THREAD},
             include_dashboard=False if address == LOCAL else None,
             log_to_driver=False,
-            logging_level="error",
+            logging_level=logging.ERROR,
         )
     except Exception as error:  # Ray has no error of its own for it
         raise Unavailable(f"no Ray cluster at {address} ({error}); see `ray status`") from error
@@ -41,9 +46,9 @@ def play_all_on_ray(specs: Sequence[EpisodeSpec], address: str, commit: str) -> 
             spec = running.pop(ended)
             try:
                 came = ray.get(ended)
-            except ray.exceptions.WorkerCrashedError:
+            except WorkerCrashedError:
                 came = f"the process that played it died, {ATTEMPTS} times"
-            except ray.exceptions.RayTaskError as error:
+            except RayTaskError as error:
                 raise error.as_instanceof_cause() from error
             yield spec, came
     finally:

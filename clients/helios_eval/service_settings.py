@@ -26,8 +26,9 @@ SERVICES: dict[str, type[ServiceSettings]] = {
 }
 # What the evaluation sets itself, or what means nothing within one process.
 _OURS = frozenset(ServiceSettings.model_fields) | {
-    "state_dir", "agent", "detector", "noise", "noise_seed", "noise_level", "noise_correlation",
-    "max_steps", "max_picks", "ack_timeout_s", "action_timeout_s", "call_timeout_s", "away_s",
+    "state_dir", "agent", "agent_seed", "detector", "noise", "noise_seed", "noise_level",
+    "noise_correlation", "max_steps", "max_picks", "ack_timeout_s", "action_timeout_s",
+    "call_timeout_s", "away_s",
     "truth_timeout_s", "retry_s", "preview_quality", "threads",
 }  # fmt: skip
 
@@ -46,7 +47,7 @@ def parsed(assignments: Iterable[str]) -> dict[str, Setting]:
     return out
 
 
-def of_service(service: str, settings: Mapping[str, Setting]) -> dict[str, object]:
+def of_service(service: str, settings: Mapping[str, Setting]) -> dict[str, Any]:
     """The settings of one service, by its own names and of its own types."""
     prefix = f"{service}."
     return {

@@ -57,8 +57,7 @@ def planner_agents() -> tuple[str, ...]:
     """The agents that the planner can be, by name."""
     from helios_planner.settings import Settings
 
-    setting = Settings.model_fields.get("agent")
-    return tuple(get_args(setting.annotation)) if setting is not None else ("helios",)
+    return tuple(get_args(Settings.model_fields["agent"].annotation))
 
 
 def known_agents(benchmark: Benchmark) -> tuple[str, ...]:
