@@ -104,15 +104,18 @@ def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
     kind, _, argument = spec.partition(":")
     if kind in ("simulated", "ground-truth") and not argument:
         from helios_detector.ground_truth import GroundTruthDetector
-        from helios_detector.noise import load_noise
+        from helios_detector.noise import NoiseTable, load_noise
         from helios_detector.simulated import SimulatedDetector
+        from helios_detector.view_simulated import ViewDetector
 
         if options.truth is None:
             raise InvalidInput(f"detector {spec!r} needs the simulator's truth; none was given")
         if kind == "ground-truth":
             return GroundTruthDetector(options.truth)
         table = load_noise(options.noise).scaled(options.noise_level, options.noise_correlation)
-        return SimulatedDetector(options.truth, table, options.noise_seed)
+        if isinstance(table, NoiseTable):
+            return SimulatedDetector(options.truth, table, options.noise_seed)
+        return ViewDetector(options.truth, table, options.noise_seed)
     if kind == "onnx" and argument:
         from helios_detector.yolox import YoloxDetector
 

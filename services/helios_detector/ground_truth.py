@@ -28,15 +28,31 @@ class Visible:
 
 def visible(truth: Truth, min_px: int = MIN_VISIBLE_PX) -> Iterator[Visible]:
     """The instances with at least `min_px` pixels, by rising id."""
-    counts = np.bincount(truth.ids.ravel(), minlength=1)
-    for id in np.flatnonzero(counts >= min_px):
-        instance = truth.instances.get(int(id))
+    ids = truth.ids
+    width = ids.shape[1]
+    flat = ids.ravel()
+    # Runs of equal pixels within a row: a few thousand instead of every pixel.
+    begins = np.empty(flat.size, bool)
+    np.not_equal(flat[1:], flat[:-1], out=begins[1:])
+    begins[::width] = True
+    starts = np.flatnonzero(begins)
+    ends = np.append(starts[1:], flat.size)
+    order = np.argsort(flat[starts], kind="stable")
+    starts, ends = starts[order], ends[order]
+    run_ids = flat[starts]
+    first = np.flatnonzero(np.append(True, run_ids[1:] != run_ids[:-1]))
+    counts = np.add.reduceat(ends - starts, first)
+    x0s = np.minimum.reduceat(starts % width, first)
+    x1s = np.maximum.reduceat((ends - 1) % width, first) + 1
+    y0s = np.minimum.reduceat(starts // width, first)
+    y1s = np.maximum.reduceat(starts // width, first) + 1
+    for k in np.flatnonzero(counts >= min_px):
+        id = int(run_ids[first[k]])
+        instance = truth.instances.get(id)
         if id == 0 or instance is None:
             continue
-        mask = truth.ids == id
-        rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-        x0, y0, x1, y1 = int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
-        yield Visible(instance, int(counts[id]), (x0, y0, x1, y1), mask[y0:y1, x0:x1])
+        x0, y0, x1, y1 = int(x0s[k]), int(y0s[k]), int(x1s[k]), int(y1s[k])
+        yield Visible(instance, int(counts[k]), (x0, y0, x1, y1), ids[y0:y1, x0:x1] == id)
 
 
 def detection(

@@ -21,6 +21,7 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
+from helios_detector.view_table import ViewTable, view_table
 from helios_detector.vocabulary import normalised
 
 _STANDARD = NormalDist()
@@ -129,22 +130,24 @@ def hashed_voxels(voxels: NDArray[np.int64], key: str) -> NDArray[np.uint64]:
     return out
 
 
-def load_noise(name_or_path: str) -> NoiseTable:
-    """A table by name or from a file. Raises InvalidInput when it is not there or wrong."""
+def load_noise(name_or_path: str) -> NoiseTable | ViewTable:
+    """A table by name or from a file; `format = "views"` in it makes it a `ViewTable`. Raises
+    InvalidInput when it is not there or wrong."""
     shipped = resources.files("helios_detector").joinpath("noise_tables", f"{name_or_path}.toml")
     path = Path(name_or_path)
     try:
         data = shipped.read_bytes() if shipped.is_file() else path.read_bytes()
-        return _table(tomllib.loads(data.decode()), hashlib.sha256(data).hexdigest()[:16])
+        table, digest = tomllib.loads(data.decode()), hashlib.sha256(data).hexdigest()[:16]
+        return view_table(table, digest) if "format" in table else _table(table, digest)
     except OSError as error:
         raise InvalidInput(
-            f"there is no noise table {name_or_path!r}; name one that is shipped (demo-v1) or give "
-            "a file"
+            f"there is no noise table {name_or_path!r}; name one that is shipped (demo-v1, "
+            "ovmm-v1) or give a file"
         ) from error
     except (KeyError, TypeError, ValueError) as error:
         raise InvalidInput(
             f"the noise table {name_or_path!r} is wrong ({type(error).__name__}: {error}); it "
-            "needs the entries of demo-v1.toml"
+            'needs the entries of demo-v1.toml, or with format = "views" those of ovmm-v1.toml'
         ) from error
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import cv2
 import numpy as np
 from helios_core.geometry import Pinhole, lift_pixels
 from helios_core.types import Detection, Frame, SearchContext
@@ -16,6 +15,7 @@ from helios_detector.ground_truth import Visible, detection, visible
 from helios_detector.noise import Draws, NoiseTable, hashed_voxels
 from helios_detector.scorer import household_names
 from helios_detector.truth import TruthSource, truth_of
+from helios_detector.view_masks import eroded, trimmed
 from helios_detector.vocabulary import Wanted, normalised, open_wanted
 
 SEEN_SCORE = 0.3  # from which a class that was not asked for counts as seen
@@ -60,7 +60,8 @@ class SimulatedDetector(DetectorBackend):
                 seen[name] = Seen(name, score)
             takers = [w for w in wanted if normalised(name) in w.names and score >= w.threshold]
             if takers:
-                box, crop = eroded(thing, round(self._table.erode_px * self._table.level))
+                erode_px = round(self._table.erode_px * self._table.level)
+                box, crop = eroded(thing.box_xyxy, thing.crop, erode_px)
                 detections += [detection(w.name, score, box, crop, shape) for w in takers]
         return Findings(tuple(detections), tuple(seen.values()))
 
@@ -134,23 +135,3 @@ class SimulatedDetector(DetectorBackend):
         with np.errstate(invalid="ignore"):
             close = ((points_m - nearest) ** 2).sum(-1) < self._table.false_radius_m**2
         return usable & close
-
-
-def trimmed(
-    box_xyxy: tuple[int, int, int, int], crop: NDArray[np.bool_]
-) -> tuple[tuple[int, int, int, int], NDArray[np.bool_]]:
-    """The smallest box and mask with the same pixels; the mask must not be empty."""
-    rows, columns = np.flatnonzero(crop.any(1)), np.flatnonzero(crop.any(0))
-    r0, r1, c0, c1 = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
-    x0, y0 = box_xyxy[:2]
-    box = (int(x0 + c0), int(y0 + r0), int(x0 + c1), int(y0 + r1))
-    return box, crop[r0:r1, c0:c1]
-
-
-def eroded(thing: Visible, erode_px: int) -> tuple[tuple[int, int, int, int], NDArray[np.bool_]]:
-    """Box and mask with a rim of `erode_px` taken off; as it is where nothing would be left."""
-    if erode_px <= 0:
-        return thing.box_xyxy, thing.crop
-    kernel = np.ones((2 * erode_px + 1, 2 * erode_px + 1), np.uint8)
-    crop = cv2.erode(thing.crop.astype(np.uint8), kernel, borderValue=0) > 0
-    return trimmed(thing.box_xyxy, crop) if crop.any() else (thing.box_xyxy, thing.crop)

@@ -24,6 +24,12 @@ class TruthInstance:
     class_name: str
     center_world_m: NDArray[np.float64]  # [3]
     graspable: bool
+    name: str = ""  # the same in every process, as "mug_3"
+
+    @property
+    def key(self) -> str:
+        """What it is known by: its name, or its number where it has none."""
+        return self.name or f"#{self.id}"
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,9 @@ def truth_from_proto(message: pb.TruthSegmentation) -> Truth:
     return Truth(
         ids.astype(np.uint16, copy=False),
         {
-            i.id: TruthInstance(i.id, i.class_name, vector_from_proto(i.center_m), i.graspable)
+            i.id: TruthInstance(
+                i.id, i.class_name, vector_from_proto(i.center_m), i.graspable, i.name
+            )
             for i in message.instances
         },
     )

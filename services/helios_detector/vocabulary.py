@@ -13,7 +13,7 @@ import difflib
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib import resources
 
 from helios_core.errors import InvalidInput
@@ -33,6 +33,7 @@ class Wanted:
     is_object: bool  # the object of a task in one of its roles
 
 
+@lru_cache(maxsize=4096)
 def normalised(name: str) -> str:
     """Lower case, single spaces, underscores and hyphens as spaces."""
     return " ".join(name.replace("_", " ").replace("-", " ").lower().split())

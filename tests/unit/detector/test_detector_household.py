@@ -6,8 +6,7 @@ import pytest
 from detector_scene import ROOM, SceneTruth
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
-from helios_detector.noise import load_noise
-from helios_detector.simulated import SimulatedDetector
+from helios_detector.backend import DetectorOptions, open_detector
 from helios_planner.context import in_vocabulary
 from helios_planner.instruction import parse
 from helios_sim.episode import episode_of
@@ -16,7 +15,7 @@ from helios_sim.home import PRESETS, generate_home
 
 @pytest.fixture(scope="module")
 def vocabulary() -> pb.VocabularyReply:
-    names = SimulatedDetector(SceneTruth(ROOM), load_noise("demo-v1")).vocabulary()
+    names = open_detector("simulated", DetectorOptions(SceneTruth(ROOM))).vocabulary() or ()
     return pb.VocabularyReply(names=names, detector="simulated")
 
 

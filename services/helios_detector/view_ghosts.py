@@ -1,0 +1,183 @@
+"""Things that are not there: false positives on furniture, walls and floors.
+
+The surfaces in view are cut by cubes of `cell_m` fixed in the world. Each cell of each surface may
+show each class that was asked for, by draws that persist (`view_noise.py`), at one place: the point
+of the surface nearest to a point of the cube picked by hash. So a false thing stays where it is
+while the camera walks past, and comes and goes with the side it is seen from.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+from helios_core.geometry import Pinhole, lift_pixels
+from helios_core.types import Frame
+from numpy.typing import NDArray
+
+from helios_detector.truth import Truth, TruthInstance
+from helios_detector.view_masks import Box, Masked, trimmed
+from helios_detector.view_noise import Views, keys_of, latent, mixed, uniform
+from helios_detector.view_table import ViewTable
+from helios_detector.vocabulary import Wanted, normalised
+
+STRIDE_PX = 8  # at which surfaces are sampled
+CELL_ORIGIN_M = np.array([0.13, 0.07, 0.23])  # floors and table tops do not lie between two cells
+WHAT = ("exists", "score", "size")
+_AXES = keys_of(("place x", "place y", "place z"))
+_STANDARD = NormalDist()
+
+
+@dataclass(frozen=True)
+class Ghost:
+    """A false thing as it would be reported."""
+
+    want: Wanted
+    score: float
+    box_xyxy: Box
+    crop: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Cells:
+    """The n cells of surfaces in view."""
+
+    keys: NDArray[np.uint64]  # [n]
+    voxels: NDArray[np.int64]  # [n, 3]
+    instances: tuple[TruthInstance, ...]  # [n] to which the surfaces belong
+    of_point: NDArray[np.int64]  # [points] cell of each sample
+    points_m: NDArray[np.float64]  # [points, 3] samples, world
+    pixels: NDArray[np.int64]  # [points, 2] row and column of each sample
+
+
+def ghosts(
+    frame: Frame,
+    truth: Truth,
+    wanted: tuple[Wanted, ...],
+    table: ViewTable,
+    key_of_instance: Callable[[TruthInstance], int],
+) -> list[Ghost]:
+    """All false things of a frame."""
+    if table.level == 0 or table.file.scale.false == 0 or not wanted:
+        return []
+    cells = surface_cells(frame, truth, table, key_of_instance)
+    if cells is None:
+        return []
+    cell_m = table.file.false_positive.cell_m
+    middles_m = np.asarray((cells.voxels + 0.5) * cell_m + CELL_ORIGIN_M, np.float64)
+    eye_m = frame.T_world_cam[:3, 3]
+    sectors, codes, _ = table.seen_from(eye_m, middles_m, None)
+    views = Views(cells.keys, sectors, codes)
+    purposes = keys_of([f"{what} {normalised(w.name)}" for w in wanted for what in WHAT])
+    z = latent(views, purposes[:: len(WHAT)], table.shares, frame.stamp_ns)
+    out = []
+    for k, want in enumerate(wanted):
+        limit = _limits(cells, table, want)
+        for n in np.flatnonzero(z[:, k] < limit):
+            one = np.s_[n : n + 1]
+            own = Views(cells.keys[one], sectors[one], codes[one])
+            rest = purposes[len(WHAT) * k + 1 : len(WHAT) * (k + 1)]
+            u_score, u_size = uniform(latent(own, rest, table.shares, frame.stamp_ns)[0])
+            score = table.score("false", u_score, 1)
+            if score < want.threshold:
+                continue
+            masked = _blob(frame, truth, cells, int(n), int(purposes[len(WHAT) * k]), want, u_size,
+                           table)  # fmt: skip
+            if masked is not None:
+                out.append(Ghost(want, score, *masked))
+    return out
+
+
+def surface_cells(
+    frame: Frame,
+    truth: Truth,
+    table: ViewTable,
+    key_of_instance: Callable[[TruthInstance], int],
+) -> Cells | None:
+    """The cells in view of what false things may lie on; None when there is none."""
+    f = table.file.false_positive
+    half = STRIDE_PX // 2
+    c = frame.camera
+    depth_m = frame.depth_m[half::STRIDE_PX, half::STRIDE_PX]
+    ids = truth.ids[half::STRIDE_PX, half::STRIDE_PX]
+    hosts = {
+        id: i for id, i in truth.instances.items()
+        if id and not i.graspable and normalised(i.class_name) not in f.never_on
+    }  # fmt: skip
+    if not hosts:
+        return None
+    usable = np.zeros(int(max(ids.max(), *hosts)) + 1, bool)
+    usable[list(hosts)] = True
+    with np.errstate(invalid="ignore"):
+        good = usable[ids] & (depth_m > 0) & (depth_m < f.max_distance_m)
+    rows, columns = np.nonzero(good)
+    if not len(rows):
+        return None
+    v, u, z = rows * STRIDE_PX + half, columns * STRIDE_PX + half, depth_m[rows, columns]
+    points_cam = np.stack([(u - c.cx) / c.fx * z, (v - c.cy) / c.fy * z, z], -1)
+    points_m = points_cam @ frame.T_world_cam[:3, :3].T + frame.T_world_cam[:3, 3]
+    voxels = np.floor((points_m - CELL_ORIGIN_M) / f.cell_m).astype(np.int64)
+    own = np.zeros(len(usable), np.uint64)
+    for id, instance in hosts.items():
+        own[id] = key_of_instance(instance)
+    point_ids = ids[rows, columns]
+    keys = own[point_ids]
+    for column in voxels.T:
+        keys = mixed(keys, column.view(np.uint64))
+    keys, first, of_point = np.unique(keys, return_index=True, return_inverse=True)
+    instances = tuple(hosts[int(id)] for id in point_ids[first])
+    pixels = np.stack([v, u], -1)
+    return Cells(keys, voxels[first], instances, of_point.ravel(), points_m, pixels)
+
+
+def _limits(cells: Cells, table: ViewTable, want: Wanted) -> NDArray[np.float64]:
+    """[n] below which the draw of a cell is a false thing; nothing is false on its own kind."""
+    f = table.file.false_positive
+    limit = [
+        _STANDARD.inv_cdf(p) if 0 < p < 1 else math.copysign(math.inf, p - 0.5)
+        for p in (table.false(structure, want.is_object) for structure in (False, True))
+    ]
+    own = {i.class_name: normalised(i.class_name) for i in cells.instances}
+    by_class = {
+        raw: -math.inf if name in want.names else limit[name in f.structure]
+        for raw, name in own.items()
+    }
+    return np.array([by_class[i.class_name] for i in cells.instances])
+
+
+def _blob(
+    frame: Frame,
+    truth: Truth,
+    cells: Cells,
+    n: int,
+    purpose: int,
+    want: Wanted,
+    u_size: float,
+    table: ViewTable,
+) -> Masked | None:
+    """The pixels of the surface within a ball around the false thing's place; None if too few."""
+    f = table.file.false_positive
+    low_m, high_m = f.object_radius_m if want.is_object else f.receptacle_radius_m
+    radius_m = low_m + u_size * (high_m - low_m)
+    base = mixed(cells.keys[n : n + 1], np.array([purpose], np.uint64))
+    in_cell = (mixed(base, _AXES) >> np.uint64(11)).astype(np.float64) / 2**53
+    wished_m = (cells.voxels[n] + in_cell) * f.cell_m + CELL_ORIGIN_M
+    members = np.flatnonzero(cells.of_point == n)
+    at = members[np.argmin(((cells.points_m[members] - wished_m) ** 2).sum(-1))]
+    center_m, (v, u) = cells.points_m[at], cells.pixels[at]
+    c = frame.camera
+    reach = math.ceil(1.2 * radius_m * c.fx / max(0.2, float(frame.depth_m[v, u]))) + 1
+    h, w = frame.depth_m.shape
+    x0, y0 = max(0, int(u) - reach), max(0, int(v) - reach)
+    x1, y1 = min(w, int(u) + reach + 1), min(h, int(v) + reach + 1)
+    camera = Pinhole(c.fx, c.fy, c.cx - x0, c.cy - y0, x1 - x0, y1 - y0)
+    points_m = lift_pixels(frame.depth_m[y0:y1, x0:x1], camera, frame.T_world_cam)
+    with np.errstate(invalid="ignore"):
+        close = ((points_m - center_m) ** 2).sum(-1) < radius_m**2
+    crop = close & (truth.ids[y0:y1, x0:x1] == cells.instances[n].id)
+    if np.count_nonzero(crop) < f.min_px:
+        return None
+    return trimmed((x0, y0, x1, y1), crop)

@@ -1,0 +1,138 @@
+"""Draws that persist: what of an error belongs to a thing, to its side, to the view, to the frame.
+
+Real detectors err by object and viewpoint, so errors of neighbouring views must not be independent.
+Each draw (whether a thing is missed, what it is taken for, its score, ...) is one standard normal
+number, a Gaussian copula over four levels with variance shares that add up to 1:
+
+    z = √thing·n(thing) + √side·n(thing, angle) + √view·n(thing, cell) + √frame·n(thing, stamp)
+
+All n are standard normal numbers hashed from (seed, name of the thing, purpose of the draw) and
+the level's own key. So z is standard normal and Φ(z) uniform, whatever the shares are: they say
+how errors hang together, never how often they happen. `angle` and `cell` are seen from the thing:
+12 sectors of 30 degrees, and for `cell` the bands of distance and of visible pixels too. The side
+is a smooth field on the circle: four knots 90 degrees apart, interpolated at the sector's middle
+and brought to unit variance. Neighbouring sectors agree to 0.83 to 0.96 of the side's share, those
+90 degrees apart to 0.2 to 0.5 of it, opposite ones to nothing: a look-alike is wrong from one side.
+
+Correlation 1 gives the frame's share to the other three in their ratios: an error is fixed by the
+view. Correlation 0 gives all of it to the frame. Unset, the table's shares hold: with a frame's
+share f, z of two frames of one view correlate by 1 - f, and a yes-or-no error at even odds differs
+between them with probability acos(1 - f) / π: 0.14 for f = 0.1.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+SECTORS = 12
+SIDES = 4
+
+_THING, _SIDE, _VIEW, _FRAME = (np.array([n], np.uint64) for n in range(1, 5))
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Shares of a draw's variance; they add up to 1."""
+
+    thing: float
+    side: float
+    view: float
+    frame: float
+
+    def correlated(self, correlation: float) -> Shares:
+        """With 1 - `correlation` for the frame and the rest in the same ratios."""
+        fixed = self.thing + self.side + self.view
+        if fixed == 0 and correlation > 0:
+            raise ValueError("the frame has the whole variance; nothing is there to be correlated")
+        k = correlation / fixed if fixed else 0.0
+        return Shares(k * self.thing, k * self.side, k * self.view, 1.0 - correlation)
+
+
+@dataclass(frozen=True)
+class Views:
+    """How n things are seen."""
+
+    keys: NDArray[np.uint64]  # [n] of the seed and the thing
+    sectors: NDArray[np.int64]  # [n] 0 to 11
+    cells: NDArray[np.int64]  # [n] sector, distance band and pixel band in one number
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+
+@lru_cache(maxsize=65536)
+def key_of(text: str) -> int:
+    """64 bits that depend on the text alone, on any machine."""
+    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "big")
+
+
+def keys_of(texts: Sequence[str]) -> NDArray[np.uint64]:
+    """[n]"""
+    return np.array([key_of(text) for text in texts], np.uint64)
+
+
+def mixed(key: NDArray[np.uint64], value: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """A new key of both, in this order, of the common shape (splitmix64)."""
+    out = key + (value + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
+    out = (out ^ (out >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    out = (out ^ (out >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return out ^ (out >> np.uint64(31))
+
+
+def normals(keys: NDArray[np.uint64]) -> NDArray[np.float64]:
+    """A standard normal number of each key (Box and Muller)."""
+    u = ((keys >> np.uint64(32)).astype(np.float64) + 0.5) / 2**32
+    v = (keys & np.uint64(0xFFFFFFFF)).astype(np.float64) / 2**32
+    return np.sqrt(-2 * np.log(u)) * np.cos(math.tau * v)
+
+
+def uniform(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Φ(z)."""
+    erf = [math.erf(x) for x in (z / math.sqrt(2)).ravel().tolist()]
+    return 0.5 + 0.5 * np.array(erf, np.float64).reshape(z.shape)
+
+
+def sectors_of(xy_m: NDArray[np.float64]) -> NDArray[np.int64]:
+    """[n] sector in which the camera stands, of its place [n, 2] seen from the thing."""
+    turn = np.arctan2(xy_m[:, 1], xy_m[:, 0]) % math.tau
+    return np.minimum((turn * (SECTORS / math.tau)).astype(np.int64), SECTORS - 1)
+
+
+def latent(
+    views: Views, purposes: NDArray[np.uint64], shares: Shares, stamp_ns: int
+) -> NDArray[np.float64]:
+    """Draws [n, purposes]: standard normal, the same where the levels' keys are the same."""
+    base = mixed(views.keys[:, None], purposes[None, :])
+    out = np.zeros(base.shape)
+    if shares.thing > 0:
+        out += math.sqrt(shares.thing) * normals(mixed(base, _THING))
+    if shares.side > 0:
+        knots, weights = _sides()
+        side = mixed(base, _SIDE)
+        for k in range(2):
+            knot, weight = knots[views.sectors, k, None], weights[views.sectors, k, None]
+            out += math.sqrt(shares.side) * weight * normals(mixed(side, knot))
+    if shares.view > 0:
+        cell = views.cells.astype(np.uint64)[:, None]
+        out += math.sqrt(shares.view) * normals(mixed(mixed(base, _VIEW), cell))
+    if shares.frame > 0:
+        stamp = np.array([stamp_ns], np.int64).view(np.uint64)
+        out += math.sqrt(shares.frame) * normals(mixed(mixed(base, _FRAME), stamp))
+    return out
+
+
+@lru_cache(maxsize=1)
+def _sides() -> tuple[NDArray[np.uint64], NDArray[np.float64]]:
+    """Of each sector: the two knots around its middle [12, 2] and their weights [12, 2]."""
+    at = (np.arange(SECTORS) + 0.5) * SIDES / SECTORS
+    low = np.floor(at)
+    knots = np.stack([low, (low + 1) % SIDES], -1).astype(np.uint64)
+    weights = np.stack([1 - (at - low), at - low], -1)
+    return knots, weights / np.linalg.norm(weights, axis=-1, keepdims=True)

@@ -1,0 +1,160 @@
+"""A detector that errs by thing, side and view: the simulator's truth through a `ViewTable`.
+
+Every draw is keyed by the seed and the *name* of the thing, which is the same in every process.
+Names repeat from home to home ("mug_3"): give each home a seed of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from helios_core.types import Detection, Frame, SearchContext
+from numpy.typing import NDArray
+
+from helios_detector.backend import DetectorBackend, Findings, Seen
+from helios_detector.ground_truth import Visible, detection, visible
+from helios_detector.scorer import household_names
+from helios_detector.truth import Truth, TruthInstance, TruthSource, truth_of
+from helios_detector.view_ghosts import ghosts
+from helios_detector.view_masks import Masked, eroded, leaked, partial
+from helios_detector.view_noise import Views, key_of, keys_of, latent, uniform
+from helios_detector.view_table import ViewTable
+from helios_detector.vocabulary import normalised, open_wanted
+
+PURPOSES: tuple[str, ...] = (
+    "miss", "confuse", "confuse as", "score", "twice", "twice score", "mask", "cut", "keep",
+)  # fmt: skip
+_PURPOSE_KEYS = keys_of(PURPOSES)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the detector makes of one thing."""
+
+    thing: Visible
+    names: tuple[tuple[str, float], ...]  # reported class and score: none, one or two
+    draws: Mapping[str, float]  # uniform, by purpose
+
+
+class ViewDetector(DetectorBackend):
+    """Misses, confuses, doubles, imagines and masks badly, the same way from the same view."""
+
+    def __init__(self, source: TruthSource, table: ViewTable, seed: int = 0) -> None:
+        self._source, self._table, self._seed = source, table, seed
+        self.name = f"simulated:{table.name}@{table.digest}"
+
+    def vocabulary(self) -> tuple[str, ...]:
+        """The names of the household: it would imagine a unicorn as readily as a mug."""
+        return tuple(sorted(household_names()))
+
+    def refused(self, context: SearchContext) -> Mapping[str, str]:
+        return {}
+
+    def warm_up(self) -> None:
+        self._source.check()
+
+    def close(self) -> None:
+        """Holds nothing."""
+
+    def detect(self, frame: Frame, context: SearchContext) -> Findings:
+        truth = truth_of(frame, self._source)
+        wanted = open_wanted(context)
+        shape = frame.depth_m.shape
+        detections: list[Detection] = []
+        seen: dict[str, Seen] = {}
+
+        def see(name: str, score: float) -> None:
+            enough = score >= self._table.file.score.seen_above
+            if enough and (name not in seen or seen[name].score < score):
+                seen[name] = Seen(name, score)
+
+        for verdict in self.verdicts(frame, truth):
+            masked = None
+            for name, score in verdict.names:
+                see(name, score)
+                takers = [w for w in wanted if normalised(name) in w.names and score >= w.threshold]
+                if takers:
+                    masked = masked or self._masked(verdict, frame, truth)
+                    detections += [detection(w.name, score, *masked, shape) for w in takers]
+        for g in ghosts(frame, truth, wanted, self._table, self._key):
+            see(g.want.name, g.score)
+            detections.append(detection(g.want.name, g.score, g.box_xyxy, g.crop, shape))
+        return Findings(tuple(detections), tuple(seen.values()))
+
+    def verdicts(self, frame: Frame, truth: Truth) -> list[Verdict]:
+        """What the detector makes of everything in view, asked for or not."""
+        things = list(visible(truth))
+        return verdicts(
+            things, self._table, [self._key(t.instance) for t in things],
+            frame.T_world_cam[:3, 3], frame.stamp_ns,
+        )  # fmt: skip
+
+    def _key(self, instance: TruthInstance) -> int:
+        return key_of(f"{self._seed}/{self._table.name}/{instance.key}")
+
+    def _masked(self, verdict: Verdict, frame: Frame, truth: Truth) -> Masked:
+        """The thing's box and mask as they are reported."""
+        table, m, u = self._table, self._table.file.mask, verdict.draws
+        box, crop = verdict.thing.box_xyxy, verdict.thing.crop
+        box, crop = eroded(box, crop, round(m.erode_px * table.level))
+        cut = table.rate(m.partial)
+        if u["mask"] < cut:
+            low, high = m.partial_keeps
+            return partial(box, crop, low + u["keep"] * (high - low), int(4 * u["cut"]) % 4)
+        if u["mask"] < cut + table.rate(m.leak):
+            by_px = min(m.leak_most_px, 1 + round(m.leak_share * verdict.thing.pixels**0.5))
+            support = _support(truth)
+            return leaked(box, crop, by_px, support, frame.depth_m, m.leak_depth_m)
+        return box, crop
+
+
+def verdicts(
+    things: list[Visible],
+    table: ViewTable,
+    keys: list[int],
+    eye_m: NDArray[np.float64],
+    stamp_ns: int,
+) -> list[Verdict]:
+    """What is made of each thing (with its key) seen from the eye [3], world, in metres."""
+    if not things:
+        return []
+    centers_m = np.array([t.instance.center_world_m for t in things], float)
+    pixels = np.array([t.pixels for t in things])
+    sectors, cells, distance_m = table.seen_from(eye_m, centers_m, pixels)
+    views = Views(np.array(keys, np.uint64), sectors, cells)
+    draws = uniform(latent(views, _PURPOSE_KEYS, table.shares, stamp_ns))
+    classes = [normalised(t.instance.class_name) for t in things]
+    missed = draws[:, 0] < table.miss(classes, pixels, distance_m)
+    out = []
+    for k, thing in enumerate(things):
+        u = dict(zip(PURPOSES, draws[k].tolist(), strict=True))
+        names = () if missed[k] else named(thing.instance.class_name, thing.pixels, table, u)
+        out.append(Verdict(thing, names, u))
+    return out
+
+
+def named(
+    class_name: str, pixels: int, table: ViewTable, u: Mapping[str, float]
+) -> tuple[tuple[str, float], ...]:
+    """Reported classes and scores of a thing that is not missed."""
+    true = normalised(class_name)
+    row = table.rows.get(true)
+    if row is None:
+        return ((class_name, table.score("true", u["score"], pixels)),)
+    other = row.pick(u["confuse as"])
+    if u["confuse"] < table.confuse(true):
+        first, second = (other, table.score("confused", u["score"], pixels)), class_name
+    else:
+        first, second = (class_name, table.score("true", u["score"], pixels)), other
+    if u["twice"] >= table.rate(table.file.confusion.duplicate, table.file.scale.confuse):
+        return (first,)
+    return first, (second, table.score("confused", u["twice score"], pixels))
+
+
+def _support(truth: Truth) -> NDArray[np.bool_]:
+    """[h, w] what no graspable thing covers."""
+    graspable = np.zeros(int(max(truth.ids.max(), *truth.instances, 0)) + 1, bool)
+    graspable[[id for id, i in truth.instances.items() if i.graspable]] = True
+    return ~graspable[truth.ids]

@@ -1,0 +1,301 @@
+"""The table of a detector that errs by view (`view_noise.py`): one TOML file, checked when read.
+
+Every entry is explained in `noise_tables/ovmm-v1.toml`. Each rate is
+
+    min(1, level · scale · rate of the file)
+
+with the level a setting and the scale of the kind of error an entry of the file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from helios_core.errors import InvalidInput
+from numpy.typing import NDArray
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from helios_detector.view_noise import SECTORS, Shares, sectors_of
+from helios_detector.vocabulary import equals, normalised
+
+
+def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
+    if not values or list(values) != sorted(values):
+        raise ValueError(f"{values} does not ascend")
+    return values
+
+
+Probability = Annotated[float, Field(ge=0, le=1)]
+Positive = Annotated[float, Field(gt=0)]
+Probabilities = tuple[Probability, ...]
+Places = Annotated[tuple[Positive, ...], AfterValidator(_ascending)]
+Quantiles = Annotated[Probabilities, Field(min_length=2), AfterValidator(_ascending)]
+Range = Annotated[tuple[Positive, Positive], AfterValidator(_ascending)]
+Name = Annotated[str, AfterValidator(normalised)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Persistence(_Part):
+    thing: Probability
+    side: Probability
+    view: Probability
+    frame: Probability
+
+    @model_validator(mode="after")
+    def _whole(self) -> Persistence:
+        total = self.thing + self.side + self.view + self.frame
+        if abs(total - 1) > 1e-9:
+            raise ValueError(f"the shares add up to {total:g}, not to 1")
+        return self
+
+
+class Scale(_Part):
+    confuse: float = Field(ge=0)
+    miss: float = Field(ge=0)
+    false: float = Field(ge=0)
+
+
+class Bands(_Part):
+    distance_m: Places
+    pixels: Places
+
+
+class Miss(_Part):
+    pixels: Places
+    by_pixels: Probabilities
+    distance_m: Places
+    by_distance: Probabilities
+    factor: dict[Name, Positive]
+
+    @model_validator(mode="after")
+    def _pairs(self) -> Miss:
+        for at, values in ((self.pixels, self.by_pixels), (self.distance_m, self.by_distance)):
+            if len(at) != len(values):
+                raise ValueError(f"{len(at)} places for {len(values)} probabilities")
+        return self
+
+
+class Score(_Part):
+    true: Quantiles
+    confused: Quantiles
+    false: Quantiles
+    pixels: Places
+    factor_by_pixels: Probabilities
+    seen_above: Probability
+
+    @model_validator(mode="after")
+    def _pairs(self) -> Score:
+        if len(self.pixels) != len(self.factor_by_pixels):
+            raise ValueError(f"{len(self.pixels)} places, {len(self.factor_by_pixels)} factors")
+        return self
+
+
+class Mask(_Part):
+    erode_px: int = Field(ge=0, le=10)
+    partial: Probability
+    partial_keeps: Range
+    leak: Probability
+    leak_share: Probability
+    leak_most_px: int = Field(ge=1, le=40)
+    leak_depth_m: Positive
+
+    @model_validator(mode="after")
+    def _exclusive(self) -> Mask:
+        if self.partial + self.leak > 1 or self.partial_keeps[1] > 1:
+            raise ValueError("partial and leak, or what partial masks keep, are more than all")
+        return self
+
+
+class FalsePositive(_Part):
+    on_furniture: Probability
+    on_structure: Probability
+    structure: frozenset[Name]
+    never_on: frozenset[Name]
+    receptacle_factor: Probability
+    cell_m: Positive
+    max_distance_m: Positive
+    object_radius_m: Range
+    receptacle_radius_m: Range
+    min_px: int = Field(ge=1)
+
+
+class Group(_Part):
+    names: tuple[Name, ...] = Field(min_length=2)
+    each: Probability
+
+
+class Confusion(_Part):
+    group: tuple[Group, ...] = ()
+    row: dict[Name, dict[Name, Probability]] = Field(default={})
+    duplicate: Probability
+
+    @field_validator("group")
+    @classmethod
+    def _different(cls, groups: tuple[Group, ...]) -> tuple[Group, ...]:
+        for group in groups:
+            if len(set(group.names)) < len(group.names):
+                raise ValueError(f"a name stands twice in {group.names}")
+        return groups
+
+    def rows(self) -> dict[str, dict[str, float]]:
+        """True class -> reported class -> probability: the rows, on top of what groups give."""
+        out: dict[str, dict[str, float]] = {}
+        for group in self.group:
+            for true in group.names:
+                row = out.setdefault(true, {})
+                for other in group.names:
+                    if other != true:
+                        row[other] = row.get(other, 0.0) + group.each
+        for true, row in self.row.items():
+            out.setdefault(true, {}).update(row)
+        return out
+
+    @model_validator(mode="after")
+    def _possible(self) -> Confusion:
+        for true, row in self.rows().items():
+            if sum(row.values()) > 1:
+                raise ValueError(f"{true!r} is confused with probability {sum(row.values()):.2f}")
+            if same := equals(true) & row.keys():
+                raise ValueError(f"{true!r} cannot be mistaken for {sorted(same)}: it is the same")
+        return self
+
+
+class ViewTableFile(_Part):
+    """The file as it is written."""
+
+    format: str = Field(pattern="^views$")
+    name: str
+    persistence: Persistence
+    scale: Scale
+    bands: Bands
+    miss: Miss
+    score: Score
+    mask: Mask
+    false_positive: FalsePositive
+    confusion: Confusion
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a thing may be mistaken for."""
+
+    names: tuple[str, ...]
+    upto: NDArray[np.float64]  # [n] cumulated shares, the last is 1
+    total: float  # probability of the file that it is mistaken at all
+
+    def pick(self, u: float) -> str:
+        """The name for a uniform draw."""
+        return self.names[min(int(np.searchsorted(self.upto, u, "right")), len(self.names) - 1)]
+
+
+@dataclass(frozen=True)
+class ViewTable:
+    """The table at one level and correlation."""
+
+    file: ViewTableFile
+    digest: str  # of the file: names what was really used
+    shares: Shares
+    level: float = 1.0
+
+    @property
+    def name(self) -> str:
+        return self.file.name
+
+    @cached_property
+    def rows(self) -> dict[str, Row]:
+        """By normalised true class."""
+        out = {}
+        for true, row in self.file.confusion.rows().items():
+            values = np.array(list(row.values()))
+            if (total := float(values.sum())) > 0:
+                out[true] = Row(tuple(row), np.cumsum(values) / total, total)
+        return out
+
+    def scaled(self, level: float, correlation: float | None = None) -> ViewTable:
+        """`level` multiplies every rate; 0 is the truth. `correlation` 1 redraws nothing per frame,
+        0 everything; None: the table's shares. Raises InvalidInput outside their ranges."""
+        if not 0 <= level <= 10:
+            raise InvalidInput(f"the noise level is {level}; wanted 0 to 10")
+        if correlation is not None and not 0 <= correlation <= 1:
+            raise InvalidInput(f"the noise correlation is {correlation}; wanted 0 to 1")
+        own = shares_of(self.file.persistence)
+        shares = own if correlation is None else own.correlated(correlation)
+        return ViewTable(self.file, self.digest, shares, level)
+
+    def rate(self, probability: float, scale: float = 1.0) -> float:
+        """At this level."""
+        return min(1.0, self.level * scale * probability)
+
+    def miss(
+        self, class_names: list[str], pixels: NDArray[np.int64], distance_m: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """[n] probability that a thing is not reported; names normalised."""
+        m = self.file.miss
+        by_pixels = np.interp(np.log(np.maximum(pixels, 1)), np.log(m.pixels), m.by_pixels)
+        by_distance = np.interp(distance_m, m.distance_m, m.by_distance)
+        factor = np.array([m.factor.get(name, 1.0) for name in class_names])
+        rate = factor * (1 - (1 - by_pixels) * (1 - by_distance))
+        return np.minimum(1.0, self.level * self.file.scale.miss * rate)
+
+    def confuse(self, class_name: str) -> float:
+        """Probability that a reported thing has another's name; the name normalised."""
+        row = self.rows.get(class_name)
+        return self.rate(row.total, self.file.scale.confuse) if row else 0.0
+
+    def false(self, structure: bool, is_object: bool) -> float:
+        """Probability that one cell of a surface shows one class that was asked for."""
+        f = self.file.false_positive
+        rate = f.on_structure if structure else f.on_furniture
+        rate *= 1.0 if is_object else f.receptacle_factor
+        return self.rate(rate, self.file.scale.false)
+
+    def score(self, kind: Literal["true", "confused", "false"], u: float, pixels: int) -> float:
+        """At a uniform draw. Below level 1 the score of a true thing goes towards 1, that of an
+        error stays as it is: errors become fewer, not surer."""
+        s = self.file.score
+        quantiles = {"true": s.true, "confused": s.confused, "false": s.false}[kind]
+        score = float(np.interp(u, np.linspace(0, 1, len(quantiles)), quantiles))
+        if kind != "false":
+            score *= float(np.interp(np.log(pixels), np.log(s.pixels), s.factor_by_pixels))
+        return 1 - min(1.0, self.level) * (1 - score) if kind == "true" else score
+
+    def cells(
+        self,
+        sectors: NDArray[np.int64],
+        pixels: NDArray[np.int64] | None,
+        distance_m: NDArray[np.float64],
+    ) -> NDArray[np.int64]:
+        """[n] sector, distance band and pixel band in one number."""
+        bands = self.file.bands
+        far = np.searchsorted(bands.distance_m, distance_m, "right")
+        large = 0 if pixels is None else np.searchsorted(bands.pixels, pixels, "right")
+        return sectors + SECTORS * (far + 64 * large)
+
+    def seen_from(
+        self,
+        eye_m: NDArray[np.float64],
+        centers_m: NDArray[np.float64],
+        pixels: NDArray[np.int64] | None,
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+        """(sectors, cells, distances in metres), each [n], of things at [n, 3] from the eye [3]."""
+        offset_m = eye_m - centers_m
+        distance_m = np.linalg.norm(offset_m, axis=1)
+        sectors = sectors_of(offset_m[:, :2])
+        return sectors, self.cells(sectors, pixels, distance_m), distance_m
+
+
+def shares_of(p: Persistence) -> Shares:
+    """As draws take them."""
+    return Shares(p.thing, p.side, p.view, p.frame)
+
+
+def view_table(data: dict[str, Any], digest: str) -> ViewTable:
+    """Raises ValueError saying what is wrong with the file."""
+    file = ViewTableFile.model_validate(data)
+    return ViewTable(file, digest, shares_of(file.persistence))
