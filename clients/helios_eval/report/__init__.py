@@ -1,0 +1,33 @@
+"""The report of a folder of episodes: `report.md` and one self-contained `report.html`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from helios_core.errors import InvalidInput
+
+from helios_eval import record
+from helios_eval.report.build import build
+from helios_eval.report.header import run_of
+from helios_eval.report.render_html import html_of
+from helios_eval.report.render_md import markdown_of
+
+MARKDOWN, HTML = "report.md", "report.html"
+
+
+def write_report(folder: Path) -> None:
+    """Read the episodes of `folder` and leave both files beside them.
+
+    Raises InvalidInput for a folder without episodes.
+    """
+    records = record.read(folder)
+    if not records:
+        raise InvalidInput(
+            f"{folder} holds no episode in {record.EPISODES}; run "
+            f"`helios eval ovmm --agents helios --episodes 10 --out {folder}` first"
+        )
+    report = build(folder, records, run_of(folder))
+    for name, content in ((HTML, html_of(report)), (MARKDOWN, markdown_of(report))):
+        part = folder / f"{name}.part"
+        part.write_text(content, encoding="utf-8")
+        part.replace(folder / name)

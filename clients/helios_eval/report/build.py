@@ -1,0 +1,118 @@
+"""From records to the report's data structure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from helios_eval import calibration
+from helios_eval.record import EpisodeRecord
+from helios_eval.report import failures, header, ours, published, text, timing
+from helios_eval.report.arms import Arm, arms_of
+from helios_eval.report.metrics import METRICS, NAMES
+from helios_eval.report.model import (
+    Block,
+    Column,
+    Episodes,
+    Facts,
+    Graphic,
+    Notice,
+    Paragraph,
+    Report,
+    Rows,
+    Section,
+)
+
+MOST_ROWS = 8  # of a table of calibration, before it is folded
+
+
+def build(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> Report:
+    """The report of a folder's episodes; `run` is what the runner wrote down."""
+    arms = arms_of(records)
+    title, lead = header.title(records, arms)
+    sections = [
+        header.section(records, arms, run),
+        _glance(arms),
+        ours.metrics_section(arms),
+        ours.paired_section(arms),
+        published.section(arms),
+        failures.causes_section(arms),
+        timing.section(arms),
+        _calibration(records),
+        failures.gallery_section(folder, arms),
+        _episodes(arms),
+        _definitions(arms),
+    ]
+    return Report(title, lead, tuple(sections))
+
+
+def _glance(arms: Sequence[Arm]) -> Section:
+    blocks: list[Block] = list(ours.overview(arms))
+    relations = published.relations(arms)
+    blocks.append(relations or Paragraph("No two agents were run that the paper relates."))
+    return Section("glance", "At a glance", tuple(blocks))
+
+
+def _calibration(records: Sequence[EpisodeRecord]) -> Section:
+    """Whether the scores of the object map mean what they say."""
+    with_beliefs = [r for r in records if r.beliefs]
+    blocks: list[Block] = []
+    for figure in calibration.figures(with_beliefs) if with_beliefs else []:
+        blocks.append(Graphic(figure.caption, png=figure.png, title=figure.title))
+        if figure.table:
+            columns = list(figure.table[0])
+            rows = Rows()
+            for line in figure.table:
+                rows.add([_shown(line.get(c, "")) for c in columns])
+            words = [c for c in columns if isinstance(figure.table[0][c], str)]
+            names = [c.replace("_", " ") for c in columns]
+            words = [w.replace("_", " ") for w in words]
+            table = rows.table("The numbers", names, words=words)
+            blocks.append(replace(table, folded=len(rows.rows) > MOST_ROWS))
+    if not blocks:
+        why = "too few" if with_beliefs else "none"
+        blocks = [
+            Paragraph(f"The episodes hold {why} of the object map's beliefs: {text.NOT_RUN}.")
+        ]
+    return Section("calibration", "Do the scores of the object map mean anything?", tuple(blocks))
+
+
+def _shown(value: object) -> str:
+    if value is None:
+        return text.NONE
+    return text.number(value, 3) if isinstance(value, float) else str(value)
+
+
+def _episodes(arms: Sequence[Arm]) -> Section:
+    names = ("seed", "agent", "ended", "instruction", "FindObj", "Pick", "FindRec", "Place", "SR",
+             "steps", "collisions", "picks", "s", "the agent said")  # fmt: skip
+    words = {"agent", "ended", "instruction", "the agent said"}
+    columns = tuple(Column(n, n not in words) for n in names)
+    rows = []
+    for arm in arms:
+        for r in arm.records:
+            met = (r.find_object, r.pick, r.find_receptacle, r.place, r.success)
+            rows.append((
+                str(r.seed), arm.label, r.cause or "success", r.instruction,
+                *("✓" if m else "" for m in met), str(r.steps), str(r.collisions), str(r.picks),
+                f"{r.wall_s:.0f}", r.message,
+            ))  # fmt: skip
+    return Section("episodes", "All episodes", (Episodes(columns, tuple(rows), (1, 2)),))
+
+
+def _definitions(arms: Sequence[Arm]) -> Section:
+    names = dict.fromkeys(n for b in ours.benchmarks_of(arms) for n in NAMES[b])
+    facts = [(n.replace("_", " "), METRICS[n].meaning) for n in names]
+    facts += [
+        ("± ", "standard error of the mean over the episodes"),
+        ("Wilson interval", "95 % score interval of a share"),
+        ("difference, ratio", "of the same homes; percentile bootstrap over episodes, 10,000 "
+         "draws, fixed seed"),
+        ("p", "exact: McNemar's test for what is so or not, else the sign test; two-sided"),
+    ]  # fmt: skip
+    return Section("definitions", "What the words mean", (
+        Facts(tuple(facts)),
+        Notice("All metrics are judged by the simulator's truth, never by what the agent says."),
+    ))  # fmt: skip

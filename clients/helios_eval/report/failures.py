@@ -1,0 +1,170 @@
+"""Why episodes failed: counts of the closed list, collisions, and pictures."""
+
+from __future__ import annotations
+
+import shlex
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from helios_eval import keepsake
+from helios_eval.record import EpisodeRecord
+from helios_eval.report import maps, plots, style, text
+from helios_eval.report.arms import Arm
+from helios_eval.report.metrics import shares_of_causes, values
+from helios_eval.report.model import (
+    Block,
+    Cell,
+    Gallery,
+    Paragraph,
+    Picture,
+    Rows,
+    Section,
+    Table,
+)
+from helios_eval.report.ours import benchmarks_of
+from helios_eval.report.stats import mean_sem, wilson
+
+MOST_PICTURES = 12  # per agent
+MOST_BODIES = 3
+
+
+def causes_section(arms: Sequence[Arm]) -> Section:
+    """Stacked bars and the table of causes."""
+    blocks: list[Block] = []
+    for benchmark in benchmarks_of(arms):
+        mine = [a for a in arms if a.benchmark == benchmark]
+        shown = mine[: plots.MOST_ARMS]
+        counts = [shares_of_causes(a.records) for a in shown]
+        blocks.append(plots.causes([a.label for a in shown], counts))
+        blocks.append(_table_of_causes(mine))
+        hits = [sum(r.collisions > 0 for r in a.records) for a in shown]
+        blocks.append(
+            plots.effort(
+                [a.label for a in shown],
+                [list(values(a.records, "steps")) for a in shown],
+                [wilson(hit, len(a.records)) for a, hit in zip(shown, hits, strict=True)],
+            )
+        )
+        blocks.append(_table_of_collisions(mine))
+    return Section("failures", "Why episodes failed", tuple(blocks))
+
+
+def _table_of_causes(arms: Sequence[Arm]) -> Table:
+    counts = [shares_of_causes(a.records) for a in arms]
+    found = {c for row in counts for c in row if c}
+    named = [c for c in style.CAUSES if c in found] + sorted(found.difference(style.CAUSES))
+    rows = Rows()
+    for arm, row in zip(arms, counts, strict=True):
+        n = len(arm.records)
+        cells = [_count(row.get(cause, 0), n) for cause in ["", *named]]
+        rows.add([arm.label, str(n), *cells])
+    return rows.table(
+        "Causes of failure",
+        ["agent", "n", style.SUCCESS, *named],
+        "Episodes, and below it their share. Judged by the simulator's truth; a cause of the "
+        "closed list that is not here did not occur.",
+    )
+
+
+def _count(count: int, n: int) -> Cell:
+    if count == 0:
+        return Cell("0", "", "muted")
+    return Cell(str(count), f"{text.number(100 * count / n, 1)} %")
+
+
+def _table_of_collisions(arms: Sequence[Arm]) -> Table:
+    rows = Rows()
+    for arm in arms:
+        bodies = Counter(body for r in arm.records for body in r.collided_with)
+        often = ", ".join(f"{name} ({n})" for name, n in bodies.most_common(MOST_BODIES))
+        hit = sum(r.collisions > 0 for r in arm.records)
+        rows.add([
+            arm.label,
+            text.mean("steps", mean_sem(values(arm.records, "steps"))),
+            text.number(sum(r.path_m for r in arm.records) / len(arm.records), 1),
+            text.number(sum(r.picks for r in arm.records) / len(arm.records), 2),
+            text.mean("collisions", mean_sem(values(arm.records, "collisions"))),
+            _count(hit, len(arm.records)),
+            often or text.NONE,
+        ])  # fmt: skip
+    return rows.table(
+        "Steps and collisions",
+        ["agent", "steps", "path (m)", "picks tried", "collisions", "episodes with one",
+         "touched most often"],
+        "Means over the episodes.",
+        words=["touched most often"],
+    )  # fmt: skip
+
+
+def gallery_section(folder: Path, arms: Sequence[Arm]) -> Section:
+    """A map of each failed episode that was kept, at most 12 per agent, spread over the causes."""
+    kept = [keepsake.load(path) for path in keepsake.all_of(folder)]
+    by_run = {(k.agent, k.semantics, k.preset, k.seed): k for k in kept}
+    galleries: list[Block] = []
+    for arm in arms:
+        failed = [(r, by_run.get((r.agent, r.semantics, r.preset, r.seed))) for r in arm.records]
+        pairs = [
+            (r, k) for r, k in failed if k and r.cause == k.cause and r.instruction == k.instruction
+        ]
+        if not pairs:
+            continue
+        chosen = _spread(pairs)
+        pictures = tuple(_picture(r, k) for r, k in chosen)
+        n_failed = sum(bool(r.cause) for r in arm.records)
+        caption = f"{len(pictures)} of {text.plural(n_failed, 'failure')}, spread over the causes."
+        galleries.append(Gallery(arm.label, pictures, caption))
+    if not galleries:
+        why = "No picture of a failed episode was kept, or none failed."
+        return Section("pictures", "Failed episodes", (Paragraph(why),))
+    intro = Paragraph(
+        "Each map is what the robot knew at the end: free floor white, what stands in the way "
+        "dark, unknown grey. Blue: where the robot drove; green: the truth that was asked for; "
+        "orange: what the object map believed. The command plays the episode again."
+    )
+    return Section("pictures", "Failed episodes", (intro, *galleries))
+
+
+Kept = tuple[EpisodeRecord, keepsake.Keepsake]
+
+
+def _spread(pairs: Sequence[Kept]) -> list[Kept]:
+    """One of each cause in turn, until there are enough; then by cause and seed."""
+    by_cause: dict[str, list[Kept]] = {}
+    for pair in pairs:
+        by_cause.setdefault(pair[0].cause, []).append(pair)
+    ranks = {id(p): i for group in by_cause.values() for i, p in enumerate(group)}
+    chosen = sorted(pairs, key=lambda p: ranks[id(p)])[:MOST_PICTURES]
+    return sorted(chosen, key=lambda p: (p[0].cause, p[0].seed))
+
+
+def _picture(record: EpisodeRecord, kept: keepsake.Keepsake) -> Picture:
+    return Picture(
+        title=f"seed {record.seed}",
+        cause=record.cause,
+        instruction=record.instruction,
+        message=record.message,
+        png=maps.draw(kept),
+        jpeg=kept.camera_jpeg,
+        command=replay(record),
+    )
+
+
+def replay(record: EpisodeRecord) -> str:
+    """The command that plays one episode again."""
+    settings = dict(record.settings)
+    words = ["helios", "eval", record.benchmark, "--agents", record.agent]
+    words += ["--preset", record.preset, "--semantics", record.semantics]
+    words += ["--episodes", "1", "--seed0", str(record.seed)]
+    if record.noise is not None and record.noise.table != record.preset:
+        words += ["--noise", record.noise.table]
+    if record.noise is not None and record.noise.level != 1:
+        words += ["--noise-level", f"{record.noise.level:g}"]
+    if record.noise is not None and record.noise.correlation is not None:
+        words += ["--noise-correlation", f"{record.noise.correlation:g}"]
+    for name in ("max_steps", "sensor"):  # settings with a flag of their own
+        if name in settings:
+            words += [f"--{name.replace('_', '-')}", str(settings.pop(name))]
+    for key, setting in settings.items():
+        words += ["--set", f"{key}={setting}"]
+    return shlex.join([*words, "--out", "runs/again"])

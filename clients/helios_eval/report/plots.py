@@ -1,0 +1,227 @@
+"""Drawings of the report as SVG. Text stays text; colours follow the page."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Mapping, Sequence
+from contextlib import contextmanager
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from helios_eval.report import style, text
+from helios_eval.report.model import Graphic
+from helios_eval.report.stats import Interval
+
+WIDTH_IN = 9.6
+MOST_ARMS = len(style.SERIES)  # in one drawing; the tables have all
+
+
+@contextmanager
+def _look():
+    with mpl.rc_context({
+        "svg.fonttype": "none", "svg.hashsalt": "helios", "font.family": "sans-serif",
+        "font.size": 10.5, "text.parse_math": False, "axes.edgecolor": style.LINE.light,
+        "axes.labelcolor": style.MUTED.light, "text.color": style.INK.light,
+        "xtick.color": style.MUTED.light, "ytick.color": style.MUTED.light,
+        "xtick.labelcolor": style.MUTED.light, "ytick.labelcolor": style.INK.light,
+        "axes.spines.top": False, "axes.spines.right": False, "axes.spines.left": False,
+        "grid.color": style.LINE.light, "grid.linewidth": 0.8, "axes.axisbelow": True,
+        "legend.frameon": False,
+    }):  # fmt: skip
+        yield
+
+
+def _axes(height_in: float) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
+    axes = figure.add_subplot()
+    axes.tick_params(length=0)
+    return figure, axes
+
+
+def _svg(figure: Figure) -> str:
+    out = io.StringIO()
+    figure.savefig(out, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+    svg = out.getvalue()
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
+    svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
+    svg = re.sub(r"font: ([\d.]+px) 'sans-serif'", r"font: \1 var(--sans)", svg)
+    return style.with_variables(svg)
+
+
+def dots(
+    agents: Sequence[str], metrics: Sequence[str], points: Sequence[Sequence[Interval]], title: str
+) -> Graphic:
+    """Shares with intervals: `points[agent][metric]`, 0 to 1. A panel for each metric."""
+    with _look():
+        n = len(agents)
+        figure = Figure(figsize=(WIDTH_IN, 0.85 + 0.42 * n), layout="constrained")
+        all_axes = np.atleast_1d(figure.subplots(1, len(metrics), sharex=True, sharey=True))
+        for k, (axes, metric) in enumerate(zip(all_axes, metrics, strict=True)):
+            axes.tick_params(length=0)
+            for y, row in enumerate(points):
+                p, colour = row[k], style.SERIES[y % len(style.SERIES)].light
+                axes.hlines(y, 100 * p.low, 100 * p.high, color=colour, linewidth=3, alpha=0.5)
+                axes.plot(100 * p.value, y, "o", color=colour, markersize=6.5)
+                axes.annotate(f"{100 * p.value:.1f}", (100 * p.value, y), xytext=(0, 7),
+                              textcoords="offset points", ha="center", fontsize=8.5,
+                              color=style.MUTED.light)  # fmt: skip
+            axes.set_title(metric, fontsize=12, loc="left", color=style.INK.light)
+            axes.set_xlim(-4, 104)
+            axes.set_xticks([0, 50, 100], ["0", "50", "100"])
+            axes.grid(axis="x")
+        all_axes[0].set_yticks(range(n), agents)
+        all_axes[0].set_ylim(n - 0.45, -0.7)
+        return Graphic(
+            f"{title}: percent of the episodes, with 95 % Wilson intervals.", _svg(figure)
+        )
+
+
+def forest(rows: Sequence[tuple[str, str, Interval]]) -> Graphic:
+    """Differences in percent points with their intervals: (metric, who, interval)."""
+    with _look():
+        figure, axes = _axes(0.7 + 0.34 * len(rows))
+        for y, (_, _, d) in enumerate(rows):
+            sure = d.low > 0 or d.high < 0
+            colour = style.SERIES[0 if sure else 7].light
+            axes.hlines(y, 100 * d.low, 100 * d.high, color=colour, linewidth=3, alpha=0.5)
+            axes.plot(100 * d.value, y, "o", color=colour, markersize=7.5)
+            label = f"{text.signed(100 * d.value, 1)}  " + text.bounds(
+                100 * d.low, 100 * d.high, 1, plus=True
+            )
+            axes.text(1.015, y, label, va="center", fontsize=9.5, color=style.MUTED.light,
+                      transform=axes.get_yaxis_transform())  # fmt: skip
+        axes.axvline(0, color=style.INK.light, linewidth=1)
+        axes.set_yticks(range(len(rows)), [f"{metric}: {who}" for metric, who, _ in rows])
+        axes.set_ylim(len(rows) - 0.5, -0.5)
+        axes.set_xlabel("percent points; right of 0: the first is better", fontsize=9.5)
+        axes.grid(axis="x")
+        return Graphic(
+            "Paired differences with 95 % intervals; grey where the interval holds 0.",
+            _svg(figure),
+        )
+
+
+def causes(agents: Sequence[str], counts: Sequence[Mapping[str, int]]) -> Graphic:
+    """How the episodes ended: one stacked bar per agent, success first."""
+    order = ["", *style.CAUSES]
+    order += sorted({c for row in counts for c in row} - set(order))
+    with _look():
+        figure, axes = _axes(1.15 + 0.5 * len(agents))
+        left = np.zeros(len(agents))
+        totals = np.array([sum(row.values()) for row in counts], dtype=np.float64)
+        for cause in order:
+            widths = np.array([row.get(cause, 0) for row in counts]) / totals * 100
+            if not widths.any():
+                continue
+            colour = style.of_cause(cause)
+            axes.barh(range(len(agents)), widths, left=left, height=0.66, color=colour.light,
+                      edgecolor=style.PAPER.light, linewidth=1.2,
+                      label=cause or style.SUCCESS)  # fmt: skip
+            for y, (start, width) in enumerate(zip(left, widths, strict=True)):
+                if width >= 4:
+                    axes.text(
+                        start + width / 2,
+                        y,
+                        f"{width:.0f}",
+                        ha="center",
+                        va="center",
+                        fontsize=9.5,
+                        color=_on(colour),
+                    )
+            left += widths  # fmt: skip
+        axes.set_yticks(range(len(agents)), agents)
+        axes.set_ylim(len(agents) - 0.5, -0.5)
+        axes.set_xlim(0, 100)
+        axes.set_xticks(range(0, 101, 20), [f"{v} %" for v in range(0, 101, 20)])
+        figure.legend(loc="outside upper left", ncols=4, fontsize=9.5, handlelength=1.1)
+        return Graphic("How the episodes ended, in percent of each agent's.", _svg(figure))
+
+
+def effort(
+    agents: Sequence[str], steps: Sequence[Sequence[float]], hits: Sequence[Interval]
+) -> Graphic:
+    """Per agent: the steps of its episodes, and the share of episodes with a collision."""
+    n = len(agents)
+    colours = [style.SERIES[i % len(style.SERIES)].light for i in range(n)]
+    with _look():
+        figure = Figure(figsize=(WIDTH_IN, 0.9 + 0.42 * n), layout="constrained")
+        left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
+        line = {"color": style.MUTED.light, "linewidth": 1.2}
+        drawn = left.boxplot(
+            [list(s) for s in steps],
+            positions=range(n),
+            orientation="horizontal",
+            widths=0.55,
+            patch_artist=True,
+            showmeans=True,
+            whiskerprops=line,
+            capprops=line,
+            boxprops={"linewidth": 0},
+            medianprops={"color": style.PAPER.light, "linewidth": 2.2},
+            meanprops={"marker": "D", "markerfacecolor": style.PAPER.light, "markersize": 5,
+                       "markeredgecolor": style.INK.light},
+            flierprops={"marker": ".", "markersize": 4, "markeredgewidth": 0,
+                        "markerfacecolor": style.MUTED.light},
+        )  # fmt: skip
+        for box, colour in zip(drawn["boxes"], colours, strict=True):
+            box.set_facecolor(colour)
+        for y, (hit, colour) in enumerate(zip(hits, colours, strict=True)):
+            right.hlines(y, 100 * hit.low, 100 * hit.high, color=colour, linewidth=3, alpha=0.5)
+            right.plot(100 * hit.value, y, "o", color=colour, markersize=7)
+            right.annotate(f"{100 * hit.value:.1f}", (100 * hit.high, y), xytext=(5, 0),
+                           textcoords="offset points", va="center", fontsize=8.5,
+                           color=style.MUTED.light)  # fmt: skip
+        for axes, title in ((left, "steps"), (right, "episodes with a collision (%)")):
+            axes.tick_params(length=0)
+            axes.set_title(title, fontsize=11, loc="left", color=style.INK.light)
+            axes.set_xlim(left=0)
+            axes.grid(axis="x")
+        left.set_yticks(range(n), agents)
+        left.set_ylim(n - 0.5, -0.5)
+        return Graphic(
+            "Steps: quartiles over the episodes, diamond: mean, whiskers to 1.5 times the box. "
+            "Collisions: 95 % Wilson interval.",
+            _svg(figure),
+        )
+
+
+def stages(agents: Sequence[str], names: Sequence[str], ms: Sequence[Sequence[float]]) -> Graphic:
+    """Milliseconds a step, one bar per agent: `ms[agent][stage]`, the longest stage first; NaN
+    where an agent has no such stage. Those beyond the colours are added up as "others"."""
+    table = np.nan_to_num(np.array(ms, dtype=np.float64))
+    if len(names) > len(style.SERIES):
+        keep = len(style.SERIES) - 1
+        table = np.column_stack([table[:, :keep], table[:, keep:].sum(axis=1)])
+        names = [*names[:keep], "others"]
+    with _look():
+        figure, axes = _axes(1.2 + 0.46 * len(agents))
+        left = np.zeros(len(agents))
+        for i, name in enumerate(names):
+            colour = style.SERIES[i]
+            axes.barh(range(len(agents)), table[:, i], left=left, height=0.66, color=colour.light,
+                      edgecolor=style.PAPER.light, linewidth=1.2, label=name)  # fmt: skip
+            for y, (start, width) in enumerate(zip(left, table[:, i], strict=True)):
+                if width >= 0.05 * table.sum(axis=1).max():
+                    axes.text(start + width / 2, y, f"{width:.0f}", ha="center", va="center",
+                              fontsize=9.5, color=_on(colour))  # fmt: skip
+            left += table[:, i]
+        axes.set_yticks(range(len(agents)), agents)
+        axes.set_ylim(len(agents) - 0.5, -0.5)
+        axes.set_xlabel("ms a step", fontsize=9.5)
+        axes.grid(axis="x")
+        figure.legend(loc="outside upper left", ncols=4, fontsize=9.5, handlelength=1.1)
+        return Graphic(
+            "Where the time of a step goes: medians over the episodes, one after another.",
+            _svg(figure),
+        )
+
+
+def _on(colour: style.Colour) -> str:
+    """What is read best on it; not quite white and black, which follow the page."""
+    return "#fffffe" if style.is_dark(colour) else "#000001"

@@ -1,0 +1,142 @@
+"""The paper's tables with our figures beside the published ones, and the relations of both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from helios_eval.report import paper, text
+from helios_eval.report.arms import Arm, in_common, plain_arm, swept_arm
+from helios_eval.report.metrics import values
+from helios_eval.report.model import Block, Cell, Paragraph, Rows, Section, Table
+from helios_eval.report.stats import mean_sem, paired_ratio
+
+TAG = "another simulator"
+
+
+def relations(arms: Sequence[Arm]) -> Table | None:
+    """Ratios that the paper claims, with ours. None where none of the agents was run."""
+    rows = Rows()
+    for r in paper.RELATIONS:
+        top, bottom = (plain_arm(arms, r.benchmark, *who) for who in (r.top, r.bottom))
+        if top is None or bottom is None:
+            continue
+        mine, theirs = in_common(top, bottom)
+        if not mine:
+            continue
+        ratio = paired_ratio(values(mine, r.metric), values(theirs, r.metric))
+        ours = (
+            Cell(text.NONE, "nothing to divide by")
+            if math.isnan(ratio.value)
+            else Cell(text.number(ratio.value, 2), text.bounds(ratio.low, ratio.high, 2), "strong")
+        )
+        inside = ratio.low <= r.published <= ratio.high
+        verdict = (
+            "the paper's lies in our interval"
+            if inside
+            else ("ours is larger" if ratio.low > r.published else "ours is smaller")
+        )
+        if math.isnan(ratio.value):
+            verdict = text.NONE
+        rows.add([f"{r.metric}: {r.claim}", Cell(text.number(r.published, 2), r.where), ours,
+                  str(len(mine)), verdict])  # fmt: skip
+    if not rows.rows:
+        return None
+    return rows.table(
+        "Relations: the paper's and ours",
+        ["ratio of", "paper", "here", "n", "so"],
+        "Ratio of the means over the same homes, with the 95 % interval of a paired bootstrap. "
+        "Ratios may be held against the paper's, absolute figures may not.",
+        TAG,
+        words=["so"],
+    )
+
+
+def section(arms: Sequence[Arm]) -> Section:
+    """All of the paper's tables that the folder says something about, and which are missing."""
+    benchmarks = {a.benchmark for a in arms}
+    blocks: list[Block] = [
+        Paragraph(
+            "Below each figure of this run stands the published one. The paper drove a robot in "
+            "Habitat with scanned or modelled homes and the detector DETIC; here it is a simulator "
+            "and a detector of this project. Percent, mean ± standard error."
+        )
+    ]
+    missing: list[str] = []
+    for table in (paper.TABLE_1, paper.TABLE_2, paper.TABLE_4, paper.TABLE_5, *paper.SWEEPS):
+        found = {id(row): _ours(arms, table, row) for row in table.rows}
+        always = table.number in (1, 2, 4) and table.benchmark in benchmarks
+        telling = table.number < 5 or any(
+            found[id(row)] for row in table.rows if row.agent == "helios-5050" or _changed(row)
+        )
+        if always or (telling and any(found.values())):
+            blocks.append(_table(table, found))
+        else:
+            missing.append(str(table.number))
+    if missing:
+        blocks.append(Paragraph(f"{text.NOT_RUN.capitalize()}: Table {_listed(missing)}."))
+    return Section("paper", "Beside the paper", tuple(blocks))
+
+
+def _listed(items: Sequence[str]) -> str:
+    return " and ".join(filter(None, [", ".join(items[:-1]), items[-1]]))
+
+
+def _changed(row: paper.Row) -> bool:
+    return row.setting is not None and paper.DEFAULTS[row.setting[0]] != row.setting[1]
+
+
+def _ours(arms: Sequence[Arm], table: paper.Table, row: paper.Row) -> Arm | None:
+    if not row.agent:
+        return None
+    base = plain_arm(arms, table.benchmark, row.agent, row.semantics)
+    if base is None or row.setting is None:
+        return base
+    swept = swept_arm(arms, base, *row.setting)
+    return swept if swept is not None or _changed(row) else base
+
+
+def _table(table: paper.Table, found: dict[int, Arm | None]) -> Table:
+    rows = Rows()
+    for row in table.rows:
+        arm = found[id(row)]
+        name = Cell(row.name, row.agent if arm else "")
+        n = str(len(arm.records)) if arm else ("" if row.agent else text.NONE)
+        cells = [_cell(table, row, metric, arm) for metric in table.metrics]
+        rows.add([name, *cells, n], row.group)
+    return rows.table(
+        f"Table {table.number}: {table.title}",
+        ["method", *table.metrics, "n"],
+        _under(filter(None, found.values())),
+        TAG,
+    )
+
+
+def _cell(table: paper.Table, row: paper.Row, metric: str, arm: Arm | None) -> Cell:
+    figure = row.figures.get(metric)
+    note = f"paper {figure}" if figure else f"paper {text.NONE}"
+    if not row.agent:  # not ours to run
+        return Cell(note if figure else text.NONE, "", "muted")
+    if arm is None:
+        return Cell(text.NOT_RUN, note, "muted")
+    ours = mean_sem(values(arm.records, metric, row.picks))
+    return Cell(text.mean(metric, ours), note, "strong")
+
+
+def _under(arms: Iterable[Arm]) -> str:
+    """Which noise our figures stand under, where it is not the preset's own."""
+    noises = list(dict.fromkeys(a.noise for a in arms if a.noise is not None))
+    odd = [n for n in noises if n.level != 1 or n.correlation is not None]
+    if not odd:
+        return ""
+    return (
+        "Ours under "
+        + "; ".join(
+            sorted(
+                f"noise level {n.level:g}"
+                + ("" if n.correlation is None else f", correlation {n.correlation:g}")
+                for n in odd
+            )
+        )
+        + "."
+    )

@@ -1,0 +1,36 @@
+"""The report as one HTML file that asks no other host for anything."""
+
+from __future__ import annotations
+
+import base64
+from importlib import resources
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from helios_eval.report import style
+from helios_eval.report.model import Report
+
+
+def html_of(report: Report) -> str:
+    """The page; everything that came from outside is escaped by the template."""
+    environment = Environment(
+        loader=PackageLoader("helios_eval.report", "page"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    environment.filters |= {
+        "kind": lambda block: type(block).__name__,
+        "base64": lambda data: base64.b64encode(data).decode("ascii"),
+        "cause_colour": lambda cause: style.of_cause(cause).name,
+    }
+    page = resources.files("helios_eval.report") / "page"
+    return environment.get_template("report.html.j2").render(
+        report=report,
+        light=Markup(style.css_variables(dark=False)),
+        dark=Markup(style.css_variables(dark=True)),
+        css=Markup((page / "report.css").read_text(encoding="utf-8")),
+        script=Markup((page / "report.js").read_text(encoding="utf-8")),
+    )

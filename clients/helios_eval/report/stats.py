@@ -1,0 +1,131 @@
+"""The statistics of the report: numbers in, intervals out. Pure; random draws come from a seed.
+
+Pairs are the same seeds run by two agents, so that easy and hard homes cancel out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from helios_core.errors import InvalidInput
+from numpy.typing import NDArray
+
+Z_95 = 1.959963984540054
+DRAWS = 10_000
+SEED = 20260
+
+Values = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Mean:
+    """Mean and standard error of the mean; `sem` is NaN for a single value."""
+
+    mean: float
+    sem: float
+    n: int
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value with its interval of 95 %; a bound without meaning is NaN."""
+
+    value: float
+    low: float
+    high: float
+
+
+def mean_sem(values: Values) -> Mean:
+    """Mean of [n] values with its standard error (ddof 1). Raises InvalidInput without values."""
+    x = np.asarray(values, dtype=np.float64)
+    if x.size == 0:
+        raise InvalidInput("no values came; a mean wants at least one")
+    sem = float(x.std(ddof=1) / math.sqrt(x.size)) if x.size > 1 else math.nan
+    return Mean(float(x.mean()), sem, int(x.size))
+
+
+def wilson(successes: int, n: int, z: float = Z_95) -> Interval:
+    """Score interval of a proportion (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
+    if not 0 <= successes <= n or n == 0:
+        raise InvalidInput(f"{successes} successes of {n} came; wanted 0 <= successes <= n, n > 0")
+    p = successes / n
+    grown = 1 + z * z / n
+    middle = (p + z * z / (2 * n)) / grown
+    half = z / grown * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    low = 0.0 if successes == 0 else middle - half  # exact there, but for rounding
+    high = 1.0 if successes == n else middle + half
+    return Interval(p, low, high)
+
+
+def _resampled_sums(columns: Values, draws: int, seed: int) -> Values:
+    """Sums of the columns [n, k] over episodes drawn with replacement: [draws, k]."""
+    n = len(columns)
+    rng = np.random.default_rng(seed)
+    out = np.empty((draws, columns.shape[1]))
+    step = max(1, 2_000_000 // n)  # bounded memory
+    for begin in range(0, draws, step):
+        rows = rng.integers(0, n, size=(min(step, draws - begin), n))
+        out[begin : begin + len(rows)] = columns[rows].sum(axis=1)
+    return out
+
+
+def paired_difference(
+    first: Values, second: Values, draws: int = DRAWS, seed: int = SEED
+) -> Interval:
+    """Mean of first - second over the same episodes [n]; percentile bootstrap over episodes.
+
+    Where no episode differs, the interval has no width: it says nothing about rare differences.
+    """
+    a, b = _pair(first, second)
+    difference = (a - b)[:, None]
+    means = _resampled_sums(difference, draws, seed)[:, 0] / len(a)
+    low, high = np.quantile(means, [0.025, 0.975])
+    return Interval(float(difference.mean()), float(low), float(high))
+
+
+def paired_ratio(first: Values, second: Values, draws: int = DRAWS, seed: int = SEED) -> Interval:
+    """Mean of first over mean of second, the same episodes [n]; percentile bootstrap.
+
+    A draw that divides by zero counts as infinite, so that a bound may be infinite; 0/0 is left
+    out. All NaN where the ratio itself is 0/0.
+    """
+    a, b = _pair(first, second)
+    sums = _resampled_sums(np.stack([a, b], axis=1), draws, seed)
+    top, bottom = np.append(sums[:, 0], a.sum()), np.append(sums[:, 1], b.sum())
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = top / bottom
+    value, drawn = float(ratios[-1]), ratios[:-1]
+    drawn = drawn[~np.isnan(drawn)]
+    if math.isnan(value) or drawn.size == 0:
+        return Interval(math.nan, math.nan, math.nan)
+    low, high = np.quantile(drawn, [0.025, 0.975], method="inverted_cdf")
+    return Interval(value, float(low), float(high))
+
+
+def sign_test(first: Values, second: Values) -> float:
+    """Two-sided exact p that neither of two paired samples [n] tends to be larger.
+
+    Pairs that are equal say nothing. For binary values this is McNemar's exact test.
+    """
+    a, b = _pair(first, second)
+    more, less = int((a > b).sum()), int((a < b).sum())
+    n = more + less
+    tail = sum(math.comb(n, k) for k in range(min(more, less) + 1))
+    return min(1.0, 2 * tail / 2**n)
+
+
+def discordant(first: Values, second: Values) -> tuple[int, int]:
+    """Number of episodes in which the first, and in which the second, is larger."""
+    a, b = _pair(first, second)
+    return int((a > b).sum()), int((a < b).sum())
+
+
+def _pair(first: Values, second: Values) -> tuple[Values, Values]:
+    a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
+    if a.shape != b.shape or a.ndim != 1 or a.size == 0:
+        raise InvalidInput(
+            f"values of shape {a.shape} and {b.shape} came; a pair wants two rows of one length"
+        )
+    return a, b

@@ -1,0 +1,93 @@
+"""Colours of the report, safe for colour-blind readers (Okabe and Ito; Tol's "muted").
+
+Drawings are made in the light colours; in the page each becomes a CSS variable, so that the same
+drawing is right in the dark and on paper.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+CAUSES = (
+    "object not found",
+    "receptacle not found",
+    "wrong object believed",
+    "pick failed",
+    "collision",
+    "place missed",
+    "object rolled off",
+    "stuck",
+    "step budget",
+    "system error",
+)  # the closed list; `helios_planner.task.Cause`
+SUCCESS = "success"
+
+
+@dataclass(frozen=True)
+class Colour:
+    name: str  # of the CSS variable
+    light: str
+    dark: str
+
+
+INK = Colour("ink", "#1c2430", "#e7ebf0")
+MUTED = Colour("muted", "#5d6875", "#9aa6b3")
+LINE = Colour("line", "#d9dee5", "#343d49")
+PAPER = Colour("paper", "#ffffff", "#151a21")
+
+_CAUSE_COLOURS: dict[str, Colour] = dict(
+    zip(
+        (SUCCESS, *CAUSES),
+        (
+            Colour("c-success", "#117734", "#3fae66"),
+            Colour("c-object", "#88ccee", "#88ccef"),
+            Colour("c-receptacle", "#44aa99", "#45ab9a"),
+            Colour("c-wrong", "#ddcc77", "#decd78"),
+            Colour("c-pick", "#999933", "#a5a53d"),
+            Colour("c-collision", "#cc6677", "#d9778a"),
+            Colour("c-place", "#aa4499", "#c565b5"),
+            Colour("c-rolled", "#882255", "#a83a70"),
+            Colour("c-stuck", "#8a8f98", "#8b9099"),
+            Colour("c-budget", "#332288", "#6a5fd0"),
+            Colour("c-system", "#222831", "#f2f4f7"),
+        ),
+        strict=True,
+    )
+)
+_OTHER = Colour("c-other", "#b9bec6", "#6c7480")
+
+SERIES = (
+    Colour("s-0", "#0072b2", "#4da6e0"),
+    Colour("s-1", "#d55e00", "#f08a3c"),
+    Colour("s-2", "#009e73", "#2fc79b"),
+    Colour("s-3", "#cc79a7", "#dd93bd"),
+    Colour("s-4", "#7a6a00", "#d8c545"),
+    Colour("s-5", "#56b4e9", "#86cdf5"),
+    Colour("s-6", "#4b3a8f", "#9c8be0"),
+    Colour("s-7", "#6b6f76", "#a3a8b0"),
+)
+
+ALL = (INK, MUTED, LINE, PAPER, *_CAUSE_COLOURS.values(), _OTHER, *SERIES)
+
+
+def of_cause(cause: str) -> Colour:
+    """The colour of a cause; "" is success."""
+    return _CAUSE_COLOURS.get(cause or SUCCESS, _OTHER)
+
+
+def is_dark(colour: Colour) -> bool:
+    """Whether white text is read better on it than black."""
+    r, g, b = (int(colour.light[i : i + 2], 16) for i in (1, 3, 5))
+    return 0.299 * r + 0.587 * g + 0.114 * b < 140
+
+
+def with_variables(svg: str) -> str:
+    """The drawing with each known colour as a CSS variable."""
+    for colour in ALL:
+        svg = svg.replace(colour.light, f"var(--{colour.name})")
+    return svg
+
+
+def css_variables(dark: bool) -> str:
+    """Their declarations."""
+    return "".join(f"--{c.name}:{c.dark if dark else c.light};" for c in ALL)
