@@ -131,6 +131,10 @@ class House:
         """The 2D map as it is now."""
         return decode_snapshot(self._bus.call(SNAPSHOT, pb.SnapshotRequest(layers=False), CALL_S))
 
+    def bus(self) -> MemoryBus:
+        """A bus into this house, for somebody who listens."""
+        return MemoryBus(self._hub)
+
     def stage_ms(self) -> dict[str, float]:
         """Median per stage of the services, milliseconds."""
         return {
