@@ -11,9 +11,9 @@ from collections.abc import Callable, Collection
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from helios_sim.gripper import Graspable, Gripper, Rest
-from helios_sim.render import Painter
 from helios_sim.robot_model import REACH_M
 
 PICK_WITHIN_M = 0.15  # from the asked point to the object's box
@@ -33,18 +33,17 @@ class Manipulation:
         data: mujoco.MjData,
         gripper: Gripper,
         things: Collection[Graspable],
-        painter: Painter,
+        bodies_seen: Callable[[], NDArray[np.int32]],
         step: Callable[[], None],
     ) -> None:
-        """step: advances the physics by one step."""
+        """bodies_seen: body of each pixel now; step: advances the physics by one step."""
         self._data, self._gripper, self._things = data, gripper, things
-        self._painter, self._step = painter, step
+        self._bodies_seen, self._step = bodies_seen, step
 
-    def pick(self, point_world_m: Point) -> Graspable:
-        """Hold what is at the point. Raises CannotDo."""
+    def pick(self, point_world_m: Point, spot: str) -> Graspable:
+        """Hold what is at the point; spot: what it is called. Raises CannotDo."""
         if self._gripper.held:
             raise CannotDo("the gripper already holds something; place it first")
-        spot = _told(point_world_m)
         nearest = min(
             (
                 (t.distance_m(self._data, point_world_m), self._away_m(t, point_world_m), t.name, t)
@@ -57,7 +56,7 @@ class Manipulation:
         thing = nearest[-1]
         if self._gripper.away_m(self._data.xpos[thing.body]) > REACH_M:
             raise CannotDo(f"what is at {spot} is out of reach ({REACH_M} m); drive nearer")
-        if not np.any(self._painter.bodies(self._data) == thing.body):
+        if not np.any(self._bodies_seen() == thing.body):
             raise CannotDo(f"what is at {spot} is not in view; look at it first")
         self._gripper.grasp(thing)
         return thing
@@ -68,10 +67,9 @@ class Manipulation:
             t.name for t in self._things if t.distance_m(self._data, point_world_m) <= PICK_WITHIN_M
         )
 
-    def place(self, point_world_m: Point) -> tuple[Graspable, Rest]:
+    def place(self, point_world_m: Point, spot: str) -> tuple[Graspable, Rest]:
         """Release what is held above the point and wait until it rests. Raises CannotDo."""
         thing = self._gripper.held
-        spot = _told(point_world_m)
         if thing is None:
             raise CannotDo("the gripper is empty; pick something first")
         if self._gripper.away_m(point_world_m) > REACH_M:
@@ -84,7 +82,3 @@ class Manipulation:
 
     def _away_m(self, thing: Graspable, point_world_m: Point) -> float:
         return math.dist(self._data.xpos[thing.body], point_world_m)
-
-
-def _told(point: Point) -> str:
-    return f"({point[0]:.2f}, {point[1]:.2f}, {point[2]:.2f})"

@@ -16,6 +16,7 @@ from helios_sim.render import Painter
 from helios_sim.truth import Segmentation, TruthInstance
 
 REMEMBERED_CAPTURES = 64
+_REMEMBERED_PICTURES = 4
 
 
 class Past:
@@ -27,6 +28,7 @@ class Past:
         """graspable: bodies that can be picked up."""
         self._model, self._painter = model, painter
         self._data = mujoco.MjData(model)
+        self._painted: OrderedDict[bytes, NDArray[np.int32]] = OrderedDict()
         self._taken: OrderedDict[int, tuple[NDArray[np.float64], dict[str, str]]] = OrderedDict()
         names = [model.body(body).name for body in range(model.nbody)]
         known = set(home.body_names())
@@ -55,13 +57,26 @@ class Past:
                 f"{REMEMBERED_CAPTURES}; ask with a frame's own stamp, and sooner"
             )
         qpos, on = self._taken[stamp_ns]
+        ids = self.bodies(qpos)
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_camlight(self._model, self._data)
-        ids = self._painter.bodies(self._data)
         seen = (int(body) for body in np.flatnonzero(np.bincount(ids.ravel())))
         instances = tuple(self._instance(body, on) for body in seen if body in self._instances)
         return Segmentation(stamp_ns, ids, instances)
+
+    def bodies(self, qpos: NDArray[np.float64]) -> NDArray[np.int32]:
+        """Body id of each pixel [h, w] with joints at these positions; painted once. Read-only."""
+        key = qpos.tobytes()
+        if key not in self._painted:
+            self._data.qpos[:] = qpos
+            mujoco.mj_kinematics(self._model, self._data)
+            mujoco.mj_camlight(self._model, self._data)
+            ids = self._painter.bodies(self._data)
+            ids.flags.writeable = False
+            self._painted[key] = ids
+            while len(self._painted) > _REMEMBERED_PICTURES:
+                self._painted.popitem(last=False)
+        return self._painted[key]
 
     def _instance(self, body: int, on: Mapping[str, str]) -> TruthInstance:
         static = self._instances[body]

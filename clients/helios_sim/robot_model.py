@@ -39,7 +39,7 @@ def pinhole() -> Pinhole:
     return Pinhole(f, f, IMAGE_WIDTH / 2 - 0.5, IMAGE_HEIGHT / 2 - 0.5, IMAGE_WIDTH, IMAGE_HEIGHT)
 
 
-def description() -> RobotDescription:
+def description(max_depth_m: float = MAX_DEPTH_M) -> RobotDescription:
     """What the robot tells of itself."""
     return RobotDescription(
         name="simulated robot",
@@ -48,7 +48,7 @@ def description() -> RobotDescription:
         camera=pinhole(),
         camera_height_m=CAMERA_HEIGHT_M,
         reach_m=REACH_M,
-        max_depth_m=MAX_DEPTH_M,
+        max_depth_m=max_depth_m,
         tilt_range_rad=TILT_RANGE_RAD,
         simulated=True,
     )

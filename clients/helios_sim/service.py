@@ -33,6 +33,7 @@ from helios_core.topics import (
 from helios_sim.captures import capture_to_proto
 from helios_sim.episode import episode_of
 from helios_sim.home import PRESETS, generate_home
+from helios_sim.sensor import SENSORS
 from helios_sim.settings import Settings
 from helios_sim.thread import WorldThread
 from helios_sim.truth_messages import episode_to_proto, metrics_to_proto, segmentation_to_proto
@@ -93,14 +94,6 @@ class WorldService:
         return out
 
 
-def _episode(world: World) -> pb.TruthEpisode:
-    return episode_to_proto(world.home, world.episode)
-
-
-def _metrics(world: World) -> pb.TruthMetrics:
-    return metrics_to_proto(world.progress)
-
-
 class HostedWorld:
     """The world's process: makes the world in the background, then serves it."""
 
@@ -113,7 +106,8 @@ class HostedWorld:
         def make() -> World:
             home = generate_home(settings.seed, PRESETS[settings.preset])
             task_seed = settings.seed if settings.task_seed is None else settings.task_seed
-            world = World(home, episode_of(home, task_seed))
+            sensor = SENSORS[settings.sensor]
+            world = World(home, episode_of(home, task_seed), sensor=sensor)
             log.info("home %s, task: %s", home.structure_hash()[:12], world.episode.instruction)
             return world
 

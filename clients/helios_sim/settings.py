@@ -6,6 +6,7 @@ from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field, field_validator
 
 from helios_sim.home import PRESETS
+from helios_sim.sensor import SENSORS
 
 
 class Settings(ServiceSettings):
@@ -16,6 +17,15 @@ class Settings(ServiceSettings):
     seed: int = Field(0, ge=0, description="which home")
     preset: str = Field("demo-v1", description="which kind of home")
     task_seed: int | None = Field(None, ge=0, description="which task in it; default: as the seed")
+
+    sensor: str = Field("none", description="how pictures and poses err: none or realistic")
+
+    @field_validator("sensor")
+    @classmethod
+    def _sensor_known(cls, sensor: str) -> str:
+        if sensor not in SENSORS:
+            raise ValueError(f"no such sensor; choose one of {', '.join(sorted(SENSORS))}")
+        return sensor
 
     @field_validator("preset")
     @classmethod

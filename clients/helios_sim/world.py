@@ -31,6 +31,7 @@ from helios_core.robot import (
 from helios_core.types import RobotDescription, RobotState
 from numpy.typing import NDArray
 
+from helios_sim.drift import Drift, moved
 from helios_sim.episode import Tracker
 from helios_sim.events import Event
 from helios_sim.gripper import Graspable, Gripper
@@ -50,6 +51,7 @@ from helios_sim.robot_model import (
     description,
     pinhole,
 )
+from helios_sim.sensor import SENSORS, SensorRealism, sensed_color, sensed_depth
 from helios_sim.things import things_now
 from helios_sim.truth import Segmentation, TrueThing
 
@@ -70,8 +72,18 @@ class _Outcome:
 class World(RobotDriver):
     """See the module. Also a driver of itself, for use within one thread."""
 
-    def __init__(self, home: Home, episode: Episode | None = None, *, boot_id: str = "") -> None:
-        """episode: the task to measure; None takes no metrics but steps and collisions."""
+    def __init__(
+        self,
+        home: Home,
+        episode: Episode | None = None,
+        *,
+        boot_id: str = "",
+        sensor: SensorRealism = SENSORS["none"],
+    ) -> None:
+        """episode: the task to measure; None takes no metrics but steps and collisions.
+
+        sensor: how pictures and poses err, by the seed of the home.
+        """
         spec = home.spec()
         add_robot(spec)
         camera = pinhole()
@@ -92,7 +104,8 @@ class World(RobotDriver):
         movable = frozenset(self._things)
         self._gripper = Gripper(model, self._data, robot, movable)
         self._base = Base(model, self._data, robot, movable, self._step)
-        self._description = description()
+        self._sensor = sensor
+        self._description = description(min(MAX_DEPTH_M, sensor.max_depth_m))
         episode = episode or Episode("", "", "", "")
         self._tracker = Tracker(home, episode, self._description.footprint_radius_m)
         self._held_as = ""
@@ -108,8 +121,9 @@ class World(RobotDriver):
         self._painter = Painter(model, robot.camera, (camera.width, camera.height), DRAWN_GROUPS)
         self._past = Past(model, self._painter, home, self._things)
         self._manipulation = Manipulation(
-            self._data, self._gripper, self._things.values(), self._painter, self._step
+            self._data, self._gripper, self._things.values(), self._bodies_seen, self._step
         )
+        self._drift = Drift(sensor, home.seed, robot.pose(self._data))
 
     # --- what a driver offers -----------------------------------------------------------------
     def describe(self) -> RobotDescription:
@@ -120,7 +134,7 @@ class World(RobotDriver):
         with self._stop_lock:
             reason = self._stop_reason
         return RobotState(
-            T_world_base=se2_to_se3(*self._robot.pose(self._data)),
+            T_world_base=se2_to_se3(*self._drift.believed),
             tilt_rad=float(self._data.qpos[self._robot.tilt_qpos]),
             held=self._held_as,
             stopped=reason is not None,
@@ -135,13 +149,14 @@ class World(RobotDriver):
         self._last_stamp_ns = stamp_ns
         color, depth_m = self._painter.color_and_depth(self._data, MAX_DEPTH_M)
         self._past.remember(stamp_ns, self._data.qpos, self._on)
+        camera, seed = self._description.camera, self._home.seed
         return Capture(
             stamp_ns=stamp_ns,
-            color=color,
-            depth_m=depth_m,
-            camera=self._description.camera,
-            T_world_cam=camera_pose(self._data, self._robot.camera),
-            T_world_base=se2_to_se3(*self._robot.pose(self._data)),
+            color=sensed_color(color, self._sensor, seed, stamp_ns),
+            depth_m=sensed_depth(depth_m, camera, self._sensor, seed, stamp_ns),
+            camera=camera,
+            T_world_cam=self._drift.T_believed_true @ camera_pose(self._data, self._robot.camera),
+            T_world_base=se2_to_se3(*self._drift.believed),
         )
 
     def act(self, action: Action, action_id: str) -> ActionResult:
@@ -155,7 +170,12 @@ class World(RobotDriver):
             return ActionResult(False, why_not, steps=self.progress.steps)
         outcome = self._do(action)
         self._measure(outcome)
+        before = self._drift.believed
+        self._drift.follow(self._robot.pose(self._data))
         result = replace(outcome.result, collided=bool(outcome.touched), steps=self.progress.steps)
+        if self._sensor.drifts and isinstance(action, Forward | Turn):
+            moved_m, turned_rad = moved(before, self._drift.believed)
+            result = replace(result, moved_m=moved_m, turned_rad=turned_rad)
         self._results[action_id] = result
         while len(self._results) > _REMEMBERED_ACTIONS:
             self._results.popitem(last=False)
@@ -266,11 +286,12 @@ class World(RobotDriver):
         result = ActionResult(drive.arrived, reason, drive.moved_m, turned_rad)
         return _Outcome(result, drive.touched)
 
-    def _pick(self, point: tuple[float, float, float], class_name: str) -> _Outcome:
+    def _pick(self, believed_m: tuple[float, float, float], class_name: str) -> _Outcome:
         self._pause(_PAUSE_S)
+        point = self._drift.true_point_m(believed_m)
         near = self._manipulation.within_grasp(point)
         try:
-            thing = self._manipulation.pick(point)
+            thing = self._manipulation.pick(point, _told(believed_m))
         except CannotDo as why:
             self._tracker.pick_tried(class_name, near, "", str(why))
             return _Outcome(ActionResult(False, str(why)))
@@ -280,10 +301,11 @@ class World(RobotDriver):
         self._pause(_PAUSE_S)
         return _Outcome(ActionResult(True))
 
-    def _place(self, point: tuple[float, float, float]) -> _Outcome:
+    def _place(self, believed_m: tuple[float, float, float]) -> _Outcome:
         self._pause(_PAUSE_S)
+        point = self._drift.true_point_m(believed_m)
         try:
-            thing, rest = self._manipulation.place(point)
+            thing, rest = self._manipulation.place(point, _told(believed_m))
         except CannotDo as why:
             self._tracker.place_tried(self.held_name, None, str(why))
             return _Outcome(ActionResult(False, str(why)))
@@ -302,7 +324,7 @@ class World(RobotDriver):
         asked = self._tracker.in_question((x, y), self.held_name)
         coverage: dict[str, float] = {}
         if asked:
-            ids = self._painter.bodies(self._data)
+            ids = self._bodies_seen()
             counts = np.bincount(ids.ravel(), minlength=len(self._names)) / ids.size
             coverage = {name: float(counts[self._names.index(name)]) for name in asked}
         touched = outcome.touched | self._base.touching().keys()
@@ -314,6 +336,9 @@ class World(RobotDriver):
             outcome.result.moved_m,
             outcome.released,
         )
+
+    def _bodies_seen(self) -> NDArray[np.int32]:
+        return self._past.bodies(self._data.qpos)
 
     # --- small things -------------------------------------------------------------------------
     def _stop_asked(self) -> bool:
@@ -334,3 +359,7 @@ class World(RobotDriver):
             self._step()
         self._gripper.follow()
         mujoco.mj_forward(self._model, self._data)
+
+
+def _told(point: tuple[float, float, float]) -> str:
+    return f"({point[0]:.2f}, {point[1]:.2f}, {point[2]:.2f})"

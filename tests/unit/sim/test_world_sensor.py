@@ -1,0 +1,71 @@
+"""A world seen by a real robot's senses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from helios_core.geometry import camera_on_base
+from helios_core.robot import Forward, Pick, Turn
+from helios_sim.episode import episode_of
+from helios_sim.home import Home
+from helios_sim.oracle import Oracle
+from helios_sim.robot_model import CAMERA_HEIGHT_M
+from helios_sim.sensor import SENSORS, SensorRealism
+from helios_sim.world import World
+
+
+@pytest.fixture
+def realistic(sim_home: Home) -> Iterator[World]:
+    world = World(sim_home, episode_of(sim_home, 0), sensor=SENSORS["realistic"])
+    yield world
+    world.close()
+
+
+def test_poses_drift_together_and_the_truth_does_not(realistic: World, world: World):
+    for k in range(24):
+        for each in (realistic, world):
+            assert each.act(Turn(math.pi / 6), f"turn-{k}").succeeded
+            if k % 4 == 0:
+                each.act(Forward(0.2), f"go-{k}")
+    assert np.allclose(realistic.trajectory_m, world.trajectory_m, atol=1e-9)
+    shot, state = realistic.capture(), realistic.state()
+    assert np.array_equal(shot.T_world_base, state.T_world_base)
+    expected = camera_on_base(shot.T_world_base, CAMERA_HEIGHT_M, state.tilt_rad)
+    assert np.allclose(shot.T_world_cam, expected, atol=1e-6)
+    off_m = np.linalg.norm(shot.T_world_base[:2, 3] - realistic.trajectory_m[-1])
+    assert 1e-3 < off_m < 0.2
+    assert realistic.progress == world.progress
+    truth = realistic.segmentation(shot.stamp_ns).ids
+    assert np.array_equal(truth, world.segmentation(world.capture().stamp_ns).ids)
+
+
+def test_the_robot_says_how_far_it_sees(realistic: World, world: World):
+    assert realistic.describe().max_depth_m == SENSORS["realistic"].max_depth_m
+    depth_m, exact_m = realistic.capture().depth_m, world.capture().depth_m
+    assert depth_m.max() <= realistic.describe().max_depth_m
+    both = (depth_m > 0) & (exact_m > 0)
+    assert both.mean() > 0.7
+    assert 0 < np.median(np.abs(depth_m - exact_m)[both] / exact_m[both] ** 2) < 3e-3
+
+
+def test_a_pick_is_meant_where_the_robot_believes_itself(sim_home: Home):
+    sensor = SensorRealism("lost", drift_m=0.02)
+    world = World(sim_home, episode_of(sim_home, 0), sensor=sensor)
+    try:
+        name = next(iter(world.tracker.targets.objects))
+        assert Oracle(world).approach(name)
+        # The heading does not drift here: belief and truth are a shift apart.
+        dx, dy = world.state().T_world_base[:2, 3] - world.trajectory_m[-1]
+        assert math.hypot(dx, dy) > 0.01
+        x, y, z = (float(v) for v in world.position_m(name))
+        above = z + 0.5 * next(t.size_m[2] for t in world.things() if t.name == name) + 0.149
+        miss = world.act(Pick((x + 3 * dx, y + 3 * dy, above), "thing"), "miss")
+        assert not miss.succeeded
+        assert f"({x + 3 * dx:.2f}, {y + 3 * dy:.2f}, {above:.2f})" in miss.reason
+        assert world.act(Pick((x + dx, y + dy, above), "thing"), "pick").succeeded
+        assert world.held_name == name
+    finally:
+        world.close()
