@@ -69,15 +69,13 @@ class Bands(_Part):
 class Miss(_Part):
     pixels: Places
     by_pixels: Probabilities
-    distance_m: Places
-    by_distance: Probabilities
+    by_distance: Probabilities  # of each band: one more than `bands.distance_m` has places
     factor: dict[Name, Positive]
 
     @model_validator(mode="after")
     def _pairs(self) -> Miss:
-        for at, values in ((self.pixels, self.by_pixels), (self.distance_m, self.by_distance)):
-            if len(at) != len(values):
-                raise ValueError(f"{len(at)} places for {len(values)} probabilities")
+        if len(self.pixels) != len(self.by_pixels):
+            raise ValueError(f"{len(self.pixels)} places, {len(self.by_pixels)} probabilities")
         return self
 
 
@@ -180,6 +178,15 @@ class ViewTableFile(_Part):
     false_positive: FalsePositive
     confusion: Confusion
 
+    @model_validator(mode="after")
+    def _banded(self) -> ViewTableFile:
+        if len(self.miss.by_distance) != len(self.bands.distance_m) + 1:
+            raise ValueError(
+                f"{len(self.bands.distance_m)} distances make one band more, but "
+                f"{len(self.miss.by_distance)} probabilities are given"
+            )
+        return self
+
 
 @dataclass(frozen=True)
 class Row:
@@ -238,7 +245,7 @@ class ViewTable:
         """[n] probability that a thing is not reported; names normalised."""
         m = self.file.miss
         by_pixels = np.interp(np.log(np.maximum(pixels, 1)), np.log(m.pixels), m.by_pixels)
-        by_distance = np.interp(distance_m, m.distance_m, m.by_distance)
+        by_distance = np.array(m.by_distance)[self._distance_bands(distance_m)]
         factor = np.array([m.factor.get(name, 1.0) for name in class_names])
         rate = factor * (1 - (1 - by_pixels) * (1 - by_distance))
         return np.minimum(1.0, self.level * self.file.scale.miss * rate)
@@ -272,10 +279,12 @@ class ViewTable:
         distance_m: NDArray[np.float64],
     ) -> NDArray[np.int64]:
         """[n] sector, distance band and pixel band in one number."""
-        bands = self.file.bands
-        far = np.searchsorted(bands.distance_m, distance_m, "right")
-        large = 0 if pixels is None else np.searchsorted(bands.pixels, pixels, "right")
-        return sectors + SECTORS * (far + 64 * large)
+        bands = self.file.bands.pixels
+        large = 0 if pixels is None else np.searchsorted(bands, pixels, "right")
+        return sectors + SECTORS * (self._distance_bands(distance_m) + 64 * large)
+
+    def _distance_bands(self, distance_m: NDArray[np.float64]) -> NDArray[np.int64]:
+        return np.searchsorted(self.file.bands.distance_m, distance_m, "right")
 
     def seen_from(
         self,

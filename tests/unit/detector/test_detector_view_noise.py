@@ -1,0 +1,260 @@
+"""Errors that hang together: how often they happen, and how long they last."""
+
+import math
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helios_core.errors import InvalidInput
+from helios_detector.ground_truth import Visible
+from helios_detector.noise import load_noise
+from helios_detector.scorer import household_names
+from helios_detector.truth import TruthInstance
+from helios_detector.view_noise import Shares, Views, key_of, keys_of, latent, sectors_of, uniform
+from helios_detector.view_simulated import Verdict, verdicts
+from helios_detector.view_table import ViewTable, view_table
+from helios_detector.vocabulary import normalised
+from helios_sim.home.catalogs import CATALOGS
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+_loaded = load_noise("ovmm-v1")
+assert isinstance(_loaded, ViewTable)
+TABLE: ViewTable = _loaded
+CORRELATIONS = (0.0, None, 1.0)
+KEYS = [key_of(f"thing {n}") for n in range(3000)]
+PURPOSE = keys_of(("miss",))
+
+
+def seen_thing(class_name: str = "mug", pixels: int = 400) -> Visible:
+    instance = TruthInstance(1, class_name, np.zeros(3), True, "a")
+    return Visible(instance, pixels, (0, 0, 1, 1), np.ones((1, 1), bool))
+
+
+def at(angle_deg: float, distance_m: float = 2.5) -> np.ndarray:
+    turn = math.radians(angle_deg)
+    return np.array([distance_m * math.cos(turn), distance_m * math.sin(turn), 0.0])
+
+
+def look(table: ViewTable, thing: Visible, eye_m: np.ndarray, stamp_ns: int = 1) -> list[Verdict]:
+    """The same thing, 3000 times with different luck."""
+    return verdicts([thing] * len(KEYS), table, KEYS, eye_m, stamp_ns)
+
+
+def about(count: int, probability: float, of: int) -> bool:
+    """Within 4.5 standard deviations of the binomial distribution."""
+    return abs(count - of * probability) <= 4.5 * math.sqrt(of * probability * (1 - probability))
+
+
+def draws(sector: int, shares: Shares, stamp_ns: int = 1, cell: int = 0) -> np.ndarray:
+    n = len(KEYS)
+    views = Views(np.array(KEYS, np.uint64), np.full(n, sector), np.full(n, sector + 12 * cell))
+    return latent(views, PURPOSE, shares, stamp_ns)[:, 0]
+
+
+def correlation(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+@pytest.mark.parametrize("correlated", CORRELATIONS)
+def test_correlation_does_not_change_how_often_things_are_missed_confused_or_doubled(correlated):
+    table = TABLE.scaled(1, correlated)
+    thing = seen_thing()
+    found = look(table, thing, at(10))
+    miss = float(table.miss(["mug"], np.array([400]), np.array([2.5]))[0])
+    assert about(sum(not v.names for v in found), miss, len(found))
+    reported = [v.names for v in found if v.names]
+    assert about(sum(n[0][0] != "mug" for n in reported), table.confuse("mug"), len(reported))
+    twice = table.file.confusion.duplicate
+    assert about(sum(len(n) == 2 for n in reported), twice, len(reported))
+
+
+@pytest.mark.parametrize("correlated", CORRELATIONS)
+def test_each_look_alike_is_named_as_often_as_its_row_says(correlated):
+    table = TABLE.scaled(1, correlated)
+    never = table.file.miss.model_copy(update={"factor": {"bowl": 1e-9}})
+    table = replace(table, file=table.file.model_copy(update={"miss": never}))
+    got = Counter(v.names[0][0] for v in look(table, seen_thing("bowl"), at(10)))
+    for name, probability in TABLE.file.confusion.rows()["bowl"].items():
+        assert about(got[name], probability, len(KEYS)), name
+
+
+@pytest.mark.parametrize("correlated", CORRELATIONS)
+@pytest.mark.parametrize("sector", [0, 1, 2])
+def test_draws_are_uniform_whatever_the_shares_are(correlated, sector):
+    u = uniform(draws(sector, TABLE.scaled(1, correlated).shares))
+    for count in np.histogram(u, 10, (0, 1))[0]:
+        assert about(count, 0.1, len(u))
+
+
+@settings(max_examples=40, deadline=None)
+@given(shares=st.tuples(*[st.floats(0.01, 1)] * 4), sector=st.integers(0, 11), stamp=st.integers(0))
+def test_any_shares_give_draws_of_unit_variance(shares, sector, stamp):
+    s = Shares(*(x / sum(shares) for x in shares))
+    z = draws(sector, s, stamp % 2**63)
+    assert abs(z.mean()) < 0.1
+    assert 0.85 < z.std() < 1.15
+
+
+def test_frames_of_one_view_differ_by_the_frames_share_alone():
+    same = TABLE.scaled(1, 1.0).shares
+    np.testing.assert_array_equal(draws(3, same, 1), draws(3, same, 2))
+    assert abs(correlation(draws(3, TABLE.shares, 1), draws(3, TABLE.shares, 2)) - 0.9) < 0.03
+    none = TABLE.scaled(1, 0.0).shares
+    assert abs(correlation(draws(3, none, 1), draws(3, none, 2))) < 0.08
+
+
+def test_at_even_odds_one_frame_in_seven_is_another_than_the_one_before():
+    """As the module says: acos(0.9) / pi."""
+    changed = (draws(3, TABLE.shares, 1) < 0) != (draws(3, TABLE.shares, 2) < 0)
+    assert about(int(changed.sum()), math.acos(0.9) / math.pi, len(changed))
+
+
+@pytest.mark.parametrize("correlated", [None, 1.0])
+def test_neighbouring_views_err_more_alike_than_those_a_quarter_or_half_round(correlated):
+    shares = TABLE.scaled(1, correlated).shares
+    for start in range(12):
+        near, quarter, half = (
+            correlation(draws(start, shares, 1), draws((start + k) % 12, shares, 2))
+            for k in (1, 3, 6)
+        )
+        assert near > quarter + 0.1 > half
+        assert abs(half - shares.thing) < 0.08  # what the thing itself keeps from everywhere
+
+
+def test_the_same_view_gives_the_same_error():
+    table = TABLE.scaled(1, 1.0)
+    first = look(table, seen_thing(pixels=400), at(10), 1)
+    # Same sector, same bands of distance and pixels, another frame.
+    again = look(table, seen_thing(pixels=400), at(25, 2.6), 99)
+    assert [[n for n, _ in v.names] for v in first] == [[n for n, _ in v.names] for v in again]
+
+
+def test_a_look_alike_stays_wrong_from_one_side():
+    """With the table's own shares: in the next frame, and mostly in the next sector."""
+
+    def wrong(verdict: Verdict) -> bool:
+        return bool(verdict.names) and verdict.names[0][0] != "mug"
+
+    first = [wrong(v) for v in look(TABLE, seen_thing(), at(40), 1)]
+
+    def still(angle_deg: float) -> float:
+        later = look(TABLE, seen_thing(), at(angle_deg), 2)
+        return sum(a and wrong(b) for a, b in zip(first, later, strict=True)) / sum(first)
+
+    same, next_one, opposite = still(45), still(70), still(220)
+    assert same > 0.6
+    assert same > next_one > opposite
+    assert opposite < 0.45
+
+
+def test_rates_grow_with_the_level_and_what_is_missed_at_a_low_level_is_at_a_higher_one():
+    thing, missed = seen_thing(pixels=1500), {}
+    for level in (0.0, 0.5, 1.0, 2.0):
+        table = TABLE.scaled(level)
+        found = look(table, thing, at(10, 1.2))
+        missed[level] = {k for k, v in enumerate(found) if not v.names}
+        base = float(TABLE.miss(["mug"], np.array([1500]), np.array([1.2]))[0])
+        assert about(len(missed[level]), level * base, len(found)) or level == 0
+        reported = [v.names[0][0] for v in found if v.names]
+        wrong = sum(name != "mug" for name in reported)
+        assert about(wrong, level * TABLE.confuse("mug"), len(reported))
+    assert missed[0.0] == set()
+    assert missed[0.5] < missed[1.0] < missed[2.0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "rate"),
+    [
+        ("miss", lambda t: float(t.miss(["mug"], np.array([3000]), np.array([1.0]))[0])),
+        ("confuse", lambda t: t.confuse("mug")),
+        ("false", lambda t: t.false(structure=True, is_object=True)),
+    ],
+)
+def test_each_kind_of_error_has_one_scale_clipped_at_certainty(kind, rate):
+    def scaled(by: float) -> ViewTable:
+        scale = TABLE.file.scale.model_copy(update={kind: by})
+        return replace(TABLE, file=TABLE.file.model_copy(update={"scale": scale}))
+
+    assert rate(scaled(0.5)) == pytest.approx(0.5 * rate(scaled(1.0)))
+    assert rate(scaled(0.0)) == 0
+    assert rate(scaled(1e9)) == 1
+
+
+def test_small_and_far_things_are_missed_more_often():
+    far, small, plain = (
+        TABLE.miss(["mug"], np.array([px]), np.array([m]))[0]
+        for px, m in ((1000, 8.0), (100, 2.0), (1000, 2.0))
+    )
+    assert far > plain < small
+
+
+def test_no_threshold_parts_true_scores_from_wrong_ones():
+    """At every threshold of the paper, of each kind something lies above and something below."""
+    for threshold in (0.25, 0.35, 0.45):
+        for kind in ("true", "confused", "false"):
+            scores = [TABLE.score(kind, u, 500) for u in np.linspace(0, 1, 101)]
+            assert 0.03 < np.mean(np.array(scores) < threshold) < 0.95, (kind, threshold)
+
+
+def test_sectors_are_12_of_30_degrees():
+    angles = np.radians([0, 29.9, 30.1, 179, 181, 359.9, -0.1])
+    got = sectors_of(np.stack([np.cos(angles), np.sin(angles)], -1))
+    assert got.tolist() == [0, 0, 1, 5, 6, 11, 11]
+
+
+def test_draws_are_the_same_on_every_machine():
+    views = Views(keys_of(("a",)), np.array([4]), np.array([77]))
+    z = latent(views, keys_of(("miss", "score")), Shares(0.3, 0.4, 0.2, 0.1), 123456789)
+    assert z[0] == pytest.approx([1.9081309387766416, 0.047867777442039655], abs=1e-9)
+
+
+@pytest.mark.parametrize("catalog", sorted(CATALOGS))
+def test_every_class_of_the_homes_has_a_row_and_every_task_can_name_it(catalog):
+    c = CATALOGS[catalog]
+    named = {normalised(name) for name in (*c.objects, *c.receptacles)}
+    assert named <= household_names()
+    everything = named | {normalised(name) for name in c.fixtures}
+    assert everything <= TABLE.rows.keys()
+
+
+def test_look_alikes_of_the_homes_are_confused_by_the_table():
+    for names in CATALOGS["ovmm"].look_alikes:
+        for name in names:
+            others = set(names) - {name}
+            assert others & set(TABLE.rows[normalised(name)].names), name
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "said"),
+    [
+        (("persistence", "thing"), 0.5, "add up to 1.2"),
+        (("miss", "by_pixels"), [0.5], "probabilities"),
+        (("miss", "by_distance"), [0.0, 0.1], "make one band more"),
+        (("miss", "by_distance"), [0, 0, 0, 0, 0, 0, 1.2], "less than or equal to 1"),
+        (("score", "true"), [0.5, 0.4], "does not ascend"),
+        (("false_positive", "on_furniture"), -0.1, "greater than or equal to 0"),
+        (("scale", "miss"), -1, "greater than or equal to 0"),
+        (("confusion", "row"), {"mug": {"cup": 0.1}}, "it is the same"),
+        (("confusion", "row"), {"mug": {"can": 0.9}}, "is confused with probability"),
+        (("mask", "partial"), 0.95, "more than all"),
+        (("mask", "surprise"), 1, "Extra inputs"),
+    ],
+)
+def test_a_wrong_table_says_what_is_wrong(where, value, said):
+    data = TABLE.file.model_dump()
+    data[where[0]][where[1]] = value
+    with pytest.raises(ValueError, match=said):
+        view_table(data, "")
+
+
+def test_a_wrong_file_and_levels_outside_are_refused(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('format = "views"\nname = "mine"\n')
+    with pytest.raises(InvalidInput, match=r"ovmm-v1\.toml"):
+        load_noise(str(path))
+    with pytest.raises(InvalidInput, match="0 to 10"):
+        TABLE.scaled(11)
+    with pytest.raises(InvalidInput, match="correlation"):
+        TABLE.scaled(1, -0.1)
