@@ -12,7 +12,10 @@ import numpy as np
 from helios_core.errors import Unavailable
 from numpy.typing import NDArray
 
-_MAX_GEOMS = 5000
+from helios_sim.culling import Frustum
+
+_MAX_GEOMS = 5000  # two bytes name a geom in the picture of instances
+_HIDDEN_GROUP = 5
 
 
 def metric_depth(
@@ -24,7 +27,8 @@ def metric_depth(
     buffer = (far near / z - near) / (far - near).
     """
     span = far_m - near_m
-    z = np.float32(far_m * near_m / span) / (buffer + np.float32(near_m / span))
+    z = buffer + np.float32(near_m / span)
+    np.divide(np.float32(far_m * near_m / span), z, out=z)
     z[z > max_depth_m] = 0.0
     return z
 
@@ -58,6 +62,10 @@ class Painter:
         self._scene = mujoco.MjvScene(model, maxgeom=_MAX_GEOMS)
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = [int(group in groups) for group in range(6)]
+        self._frustum = Frustum(model, camera, size[0] / size[1])
+        self._groups = model.geom_group.copy()
+        # A geom in the shadows' way matters even where it is not seen itself.
+        self._cull = not (model.light_castshadow.any() and model.vis.quality.shadowsize > 0)
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self._camera.fixedcamid = camera
@@ -73,16 +81,17 @@ class Painter:
         depth = np.empty((self._height, self._width), np.float32)
         self._draw(data, segment=False)
         mujoco.mjr_readPixels(color, depth, self._viewport, self._context)
-        depth_m = metric_depth(depth[::-1], self._near_m, self._far_m, max_depth_m)
-        return np.ascontiguousarray(color[::-1]), np.ascontiguousarray(depth_m)
+        depth_m = metric_depth(depth, self._near_m, self._far_m, max_depth_m)
+        return np.ascontiguousarray(color[::-1]), np.ascontiguousarray(depth_m[::-1])
 
     def bodies(self, data: mujoco.MjData) -> NDArray[np.int32]:
         """Body id of each pixel [h, w]; 0 where nothing or only the world body is seen."""
         color = np.empty((self._height, self._width, 3), np.uint8)
         self._draw(data, segment=True)
         mujoco.mjr_readPixels(color, None, self._viewport, self._context)
-        painted = color[::-1].astype(np.int32)
-        number = painted[..., 0] | painted[..., 1] << 8 | painted[..., 2] << 16
+        painted = color[::-1]
+        number = painted[..., 0].astype(np.uint16)
+        number |= painted[..., 1].astype(np.uint16) << np.uint16(8)
         body_of = np.zeros(self._scene.ngeom + 1, np.int32)
         geom_type = int(mujoco.mjtObj.mjOBJ_GEOM)
         for geom in self._scene.geoms[: self._scene.ngeom]:
@@ -102,9 +111,12 @@ class Painter:
             raise Unavailable("the world is closed")
         self._gl.make_current()
         everything = mujoco.mjtCatBit.mjCAT_ALL.value
+        if self._cull:
+            self._model.geom_group[self._frustum.outside(data)] = _HIDDEN_GROUP
         mujoco.mjv_updateScene(
             self._model, data, self._option, None, self._camera, everything, self._scene
         )
+        self._model.geom_group[:] = self._groups
         for flag in (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR):
             self._scene.flags[flag] = segment
         mujoco.mjr_render(self._viewport, self._scene, self._context)
