@@ -26,7 +26,6 @@ from helios_sim.robot_model import CAMERA_HEIGHT_M, GRIPPER_BASE_M, REACH_M, TIL
 from helios_sim.world import World
 
 _CELL_M = 0.05
-_MARGIN_M = 0.05  # beyond the robot's radius
 _ON_SURFACE_GRID_M = 0.05
 _MAX_PLACES = 12
 
@@ -38,7 +37,8 @@ class Oracle:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        radius_m = world.describe().footprint_radius_m + _MARGIN_M
+        # Everything in a home can be reached with this much room; a drive ends up to 0.1 m off.
+        radius_m = world.home.preset.passage_radius_m
         self._free, self._origin_m = reachable(world.home, radius_m, _CELL_M)
         self._actions = 0
 

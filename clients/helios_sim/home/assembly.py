@@ -87,7 +87,8 @@ def assemble(
     for item in (*receptacles, *fixtures):
         z = item.z_m if isinstance(item, Fixture) else 0.0
         body = model.body(item.name, (item.x, item.y, z), item.yaw_rad)
-        model.draw(body, item.shape.visuals, GROUP_FURNITURE)
+        # What hangs from the ceiling is left out with it.
+        model.draw(body, item.shape.visuals, GROUP_CEILING if z > 1.9 else GROUP_FURNITURE)
         for solid in item.shape.solids:
             model.solid(body, solid, "")
     for thing in objects:

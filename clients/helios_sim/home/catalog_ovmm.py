@@ -1,4 +1,4 @@
-"""Classes of the benchmark's homes: all 21 receptacle classes of OVMM, 37 classes of things.
+"""Classes of the benchmark's homes: all 21 receptacle classes of OVMM, 42 classes of things.
 
 We keep plain names where they are better for language: `OVMM_CLASS` says which class of the
 benchmark each of our receptacles is (its list: bathtub, bed, bench, cabinet, chair, chest of
@@ -9,6 +9,7 @@ stool, table, toilet, trunk, wardrobe, washer/dryer).
 from helios_sim.home import (
     decor,
     doors,
+    extras,
     fitted,
     gadgets,
     household,
@@ -20,7 +21,6 @@ from helios_sim.home import (
     tableware,
     things,
     utility,
-    wall_decor,
 )
 from helios_sim.home.catalog import Catalog
 from helios_sim.home.seating import Maker
@@ -70,10 +70,11 @@ _FIXTURES: dict[str, Maker] = {
     "window": decor.window,
     "rug": decor.rug,
     "door": doors.door_leaf,
-    "ceiling lamp": wall_decor.ceiling_lamp,
-    "towel rail": wall_decor.towel_rail,
-    "coat rack": wall_decor.coat_rack,
-    "wall clock": wall_decor.wall_clock,
+    "ceiling lamp": extras.ceiling_lamp,
+    "towel rail": extras.towel_rail,
+    "coat rack": extras.coat_rack,
+    "wall clock": extras.wall_clock,
+    "cooker": extras.cooker,
 }
 
 _TOPS = ("coffee table", "dining table", "side table", "desk", "kitchen counter", "sideboard")

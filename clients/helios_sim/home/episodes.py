@@ -42,13 +42,13 @@ def sample_any(
 ) -> Episode:
     """A task like the benchmark's: a class of things, where one of them is, where it shall go.
 
-    Others of the class may stand elsewhere: they are the wrong ones. Each class is as likely as
-    any other, however many there are of it. What rolls is never asked for: where it comes to rest
+    Others of the class may stand elsewhere: they are the wrong ones. A class is the likelier the
+    more there are of it. What rolls is never asked for: where it comes to rest
     is a matter of luck. The goal has a surface on which the thing fits.
     """
     class_of = {receptacle.name: receptacle.class_name for receptacle in receptacles}
     steady = [thing for thing in objects if not thing.shape.rolls]
-    wanted = _one_of(sorted({thing.class_name for thing in steady}), rng)
+    wanted = _one_of(sorted(thing.class_name for thing in steady), rng)
     instances = [thing for thing in steady if thing.class_name == wanted]
     start = _one_of(sorted({class_of[thing.receptacle] for thing in instances}), rng)
     candidates = [thing for thing in instances if class_of[thing.receptacle] == start]

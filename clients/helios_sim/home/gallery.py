@@ -111,7 +111,7 @@ def contact_sheet(home: Home) -> Image:
     pictures = Pictures(home)
     try:
         rooms = room_views(home)
-        views = rooms + object_views(home, 8 - len(rooms))
+        views = rooms + object_views(home, max(3, 8 - len(rooms)))
         tiles = [pictures.above(), *(pictures.at_eye_level(*view) for view in views)]
     finally:
         pictures.close()

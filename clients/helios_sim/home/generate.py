@@ -19,7 +19,8 @@ from helios_sim.home.scatter import Scatter
 from helios_sim.home.types import Rgb, Room, RoomStyle, SceneObject
 
 _ATTEMPTS = 60
-_ROUNDS = 5
+_ROUNDS = 8
+HIDDEN_SHARE = 0.3  # of the stands around, from which a partly hidden thing cannot be seen
 
 _FLOORS: dict[str, str] = {"kitchen": "tiles", "bathroom": "tiles", "bedroom": "carpet"}
 _FLOORS |= {"laundry room": "tiles", "hallway": "tiles"}
@@ -65,6 +66,8 @@ def _draw(rng: np.random.Generator, seed: int, preset: HomePreset) -> Home | Non
         return None
     for room in rooms:
         recipes.decorate(furnisher, room)
+        if preset.catalog == "ovmm":
+            recipes_ovmm.hang_more(furnisher, room)
     if preset.catalog == "ovmm":
         return _scattered(furnisher, seed)
     clutter = Clutter(furnisher)
@@ -96,8 +99,13 @@ def _scattered(furnisher: Furnisher, seed: int) -> Home | None:
         home = replace(empty, objects=tuple(scatter.objects))
         scatter.keep(settle.settled(home, passable))
         classes = {thing.class_name for thing in scatter.objects}
-        if len(scatter.objects) == count and len(classes) >= preset.min_object_classes:
-            return replace(empty, objects=settle.renumbered(scatter.objects))
+        if len(scatter.objects) < count or len(classes) < preset.min_object_classes:
+            continue
+        home = replace(empty, objects=tuple(scatter.objects))
+        hidden = settle.hidden_shares(home, passable) >= HIDDEN_SHARE
+        if int(hidden.sum()) >= preset.hidden_objects:
+            return replace(home, objects=settle.renumbered(home.objects))
+        scatter.hide_more(hidden)
     return None
 
 

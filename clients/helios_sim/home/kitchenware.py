@@ -161,11 +161,11 @@ def banana(rng: np.random.Generator, palette: Palette) -> Shape:
     b = ShapeBuilder()
     angles = np.linspace(-0.85, 0.85, 8)
     points = [(bend * math.sin(a), bend * (math.cos(a) - 0.86), r) for a in angles]
-    for (x0, y0, _), (x1, y1, _) in zip(points[:-1], points[1:], strict=True):
+    b.tube(points[1:-1], r, skin, sides=8)
+    for (x0, y0, _), (x1, y1, _) in (points[1::-1], points[-2:]):
         turn = math.atan2(y1 - y0, x1 - x0)
-        half = math.hypot(x1 - x0, y1 - y0) * 0.78
-        center = ((x0 + x1) / 2, (y0 + y1) / 2, r)
-        b.ellipsoid(center, (half, r, r), skin, sides=10, rings=8, tilt_rad=(0, 0, turn))
+        end = (math.hypot(x1 - x0, y1 - y0), r, r)
+        b.ellipsoid((x0, y0, r), end, skin, sides=10, rings=8, tilt_rad=(0, 0, turn))
     for x, y, z in (points[0], points[-1]):
         b.ellipsoid((x, y, z), (0.009, 0.008, 0.008), tip, sides=8, rings=6)
     span = 2 * bend * math.sin(0.85)

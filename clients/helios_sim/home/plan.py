@@ -36,8 +36,9 @@ _OVMM_KINDS = {
     4: "living room, kitchen, bedroom, bathroom",
     5: "living room, kitchen, bedroom, office|dining room|hallway, bathroom",
     6: "living room, kitchen, bedroom, dining room|office, hallway|laundry room, bathroom",
-    7: "living room, kitchen, bedroom, bedroom, dining room|office, hallway|laundry room, bathroom",
-    8: "living room, kitchen, bedroom, dining room, bedroom, office, hallway|laundry room, bathroom",
+    7: "living room, kitchen, bedroom, bedroom, dining room|office, laundry room|hallway, bathroom",
+    8: "living room, kitchen, bedroom, dining room, bedroom, office, laundry room|hallway"
+    ", bathroom",
 }
 
 Rect = tuple[float, float, float, float]  # x0, y0, x1, y1 in m

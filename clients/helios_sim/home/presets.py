@@ -34,6 +34,7 @@ class HomePreset:
     surface_height_m: tuple[float, float] = (0.3, 1.2)
     catalog: Literal["demo", "ovmm"] = "demo"
     room_area_m2: tuple[float, float] = (0.0, 0.0)
+    hidden_objects: int = 0  # at least; see generate.HIDDEN_SHARE
     cut: tuple[float, float] = (0.42, 0.58)  # where a floor plan's part is cut in two
 
     @property
@@ -78,6 +79,7 @@ OVMM_V1 = HomePreset(
     surface_height_m=(0.1, 1.25),
     catalog="ovmm",
     room_area_m2=(14.5, 18.0),
+    hidden_objects=3,
     cut=(0.38, 0.62),
 )
 

@@ -115,7 +115,7 @@ def mount(
 
 def decorate(f: Furnisher, room: Room) -> None:
     """Windows in outer walls and pictures on inner ones, where no tall furniture or door is."""
-    used = [_wall_use(f, room, side) for side in range(4)]
+    used = [wall_use(f, room, side) for side in range(4)]
     outer = f.bounds
     wall = plan.WALL_HALF_M
     windows = 0
@@ -130,19 +130,19 @@ def decorate(f: Furnisher, room: Room) -> None:
         is_outer = abs(at - edge) < 1e-9
         if is_outer and windows < 2:
             shape = decor.window(f.rng, f.palette)
-            along = _free_stretch(f, room, side, shape.size_m[0], used[side])
+            along = free_stretch(f, room, side, shape.size_m[0], used[side])
             if along is not None:
                 f.hang("window", room, wall_pose(room, side, along, 0.0), shape, z_m=0.95)
                 windows += 1
                 used[side].append((along - shape.size_m[0] / 2, along + shape.size_m[0] / 2))
         shape = decor.picture(f.rng, f.palette)
-        along = _free_stretch(f, room, side, shape.size_m[0] + 0.2, used[side])
+        along = free_stretch(f, room, side, shape.size_m[0] + 0.2, used[side])
         if along is not None and f.rng.random() < 0.8:
             pose = wall_pose(room, side, along, shape.size_m[1] / 2)
             f.hang("picture", room, pose, shape, z_m=1.65 - shape.size_m[2] / 2)
 
 
-def _wall_use(f: Furnisher, room: Room, side: int) -> list[tuple[float, float]]:
+def wall_use(f: Furnisher, room: Room, side: int) -> list[tuple[float, float]]:
     """Intervals along a wall that a window or a picture should keep clear of."""
     at = {WEST: room.x0, EAST: room.x1, SOUTH: room.y0, NORTH: room.y1}[side]
     axis = 0 if side in (WEST, EAST) else 1
@@ -161,9 +161,10 @@ def _wall_use(f: Furnisher, room: Room, side: int) -> list[tuple[float, float]]:
     return used
 
 
-def _free_stretch(
+def free_stretch(
     f: Furnisher, room: Room, side: int, width: float, used: list[tuple[float, float]]
 ) -> float | None:
+    """Where along a wall something of that width hangs clear of what is used."""
     lo, hi = wall_range(room, side)
     if hi - lo < width + 0.3:
         return None

@@ -2,9 +2,12 @@
 
 from collections.abc import Callable
 
-from helios_sim.home import decor, doors, places, plan, wall_decor
+import numpy as np
+
+from helios_sim.home import decor, doors, extras, places, plan
 from helios_sim.home.furnish import Furnisher
-from helios_sim.home.recipes import above, mount
+from helios_sim.home.places import wall_pose
+from helios_sim.home.recipes import above, free_stretch, mount, wall_use
 from helios_sim.home.types import Receptacle, Room, Shape
 
 
@@ -15,21 +18,34 @@ def furnish_all(f: Furnisher) -> None:
             _leaf(f, door)
     for room in f.rooms:
         _RECIPES[room.kind](f, room)
-    hi = f.preset.receptacles[1]
-    wanted = hi - int(f.rng.integers(0, 5))
-    extras = [(room, name) for room in f.rooms for name in _EXTRAS[room.kind]]
-    for k in f.rng.permutation(len(extras)):
-        room, name = extras[int(k)]
-        if len(f.receptacles) >= wanted:
-            break
-        if name not in {item.class_name for item in f.receptacles if item.room == room.index}:
-            f.receptacle(name, room, places.along_walls(f.rng))
+    _furnish_more(f)
     for room in f.rooms:
         for _ in range(int(f.rng.integers(0, 3))):
             f.fixture("plant", room, places.corners(f.rng))
-        shape = wall_decor.ceiling_lamp(f.rng, f.palette)
+        shape = extras.ceiling_lamp(f.rng, f.palette)
         pose = (*room.center_xy, 0.0)
         f.hang("ceiling lamp", room, pose, shape, z_m=plan.WALL_HEIGHT_M - shape.size_m[2])
+
+
+def _furnish_more(f: Furnisher) -> None:
+    """More receptacles, by preference of classes that the home has not yet."""
+    lo, hi = f.preset.receptacles
+    wanted = min(hi, max(lo, round(3.2 * len(f.rooms) + float(f.rng.uniform(4.5, 8.5)))))
+    choices = [(room, name) for room in f.rooms for name in _MORE[room.kind]]
+    draws = f.rng.random(len(choices))
+    there = {item.class_name for item in f.receptacles}
+    late = [0.6 * (name.partition("@")[0] in there) for _, name in choices]
+    for k in np.argsort(draws + late):
+        if len(f.receptacles) >= wanted:
+            return
+        room, name = choices[int(k)]
+        class_name, _, anchor = name.partition("@")
+        own = [item for item in f.receptacles if item.room == room.index]
+        if any(item.class_name == class_name for item in own) and not anchor:
+            continue
+        host = next((item for item in own if item.class_name == anchor), None)
+        poses = places.beside(f.rng, host) if host else places.along_walls(f.rng)
+        f.receptacle(class_name, room, poses)
 
 
 def _leaf(f: Furnisher, door: plan.Doorway) -> None:
@@ -38,6 +54,19 @@ def _leaf(f: Furnisher, door: plan.Doorway) -> None:
         if f.stands_open(shape, room, pose):
             f.hang("door", room, pose, shape, blocks=True)
             return
+
+
+def hang_more(f: Furnisher, room: Room) -> None:
+    """What hangs on the walls beside windows and pictures."""
+    for class_name, z_m in _HANGS.get(room.kind, ()):
+        shape = f.catalog.fixtures[class_name](f.rng, f.palette)
+        for side in (int(k) for k in f.rng.permutation(4)):
+            used = wall_use(f, room, side)
+            along = free_stretch(f, room, side, shape.size_m[0] + 0.1, used)
+            if along is not None:
+                pose = wall_pose(room, side, along, shape.size_m[1] / 2 + 0.002)
+                f.hang(class_name, room, pose, shape, z_m=z_m)
+                break
 
 
 def _living_room(f: Furnisher, room: Room) -> None:
@@ -51,38 +80,33 @@ def _living_room(f: Furnisher, room: Room) -> None:
             above(f, room, stand, "television", stand.size_m[2] + 0.3)
         if table is not None:
             _rug(f, room, table, (table.size_m[0] + 0.9, table.size_m[1] + 0.7))
-        f.receptacle("side table", room, places.beside(f.rng, sofa))
     f.receptacle("armchair", room, places.along_walls(f.rng))
-    f.receptacle("bookcase", room, places.along_walls(f.rng))
-    f.receptacle("sideboard", room, places.along_walls(f.rng))
     f.fixture("floor lamp", room, places.corners(f.rng))
 
 
 def _kitchen(f: Furnisher, room: Room) -> None:
     counter = f.receptacle("kitchen counter", room, places.along_walls(f.rng))
     if counter is not None:
-        if f.fixture("fridge", room, places.beside(f.rng, counter)) is None:
-            f.fixture("fridge", room, places.along_walls(f.rng))
+        for name in ("cooker", "fridge"):
+            if f.fixture(name, room, places.beside(f.rng, counter)) is None:
+                f.fixture(name, room, places.along_walls(f.rng))
         cabinet = decor.wall_cabinet(f.rng, f.palette, counter.size_m[0])
         mount(f, room, counter, "wall cabinet", cabinet, 1.5)
     if not any(other.kind == "dining room" for other in f.rooms):
         _dining_set(f, room)
-    f.receptacle("serving cart", room, places.along_walls(f.rng))
-    f.receptacle("stool", room, places.along_walls(f.rng))
 
 
 def _bedroom(f: Furnisher, room: Room) -> None:
     bed = f.receptacle("bed", room, places.along_walls(f.rng))
     if bed is not None:
-        for _ in range(2):
-            f.receptacle("nightstand", room, places.beside(f.rng, bed))
+        f.receptacle("nightstand", room, places.beside(f.rng, bed))
         rug = decor.rug(f.rng, f.palette, (bed.size_m[0] + 0.9, 1.0))
         x, y, _ = next(places.in_front_of(f.rng, bed, (-0.7, -0.65))(rug, room))
         f.lay("rug", room, (x, y, bed.yaw_rad), rug)
-    f.receptacle("wardrobe", room, places.along_walls(f.rng))
-    f.receptacle("dresser", room, places.along_walls(f.rng))
-    if not any(item.class_name == "trunk" for item in f.receptacles):
-        f.receptacle("trunk", room, places.along_walls(f.rng))
+    names = ("wardrobe", "dresser")
+    first = not any(item.class_name in names for item in f.receptacles)
+    for name in names if first else names[int(f.rng.integers(2)) :][:1]:
+        f.receptacle(name, room, places.along_walls(f.rng))
 
 
 def _office(f: Furnisher, room: Room) -> None:
@@ -90,7 +114,6 @@ def _office(f: Furnisher, room: Room) -> None:
     if desk is not None:
         f.receptacle("chair", room, places.pulled_out(f.rng, desk, front_only=True), beside=desk)
     f.receptacle("filing cabinet", room, places.along_walls(f.rng))
-    f.receptacle("shelf", room, places.along_walls(f.rng))
     f.fixture("floor lamp", room, places.corners(f.rng))
 
 
@@ -108,7 +131,6 @@ def _bathroom(f: Furnisher, room: Room) -> None:
 
 def _laundry_room(f: Furnisher, room: Room) -> None:
     _laundry(f, room)
-    f.receptacle("shelf", room, places.along_walls(f.rng))
 
 
 def _laundry(f: Furnisher, room: Room) -> None:
@@ -122,14 +144,11 @@ def _laundry(f: Furnisher, room: Room) -> None:
 
 def _hallway(f: Furnisher, room: Room) -> None:
     f.receptacle("shoe rack", room, places.along_walls(f.rng))
-    f.receptacle("bench", room, places.along_walls(f.rng))
-    f.receptacle("trunk", room, places.along_walls(f.rng))
 
 
 def _dining_room(f: Furnisher, room: Room) -> None:
     _dining_set(f, room)
     f.receptacle("sideboard", room, places.along_walls(f.rng))
-    f.receptacle("serving cart", room, places.along_walls(f.rng))
 
 
 def _dining_set(f: Furnisher, room: Room) -> None:
@@ -159,14 +178,23 @@ _RECIPES: dict[str, Callable[[Furnisher, Room], None]] = {
     "dining room": _dining_room,
 }
 
-# What else may stand in a room, once.
-_EXTRAS: dict[str, tuple[str, ...]] = {
-    "living room": ("shelf", "trunk", "stool", "bench", "shoe rack"),
-    "kitchen": ("bench", "shelf", "stool", "sideboard", "shoe rack"),
-    "bedroom": ("bench", "armchair", "stool", "hamper", "desk", "shelf"),
-    "office": ("armchair", "side table", "bookcase", "stool", "trunk"),
+# What else may stand in a room; "a@b": beside its b, or along a wall without one.
+_MORE: dict[str, tuple[str, ...]] = {
+    "living room": ("side table@sofa", "bookcase", "sideboard", "shelf", "trunk", "stool"),
+    "kitchen": ("serving cart", "stool", "bench", "shelf", "shoe rack"),
+    "bedroom": ("nightstand@bed", "trunk", "bench", "armchair", "stool", "desk", "shelf"),
+    "office": ("shelf", "bookcase", "armchair", "side table", "stool"),
     "bathroom": ("stool", "shelf", "hamper"),
-    "laundry room": ("washing machine", "stool", "bench", "shoe rack"),
-    "hallway": ("wardrobe", "stool", "chair", "side table"),
-    "dining room": ("bench", "armchair", "shelf", "stool", "bookcase"),
+    "laundry room": ("shelf", "stool", "bench", "shoe rack"),
+    "hallway": ("bench", "trunk", "wardrobe", "stool", "side table"),
+    "dining room": ("serving cart", "bench", "armchair", "shelf", "bookcase"),
+}
+
+# What hangs on the walls: (class, height of its lower edge).
+_HANGS: dict[str, tuple[tuple[str, float], ...]] = {
+    "living room": (("wall clock", 1.75),),
+    "kitchen": (("wall clock", 1.75),),
+    "bathroom": (("towel rail", 0.75),),
+    "laundry room": (("towel rail", 0.75),),
+    "hallway": (("coat rack", 0.85),),
 }

@@ -6,6 +6,7 @@ scatterer to place others instead.
 """
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,8 +23,10 @@ _REACH_SLACK_M = 0.06
 _DROP_M = 0.002
 _TRIES = 16
 _LIKELY = 0.75  # share of things that stand where they do by custom
-_LOOK_ALIKE, _BEHIND = 0.55, 0.45  # shares of later things
+_LOOK_ALIKE, _BEHIND = 0.5, 0.6  # shares of later things
 _CROWD = 5  # things at most on one surface
+_HIDDEN = 4  # things set behind taller ones
+_TALL_M = 0.13
 
 Point = tuple[float, float]
 
@@ -48,10 +51,12 @@ class Scatter:
         }
         self._hosts = {host.name: host for host in furnisher.receptacles}
         self._discs: dict[str, list[_Disc]] = {name: [] for name in self._hosts}
-        self._made = 0
+        # Some furniture is crowded, some is empty.
+        self._drawn_to = {name: float(self._rng.gamma(0.7)) + 0.02 for name in self._hosts}
+        self._made = self._hidden = 0
         classes = list(furnisher.catalog.objects)
         self._order = [classes[int(k)] for k in self._rng.permutation(len(classes))]
-        spread = int(self._rng.integers(2, 6))
+        spread = int(self._rng.integers(1, 4))
         self._distinct = min(len(classes), furnisher.preset.min_object_classes + spread)
         self.objects: list[SceneObject] = []
 
@@ -62,6 +67,10 @@ class Scatter:
                 break
             if all(thing.class_name != class_name for thing in self.objects):
                 self._place(class_name)
+        for _ in range(6 * _HIDDEN):
+            if self._hidden >= _HIDDEN or len(self.objects) >= count:
+                break
+            self._hidden += self._hide()
         for _ in range(6 * count):
             if len(self.objects) >= count:
                 break
@@ -77,6 +86,17 @@ class Scatter:
         self.objects = list(settled)
         for host, discs in self._discs.items():
             self._discs[host] = [disc for disc in discs if disc.name in names]
+
+    def hide_more(self, hidden: NDArray[np.bool_]) -> None:
+        """Takes some doubles away that are not hidden [n], to be placed behind others."""
+        away: list[SceneObject] = []
+        counts = Counter(thing.class_name for thing in self.objects)
+        for thing, is_hidden in reversed(list(zip(self.objects, hidden, strict=True))):
+            if not is_hidden and counts[thing.class_name] > 1 and len(away) < _HIDDEN:
+                counts[thing.class_name] -= 1
+                away.append(thing)
+        self.keep([thing for thing in self.objects if thing not in away])
+        self._hidden = 0
 
     def _like(self, class_name: str) -> str:
         """A class that is taken for this one; itself where there is none."""
@@ -95,7 +115,8 @@ class Scatter:
         usual = [host for host in hosts if host.class_name in likely]
         if usual and self._rng.random() < _LIKELY:
             hosts = usual
-        for k in self._rng.permutation(len(hosts))[:8]:
+        waits = [float(self._rng.exponential()) / self._drawn_to[host.name] for host in hosts]
+        for k in np.argsort(waits)[:8]:
             host = hosts[int(k)]
             company = self._discs[host.name]
             if company and self._rng.random() < _BEHIND:
@@ -105,6 +126,21 @@ class Scatter:
             if self._anywhere(class_name, shape, host):
                 return True
         return False
+
+    def _hide(self) -> bool:
+        """A small thing behind a tall one."""
+        tall = [thing for thing in self.objects if thing.size_m[2] >= _TALL_M]
+        if not tall:
+            return False
+        screen = tall[int(self._rng.integers(len(tall)))]
+        class_name = self.objects[int(self._rng.integers(len(self.objects)))].class_name
+        shape = self._f.catalog.objects[class_name][0](self._rng, self._f.palette)
+        wide = max(shape.size_m[:2]) > 1.3 * min(screen.size_m[:2])
+        if wide or shape.size_m[2] > 0.8 * screen.size_m[2]:
+            return False
+        host = self._hosts[screen.receptacle]
+        anchor = next(disc for disc in self._discs[host.name] if disc.name == screen.name)
+        return self._near(class_name, shape, host, anchor, behind=True)
 
     def _beside(self, class_name: str, thing: SceneObject) -> bool:
         """A thing of that class next to another one."""
@@ -135,7 +171,7 @@ class Scatter:
         surface = host.surfaces[anchor.level]
         spread = 0.5 if behind else math.pi
         for _ in range(_TRIES):
-            gap = radius + anchor.radius + float(self._rng.uniform(0.018, 0.07 if behind else 0.2))
+            gap = radius + anchor.radius + float(self._rng.uniform(0.016, 0.05 if behind else 0.2))
             turn = surface.yaw_rad + math.pi / 2 + float(self._rng.uniform(-spread, spread))
             point = anchor.x + gap * math.cos(turn), anchor.y + gap * math.sin(turn)
             if _to_edge(surface, point) < radius + _EDGE_M:

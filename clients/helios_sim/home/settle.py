@@ -17,6 +17,7 @@ _SETTLE_S = 2.0
 _MAX_DRIFT_M = 0.04
 _MAX_TILT_COS = math.cos(math.radians(2))
 _VIEW_CELLS = 24
+_AROUND_M = 2.5
 # Parts of a thing's box that are looked for: (share of its width, share of its height).
 _MIDDLE = ((0.0, 0.0), (0.0, 0.4))
 _FACE = (*_MIDDLE, (-0.35, 0.0), (0.35, 0.0), (-0.3, 0.35), (0.3, 0.35))
@@ -75,6 +76,29 @@ def _can_be_seen(
         elif sum(sees(model, data, eye, thing, *part) for part in _FACE) * 2 >= len(_FACE):
             return True
     return False
+
+
+def hidden_shares(home: Home, passable: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """For each object [n] the share of the stands around it from which its middle is not seen.
+
+    Stands are places in its room within `_AROUND_M` where the robot fits with its margin.
+    """
+    model = home.spec(visuals=False).compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    x_of, y_of = freespace.cell_centers(home.bounds, CELL_M)
+    shares = []
+    for thing in home.objects:
+        room = home.rooms[home.receptacle(thing.receptacle).room]
+        rows, columns = np.nonzero(passable & freespace.room_mask(room, home.bounds, CELL_M))
+        x, y = x_of[columns], y_of[rows]
+        near = np.hypot(x - thing.position_m[0], y - thing.position_m[1]) <= _AROUND_M
+        near = np.nonzero(near)[0]
+        near = near[:: max(1, len(near) // _VIEW_CELLS)]
+        eyes = (np.array([x[k], y[k], home.preset.camera_height_m]) for k in near)
+        seen = sum(sees(model, data, eye, thing, 0.0, 0.0) for eye in eyes)
+        shares.append(1.0 - seen / max(len(near), 1))
+    return np.array(shares)
 
 
 def sees(

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from helios_sim.home import decor
+from helios_sim.home import decor, meshes
 from helios_sim.home.builder import ShapeBuilder
 from helios_sim.home.palette import BLACK, STEEL, WHITE, Palette, darker, tinted
 from helios_sim.home.storage import fronts
@@ -231,9 +231,11 @@ def toilet(rng: np.random.Generator, palette: Palette) -> Shape:
     """A toilet with its lid closed; small things stand on the cistern."""
     bowl = decor.toilet(rng, palette)
     b = ShapeBuilder()
-    lid = (0.0, -0.11, 0.4475)
-    b.box(lid, (0.37, 0.42, 0.025), darker(WHITE, 0.97), bevel_m=0.011, segments=2, solid=True)
-    b.surface((0, -0.11), (0.33, 0.37), 0.46)
+    disc = meshes.lathe([(0, -0.012), (0.19, -0.012), (0.195, 0), (0.185, 0.012), (0, 0.012)], 24)
+    lid = (0.0, -0.1, 0.448)
+    b.mesh(meshes.transformed(disc, np.eye(3), lid, (1.0, 1.25, 1.0)), darker(WHITE, 0.97))
+    b.solid("box", lid, (0.34, 0.42, 0.024))
+    b.surface((0, -0.1), (0.3, 0.36), 0.46)
     b.solid("box", (0, 0.25, 0.62), (0.38, 0.16, 0.36))
     b.surface((0.06, 0.25), (0.24, 0.15), 0.8)
     return joined(bowl, b.finish(bowl.size_m, WHITE))

@@ -1,4 +1,7 @@
-"""Ceiling lamp, towel rail, coat rack, wall clock: what makes a room lived in. +y is the wall."""
+"""Ceiling lamp, towel rail, coat rack, wall clock, cooker: what rooms are lived in with.
+
+Origin under the middle, +y is the wall.
+"""
 
 import math
 
@@ -84,3 +87,29 @@ def wall_clock(rng: np.random.Generator, palette: Palette) -> Shape:
         hand = (math.sin(turn) * size / 2, -0.02, r + math.cos(turn) * size / 2)
         b.box(hand, (0.01, 0.003, size), BLACK, tilt_rad=(0, turn, 0))
     return b.finish((2 * r, 0.03, 2 * r), rim)
+
+
+def cooker(rng: np.random.Generator, palette: Palette) -> Shape:
+    """A free-standing oven with a hob."""
+    width, depth, height = 0.6, 0.61, 0.9
+    coat = WHITE if rng.random() < 0.5 else STEEL
+    b = ShapeBuilder()
+    b.box((0, 0.01, height / 2), (width, depth - 0.02, height), coat, bevel_m=0.006)
+    glass = Material((0.08, 0.08, 0.09), "", 0.8, 0.8)
+    b.box((0, 0, height + 0.003), (width - 0.02, depth - 0.05, 0.008), glass)
+    ring = Material((0.28, 0.28, 0.29), "", 0.2)
+    for x, y, r in ((-0.14, -0.13, 0.09), (0.14, -0.13, 0.075), (-0.14, 0.13, 0.075)):
+        b.cylinder((x, y, height + 0.008), r, 0.003, ring, sides=20)
+    b.cylinder((0.14, 0.13, height + 0.008), 0.09, 0.003, ring, sides=20)
+    front = -depth / 2 + 0.005
+    b.box((0, front, 0.45), (width - 0.03, 0.02, 0.5), darker(coat, 0.92), bevel_m=0.004)
+    b.box((0, front - 0.008, 0.47), (width - 0.14, 0.012, 0.3), glass)
+    b.box((0, front - 0.03, 0.68), (width - 0.1, 0.02, 0.018), darker(STEEL, 0.8))
+    turned = (math.pi / 2, 0.0, 0.0)
+    for k in range(5):
+        knob = (-0.2 + 0.1 * k, front - 0.008, 0.79)
+        b.cylinder(knob, 0.022, 0.03, BLACK, sides=12, tilt_rad=turned)
+    b.box((0, depth / 2 - 0.012, height + 0.04), (width, 0.02, 0.08), coat)
+    b.solid("box", (0, 0, height / 2), (width, depth, height))
+    del palette
+    return b.finish((width, depth, height), coat)
