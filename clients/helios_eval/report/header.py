@@ -101,7 +101,9 @@ def _facts(
         if name in run:
             facts.append((name, str(run[name])))
     if isinstance(run.get("wall_s"), int | float):
-        facts.append(("wall time", text.duration(float(run["wall_s"]))))
+        facts.append(("wall time of the last run", text.duration(float(run["wall_s"]))))
+    if isinstance(run.get("versions"), dict):
+        facts.append(("versions", ", ".join(f"{k} {v}" for k, v in run["versions"].items())))
     facts.append(("time of all episodes", text.duration(sum(r.wall_s for r in records))))
     return facts
 

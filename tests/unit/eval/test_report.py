@@ -1,0 +1,217 @@
+"""The report of a folder: what is in it, and that nothing in an episode can break it."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from html.parser import HTMLParser
+
+import pytest
+from helios_core.errors import InvalidInput
+from helios_eval.record import EPISODES
+from helios_eval.report import write_report
+from synthetic_episodes import CHANCES, NOISE, episode, write
+
+SECTIONS = ("What was run", "At a glance", "Every metric of this run", "Differences between agents",
+            "Beside the paper", "Why episodes failed", "Time of a step", "Failed episodes",
+            "All episodes", "What the words mean")  # fmt: skip
+VOID = {"meta", "img", "input", "br", "link", "path", "use", "rect", "line", "circle"}
+HOSTILE = (
+    '<script>alert("1")</script> | $x^$ `rm` **b** [a](javascript:1) \n# ünï \\ "quoted" &amp;'
+)
+
+
+class Page(HTMLParser):
+    """Tags, texts and addresses of a page; complains of tags that are not closed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.tags: list[str] = []
+        self.addresses: list[str] = []
+        self.texts: list[str] = []
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.addresses += [v or "" for k, v in attrs if k in ("src", "href", "xlink:href")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append(tag)
+        self.addresses += [v or "" for k, v in attrs if k in ("src", "href", "xlink:href")]
+
+    def handle_endtag(self, tag):
+        if tag not in VOID:
+            assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A folder with several agents, both semantics, pictures and run.json; its two reports."""
+    folder = tmp_path_factory.mktemp("run")
+    episodes = [episode(s, a) for a in CHANCES for s in range(5)]
+    episodes += [episode(s, "helios", semantics="ground-truth", noise=None) for s in range(5)]
+    write(folder, episodes)
+    run = {"command": ["helios", "eval", "ovmm", "--out", "a b"], "machine": "a desk",
+           "started": "2026-01-02T03:04:05+00:00", "wall_s": 3725.0}  # fmt: skip
+    (folder / "run.json").write_text(json.dumps(run))
+    write_report(folder)
+    return (folder / "report.html").read_text(), (folder / "report.md").read_text()
+
+
+@pytest.fixture(params=["html", "md"])
+def report(request, whole):
+    return whole[request.param == "md"]
+
+
+def test_every_section_and_every_agent_is_in_both(report):
+    assert [s for s in SECTIONS if s not in report] == []
+    for agent in CHANCES:
+        assert agent in report
+
+
+def test_it_says_what_was_run(report):
+    for words in ("helios eval ovmm --out 'a b'", "a desk", "1 h 02 min", "0000000-dirty",
+                  "not committed", "0–4", "noise level"):  # fmt: skip
+        assert words in report.replace("&#39;", "'")
+
+
+def test_it_says_that_the_simulator_is_another_one(report):
+    assert "no figure here may be held against one of the paper in absolute terms" in report
+    assert report.count("another simulator") >= 3
+
+
+def test_the_papers_figures_stand_beside_ours(report):
+    assert "42.3 ± 1.4" in report
+    assert "Table 1" in report
+    assert "Table 4" in report
+    assert re.search(r"Not run: Table 2, 5, 6, 7 and 8", report)
+
+
+def test_the_page_is_whole_and_asks_nobody_for_anything(whole):
+    page = Page(whole[0])
+    assert page.tags.count("script") == 1
+    assert "svg" in page.tags
+    outside = [a for a in page.addresses if not a.startswith(("#", "data:"))]
+    assert outside == []
+    assert "@import" not in whole[0]
+    assert re.findall(r"url\((?!#|&quot;#|data:)", whole[0]) == []
+
+
+def test_drawings_follow_light_and_dark(whole):
+    drawn = re.findall(r"<svg.*?</svg>", whole[0], flags=re.DOTALL)
+    assert len(drawn) >= 5
+    assert all("var(--ink)" in svg and "#1c2430" not in svg for svg in drawn)
+    assert "prefers-color-scheme: dark" in whole[0]
+    assert "@media print" in whole[0]
+
+
+def test_pictures_of_failures_come_with_cause_and_command(whole):
+    failed = sum(bool(episode(s, "trusting").cause) for s in range(5))
+    assert failed > 0
+    assert whole[0].count('alt="Map of the episode') >= failed
+    assert "--agents trusting --preset synthetic --semantics noisy --episodes 1 --seed0" in whole[0]
+    png = re.search(r"image/png;base64,([^\"]+)", whole[0])
+    assert png is not None
+    assert base64.b64decode(png[1]).startswith(b"\x89PNG")
+
+
+def test_at_most_twelve_pictures_an_agent(tmp_path):
+    lost = {"success": False, "place": False, "cause": "stuck"}
+    write(tmp_path, [episode(s, "helios", **lost) for s in range(15)])
+    write_report(tmp_path)
+    assert (tmp_path / "report.html").read_text().count('alt="Map of the episode') == 12
+    assert "12 of 15 failures" in (tmp_path / "report.md").read_text()
+
+
+def test_hostile_words_stay_words(tmp_path):
+    wicked = {"instruction": HOSTILE, "message": HOSTILE, "cause": HOSTILE, "preset": HOSTILE,
+              "commit": HOSTILE, "settings": {HOSTILE: HOSTILE}, "stage_ms": {HOSTILE: 1.0},
+              "success": False, "noise": NOISE.model_copy(update={"table": HOSTILE}),
+              "collided_with": (HOSTILE,)}  # fmt: skip
+    write(tmp_path, [episode(s, a, **wicked) for s in (0, 1) for a in ("helios", "trusting")])
+    (tmp_path / "run.json").write_text(json.dumps({"command": HOSTILE, "machine": HOSTILE}))
+    write_report(tmp_path)
+    page = Page((tmp_path / "report.html").read_text())
+    assert page.tags.count("script") == 1  # ours
+    assert HOSTILE in "".join(page.texts)
+    markdown = (tmp_path / "report.md").read_text()
+    outside_code = re.sub(r"(`+) .*? \1(?!`)", "", markdown)
+    assert "<script>" not in outside_code
+    assert not re.search(r"^# ünï", markdown, flags=re.MULTILINE)
+    for table in re.findall(r"(?:^\|.*\n)+", markdown, flags=re.MULTILINE):
+        bars = {len(re.findall(r"(?<!\\)\|", line)) for line in table.splitlines()}
+        assert len(bars) == 1, table
+
+
+def test_one_agent_without_failures_pictures_or_run_json(tmp_path):
+    won = {"find_object": True, "pick": True, "find_receptacle": True, "place": True,
+           "success": True, "cause": "", "collisions": 0, "stage_ms": {},
+           "beliefs": ()}  # fmt: skip
+    write(tmp_path, [episode(s, "helios", **won) for s in range(3)])
+    write_report(tmp_path)
+    markdown = (tmp_path / "report.md").read_text()
+    assert "There is one agent only" in markdown
+    assert "none failed" in markdown
+    assert "do not say how long each stage took" in markdown
+    assert "beliefs: not run" in markdown
+
+
+def test_a_single_episode_has_no_error_but_a_report(tmp_path):
+    write(tmp_path, [episode(3, "helios")])
+    write_report(tmp_path)
+    assert "nan" not in (tmp_path / "report.md").read_text().lower()
+
+
+def test_an_episode_that_never_began_is_reported(tmp_path):
+    lost = {"cause": "system error", "steps": 0, "step_ms": 0.0, "wall_s": 0.0, "path_m": 0.0,
+            "instruction": "", "structure_hash": "", "stage_ms": {}, "success": False,
+            "collisions": 0, "beliefs": ()}  # fmt: skip
+    write(tmp_path, [episode(0, "helios", **lost)], pictures=False)
+    write_report(tmp_path)
+    markdown = (tmp_path / "report.md").read_text()
+    assert "1 episode ended by a system error" in markdown
+    assert "No episode took a step" in markdown
+
+
+def test_object_navigation_has_its_own_metrics(tmp_path):
+    agents = ("vlfm", "vlfm-unfiltered", "vlfm-helios-stop")
+    write(tmp_path, [
+        episode(s, a, benchmark="objectnav", shortest_path_m=2.0) for s in range(5) for a in agents
+    ])  # fmt: skip
+    write_report(tmp_path)
+    markdown = (tmp_path / "report.md").read_text()
+    assert "Table 2" in markdown
+    assert "SPL: VLFM with the stop decision of HELIOS over VLFM" in markdown
+    assert "FindRec" not in markdown.partition("All episodes")[0]
+
+
+def test_the_same_folder_gives_the_same_report(tmp_path):
+    write(tmp_path, [episode(s, "trusting") for s in range(3)])
+    write_report(tmp_path)
+    first = (tmp_path / "report.html").read_bytes()
+    write_report(tmp_path)
+    assert (tmp_path / "report.html").read_bytes() == first
+
+
+def test_a_folder_without_episodes_says_what_to_do(tmp_path):
+    with pytest.raises(InvalidInput, match="helios eval ovmm"):
+        write_report(tmp_path)
+    (tmp_path / EPISODES).write_text("")
+    with pytest.raises(InvalidInput, match="no episode"):
+        write_report(tmp_path)
+
+
+@pytest.mark.parametrize("torn", ["{", "[1, 2]"])
+def test_a_torn_run_json_is_named(tmp_path, torn):
+    write(tmp_path, [episode(0)])
+    (tmp_path / "run.json").write_text(torn)
+    with pytest.raises(InvalidInput, match=r"run\.json"):
+        write_report(tmp_path)

@@ -1,0 +1,124 @@
+"""The published figures, and which runs stand beside them."""
+
+from __future__ import annotations
+
+from helios_eval.report import metrics, paper, published
+from helios_eval.report.arms import arms_of, in_common, pairs, plain_arm, swept_arm
+from helios_eval.report.model import Table
+from helios_planner.task import Cause
+from synthetic_episodes import NOISE, episode
+
+TABLES = (paper.TABLE_1, paper.TABLE_2, paper.TABLE_4, paper.TABLE_5, *paper.SWEEPS)
+
+
+def test_published_figures_by_reference():
+    rows = {(t.number, r.group, r.name): r.figures for t in TABLES for r in t.rows}
+    assert str(rows[1, "unlimited picks", "HELIOS"]["SR"]) == "3.2 ± 0.5"
+    assert str(rows[1, "1 pick", "Trusting agent"]["FindObj"]) == "13.7 ± 1.0"
+    assert str(rows[4, "", "HELIOS with ground truth"]["Place"]) == "29.8 ± 1.3"
+    assert str(rows[2, "", "VLFM"]["SPL"]) == "30.4"
+    assert "Place" not in rows[1, "other work", "MoManipVLA"]
+    assert [len(t.rows) for t in TABLES] == [14, 3, 6, 6, 11, 11, 11]
+
+
+def test_relations_are_those_of_the_calibration():
+    by_metric = {(r.metric, r.claim): round(r.published, 2) for r in paper.RELATIONS}
+    noisy = "trusting agent, noisy over ground-truth semantics"
+    assert by_metric["FindObj", noisy] == 0.38
+    assert by_metric["Pick", noisy] == 0.34
+    assert by_metric["SR", "HELIOS over the trusting agent"] == 1.78
+
+
+def test_more_picks_than_the_limit_score_zero():
+    lucky = episode(1, picks=6, find_object=True, pick=True, success=True, steps=80, collisions=2)
+    assert metrics.value(lucky, "SR") == 1
+    assert metrics.value(lucky, "SR", picks=6) == 1
+    assert metrics.value(lucky, "SR", picks=5) == 0
+    assert metrics.value(lucky, "partial", picks=5) == 0
+    assert metrics.value(lucky, "steps", picks=5) == 80
+    assert metrics.value(lucky, "collisions", picks=5) == 2
+
+
+def cells(table: Table, name: str) -> list[str]:
+    return [c.text for row in table.rows if row.cells[0].text == name for c in row.cells]
+
+
+def tables(episodes) -> dict[str, Table]:
+    blocks = published.section(arms_of(episodes)).blocks
+    return {b.title.partition(":")[0]: b for b in blocks if isinstance(b, Table)}
+
+
+def test_agents_that_did_not_run_say_so_and_others_have_no_row_of_ours():
+    table = tables([episode(s, "helios") for s in range(4)])["Table 4"]
+    assert cells(table, "Trusting agent with ground truth")[1] == "not run"
+    assert cells(table, "MoManipVLA")[1] == "paper 23.7"
+    assert cells(table, "HELIOS")[-1] == "4"
+    assert all(t.tag == "another simulator" for t in (table,))
+
+
+def test_sweeps_appear_only_when_they_were_run():
+    plain = [episode(s, "helios") for s in range(4)]
+    assert not tables(plain).keys() & {"Table 5", "Table 6"}
+    swept = [episode(s, "helios", settings={"planner.tau_g": 0.3}) for s in range(3)]
+    found = tables([*plain, *swept])
+    assert cells(found["Table 8"], "τ_g = 0.3")[-1] == "3"
+    assert cells(found["Table 8"], "τ_g = 0.5")[-1] == "4"
+    assert cells(found["Table 8"], "τ_g = 0.7")[1] == "not run"
+    assert "Table 5" in tables([*plain, episode(0, "helios-5050")])
+
+
+def test_one_table_never_mixes_conditions():
+    louder = NOISE.model_copy(update={"level": 2.0})
+    arms = arms_of([episode(0, "helios"), episode(1, "helios"),
+                    episode(0, "trusting", noise=louder)])  # fmt: skip
+    assert plain_arm(arms, "ovmm", "helios", "noisy") is not None
+    assert plain_arm(arms, "ovmm", "trusting", "noisy") is None
+
+
+def test_labels_say_what_differs_and_no_more():
+    louder = NOISE.model_copy(update={"level": 2.0})
+    one = arms_of([episode(0, "helios"), episode(0, "trusting")])
+    assert [a.label for a in one] == ["helios", "trusting"]
+    many = arms_of([episode(0, "helios"), episode(0, "helios", noise=louder),
+                    episode(0, "helios", settings={"a": 1}),
+                    episode(0, "helios", semantics="ground-truth")])  # fmt: skip
+    assert {a.label for a in many} == {
+        "helios · noise ×1", "helios · noise ×2", "helios · noise ×1 · a=1", "helios · ground truth"
+    }  # fmt: skip
+
+
+def test_a_swept_arm_differs_in_that_setting_alone():
+    far, both = {"planner.alpha_d": 0.01}, {"planner.alpha_d": 0.01, "planner.tau_g": 0.3}
+    arms = arms_of([episode(0), episode(0, settings=far), episode(0, settings=both)])
+    base = plain_arm(arms, "ovmm", "helios", "noisy")
+    assert base is not None
+    found = swept_arm(arms, base, "alpha_d", 0.01)
+    assert found is not None
+    assert dict(found.settings) == {"planner.alpha_d": 0.01}
+    assert swept_arm(arms, base, "tau_g", 0.3) is None
+
+
+def test_pairs_put_what_is_new_first_and_compare_within_a_condition():
+    agents = ("helios", "trusting", "helios-next")
+    arms = arms_of([episode(0, a, semantics=s) for a in agents for s in ("noisy", "ground-truth")])
+    names = {(a.label, b.label) for a, b in pairs(arms)}
+    assert ("helios", "trusting") in names
+    assert ("helios-next", "helios") in names
+    assert ("helios · ground truth", "trusting · ground truth") in names
+    assert ("helios · ground truth", "helios") in names
+    assert ("helios", "trusting · ground truth") not in names
+
+
+def test_an_episode_that_never_began_still_counts_against_its_agent():
+    lost = episode(1, "trusting", structure_hash="", steps=0, cause="system error")
+    elsewhere = episode(2, "trusting", structure_hash="another home")
+    arms = arms_of([*(episode(s) for s in range(4)), episode(0, "trusting"), lost, elsewhere])
+    mine, theirs = in_common(*arms)
+    assert [r.seed for r in mine] == [r.seed for r in theirs] == [0, 1]
+
+
+def test_the_colours_know_the_closed_list():
+    from helios_eval.report import style
+
+    assert set(style.CAUSES) == {c.value for c in Cause}
+    assert len({style.of_cause(c).light for c in ("", *style.CAUSES, "unknown")}) == 12

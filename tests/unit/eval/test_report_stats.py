@@ -1,0 +1,118 @@
+"""The statistics of the report, against known values and by simulation."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from helios_core.errors import InvalidInput
+from helios_eval.report import stats
+from hypothesis import given
+from hypothesis import strategies as st
+
+POLITICS = np.array([1.0] * 7 + [0.0] * 3)
+
+
+@pytest.mark.parametrize(
+    ("successes", "n", "low", "high"),
+    [  # Newcombe, Statistics in Medicine 17 (1998), table I, method 3
+        (81, 263, 0.2553, 0.3662),
+        (15, 148, 0.0624, 0.1605),
+        (0, 20, 0.0, 0.1611),
+        (1, 29, 0.0061, 0.1718),
+    ],
+)
+def test_wilson_interval_has_the_published_bounds(successes, n, low, high):
+    found = stats.wilson(successes, n)
+    assert found.value == successes / n
+    assert found.low == pytest.approx(low, abs=5e-5)
+    assert found.high == pytest.approx(high, abs=5e-5)
+
+
+@given(st.integers(1, 500).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
+def test_wilson_interval_holds_its_share_and_mirrors(case):
+    k, n = case
+    found, mirrored = stats.wilson(k, n), stats.wilson(n - k, n)
+    assert 0 <= found.low <= found.value <= found.high <= 1
+    assert found.low == pytest.approx(1 - mirrored.high, abs=1e-12)
+
+
+def test_mean_and_its_error_as_in_the_textbook():
+    found = stats.mean_sem(np.array([2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 7.0, 9.0]))
+    assert found.mean == 5
+    assert found.sem == pytest.approx(math.sqrt(32 / 7 / 8))
+    assert math.isnan(stats.mean_sem(np.array([1.0])).sem)
+
+
+def test_the_papers_error_of_a_share_is_ours():
+    share = np.zeros(1199)
+    share[:507] = 1  # FindObj of HELIOS, Table 1: 42.3 ± 1.4
+    found = stats.mean_sem(share)
+    assert (round(100 * found.mean, 1), round(100 * found.sem, 1)) == (42.3, 1.4)
+
+
+def test_exact_mcnemar_has_the_published_p():
+    # Fagerland, Lydersen and Laake, BMC Med. Res. Methodol. 13:91 (2013): 1 and 7 discordant
+    first = np.array([1.0] * 7 + [0.0] * 1 + [1.0] * 12 + [0.0])
+    second = np.array([0.0] * 7 + [1.0] * 1 + [1.0] * 12 + [0.0])
+    assert stats.sign_test(first, second) == pytest.approx(0.0703, abs=5e-5)
+    assert stats.discordant(first, second) == (7, 1)
+    assert stats.sign_test(second, first) == stats.sign_test(first, second)
+
+
+def test_no_difference_at_all_has_p_1_and_no_width():
+    assert stats.sign_test(POLITICS, POLITICS) == 1
+    assert stats.paired_difference(POLITICS, POLITICS) == stats.Interval(0, 0, 0)
+
+
+def test_paired_bootstrap_covers_the_truth_as_often_as_it_says():
+    """Correlated binary pairs with a true difference of 0.2 and a true ratio of 1.5, n = 100."""
+    rng = np.random.default_rng(7)
+    differences = ratios = 0
+    repeats = 400
+    for i in range(repeats):
+        hard = rng.random(100)
+        second = (hard < 0.4).astype(np.float64)
+        first = np.where(rng.random(100) < 0.7, hard < 0.6, rng.random(100) < 0.6)
+        d = stats.paired_difference(first.astype(np.float64), second, draws=400, seed=i)
+        r = stats.paired_ratio(first.astype(np.float64), second, draws=400, seed=i)
+        differences += d.low <= 0.2 <= d.high
+        ratios += r.low <= 1.5 <= r.high
+    assert 0.91 <= differences / repeats <= 0.98  # 0.95 within its own error and the bootstrap's
+    assert 0.91 <= ratios / repeats <= 0.98
+
+
+def test_pairing_narrows_the_interval_where_homes_differ():
+    rng = np.random.default_rng(1)
+    home = rng.normal(0, 10, 200)
+    first, second = home + rng.normal(1, 1, 200), home + rng.normal(0, 1, 200)
+    paired = stats.paired_difference(first, second)
+    shuffled = stats.paired_difference(first, rng.permutation(second))
+    assert paired.low > 0
+    assert paired.high - paired.low < (shuffled.high - shuffled.low) / 5
+
+
+def test_same_seed_same_interval():
+    a, b = np.random.default_rng(3).random((2, 50))
+    assert stats.paired_ratio(a, b) == stats.paired_ratio(a, b)
+    assert stats.paired_ratio(a, b, seed=1) != stats.paired_ratio(a, b, seed=2)
+
+
+def test_a_bound_that_divides_by_zero_is_infinite():
+    once = np.array([1.0] + [0.0] * 9)
+    found = stats.paired_ratio(POLITICS, once)
+    assert found.value == 7
+    assert math.isfinite(found.low)
+    assert found.high == math.inf
+    assert stats.paired_ratio(POLITICS, np.zeros(10)).value == math.inf
+    assert math.isnan(stats.paired_ratio(np.zeros(10), np.zeros(10)).value)
+
+
+@pytest.mark.parametrize("wrong", [lambda: stats.wilson(3, 2), lambda: stats.wilson(0, 0),
+                                   lambda: stats.mean_sem(np.array([])),
+                                   lambda: stats.sign_test(np.ones(3), np.ones(4)),
+                                   lambda: stats.paired_ratio(np.ones(0), np.ones(0))])  # fmt: skip
+def test_what_cannot_be_reckoned_is_refused(wrong):
+    with pytest.raises(InvalidInput, match="want"):
+        wrong()
