@@ -25,6 +25,7 @@ from helios_detector.view_table import ViewTable
 from helios_detector.vocabulary import Wanted, normalised
 
 STRIDE_PX = 8  # at which surfaces are sampled
+MOST_RIM_PX = 24  # of the picture, in which nothing false is shown
 CELL_ORIGIN_M = np.array([0.13, 0.07, 0.23])  # floors and table tops do not lie between two cells
 WHAT = ("exists", "score", "size")
 _AXES = keys_of(("place x", "place y", "place z"))
@@ -158,7 +159,8 @@ def _blob(
     u_size: float,
     table: ViewTable,
 ) -> Masked | None:
-    """The pixels of the surface within a ball around the false thing's place; None if too few."""
+    """The pixels of the surface within a ball around the false thing's place; None if too few or
+    at the picture's edge."""
     f = table.file.false_positive
     low_m, high_m = f.object_radius_m if want.is_object else f.receptacle_radius_m
     radius_m = low_m + u_size * (high_m - low_m)
@@ -167,17 +169,21 @@ def _blob(
     wished_m = (cells.voxels[n] + in_cell) * f.cell_m + CELL_ORIGIN_M
     members = np.flatnonzero(cells.of_point == n)
     at = members[np.argmin(((cells.points_m[members] - wished_m) ** 2).sum(-1))]
-    center_m, (v, u) = cells.points_m[at], cells.pixels[at]
+    v, u = cells.pixels[at]
     c = frame.camera
-    reach = math.ceil(1.2 * radius_m * c.fx / max(0.2, float(frame.depth_m[v, u]))) + 1
+    reach = math.ceil(1.2 * radius_m * c.fx / max(0.2, float(frame.depth_m[v, u]))) + STRIDE_PX
     h, w = frame.depth_m.shape
+    rim = min(reach, MOST_RIM_PX)
+    if not (rim <= u < w - rim and rim <= v < h - rim):
+        return None  # its place may lie outside the picture, and would move along with its edge
     x0, y0 = max(0, int(u) - reach), max(0, int(v) - reach)
     x1, y1 = min(w, int(u) + reach + 1), min(h, int(v) + reach + 1)
     camera = Pinhole(c.fx, c.fy, c.cx - x0, c.cy - y0, x1 - x0, y1 - y0)
     points_m = lift_pixels(frame.depth_m[y0:y1, x0:x1], camera, frame.T_world_cam)
-    with np.errstate(invalid="ignore"):
-        close = ((points_m - center_m) ** 2).sum(-1) < radius_m**2
-    crop = close & (truth.ids[y0:y1, x0:x1] == cells.instances[n].id)
+    own = (truth.ids[y0:y1, x0:x1] == cells.instances[n].id) & np.isfinite(points_m[..., 2])
+    far_m2 = np.where(own, ((points_m - wished_m) ** 2).sum(-1), np.inf)
+    center_m = points_m[np.unravel_index(np.argmin(far_m2), far_m2.shape)]  # finer than samples
+    crop = own & (((points_m - center_m) ** 2).sum(-1) < radius_m**2)
     if np.count_nonzero(crop) < f.min_px:
         return None
     return trimmed((x0, y0, x1, y1), crop)
