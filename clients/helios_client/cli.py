@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from helios_eval.command import app as eval_app  # light: it imports the rest when it runs
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -24,8 +23,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-
-app.add_typer(eval_app)
 
 Port = Annotated[int, typer.Option(help="port of the HTTP interface", min=1, max=65535)]
 Json = Annotated[bool, typer.Option("--json", help="print JSON only")]
@@ -151,6 +148,26 @@ def bench(
         ) from error
     code: Any = run_bench(only, json_path)
     raise typer.Exit(int(code or 0))
+
+
+@app.command(
+    name="eval",
+    add_help_option=False,
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+)
+def evaluate(context: typer.Context) -> None:
+    """Play episodes in simulated homes, judge them by the truth, report: helios eval --help."""
+    try:
+        from helios_eval.command import app as eval_app
+    except ImportError as error:
+        from helios_core.errors import Unavailable
+
+        raise Unavailable(
+            f"the evaluation cannot be loaded ({error}); pip install 'helios-ovmm[all]'"
+        ) from error
+    command = typer.main.get_command(eval_app)
+    code = command.main(context.args, prog_name="helios eval", standalone_mode=False)
+    raise typer.Exit(code if isinstance(code, int) else 0)
 
 
 @app.command()

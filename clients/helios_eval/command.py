@@ -1,15 +1,22 @@
-"""`helios eval`: a sub-command of `helios`. Imports what it needs only when it runs."""
+"""`helios eval`: a sub-command of `helios`."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
+from helios_client.wrong_use import WrongUse
+from helios_core.errors import InvalidInput
+from helios_sim.sensor import SENSORS
+from rich.console import Console
 
-if TYPE_CHECKING:
-    from helios_eval.record import Benchmark, Noise
+from helios_eval import results, service_settings, spec
+from helios_eval.calibration.command import calibration
+from helios_eval.record import Benchmark, Noise
+from helios_eval.report import write_report
+from helios_eval.run import Run, run
 
 FIRST_NEVER = 100_000  # seeds from here on are never run
 
@@ -17,6 +24,7 @@ app = typer.Typer(
     name="eval",
     help="Play episodes in simulated homes and judge them by the truth.",
     no_args_is_help=True,
+    add_completion=False,
     rich_markup_mode=None,
 )
 
@@ -94,10 +102,11 @@ def report(
     folder: Annotated[Path, typer.Argument(help="of a run")],
 ) -> None:
     """Write report.md and report.html of a folder anew."""
-    from helios_eval.report import write_report
-
     write_report(folder)
     print(f"written to {folder / 'report.md'} and {folder / 'report.html'}")
+
+
+app.command()(calibration)
 
 
 def _run(
@@ -118,27 +127,13 @@ def _run(
     max_steps: int | None,
     ray: str | None,
 ) -> None:
-    from helios_client.wrong_use import WrongUse
-    from helios_core.errors import InvalidInput
-    from rich.console import Console
-
-    try:
-        from helios_eval import results, service_settings, spec
-        from helios_eval.run import Run, run
-    except ImportError as error:
-        from helios_core.errors import Unavailable
-
-        raise Unavailable(
-            f"the evaluation cannot be loaded ({error}); pip install 'helios-ovmm[all]'"
-        ) from error
-
     names = _names(agents, "--agents")
     spec.check_agents(names, benchmark)
     spec.check_preset(preset)
     if semantics not in ("noisy", "ground-truth"):
         raise WrongUse(f"--semantics is {semantics!r}; wanted noisy or ground-truth")
-    if sensor not in ("none", "realistic"):
-        raise WrongUse(f"--sensor is {sensor!r}; wanted none or realistic")
+    if sensor not in SENSORS:
+        raise WrongUse(f"--sensor is {sensor!r}; wanted one of {', '.join(SENSORS)}")
     if seed0 + episodes > FIRST_NEVER:
         raise WrongUse(f"seeds from {FIRST_NEVER} on are never run; lower --seed0 or --episodes")
     settings = service_settings.parsed(assignments)
@@ -163,8 +158,6 @@ def _run(
 
 
 def _names(text: str, flag: str) -> list[str]:
-    from helios_client.wrong_use import WrongUse
-
     names = list(dict.fromkeys(name.strip() for name in text.split(",")))
     if "" in names:
         raise WrongUse(f"{flag} {text!r} has an empty name; write a,b")

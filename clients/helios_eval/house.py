@@ -58,7 +58,7 @@ class DirectTruth:
     def segmentation(self, stamp_ns: int) -> Truth:
         shown = self._world.run(lambda world: world.segmentation(stamp_ns))
         instances = {
-            i.id: TruthInstance(i.id, i.class_name, np.array(i.center_m), i.graspable)
+            i.id: TruthInstance(i.id, i.class_name, np.array(i.center_m), i.graspable, i.name)
             for i in shown.instances
         }
         return Truth(shown.ids.astype(np.uint16), instances)
@@ -82,7 +82,7 @@ class House:
         """seed: of the detector's errors, and of an agent that draws. noise: None for ground-truth
         semantics. on_step: called after each action, when every map holds what was seen; it may
         ask the house."""
-        self._folder = tempfile.TemporaryDirectory(prefix="helios-eval-", dir=_memory())
+        self._folder = tempfile.TemporaryDirectory(prefix="helios-eval-")
         self._ended = threading.Event()
         self._hub = MemoryHub()
         self._bus = MemoryBus(self._hub)
@@ -206,8 +206,3 @@ def _planner_settings(
     chosen |= {"state_dir": folder, "agent": agent, "agent_seed": seed}
     chosen |= {"ack_timeout_s": NEVER_S, "call_timeout_s": NEVER_S}
     return PlannerSettings(**chosen, action_timeout_s=LONGEST_ACTION_S)
-
-
-def _memory() -> str | None:
-    """A folder in memory, where there is one."""
-    return "/dev/shm" if Path("/dev/shm").is_dir() else None

@@ -17,6 +17,7 @@ from helios_sim.events import PickTried
 from helios_sim.home import PRESETS, Home, generate_home
 from helios_sim.judge import Said
 from helios_sim.oracle import Oracle
+from helios_sim.sensor import SENSORS
 from helios_sim.thread import WorldThread
 from numpy.typing import NDArray
 
@@ -81,7 +82,7 @@ def play(spec: EpisodeSpec, commit: str) -> Played:
 def make_world(spec: EpisodeSpec, home: Home) -> WatchedWorld:
     """The world of an episode; on the thread that will use it."""
     episode = episode_for(spec.benchmark, home, spec.seed)
-    return WatchedWorld(home, episode, boot_id="evaluation")
+    return WatchedWorld(home, episode, boot_id="evaluation", sensor=SENSORS[spec.sensor])
 
 
 def preset_hash(preset: str) -> str:

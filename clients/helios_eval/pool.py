@@ -7,11 +7,13 @@ its own, so that one that is killed while it writes leaves the others in peace.
 from __future__ import annotations
 
 import multiprocessing
+import tempfile
 from collections import deque
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 
 from helios_core.errors import HeliosError
 
@@ -43,11 +45,17 @@ class _Worker:
         self.connection.close()
 
 
-def play_all(specs: Sequence[EpisodeSpec], jobs: int, commit: str) -> Generator[Outcome]:
-    """The outcome of every episode, in the order in which they end.
+def play_all(
+    specs: Sequence[EpisodeSpec],
+    jobs: int,
+    commit: str,
+    serve: Callable[[Connection, str, str], None] = serve,
+) -> Generator[Outcome]:
+    """The outcome of every episode, in the order in which they end. serve: what a process does.
 
     Closing the iterator kills what still runs. Raises Unavailable where nothing can be played.
     """
+    folder = tempfile.TemporaryDirectory(prefix="helios-eval-", dir=_memory())
     context = multiprocessing.get_context("spawn")
     waiting = deque(specs)
     deaths: dict[str, int] = {}
@@ -55,7 +63,7 @@ def play_all(specs: Sequence[EpisodeSpec], jobs: int, commit: str) -> Generator[
 
     def start() -> None:
         ours, theirs = context.Pipe()
-        process = context.Process(target=serve, args=(theirs, commit), daemon=True)
+        process = context.Process(target=serve, args=(theirs, commit, folder.name), daemon=True)
         process.start()
         theirs.close()
         worker = _Worker(process, ours)
@@ -87,12 +95,17 @@ def play_all(specs: Sequence[EpisodeSpec], jobs: int, commit: str) -> Generator[
                     worker.give(waiting.popleft())
                 else:
                     workers.remove(worker)
-                    worker.connection.close()
-                    worker.process.join()
+                    worker.kill()
                 yield spec, came
     finally:
         for worker in workers:
             worker.kill()
+        folder.cleanup()
+
+
+def _memory() -> str | None:
+    """A folder in memory, where there is one."""
+    return "/dev/shm" if Path("/dev/shm").is_dir() else None
 
 
 def _obituary(worker: _Worker) -> str:

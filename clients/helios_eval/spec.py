@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import get_args
 
 from helios_client.wrong_use import WrongUse
 from helios_detector.noise import load_noise
 from helios_sim.home import PRESETS
 
 from helios_eval.record import Benchmark, Noise, Semantics, Setting, key_of
-
-Sensor = Literal["none", "realistic"]
 
 WALKER = "ground-truth-walker"  # knows the map: what can be reached at all
 DEFAULT_STEPS: dict[Benchmark, int] = {"ovmm": 1250, "objectnav": 500}
@@ -49,7 +47,7 @@ class EpisodeSpec:
 
     @property
     def sensor(self) -> str:
-        """none or realistic"""
+        """How pictures and poses err, by name."""
         return str(self.settings.get(SENSOR, "none"))
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import os
 import signal
+import tempfile
 import threading
 from collections.abc import Callable
 from multiprocessing import parent_process
@@ -56,14 +57,17 @@ def play_safely(spec: EpisodeSpec, commit: str) -> Played | str:
         return f"{type(error).__name__}: {error}"
 
 
-def serve(connection: Connection, commit: str) -> None:
+def serve(connection: Connection, commit: str, folder: str) -> None:
     """Play what comes over the connection until it ends, or the process that made this one does.
+
+    folder: for temporary files; whoever made it takes it away.
 
     Answers are `Played`, a sentence why it could not be played, or an `Unavailable`.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     threading.Thread(target=_leave_with_parent, name="parent", daemon=True).start()
     prepare()
+    tempfile.tempdir = folder
     from helios_core.errors import Unavailable
 
     answer: Callable[[object], None] = connection.send

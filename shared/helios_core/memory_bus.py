@@ -47,6 +47,8 @@ class _Subscriber:
     turn: threading.RLock = field(default_factory=threading.RLock)
 
     def wants(self, key: str) -> bool:
+        if "*" not in self.key:
+            return self.key == key
         mine, theirs = self.key.split("/"), key.split("/")
         return len(mine) == len(theirs) and all(
             a in ("*", b) for a, b in zip(mine, theirs, strict=True)

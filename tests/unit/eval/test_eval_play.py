@@ -1,0 +1,89 @@
+"""One episode in one process: the same whatever process plays it, and nothing is left behind."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+from pathlib import Path
+
+import pytest
+from helios_eval.play import Played, play
+from helios_eval.pool import play_all
+from helios_eval.record import EpisodeRecord
+from helios_eval.spec import WALKER, EpisodeSpec, noise_of
+
+NOISE = noise_of("demo-v1", 1.0, None)
+TIMES = frozenset({"wall_s", "step_ms", "stage_ms", "commit"})
+
+
+def spec(agent: str = "helios", steps: int = 16) -> EpisodeSpec:
+    return EpisodeSpec("ovmm", agent, "noisy", "demo-v1", 0, NOISE, {"max_steps": steps})
+
+
+def facts(record: EpisodeRecord) -> dict:
+    return record.model_dump(exclude=set(TIMES))
+
+
+@pytest.fixture(scope="module")
+def here() -> Played:
+    return play(spec(), "here")
+
+
+def test_an_episode_is_the_same_in_any_process(here: Played) -> None:
+    """Also as the second one of a process, beside another one."""
+    again = [came for _, came in play_all([spec()] * 3, 2, "there")]
+    assert len(again) == 3
+    for came in again:
+        assert not isinstance(came, str)
+        assert facts(came.record) == facts(here.record)
+        assert came.keepsake is not None
+        assert here.keepsake is not None
+        assert (came.keepsake.occupancy == here.keepsake.occupancy).all()
+        assert came.keepsake.beliefs == here.keepsake.beliefs
+
+
+def test_the_record_says_what_happened(here: Played) -> None:
+    record = here.record
+    assert (record.steps, record.success, record.state) == (16, False, "failed")
+    assert record.cause == "object not found"
+    assert record.noise == NOISE
+    assert record.structure_hash
+    assert record.step_ms > 0
+    stages = {"world_act", "world_capture", "world_segmentation", "detector_detect",
+              "objectmap_update", "map2d_occupancy", "map2d_value"}  # fmt: skip
+    assert stages <= set(record.stage_ms)
+
+
+def test_a_failed_episode_is_kept_for_a_picture(here: Played) -> None:
+    kept = here.keepsake
+    assert kept is not None
+    assert {-1, 0, 100} == set(kept.occupancy.ravel().tolist())
+    assert len(kept.trajectory_m) == 1 + here.record.steps
+    assert kept.candidates
+    assert kept.goals
+    assert kept.camera_jpeg.startswith(b"\xff\xd8")
+
+
+def test_nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    before = set(threading.enumerate())
+    play(spec(steps=2), "here")
+    assert not list(tmp_path.iterdir())
+    assert not {t.name for t in set(threading.enumerate()) - before}
+
+
+def test_the_walker_solves_the_task_by_the_truth() -> None:
+    record = play(EpisodeSpec("ovmm", WALKER, "noisy", "demo-v1", 0, NOISE), "here").record
+    assert record.success
+    assert record.cause == ""
+    assert record.picks == 1
+
+
+def test_object_navigation_knows_the_shortest_way() -> None:
+    asked = EpisodeSpec("objectnav", "helios", "ground-truth", "demo-v1", 0, None, {"max_steps": 4})
+    record = play(asked, "here").record
+    assert record.instruction == f"Find the {record.object_class}"
+    assert record.shortest_path_m is not None
+    assert record.shortest_path_m >= 1.0
+    assert record.spl == 0.0
+    assert record.goal_receptacle_class == ""

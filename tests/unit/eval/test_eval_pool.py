@@ -1,0 +1,67 @@
+"""What breaks one process of the pool stays with its episode."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Generator
+from contextlib import closing, suppress
+from pathlib import Path
+
+import eval_fake_worker
+import pytest
+from helios_core.errors import Unavailable
+from helios_eval.pool import Outcome, play_all
+from helios_eval.spec import EpisodeSpec
+
+from tests.support import wait_until
+
+
+def spec(agent: str, seed: int = 0) -> EpisodeSpec:
+    return EpisodeSpec("ovmm", agent, "noisy", "demo-v1", seed, None)
+
+
+def played(specs: list[EpisodeSpec], folder: Path, jobs: int = 2) -> Generator[Outcome]:
+    return play_all(specs, jobs, str(folder), serve=eval_fake_worker.serve)
+
+
+def ended(pid: int) -> bool:
+    with suppress(ProcessLookupError):
+        os.kill(pid, 0)
+        return False
+    return True
+
+
+def test_every_episode_is_played_once(tmp_path: Path) -> None:
+    specs = [spec("fine", seed) for seed in range(7)]
+    outcomes = list(played(specs, tmp_path, jobs=3))
+    assert sorted(s.seed for s, _ in outcomes) == list(range(7))
+    assert all(not isinstance(came, str) and came.record.seed == s.seed for s, came in outcomes)
+    assert len(set((tmp_path / "pids").read_text().split())) <= 3
+
+
+def test_a_process_that_dies_loses_its_episode_alone(tmp_path: Path) -> None:
+    """It is tried again; what dies twice is told as lost, with the reason."""
+    specs = [spec("fine", 1), spec("dies", 2), spec("dies-once", 3), spec("fine", 4)]
+    came = {s.seed: c for s, c in played(specs, tmp_path)}
+    assert [seed for seed, c in came.items() if isinstance(c, str)] == [2]
+    assert "signal 9" in str(came[2])
+    assert set(came) == {1, 2, 3, 4}
+
+
+def test_what_could_not_be_played_is_told_and_the_others_go_on(tmp_path: Path) -> None:
+    came = {s.seed: c for s, c in played([spec("raises", 1), spec("fine", 2)], tmp_path)}
+    assert came[1] == "no such luck"
+    assert not isinstance(came[2], str)
+
+
+def test_where_nothing_can_be_played_the_run_ends(tmp_path: Path) -> None:
+    with pytest.raises(Unavailable, match="OpenGL"):
+        list(played([spec("impossible", seed) for seed in range(3)], tmp_path))
+
+
+def test_closing_ends_what_still_runs(tmp_path: Path) -> None:
+    with closing(played([spec("fine"), spec("hangs", 1), spec("hangs", 2)], tmp_path)) as outcomes:
+        assert next(outcomes)[0].agent == "fine"
+        pids = tmp_path / "pids"
+        wait_until(lambda: len(pids.read_text().split()) >= 2, 30, "another episode runs")
+    assert all(ended(int(pid)) for pid in pids.read_text().split())

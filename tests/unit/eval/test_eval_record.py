@@ -1,0 +1,61 @@
+"""What was recorded is read again, whatever ended the writing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from eval_constructed_records import belief, record
+from helios_core.errors import InvalidInput
+from helios_eval import record as records
+from hypothesis import given
+from hypothesis import strategies as st
+
+FIRST, SECOND, THIRD = record(1, (belief(3, True),)), record(2), record(3)
+
+
+def test_records_come_back_as_they_were(tmp_path: Path) -> None:
+    assert records.read(tmp_path) == []
+    for one in (FIRST, SECOND):
+        records.append(tmp_path, one)
+    assert records.read(tmp_path) == [FIRST, SECOND]
+
+
+@given(cut=st.integers(1, len(SECOND.model_dump_json())))
+def test_a_torn_last_line_is_lost_alone(cut: int, tmp_path_factory: pytest.TempPathFactory) -> None:
+    folder = tmp_path_factory.mktemp("torn")
+    records.append(folder, FIRST)
+    with (folder / records.EPISODES).open("a") as file:
+        file.write(SECOND.model_dump_json()[:cut])
+    whole = cut == len(SECOND.model_dump_json())
+    assert records.read(folder) == ([FIRST, SECOND] if whole else [FIRST])
+    records.append(folder, THIRD)
+    assert records.read(folder) == ([FIRST, SECOND, THIRD] if whole else [FIRST, THIRD])
+    records.append(folder, SECOND)
+    assert {r.seed for r in records.read(folder)} == {1, 2, 3}
+
+
+def test_the_last_record_of_a_key_counts(tmp_path: Path) -> None:
+    records.append(tmp_path, FIRST)
+    records.append(tmp_path, FIRST.model_copy(update={"steps": 7}))
+    assert [r.steps for r in records.read(tmp_path)] == [7]
+
+
+@pytest.mark.parametrize("line", ["hello", '{"a": 1}', '{"benchmark": 3}', "[]"])
+def test_a_line_that_is_no_episode_is_refused_with_its_number(tmp_path: Path, line: str) -> None:
+    records.append(tmp_path, FIRST)
+    with (tmp_path / records.EPISODES).open("a") as file:
+        file.write(line + "\n")
+    with pytest.raises(InvalidInput, match="line 2"):
+        records.read(tmp_path)
+
+
+def test_whatever_changes_the_result_changes_the_key() -> None:
+    others = [
+        record(2), record(1, agent="trusting"), record(1, semantics="ground-truth", noise=None),
+        record(1, preset="demo-v1"), record(1, settings={"planner.alpha_d": 0.01}),
+        record(1, noise={"table": "t", "digest": "1", "level": 1.0, "correlation": None}),
+        record(1, benchmark="objectnav"),
+    ]  # fmt: skip
+    assert len({FIRST.key, *(o.key for o in others)}) == 1 + len(others)
+    assert record(1, steps=3, commit="other", wall_s=9.0).key == FIRST.key

@@ -1,0 +1,78 @@
+"""`results.json` from constructed records."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+from eval_constructed_records import record
+from helios_core.errors import InvalidInput
+from helios_eval import results
+from helios_eval.results import UNLIMITED
+
+NAMES = [
+    "FindObj", "Pick", "FindRec", "Place", "SR", "partial", "collisions", "steps",
+    "seconds_per_step",
+]  # fmt: skip
+
+
+def of(rows: list[dict], picks: object, name: str) -> dict[str, float]:
+    (row,) = [r for r in rows if r["picks"] == picks]
+    return row["metrics"][name]
+
+
+def test_one_unlimited_run_gives_the_rows_of_every_limit() -> None:
+    """An episode that exceeds N picks scores 0 in every score of the row for N picks."""
+    tried = [record(k, picks=picks, steps=100) for k, picks in enumerate((1, 2, 5, 6))]
+    rows = results.rows(tried, [1, 5, UNLIMITED])
+    for name in NAMES[:6]:
+        assert of(rows, 1, name)["mean"] == 0.25
+        assert of(rows, 5, name)["mean"] == 0.75
+        assert of(rows, UNLIMITED, name)["mean"] == 1.0
+    assert of(rows, 1, "steps")["mean"] == 100
+    assert {r["picks"] for r in json.loads(json.dumps(rows))} == {1, 5, "unlimited"}
+
+
+def test_means_have_their_standard_error() -> None:
+    row = results.rows([record(k, success=k < 3, collisions=k) for k in range(4)], [UNLIMITED])[0]
+    assert set(row) >= {"benchmark", "agent", "picks", "semantics", "preset", "metrics"}
+    assert list(row["metrics"]) == NAMES
+    success = row["metrics"]["SR"]
+    assert success == {"mean": 0.75, "sem": pytest.approx(0.5 / math.sqrt(4)), "n": 4}
+    assert row["metrics"]["collisions"]["mean"] == 1.5
+    # (FindObj + Pick + FindRec + SR) / 4
+    assert row["metrics"]["partial"]["mean"] == pytest.approx((3 * 1.0 + 0.75) / 4)
+
+
+def test_one_episode_has_no_error_of_its_mean() -> None:
+    assert results.rows([record(0)], [UNLIMITED])[0]["metrics"]["SR"] == {
+        "mean": 1.0, "sem": 0.0, "n": 1,
+    }  # fmt: skip
+
+
+def test_object_navigation_has_its_own_metrics_and_no_limit_of_picks() -> None:
+    ways = [(10.0, 5.0, True), (4.0, 5.0, True), (5.0, 5.0, False)]
+    found = [
+        record(k, benchmark="objectnav", path_m=path, shortest_path_m=least, success=ok, picks=0)
+        for k, (path, least, ok) in enumerate(ways)
+    ]
+    (row,) = results.rows(found, [1, 5, UNLIMITED])
+    assert row["metrics"]["SR"]["mean"] == pytest.approx(2 / 3)
+    assert row["metrics"]["SPL"]["mean"] == pytest.approx((0.5 + 1.0 + 0.0) / 3)
+    assert {"steps", "seconds_per_step"} <= set(row["metrics"])
+
+
+def test_what_differs_is_not_thrown_together(tmp_path: Path) -> None:
+    some = [record(0), record(0, agent="trusting"), record(0, settings={"planner.alpha_d": 0.1}),
+            record(1), record(0, semantics="ground-truth", noise=None)]  # fmt: skip
+    results.write(tmp_path, some, [UNLIMITED])
+    rows = json.loads((tmp_path / results.RESULTS).read_text())
+    assert [r["metrics"]["SR"]["n"] for r in rows] == [2, 1, 1, 1]
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "many", "1.5", ""])
+def test_picks_are_a_number_or_unlimited(text: str) -> None:
+    with pytest.raises(InvalidInput, match="picks"):
+        results.picks_of(text)

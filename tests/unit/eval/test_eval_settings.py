@@ -1,0 +1,49 @@
+"""Settings of services by name, agents and presets."""
+
+from __future__ import annotations
+
+import pytest
+from helios_client.wrong_use import WrongUse
+from helios_eval import service_settings, spec
+
+
+def test_a_setting_is_found_by_its_name_and_keeps_its_type() -> None:
+    found = service_settings.parsed(
+        ["alpha_d=0.01", "planner.margins_m=0.1,0.2", "gain_norm=sum", "map2d.cell_m=0.05"]
+    )
+    assert found == {
+        "planner.alpha_d": 0.01, "planner.margins_m": "0.1,0.2", "planner.gain_norm": "sum",
+        "map2d.cell_m": 0.05,
+    }  # fmt: skip
+    assert service_settings.of_service("planner", found) == {
+        "alpha_d": 0.01, "margins_m": (0.1, 0.2), "gain_norm": "sum",
+    }  # fmt: skip
+
+
+def test_a_default_is_no_setting() -> None:
+    """So that an episode with it is the same as one without."""
+    assert service_settings.parsed(["alpha_d=0.001"]) == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("alpha_d", "name=value"), ("nonsense=1", "no service has"), ("alpha_d=-1", "alpha_d"),
+        ("gain_norm=most", "per_gaussian"), ("max_depth_m=3", "objectmap.max_depth_m"),
+        ("planner.state_dir=/tmp", "no service has"),
+    ],
+)  # fmt: skip
+def test_a_wrong_setting_is_wrong_use(text: str, words: str) -> None:
+    with pytest.raises(WrongUse, match=words):
+        service_settings.parsed([text])
+
+
+def test_agents_and_presets_are_known_by_name() -> None:
+    spec.check_agents(["helios", "ground-truth-walker"], "ovmm")
+    spec.check_preset("demo-v1")
+    with pytest.raises(WrongUse, match="helios"):
+        spec.check_agents(["hal"], "ovmm")
+    with pytest.raises(WrongUse, match="walker"):
+        spec.check_agents(["ground-truth-walker"], "objectnav")
+    with pytest.raises(WrongUse, match="demo-v1"):
+        spec.check_preset("palace")
