@@ -15,14 +15,14 @@ from helios_planner.belief import Belief
 from helios_planner.body import Body, Frontier
 from helios_planner.decide import Decision, Do, FrontierOption
 from helios_planner.gaze import outline_of
-from helios_planner.grid import facing
+from helios_planner.grid import Pose2, facing
 from helios_planner.legs import Legs, Outcome
 from helios_planner.look import Looking, Places
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed
 
 PICK_LAYER, PLACE_LAYER = "pick", "place"  # value layers: where the object, where the goal may be
-MOST_WAITS = 8  # times in one task that something out of reach is tried again
+MOST_WAITS = 8  # times in one search that something is gone to and turns out to be out of reach
 
 
 @dataclass
@@ -50,6 +50,8 @@ class Search(ABC):
         self.refused = Places(refused_m)  # for good
         self.waiting = Places(kit.settings.same_place_m)  # until more ground is known
         self._waited = 0
+        self._acted_from: Pose2 | None = None
+        self._left_at = 0  # version of the map when a candidate was last found out of reach
 
     @abstractmethod
     def decide(self) -> Decision:
@@ -78,6 +80,7 @@ class Search(ABC):
                     self.body.tell_decision(decision)
                     self.tell(decision.why)
                 if decision.do is Do.ACT:
+                    self._acted_from = self.body.pose()
                     return self.chosen(decision)
                 if decision.do is Do.LOOK:
                     self.look_again(decision)
@@ -100,17 +103,26 @@ class Search(ABC):
     # --- candidates ----------------------------------------------------------------------------
     def leave(self, candidate: ObjectInstance, out_of_reach: bool) -> None:
         """Leave a candidate for good, or, out of reach, until more ground is known."""
-        self._waited += out_of_reach
-        if out_of_reach and self._waited <= MOST_WAITS:
-            self.waiting.add(candidate)
-        else:
+        if not out_of_reach:
             self.refused.add(candidate)
+            return
+        self._waited += self.body.pose() != self._acted_from
+        if self._waited > MOST_WAITS:
+            self.refused.add(candidate)
+        elif not self.legs.clear_way(_xy(candidate), self._near_enough_m(candidate)):
+            self.waiting.add(candidate)
+            self._left_at = self.body.ground().version
 
     def end_waiting(self) -> bool:
-        """Candidates that were out of reach may be tried again; whether there were any."""
+        """Candidates that were out of reach may be tried again; whether that may help."""
         waited = bool(self.waiting.points)
         self.waiting.clear()
-        return waited
+        return waited and self.body.ground().version != self._left_at
+
+    def _near_enough_m(self, candidate: ObjectInstance) -> float:
+        """So far from its middle some part of it is in reach."""
+        reach_m = self.body.description.reach_m - self.settings.reach_spare_m
+        return reach_m + float(min(candidate.size_m[:2])) / 2
 
     def open(self, candidate: ObjectInstance) -> bool:
         """Whether a candidate is neither refused nor waiting."""
@@ -189,6 +201,10 @@ class Search(ABC):
         self.kit.given_up.clear()
         self.looking.forget()
         self.legs.look_around()
+
+
+def _xy(candidate: ObjectInstance) -> tuple[float, float]:
+    return float(candidate.center_m[0]), float(candidate.center_m[1])
 
 
 def near_outline(receptacle: ObjectInstance, point_m: np.ndarray, within_m: float) -> bool:

@@ -1,0 +1,175 @@
+"""What tells the agents apart, over a world of plain arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NoReturn, get_args
+
+import pytest
+from helios_core.errors import InvalidInput
+from helios_core.geometry import Matrix
+from helios_core.robot import Pick
+from helios_planner.agents import AGENTS, agent_named
+from helios_planner.body import WhatIf
+from helios_planner.decide import Do
+from helios_planner.flow import Mission
+from helios_planner.grid import Pose2
+from helios_planner.instruction import parse
+from helios_planner.settings import Settings
+from helios_planner.sightings import Sighting
+from helios_planner.task import Cause, TaskFailed
+from planner_world import FakeWorld, Thing, coffee_table, counter, flat, mug
+
+MOVE = "Move the mug from the coffee table to the counter"
+DETECTOR_AGENTS = ("trusting", "random-frontier", "homerobot-heuristic")
+
+
+class NoObjectMap(FakeWorld):
+    """Nobody may ask the object map anything."""
+
+    def objects(self, class_name: str) -> NoReturn:
+        raise AssertionError(f"the object map was asked for every {class_name}")
+
+    def what_if(
+        self, id: int, class_name: str, T_world_cam: Sequence[Matrix], joint: bool
+    ) -> WhatIf:
+        raise AssertionError("the object map was asked what a view would bring")
+
+    def retire(self, id: int, point_m: object, reason: str) -> None:
+        raise AssertionError("the object map was told to forget something")
+
+
+def without_map(world: FakeWorld) -> FakeWorld:
+    world.__class__ = NoObjectMap
+    return world
+
+
+def run(world: FakeWorld, agent: str, text: str = MOVE, **settings: object) -> str:
+    chosen = Settings(agent=agent, **settings)  # pyright: ignore[reportArgumentType]
+    return Mission(world, parse(text), chosen).run()
+
+
+def false_mug() -> Thing:
+    """On the counter; the detector says mug, the gripper finds nothing."""
+    wrong = mug(4, 2.9, 6.5, 0.95)
+    wrong.graspable = False
+    return wrong
+
+
+# --- the table -----------------------------------------------------------------------------------
+def test_the_setting_offers_every_agent_and_no_other() -> None:
+    assert get_args(Settings.model_fields["agent"].annotation) == tuple(AGENTS)
+
+
+def test_an_agent_that_there_is_not_is_refused_with_the_names() -> None:
+    with pytest.raises(InvalidInput, match=r"choose one of helios, .*trusting"):
+        agent_named("clever")
+
+
+@pytest.mark.parametrize("agent", AGENTS)
+def test_every_agent_brings_a_mug_that_is_always_detected(agent: str) -> None:
+    world = flat([coffee_table(), counter(), mug()])
+    run(world, agent)
+    assert world.released is world.things[3]
+    assert world.contacts == 0
+
+
+# --- trusting ------------------------------------------------------------------------------------
+@pytest.mark.parametrize("agent", DETECTOR_AGENTS)
+@pytest.mark.parametrize("text", [MOVE, "find the mug", "go to the counter"])
+def test_who_trusts_the_detector_never_asks_the_object_map(agent: str, text: str) -> None:
+    run(without_map(flat([coffee_table(), counter(), mug()])), agent, text)
+
+
+def test_the_trusting_agent_picks_what_is_reported_first_even_if_it_is_wrong() -> None:
+    """A false mug on the counter is seen from the start; HELIOS, that has not found the coffee
+    table yet, leaves it alone."""
+
+    def first_pick(agent: str) -> float:
+        world = flat([coffee_table(), counter(), mug(), false_mug()], Pose2(1.5, 1.5, 1.2))
+        run(world, agent)
+        return next(a.point_world_m[0] for a in world.log if isinstance(a, Pick))
+
+    assert first_pick("trusting") == pytest.approx(2.9, abs=0.05)
+    assert first_pick("helios") == pytest.approx(7.2, abs=0.05)
+
+
+def test_after_a_failed_pick_the_place_is_left_alone_and_the_search_goes_on() -> None:
+    world = flat([coffee_table(), counter(), mug(), false_mug()])
+    run(world, "trusting")
+    at_false = [a for a in world.log if isinstance(a, Pick) and a.point_world_m[0] < 4]
+    assert len(at_false) == 1
+    assert world.picks == 2
+    assert world.released is world.things[3]
+
+
+def test_picks_of_the_trusting_agent_are_limited_as_those_of_any() -> None:
+    world = flat([coffee_table(), counter(), mug(), false_mug()])
+    with pytest.raises(TaskFailed) as failure:
+        run(world, "trusting", max_picks=1)
+    assert failure.value.cause is Cause.PICK_FAILED
+
+
+def test_a_thing_that_is_no_longer_detected_from_near_is_picked_all_the_same() -> None:
+    """Reported once, from afar; the robot goes there and grasps where it was."""
+    world = flat([coffee_table(), counter(), mug()])
+    everything = world.sightings
+
+    def forgetful() -> list[Sighting]:
+        mugs = [k for k, s in enumerate(everything()) if s.class_name == "mug"]
+        return [s for k, s in enumerate(everything()) if k not in mugs[1:]]
+
+    world.sightings = forgetful
+    run(world, "trusting")
+    assert world.released is world.things[3]
+
+
+# --- frontiers -----------------------------------------------------------------------------------
+def walk(agent: str, seed: int) -> list[tuple[float, float]]:
+    world = flat([coffee_table(), counter()])
+    with pytest.raises(TaskFailed):
+        run(world, agent, rounds=1, agent_seed=seed)
+    return [
+        d.chosen.position_m[:2] for d in world.decisions if d.do is Do.GO_TO_FRONTIER
+    ]  # fmt: skip
+
+
+def test_random_walks_are_alike_by_seed_and_differ_between_seeds() -> None:
+    assert walk("random-frontier", 3) == walk("random-frontier", 3)
+    assert len({tuple(walk("random-frontier", seed)) for seed in range(3)}) > 1
+
+
+# --- without the objective -----------------------------------------------------------------------
+def test_without_the_objective_no_frontier_is_chosen_while_a_receptacle_is_left() -> None:
+    world = flat([coffee_table(), counter()])
+    with pytest.raises(TaskFailed):
+        run(world, "no-global-objective", rounds=1)
+    searched = [d for d in world.decisions if d.do is Do.SEARCH_RECEPTACLE]
+    assert searched
+    for d in world.decisions:
+        if d.do is Do.GO_TO_FRONTIER:
+            assert all(c.kind == "frontier" for c in d.candidates)
+
+
+# --- the start receptacle ------------------------------------------------------------------------
+@pytest.mark.parametrize("agent", ["helios", "no-global-objective"])
+def test_a_mug_elsewhere_is_picked_only_when_everything_was_searched(agent: str) -> None:
+    """The only mug stands on the counter, not on the coffee table it was said to be on."""
+    world = flat([coffee_table(), counter(), mug(x=2.9, y=6.5, z=0.95)])
+    with pytest.raises(TaskFailed) as failure:
+        run(world, agent, "Move the mug from the coffee table to the sofa", rounds=1)
+    assert failure.value.cause is Cause.RECEPTACLE_NOT_FOUND  # it holds the mug
+    assert world.held() == "mug"
+    kinds = [d.do for d in world.decisions]
+    first_act = kinds.index(Do.ACT)
+    assert Do.NOTHING_LEFT in kinds[:first_act]
+    assert any("remembered" in d.why for d in world.decisions[:first_act])
+    assert Do.SEARCH_RECEPTACLE in kinds[:first_act]
+
+
+def test_without_a_start_receptacle_the_first_sure_mug_is_picked() -> None:
+    world = flat([coffee_table(), counter(), mug(x=2.9, y=6.5, z=0.95)])
+    with pytest.raises(TaskFailed):
+        run(world, "helios", "Move the mug to the sofa", rounds=1)
+    kinds = [d.do for d in world.decisions]
+    assert Do.NOTHING_LEFT not in kinds[: kinds.index(Do.ACT)]
