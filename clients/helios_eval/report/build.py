@@ -9,7 +9,7 @@ from typing import Any
 
 from helios_eval import calibration
 from helios_eval.record import EpisodeRecord
-from helios_eval.report import failures, header, ours, published, text, timing
+from helios_eval.report import failures, header, ours, plots, published, text, timing
 from helios_eval.report.arms import Arm, arms_of
 from helios_eval.report.metrics import METRICS, NAMES
 from helios_eval.report.model import (
@@ -50,6 +50,14 @@ def build(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]
 
 def _glance(arms: Sequence[Arm]) -> Section:
     blocks: list[Block] = list(ours.overview(arms))
+    for benchmark in ours.benchmarks_of(arms):
+        n = sum(a.benchmark == benchmark for a in arms)
+        if n > plots.MOST_ARMS:
+            blocks.append(
+                Paragraph(
+                    f"Drawings show the first {plots.MOST_ARMS} of {n} rows; tables show all."
+                )
+            )
     relations = published.relations(arms)
     blocks.append(relations or Paragraph("No two agents were run that the paper relates."))
     return Section("glance", "At a glance", tuple(blocks))

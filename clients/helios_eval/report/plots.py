@@ -192,32 +192,30 @@ def effort(
 
 
 def stages(agents: Sequence[str], names: Sequence[str], ms: Sequence[Sequence[float]]) -> Graphic:
-    """Milliseconds a step, one bar per agent: `ms[agent][stage]`, the longest stage first; NaN
-    where an agent has no such stage. Those beyond the colours are added up as "others"."""
-    table = np.nan_to_num(np.array(ms, dtype=np.float64))
-    if len(names) > len(style.SERIES):
-        keep = len(style.SERIES) - 1
-        table = np.column_stack([table[:, :keep], table[:, keep:].sum(axis=1)])
-        names = [*names[:keep], "others"]
+    """Milliseconds a step: a row for each stage, a dot for each agent, `ms[agent][stage]`; NaN
+    where an agent has no such stage."""
     with _look():
-        figure, axes = _axes(1.2 + 0.46 * len(agents))
-        left = np.zeros(len(agents))
-        for i, name in enumerate(names):
-            colour = style.SERIES[i]
-            axes.barh(range(len(agents)), table[:, i], left=left, height=0.66, color=colour.light,
-                      edgecolor=style.PAPER.light, linewidth=1.2, label=name)  # fmt: skip
-            for y, (start, width) in enumerate(zip(left, table[:, i], strict=True)):
-                if width >= 0.05 * table.sum(axis=1).max():
-                    axes.text(start + width / 2, y, f"{width:.0f}", ha="center", va="center",
-                              fontsize=9.5, color=_on(colour))  # fmt: skip
-            left += table[:, i]
-        axes.set_yticks(range(len(agents)), agents)
-        axes.set_ylim(len(agents) - 0.5, -0.5)
+        figure, axes = _axes(0.9 + 0.34 * len(names))
+        table = np.array(ms, dtype=np.float64)
+        rows = np.arange(len(names))
+        longest = np.nanmax(table, axis=0)
+        axes.hlines(rows, 0, longest, color=style.LINE.light, linewidth=3)
+        for i, agent in enumerate(agents):
+            colour = style.SERIES[i % len(style.SERIES)].light
+            axes.plot(table[i], rows, "o", color=colour, markersize=8, alpha=0.85, label=agent)
+        for y, value in enumerate(longest):
+            axes.annotate(f"{value:.1f}", (value, y), xytext=(9, 0), va="center", fontsize=8.5,
+                          textcoords="offset points", color=style.MUTED.light)  # fmt: skip
+        axes.set_yticks(rows, names)
+        axes.set_ylim(len(names) - 0.5, -0.5)
+        axes.set_xlim(left=0)
+        axes.margins(x=0.08)
         axes.set_xlabel("ms a step", fontsize=9.5)
         axes.grid(axis="x")
-        figure.legend(loc="outside upper left", ncols=4, fontsize=9.5, handlelength=1.1)
+        figure.legend(loc="outside upper left", ncols=min(4, len(agents)), fontsize=10)
         return Graphic(
-            "Where the time of a step goes: medians over the episodes, one after another.",
+            "Time of a step by stage: median over the episodes, the largest written out. A stage "
+            "may hold others, so they do not add up.",
             _svg(figure),
         )
 

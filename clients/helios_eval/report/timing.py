@@ -24,12 +24,15 @@ def section(arms: Sequence[Arm]) -> Section:
     order = sorted(
         range(len(named)), key=lambda i: -max(np.nan_to_num([row[i] for row in medians]))
     )
-    names = [named[i] for i in order]
+    names = [named[i].replace("_", " ") for i in order]
     medians = [[row[i] for i in order] for row in medians]
     blocks: list[Block] = [_table(arms, names, medians)]
     if names:
         n = plots.MOST_ARMS
-        blocks.insert(0, plots.stages([a.label for a in arms[:n]], names, medians[:n]))
+        whole = [float(np.median([r.step_ms for r in a.records])) for a in arms[:n]]
+        rows = [[step, *row] for step, row in zip(whole, medians[:n], strict=True)]
+        drawn = plots.stages([a.label for a in arms[:n]], ["whole step", *names], rows)
+        blocks.insert(0, drawn)
     else:
         blocks.append(Paragraph("The episodes do not say how long each stage took."))
     return Section("time", "Time of a step", tuple(blocks))
@@ -61,7 +64,7 @@ def _table(arms: Sequence[Arm], names: Sequence[str], medians: Sequence[Sequence
     return rows.table(
         "Time by stage",
         ["ms a step", *(a.label for a in arms)],
-        "Each value is a median: over the steps of an episode, then over the episodes; medians of "
-        "stages do not add up to that of the whole. Measured while the episodes of the other "
+        "Each value is a median: over the steps of an episode, then over the episodes; a stage "
+        "may hold others, so they do not add up. Measured while the episodes of the other "
         "cores ran.",
     )

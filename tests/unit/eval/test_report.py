@@ -193,6 +193,18 @@ def test_object_navigation_has_its_own_metrics(tmp_path):
     assert "FindRec" not in markdown.partition("All episodes")[0]
 
 
+def test_more_rows_than_colours_are_all_in_the_tables(tmp_path):
+    sweep = [{"planner.tau_g": round(0.1 * i, 1)} for i in range(10)]
+    write(tmp_path, [
+        episode(s, settings=e, beliefs=()) for s in range(2) for e in sweep
+    ], pictures=False)  # fmt: skip
+    write_report(tmp_path)
+    markdown = (tmp_path / "report.md").read_text()
+    assert "first 8 of 10 rows" in markdown
+    for settings in sweep:
+        assert f"planner.tau\\_g={settings['planner.tau_g']}" in markdown
+
+
 def test_the_same_folder_gives_the_same_report(tmp_path):
     write(tmp_path, [episode(s, "trusting") for s in range(3)])
     write_report(tmp_path)
