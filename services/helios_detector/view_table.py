@@ -34,6 +34,7 @@ Probabilities = tuple[Probability, ...]
 Places = Annotated[tuple[Positive, ...], AfterValidator(_ascending)]
 Quantiles = Annotated[Probabilities, Field(min_length=2), AfterValidator(_ascending)]
 Range = Annotated[tuple[Positive, Positive], AfterValidator(_ascending)]
+Kind = Literal["true", "confused", "false"]  # of what a score is given to
 Name = Annotated[str, AfterValidator(normalised)]
 
 
@@ -262,7 +263,7 @@ class ViewTable:
         rate *= 1.0 if is_object else f.receptacle_factor
         return self.rate(rate, self.file.scale.false)
 
-    def score(self, kind: Literal["true", "confused", "false"], u: float, pixels: int) -> float:
+    def score(self, kind: Kind, u: float, pixels: int) -> float:
         """At a uniform draw. Below level 1 the score of a true thing goes towards 1, that of an
         error stays as it is: errors become fewer, not surer."""
         s = self.file.score

@@ -1,0 +1,174 @@
+"""A picture of a noise table: what the simulated detector makes of each class.
+
+    python -m helios_eval.noise_plot ovmm-v1 --out noise.png
+
+Left: how often each class is missed at four sizes and taken for another. Middle: which class is
+taken for which. Right: scores of true, confused and false detections, sampled, with the paper's
+thresholds; the miss rate by visible pixels; how alike draws of two views are, by their angle.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from helios_core.errors import HeliosError, InvalidInput
+from helios_detector.noise import load_noise
+from helios_detector.view_noise import SECTORS, Views, key_of, keys_of, latent
+from helios_detector.view_table import Kind, ViewTable
+
+mpl.use("Agg")
+
+THRESHOLDS = {"object": 0.25, "start": 0.35, "goal": 0.45}  # of the paper's Table 3
+SIZES_PX = (100, 350, 1400, 10000)
+COLORS: dict[Kind, str] = {"true": "#1b6e3c", "confused": "#cb5a2c", "false": "#777777"}
+DISTANCE_M = 2.5
+SAMPLES = 4000
+
+
+def view_table(name_or_path: str) -> ViewTable:
+    """Raises InvalidInput for a table of the other format."""
+    table = load_noise(name_or_path)
+    if not isinstance(table, ViewTable):
+        raise InvalidInput(f'{name_or_path!r} has no format = "views"; name a table like ovmm-v1')
+    return table
+
+
+def alike(table: ViewTable) -> np.ndarray:
+    """[12] mean correlation of draws of one thing in two frames, by sectors between the views."""
+    keys = np.array([key_of(str(n)) for n in range(SAMPLES)], np.uint64)
+    purpose = keys_of(("miss",))
+
+    def draws(sector: int, stamp_ns: int) -> np.ndarray:
+        full = np.full(SAMPLES, sector)
+        return latent(Views(keys, full, full), purpose, table.shares, stamp_ns)[:, 0]
+
+    first = [draws(sector, 1) for sector in range(SECTORS)]
+    later = [draws(sector, 2) for sector in range(SECTORS)]
+    return np.array([
+        np.mean([np.corrcoef(first[s], later[(s + k) % SECTORS])[0, 1] for s in range(SECTORS)])
+        for k in range(SECTORS)
+    ])  # fmt: skip
+
+
+def draw(table: ViewTable, path: Path) -> None:
+    """Write the picture."""
+    from matplotlib import pyplot as plt
+
+    names = list(table.rows)  # look-alikes stand together in the file
+    figure = plt.figure(figsize=(25, 18), dpi=90, layout="constrained")
+    grid = figure.add_gridspec(1, 3, width_ratios=(6, 12, 6))
+    left, middle, right = (figure.add_subfigure(grid[0, k]) for k in range(3))
+    _rates(table, names, left.subplots(1, 2, sharey=True))
+    _matrix(table, names, middle.subplots())
+    scores, pixels, views = right.subplots(3, 1)
+    _scores(table, scores)
+    _by_pixels(table, pixels)
+    _by_angle(table, views)
+    figure.suptitle(
+        f"{table.name} @ {table.digest}, level {table.level:g}: scale confuse "
+        f"{table.file.scale.confuse:g}, miss {table.file.scale.miss:g}, "
+        f"false {table.file.scale.false:g}",
+        fontsize=18,
+    )
+    figure.savefig(path)
+    plt.close(figure)
+
+
+def _rates(table: ViewTable, names: list[str], axes) -> None:
+    rows = np.arange(len(names))
+    for size, shade in zip(SIZES_PX, ("#08306b", "#2171b5", "#6baed6", "#c6dbef"), strict=True):
+        n = len(names)
+        rate = table.miss(names, np.full(n, size), np.full(n, DISTANCE_M))
+        axes[0].barh(rows, rate, 0.8, color=shade, label=f"{size} px")
+    axes[0].set(title=f"missed at {DISTANCE_M:g} m", xlim=(0, 1), yticks=rows)
+    axes[0].set_yticklabels(names, fontsize=8)
+    axes[0].legend(loc="upper right", fontsize=9, framealpha=0.95)
+    axes[0].set_ylim(len(names) - 0.4, -0.6)
+    axes[1].barh(rows, [table.confuse(name) for name in names], 0.8, color="#cb5a2c")
+    axes[1].set(title="taken for another", xlim=(0, 1))
+    for each in axes:
+        each.grid(axis="x", alpha=0.3)
+
+
+def _matrix(table: ViewTable, names: list[str], axes) -> None:
+    taken = {name for row in table.rows.values() for name in row.names}
+    reported = [*(n for n in names if n in taken), *sorted(taken - set(names))]
+    grid = np.full((len(names), len(reported)), np.nan)
+    for r, name in enumerate(names):
+        row, total = table.rows[name], table.confuse(name)
+        for other, share in zip(row.names, np.diff(row.upto, prepend=0), strict=True):
+            grid[r, reported.index(other)] = total * share
+    shown = axes.imshow(grid, cmap="YlOrRd", vmin=0, aspect="auto")
+    axes.set(title="true class (row) reported as (column)", yticks=range(len(names)))
+    axes.set_yticklabels(names, fontsize=8)
+    axes.set_xticks(range(len(reported)), reported, rotation=90, fontsize=8)
+    axes.grid(alpha=0.15)
+    axes.figure.colorbar(shown, ax=axes, shrink=0.3, label="probability")
+
+
+def _scores(table: ViewTable, axes) -> None:
+    u = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    for kind, color in COLORS.items():
+        scores = [table.score(kind, x, 1000) for x in u]
+        axes.hist(
+            scores, np.linspace(0, 1, 51), histtype="stepfilled", alpha=0.35, color=color,
+            label=f"{kind}: {np.mean(np.array(scores) >= 0.25):.0%} above 0.25", density=True,
+        )  # fmt: skip
+    for name, threshold in THRESHOLDS.items():
+        axes.axvline(threshold, color="k", lw=1, ls=":")
+        axes.text(threshold + 0.005, 3.95, name, rotation=90, va="top", fontsize=9)
+    axes.set(ylim=(0, 4), title="scores (1000 px)", xlabel="score", ylabel="density")
+    axes.legend()
+
+
+def _by_pixels(table: ViewTable, axes) -> None:
+    pixels = np.geomspace(10, 100_000, 200).astype(np.int64)
+    for name in ("mug", "remote control", "side table", "sofa"):
+        rate = table.miss([name] * 200, pixels, np.full(200, DISTANCE_M))
+        axes.semilogx(pixels, rate, lw=2, label=name)
+    for distance_m, pixels_of_mug in ((1, 1400), (2, 350), (3, 150), (5, 55)):
+        axes.axvline(pixels_of_mug, color="k", lw=0.5, ls=":")
+        axes.text(
+            pixels_of_mug, 0.02, f" mug at {distance_m} m", rotation=90, va="bottom", fontsize=8
+        )
+    axes.set(title=f"missed at {DISTANCE_M:g} m", xlabel="visible pixels", ylim=(0, 1.02))
+    axes.legend()
+    axes.grid(alpha=0.3)
+
+
+def _by_angle(table: ViewTable, axes) -> None:
+    degrees = np.arange(SECTORS // 2 + 1) * 360 / SECTORS
+    axes.plot(degrees, alike(table)[: len(degrees)], "o-")
+    s = table.shares
+    axes.set(
+        title=f"draws of two frames: thing {s.thing:g}, side {s.side:g}, view {s.view:g}, "
+        f"frame {s.frame:g}",
+        xlabel="angle between the views (degrees)", ylabel="correlation", ylim=(0, 1),
+    )  # fmt: skip
+    axes.grid(alpha=0.3)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Draw what a noise table does.")
+    parser.add_argument("table", help="ovmm-v1, or a file of that format")
+    parser.add_argument("--out", type=Path, required=True, help="PNG to write")
+    parser.add_argument("--level", type=float, default=1.0, help="multiplies every rate")
+    parser.add_argument("--correlation", type=float, default=None, help="0 to 1")
+    given = parser.parse_args()
+    try:
+        table = view_table(given.table).scaled(given.level, given.correlation)
+    except HeliosError as error:
+        print(error.message, file=sys.stderr)
+        return 2
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    draw(table, given.out)
+    print(given.out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
