@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helios_core.types import ObjectInstance
 from helios_eval.beliefs import Role, TrueThing, judged
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 
@@ -121,6 +121,7 @@ def test_an_empty_home_makes_every_belief_wrong():
 small = st.floats(-3, 3)
 
 
+@settings(deadline=None)
 @given(small, small, small, st.floats(-7, 7), st.sampled_from(["object", "start"]))
 def test_turning_the_whole_home_changes_nothing(dx, dy, dz, turn_rad, role):
     def verdict(yaw_rad: float) -> bool:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helios_eval.calibration import statistics as st
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as some
 from hypothesis.extra import numpy as arrays
 
@@ -134,6 +134,7 @@ def test_the_interval_holds_the_truth_about_as_often_as_it_says():
 
 
 # --- always ----------------------------------------------------------------------------------
+@settings(deadline=None)
 @given(judged())
 def test_auroc_turns_round_with_the_score(case):
     score, truth = case
@@ -141,6 +142,7 @@ def test_auroc_turns_round_with_the_score(case):
     assert (np.isnan(forward) and np.isnan(backward)) or forward + backward == pytest.approx(1.0)
 
 
+@settings(deadline=None)
 @given(judged())
 def test_auroc_is_the_share_of_pairs(case):
     score, truth = case
@@ -150,6 +152,7 @@ def test_auroc_is_the_share_of_pairs(case):
         assert st.auroc(score, truth)[0] == pytest.approx(pairs.mean())
 
 
+@settings(deadline=None)
 @given(judged())
 def test_parts_of_brier_sum_to_it_and_have_the_right_sign(case):
     score, truth = case
@@ -158,6 +161,7 @@ def test_parts_of_brier_sum_to_it_and_have_the_right_sign(case):
     assert min(b.total, b.reliability, b.resolution, b.uncertainty) >= -1e-12
 
 
+@settings(deadline=None)
 @given(judged())
 def test_ece_is_the_weighted_gap_and_below_mce(case):
     score, truth = case
@@ -169,6 +173,7 @@ def test_ece_is_the_weighted_gap_and_below_mce(case):
     assert (bins.true <= bins.true_high + 1e-12).all()
 
 
+@settings(deadline=None)
 @given(judged(), some.integers(0, 3))
 def test_a_weight_is_so_many_copies(case, times):
     score, truth = case

@@ -1,0 +1,1 @@
+"""An episode as a video: camera, maps and decisions side by side."""

@@ -1,0 +1,68 @@
+"""Plays one episode and films it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from helios_sim.home import PRESETS, generate_home
+from helios_sim.judge import Said
+from helios_sim.thread import WorldThread
+
+from helios_eval.house import House
+from helios_eval.judging import verdict
+from helios_eval.play import LONGEST_S, make_world
+from helios_eval.spec import EpisodeSpec
+from helios_eval.video.layout import HEIGHT, WIDTH, frame_picture
+from helios_eval.video.scene import Scene
+from helios_eval.video.watch import Watcher, glides
+from helios_eval.video.writer import VideoFile
+
+FIRST_S, LAST_S = 1.0, 3.0  # for which the first and the last frame stand
+
+
+def film(
+    spec: EpisodeSpec, out: Path, fps: float, on_step: Callable[[int], None] = lambda _: None
+) -> str:
+    """Writes the video of an agent of the planner; returns the verdict. Raises HeliosError."""
+    home = generate_home(spec.seed, PRESETS[spec.preset])
+    thread = WorldThread(lambda: make_world(spec, home))
+    try:
+        world = thread.run(lambda w: w)
+        with (
+            House(thread, spec.agent, spec.noise, spec.seed, spec.settings) as house,
+            VideoFile(out, WIDTH, HEIGHT, fps) as video,
+        ):
+            last: Scene | None = None
+
+            def shoot(scene: Scene) -> None:
+                nonlocal last
+                scene = replace(scene, step=world.progress.steps)
+                if last is None:
+                    video.write(frame_picture(scene), max(0, round(FIRST_S * fps) - 1))
+                for between in glides(last, scene):
+                    video.write(frame_picture(between))
+                video.write(frame_picture(scene))
+                last = scene
+                on_step(scene.step)
+
+            watcher = Watcher(house.bus(), _title(spec), shoot)
+            task = house.run(world.episode.instruction, spec.max_steps, LONGEST_S)
+            said = Said(task.state, task.cause, task.message)
+            found = thread.run(lambda w: verdict(spec.benchmark, w, said, spec.max_steps))
+            told = "the truth: success" if found.success else f"the truth: {found.cause}"
+            end = replace(
+                watcher.now(), task=task, step=world.progress.steps, verdict=told,
+                right=found.success,
+            )  # fmt: skip
+            watcher.close()
+            video.write(frame_picture(end), max(1, round(LAST_S * fps)))
+            return told
+    finally:
+        thread.close()
+
+
+def _title(spec: EpisodeSpec) -> str:
+    seen = "noisy detector" if spec.noise else "ground-truth detector"
+    return f"{spec.agent} · home {spec.seed} of {spec.preset} · {seen}"

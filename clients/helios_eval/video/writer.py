@@ -1,0 +1,63 @@
+"""Frames into an MP4 file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import cv2
+from helios_core.errors import InvalidInput, Unavailable
+
+from helios_eval.video.paint import Picture
+
+CODEC = "mp4v"  # MPEG-4 part 2: every OpenCV can write it and read it again
+
+
+class VideoFile:
+    """A context manager; what was written until then is a whole video, whatever ends it."""
+
+    def __init__(self, path: Path, width: int, height: int, fps: float) -> None:
+        """Raises InvalidInput for a name that does not end in .mp4, Unavailable where no video
+        can be written."""
+        if path.suffix.lower() != ".mp4":
+            raise InvalidInput(f"a video is written as .mp4; {path} is no such name")
+        self._path, self._size = path, (width, height)
+        self.frames = 0
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.touch()
+        except OSError as error:
+            raise Unavailable(f"{path} cannot be written: {error.strerror}") from error
+        code = cv2.VideoWriter.fourcc(*CODEC)
+        self._writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, fps, self._size)
+        if not self._writer.isOpened():
+            path.unlink()
+            raise Unavailable(
+                f"this OpenCV cannot write {CODEC} video; pip install opencv-python-headless"
+            )
+
+    def write(self, picture: Picture, times: int = 1) -> None:
+        """Add an RGB picture [height, width, 3], so many times. Raises InvalidInput."""
+        rows, columns = picture.shape[:2]
+        if (columns, rows) != self._size or picture.ndim != 3:
+            wide, high = self._size
+            raise InvalidInput(f"a frame is {columns} x {rows}; this video is {wide} x {high}")
+        bgr = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
+        for _ in range(times):
+            self._writer.write(bgr)
+        self.frames += times
+
+    def close(self) -> None:
+        self._writer.release()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
