@@ -30,6 +30,7 @@ from helios_core.topics import (
     WORLD_STOP,
 )
 
+from helios_sim.assets import realistic
 from helios_sim.captures import capture_to_proto
 from helios_sim.episode import episode_of
 from helios_sim.home import PRESETS, generate_home
@@ -104,7 +105,8 @@ class HostedWorld:
         health.waiting(f"the home of seed {settings.seed} is being built")
 
         def make() -> World:
-            home = generate_home(settings.seed, PRESETS[settings.preset])
+            dressing = realistic() if settings.furniture == "realistic" else None
+            home = generate_home(settings.seed, PRESETS[settings.preset], dressing)
             task_seed = settings.seed if settings.task_seed is None else settings.task_seed
             sensor = SENSORS[settings.sensor]
             world = World(home, episode_of(home, task_seed), sensor=sensor)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field, field_validator
 
@@ -19,6 +21,10 @@ class Settings(ServiceSettings):
     task_seed: int | None = Field(None, ge=0, description="which task in it; default: as the seed")
 
     sensor: str = Field("none", description="how pictures and poses err: none or realistic")
+
+    furniture: Literal["parametric", "realistic"] = Field(
+        "parametric", description="realistic: models baked by `helios assets bake`"
+    )
 
     @field_validator("sensor")
     @classmethod

@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 from helios_core.robot import Tilt, Turn
 from helios_sim.culling import Frustum
-from helios_sim.world import DRAWN_GROUPS, World
+from helios_sim.senses import DRAWN_GROUPS
+from helios_sim.world import World
 
 MODEL = """
 <mujoco>
@@ -39,7 +40,7 @@ def test_only_what_lies_wholly_outside_is_left_out():
 
 def test_pictures_are_the_same_as_with_everything_drawn(world: World):
     model, data = world._model, world._data
-    painter = world._painter
+    painter = world._senses._painter
     for k in range(8):
         for half in range(2):
             world.act(Turn(math.radians(25)), f"turn-{k}-{half}")

@@ -1,0 +1,59 @@
+"""Worlds come and go in one process and leave nothing behind."""
+
+from __future__ import annotations
+
+import gc
+import sys
+import weakref
+from pathlib import Path
+
+import pytest
+from helios_core.errors import Unavailable
+from helios_core.robot import Observe
+from helios_sim.home import Home
+from helios_sim.thread import WorldThread
+from helios_sim.world import World
+
+
+def test_a_closed_world_is_forgotten(sim_home: Home):
+    world = World(sim_home)
+    world.act(Observe(), "a")
+    world.segmentation(world.capture().stamp_ns)
+    world.close()
+    known = weakref.ref(world), weakref.ref(world._data)
+    del world
+    gc.collect()
+    assert [ref() for ref in known] == [None, None]
+
+
+def test_a_closed_world_still_tells_how_it_went_but_shows_nothing(sim_home: Home):
+    world = World(sim_home)
+    world.act(Observe(), "a")
+    world.close()
+    world.close()
+    assert world.progress.steps == 1
+    assert len(world.things()) > 0
+    with pytest.raises(Unavailable):
+        world.capture()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="counts files by /proc")
+def test_many_worlds_keep_no_files_and_no_threads(sim_home: Home):
+    def opened() -> tuple[int, int]:
+        gc.collect()
+        return len(list(Path("/proc/self/fd").iterdir())), len(
+            list(Path("/proc/self/task").iterdir())
+        )
+
+    def once() -> None:
+        thread = WorldThread(lambda: World(sim_home))
+        thread.capture()
+        thread.close()
+
+    once()  # libraries start threads of their own
+    before = opened()
+    for _ in range(5):
+        once()
+    after = opened()
+    assert after[0] <= before[0]
+    assert after[1] <= before[1] + 1  # the last world's thread may still be ending
