@@ -11,6 +11,7 @@ from helios_planner.context import in_vocabulary
 from helios_planner.instruction import parse
 from helios_sim.episode import episode_of
 from helios_sim.home import PRESETS, generate_home
+from helios_sim.home.catalogs import CATALOGS
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +29,16 @@ def test_every_task_of_the_homes_can_be_asked_for_as_it_is_written(
     assert in_vocabulary(instruction, vocabulary) == instruction
     names = {o.class_name for o in home.objects} | {r.class_name for r in home.receptacles}
     assert {n.lower() for n in names} <= set(vocabulary.names)
+
+
+@pytest.mark.parametrize("name", sorted(CATALOGS["ovmm"].objects))
+def test_every_thing_of_the_benchmark_can_be_asked_for(
+    name: str, vocabulary: pb.VocabularyReply
+) -> None:
+    for receptacle in CATALOGS["ovmm"].receptacles:
+        instruction = parse(f"Move the {name} from the {receptacle} to the sofa")
+        assert instruction.object == name
+        assert in_vocabulary(instruction, vocabulary) == instruction
 
 
 @pytest.mark.parametrize("name", ["couch", "remote", "remote control", "counter", "red mug", "TV"])

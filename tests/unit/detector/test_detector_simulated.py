@@ -1,5 +1,6 @@
 """Ground truth as it is, and through noise that is the same from the same view."""
 
+import hashlib
 import math
 from dataclasses import replace
 
@@ -220,3 +221,26 @@ def test_an_unknown_noise_table_or_level_is_refused():
 def test_bowl_alone_is_not_a_mug():
     truth = SceneTruth((BOWL,))
     assert GroundTruthDetector(truth).detect(truth.frame(), context_of("mug")).detections == ()
+
+
+@pytest.mark.parametrize(
+    ("level", "correlation", "expected"),
+    [
+        (1.0, None, "5df6d3bccae90397"),
+        (3.0, None, "01358aa9a7ccf57d"),
+        (1.0, 0.0, "f5d10d55e0cbabee"),
+    ],
+)
+def test_the_published_table_errs_as_it_did(level, correlation, expected):
+    """demo-v1 is published: what it makes of a drive towards a table never changes."""
+    truth, digest = SceneTruth(), hashlib.sha256()
+    detector = simulated(truth, DEMO.scaled(level, correlation), seed=3)
+    context = context_of("mug", "bowl", "teapot", threshold=0.05)
+    for n, x in enumerate(np.linspace(-2, 1, 24), 1):
+        found = detector.detect(truth.frame(looking(float(x)), n), context)
+        for d in found.detections:
+            told = f"{d.class_name} {d.score:.6f} {d.box_xyxy} {np.count_nonzero(d.mask)}"
+            digest.update(told.encode())
+        for s in found.seen:
+            digest.update(f"{s.class_name} {s.score:.6f}".encode())
+    assert digest.hexdigest()[:16] == expected
