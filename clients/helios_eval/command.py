@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +18,7 @@ from helios_eval.calibration.command import calibration
 from helios_eval.record import Benchmark, Noise
 from helios_eval.report import write_report
 from helios_eval.run import Run, run
+from helios_eval.video.command import video
 
 FIRST_NEVER = 100_000  # seeds from here on are never run
 
@@ -107,6 +109,7 @@ def report(
 
 
 app.command()(calibration)
+app.command()(video)
 
 
 def _run(
@@ -153,7 +156,11 @@ def _run(
         jobs or os.cpu_count() or 1, told, settings, ray,
     )  # fmt: skip
     console = Console()
-    run(asked, console)
+    try:
+        run(asked, console)
+    except KeyboardInterrupt:
+        print("helios: interrupted; the same command goes on from here", file=sys.stderr)
+        raise typer.Exit(130) from None
     console.print(f"written to {out}", highlight=False)
 
 

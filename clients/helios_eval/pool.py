@@ -7,6 +7,8 @@ its own, so that one that is killed while it writes leaves the others in peace.
 from __future__ import annotations
 
 import multiprocessing
+import os
+import shutil
 import tempfile
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
@@ -15,12 +17,15 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
+import psutil
 from helios_core.errors import HeliosError
 
 from helios_eval.play import Played
 from helios_eval.spec import EpisodeSpec
 from helios_eval.worker import serve
 
+_PREFIX = "helios-eval-"
+_MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # for temporary files
 ATTEMPTS = 2  # at an episode of which the process died
 
 Outcome = tuple[EpisodeSpec, "Played | str"]  # a sentence where it could not be played
@@ -55,7 +60,8 @@ def play_all(
 
     Closing the iterator kills what still runs. Raises Unavailable where nothing can be played.
     """
-    folder = tempfile.TemporaryDirectory(prefix="helios-eval-", dir=_memory())
+    _tidy_up()
+    folder = tempfile.TemporaryDirectory(prefix=f"{_PREFIX}{os.getpid()}-", dir=_MEMORY)
     context = multiprocessing.get_context("spawn")
     waiting = deque(specs)
     deaths: dict[str, int] = {}
@@ -103,9 +109,12 @@ def play_all(
         folder.cleanup()
 
 
-def _memory() -> str | None:
-    """A folder in memory, where there is one."""
-    return "/dev/shm" if Path("/dev/shm").is_dir() else None
+def _tidy_up() -> None:
+    """Take away what runs left that were killed."""
+    for folder in Path(_MEMORY or tempfile.gettempdir()).glob(f"{_PREFIX}*-*"):
+        pid = folder.name.removeprefix(_PREFIX).partition("-")[0]
+        if pid.isdecimal() and not psutil.pid_exists(int(pid)):
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _obituary(worker: _Worker) -> str:

@@ -1,0 +1,50 @@
+"""`helios eval` called wrongly."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from helios_client import cli
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--agents", "hal"], "hal"), (["--preset", "palace"], "palace"),
+        (["--picks", "none"], "picks"), (["--semantics", "vague"], "semantics"),
+        (["--seed0", "100000"], "100000"), (["--set", "nonsense=1"], "nonsense"),
+        (["--sensor", "eyes"], "eyes"), (["--noise", "nowhere"], "nowhere"),
+        (["--agents", "helios,"], "empty"), (["--episodes", "0"], "episodes"),
+        (["--jobs", "none"], "jobs"), (["--nonsense"], "nonsense"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("benchmark", ["ovmm", "objectnav"])
+def test_wrong_use_is_one_sentence_and_status_2(
+    benchmark: str,
+    more: list[str],
+    words: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "out"
+    args = ["eval", benchmark, "--agents", "helios", "--preset", "demo-v1", "--out", str(out)]
+    assert cli.run([*args, *more]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("helios: ")
+    assert error.count("\n") == 1
+    assert words in error
+    assert not out.exists()
+
+
+def test_help_names_every_benchmark(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["eval", "--help"]) == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in ("ovmm", "objectnav", "report", "calibration"))
+
+
+def test_a_folder_without_episodes_has_no_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.run(["eval", "report", str(tmp_path)]) == 1
+    assert "no episode" in capsys.readouterr().err
