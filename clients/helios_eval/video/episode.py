@@ -47,8 +47,18 @@ def film(
                 last = scene
                 on_step(scene.step)
 
-            watcher = Watcher(house.bus(), _title(spec), shoot)
+            broken: list[Exception] = []  # a bus only logs what its listeners raise
+
+            def shoot_or_note(scene: Scene) -> None:
+                try:
+                    shoot(scene)
+                except Exception as error:
+                    broken.append(error)
+
+            watcher = Watcher(house.bus(), _title(spec), shoot_or_note)
             task = house.run(world.episode.instruction, spec.max_steps, LONGEST_S)
+            if broken:
+                raise broken[0]
             said = Said(task.state, task.cause, task.message)
             found = thread.run(lambda w: verdict(spec.benchmark, w, said, spec.max_steps))
             told = "the truth: success" if found.success else f"the truth: {found.cause}"
