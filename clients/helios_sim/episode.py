@@ -85,7 +85,7 @@ def targets_of(home: Home, episode: Episode, ground: Ground) -> Targets:
         half = np.array([c * size_m[0] + s * size_m[1], s * size_m[0] + c * size_m[1]]) / 2
         low, high = np.array([x, y]) - half, np.array([x, y]) + half
         box = (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
-        return viewpoints_of(*box, ground.free, ground.origin_m, ground.cell_m)
+        return viewpoints_of(*box, ground)
 
     objects = {
         thing.name: around(*thing.position_m[:2], thing.yaw_rad, thing.size_m)

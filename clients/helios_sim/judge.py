@@ -67,20 +67,17 @@ class Said(NamedTuple):
 def failure_cause(
     progress: Progress,
     events: Iterable[Event],
-    said: tuple[str, str, str],
+    said: Said,
     max_steps: int,
 ) -> str:
-    """The cause of a move task's failure, one of CAUSES; empty on success. See the module.
-
-    said: the agent's final state, cause and message.
-    """
+    """The cause of a move task's failure, one of CAUSES; empty on success. See the module."""
     if progress.success:
         return ""
     if progress.placed:
         return COLLISION
     if _broke(said, progress.steps, max_steps):
         return SYSTEM_ERROR
-    spent = progress.steps >= max_steps or said[1] == STEP_BUDGET
+    spent = progress.steps >= max_steps or said.cause == STEP_BUDGET
     happened = tuple(events)
     picks = [event for event in happened if isinstance(event, PickTried)]
     grasp = next((pick for pick in reversed(picks) if pick.name), None)
@@ -90,30 +87,30 @@ def failure_cause(
         return PICK_FAILED
     if picks and progress.path_m - picks[-1].path_m < _ENDED_THERE_M:
         return WRONG_OBJECT
-    if said[1] == STUCK:
+    if said.cause == STUCK:
         return STUCK
     return STEP_BUDGET if progress.find_object and spent else OBJECT_NOT_FOUND
 
 
-def objectnav_cause(success: bool, steps: int, said: tuple[str, str, str], max_steps: int) -> str:
+def objectnav_cause(success: bool, steps: int, said: Said, max_steps: int) -> str:
     """The cause of an object navigation's failure; empty on success.
 
     An agent that said it had arrived, and had not, believed in a wrong object.
     """
     if success:
         return ""
-    if said[0] == "succeeded":
+    if said.state == "succeeded":
         return WRONG_OBJECT
     if _broke(said, steps, max_steps):
         return SYSTEM_ERROR
-    return STUCK if said[1] == STUCK else OBJECT_NOT_FOUND
+    return STUCK if said.cause == STUCK else OBJECT_NOT_FOUND
 
 
 def _after_grasp(
     progress: Progress,
     grasp: PickTried,
     happened: tuple[Event, ...],
-    said: tuple[str, str, str],
+    said: Said,
     spent: bool,
 ) -> str:
     if not grasp.candidate:
@@ -124,10 +121,10 @@ def _after_grasp(
         return ROLLED_OFF
     if tries:
         return PLACE_MISSED if progress.find_receptacle else RECEPTACLE_NOT_FOUND
-    if said[1] == STUCK:
+    if said.cause == STUCK:
         return STUCK
     return STEP_BUDGET if progress.find_receptacle and spent else RECEPTACLE_NOT_FOUND
 
 
-def _broke(said: tuple[str, str, str], steps: int, max_steps: int) -> bool:
-    return said[1] == SYSTEM_ERROR or (said[0] not in ENDED and steps < max_steps)
+def _broke(said: Said, steps: int, max_steps: int) -> bool:
+    return said.cause == SYSTEM_ERROR or (said.state not in ENDED and steps < max_steps)

@@ -33,7 +33,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from helios_sim.ground import Ground, Points
 
@@ -144,19 +143,12 @@ def placed(released: Released | None, targets: Targets) -> bool:
     )
 
 
-def at_viewpoint(base_xy_m: tuple[float, float], viewpoints: Points) -> bool:
-    """Whether the base is within 0.1 m of one of the viewpoints [n, 2], in a straight line."""
-    return bool((np.hypot(*(viewpoints - base_xy_m).T) <= AT_VIEWPOINT_M).any())
-
-
 def viewpoints_of(
     box_min_m: tuple[float, float],
     box_max_m: tuple[float, float],
-    free: NDArray[np.bool_],
-    origin_m: tuple[float, float],
-    cell_m: float,
+    ground: Ground,
 ) -> Points:
-    """Viewpoints [n, 2] around a box; free, origin_m and cell_m as in `Ground`."""
+    """Viewpoints [n, 2] around a box on the ground."""
     low = np.asarray(box_min_m) - VIEWPOINT_MAX_M
     high = np.asarray(box_max_m) + VIEWPOINT_MAX_M
     x = np.arange(low[0], high[0] + 1e-9, VIEWPOINT_GRID_M)
@@ -164,7 +156,7 @@ def viewpoints_of(
     points = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
     beyond = np.maximum(np.maximum(box_min_m - points, points - box_max_m), 0.0)
     points = points[np.hypot(beyond[:, 0], beyond[:, 1]) <= VIEWPOINT_MAX_M]
-    return points[Ground(free, origin_m, cell_m).holds(points)]
+    return points[ground.holds(points)]
 
 
 def _found(step: Step, targets: Targets, names: Iterable[str]) -> bool:

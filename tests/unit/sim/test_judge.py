@@ -107,7 +107,7 @@ def test_words_of_the_agent_about_the_rest_change_nothing(
     progress: Progress, events: list[Event], word: str
 ):
     others = [c for c in CAUSES if c not in (judge.STUCK, judge.STEP_BUDGET, judge.SYSTEM_ERROR)]
-    causes = {failure_cause(progress, events, ("failed", c, word), MAX) for c in others}
+    causes = {failure_cause(progress, events, Said("failed", c, word), MAX) for c in others}
     assert len(causes) == 1
 
 

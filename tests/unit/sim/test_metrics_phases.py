@@ -167,8 +167,7 @@ def test_phases_never_go_back_and_each_needs_the_one_before(steps: list[Step]):
 
 
 def test_viewpoints_lie_on_the_grid_within_a_metre_of_the_box():
-    free = np.ones((100, 100), bool)
-    points = viewpoints_of((2.0, 2.0), (2.6, 2.3), free, (0.0, 0.0), 0.05)
+    points = viewpoints_of((2.0, 2.0), (2.6, 2.3), GROUND)
     steps = (points - [1.0, 1.0]) / 0.15
     assert np.allclose(steps, np.rint(steps))
     beyond = np.maximum(np.maximum([2.0, 2.0] - points, points - [2.6, 2.3]), 0)
@@ -181,7 +180,7 @@ def test_viewpoints_lie_on_the_grid_within_a_metre_of_the_box():
 def test_viewpoints_stand_where_the_robot_fits():
     free = np.zeros((100, 100), bool)
     free[:, :50] = True
-    points = viewpoints_of((2.4, 2.0), (2.6, 2.3), free, (0.0, 0.0), 0.05)
+    points = viewpoints_of((2.4, 2.0), (2.6, 2.3), Ground(free, (0.0, 0.0), 0.05))
     assert len(points) > 0
     assert points[:, 0].max() < 2.5
 
