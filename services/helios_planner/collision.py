@@ -65,4 +65,4 @@ def _fill_specks(unknown: NDArray[np.uint8], smallest: int) -> None:
     small = stats[:, cv2.CC_STAT_AREA] < smallest
     small[0] = False
     if small[:count].any():
-        unknown[small[np.asarray(labels, np.intp)]] = 0
+        unknown[np.take(small, np.asarray(labels, np.int32))] = 0

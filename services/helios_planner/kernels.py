@@ -127,6 +127,31 @@ def least_along(field, row0, column0, row1, column1):
 
 
 @njit(cache=True)
+def pull_straight(slack, exact, wide_enough, kept):
+    """Indices of the route's points [n, 2] (cells, not rounded) that remain when each stretch is
+    pulled straight that stays wide enough or no narrower than the route; into kept int64 [n]."""
+    last = exact.shape[0] - 1
+    kept[0] = 0
+    count, here = 1, 0
+    while here < last:
+        there = last
+        while there > here + 1:
+            along = np.float32(1e30)
+            for k in range(here, there + 1):
+                along = min(along, slack[int(np.floor(exact[k, 0])), int(np.floor(exact[k, 1]))])
+            straight = least_along(
+                slack, exact[here, 0], exact[here, 1], exact[there, 0], exact[there, 1]
+            )
+            if straight >= min(wide_enough, max(along, np.float32(0))):
+                break
+            there = here + 1 + (there - here - 1) * 2 // 3
+        kept[count] = there
+        count += 1
+        here = there
+    return count
+
+
+@njit(cache=True)
 def hidden_along(top_m, row0, column0, z0, row1, column1, z1, near_cells, always_m):
     """Whether something on the line of sight stands above it, or above always_m.
 

@@ -115,10 +115,10 @@ class Legs:
                     looked, level = True, 0
                     continue
                 return Outcome.UNREACHABLE
-            route = reached.route_to(place)
-            self.body.tell_plan(straightened(route, reached), goal, purpose)
+            corners = straightened(reached.route_to(place), reached)
+            self.body.tell_plan(corners, goal, purpose)
             rules = replace(self.rules, margin_m=self.settings.margins_m[level])
-            move = next_primitive(route, reached, rules)
+            move = next_primitive(corners, reached, rules)
             if move is None or (isinstance(move, Turn) and turns > 24):
                 if pose.distance_m(place) < ARRIVED_M:
                     return Outcome.ARRIVED

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from helios_core.robot import Forward, Turn
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 from helios_planner import fm2, kernels
 from helios_planner.collision import clearance_m, least_clearance_m
 from helios_planner.grid import GroundMap, Pose2
+
+WIDE_ENOUGH_M = 0.10  # of clearance to spare, a straight line is taken in any case
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ class Reach:
     required_m: NDArray[np.float32]
     arrival: NDArray[np.float32]
 
-    @property
+    @cached_property
     def slack(self) -> NDArray[np.float32]:
         """Clearance beyond what is required [h, w]; below 0 the robot must not stand."""
         return self.clearance - self.required_m
@@ -121,24 +124,20 @@ def straightened(route: NDArray[np.float64], reached: Reach) -> NDArray[np.float
     """The route [n, 2] with every detour pulled straight that costs none of its clearance."""
     if len(route) < 3:
         return route
-    kept = [0]
-    while kept[-1] < len(route) - 1:
-        here, there = kept[-1], len(route) - 1
-        while there > here + 1 and not _may_pull(route, here, there, reached):
-            there = here + 1 + (there - here - 1) * 2 // 3
-        kept.append(there)
-    return route[kept]
+    exact = reached.ground.exact_cells_of(route)
+    kept = np.empty(len(route), np.int64)
+    n = kernels.pull_straight(reached.slack, exact, np.float32(WIDE_ENOUGH_M), kept)
+    return route[kept[:n]]
 
 
 def next_primitive(
-    route: NDArray[np.float64], reached: Reach, rules: MotionRules
+    corners: NDArray[np.float64], reached: Reach, rules: MotionRules
 ) -> Forward | Turn | None:
-    """The next motion along a route that starts at the robot; None at its end, or when no move
-    forward is free of collision (then look again or find another route)."""
+    """The next motion along a straightened route that starts at the robot; None at its end, or when
+    no move forward is free of collision (then look again or find another route)."""
     robot = reached.robot
-    if len(route) == 0 or robot.distance_m(route[-1]) < rules.min_forward_m:
+    if len(corners) == 0 or robot.distance_m(corners[-1]) < rules.min_forward_m:
         return None
-    corners = straightened(route, reached)
     target = next(
         (p for p in corners[1:] if robot.distance_m(p) >= rules.min_forward_m), corners[-1]
     )
@@ -172,17 +171,6 @@ def free_ahead_m(reached: Reach, wanted_m: float, rules: MotionRules) -> float:
     return 0.0
 
 
-def _may_pull(route: NDArray[np.float64], here: int, there: int, reached: Reach) -> bool:
-    ground, slack = reached.ground, reached.slack
-    cells = ground.cells_of(route[here : there + 1])
-    along = float(slack[cells[:, 0], cells[:, 1]].min())
-    start = Pose2(float(route[here, 0]), float(route[here, 1]), 0.0)
-    end = (float(route[there, 0]), float(route[there, 1]))
-    straight = least_clearance_m(slack, ground, start, end)
-    # Wide enough anyway, or no narrower than the route itself.
-    return straight >= min(0.10, max(along, 0.0))
-
-
 def warm_up() -> None:
     """Compile every kernel, or load it from the cache, so that no task waits for it."""
     ground = GroundMap(
@@ -190,5 +178,5 @@ def warm_up() -> None:
     )
     robot, rules = Pose2(1.6, 1.6, 0.0), MotionRules(footprint_m=0.3)
     reached = reach(ground, robot, rules)
-    next_primitive(reached.route_to((2.2, 2.2)), reached, rules)
+    next_primitive(straightened(reached.route_to((2.2, 2.2)), reached), reached, rules)
     kernels.hidden_along(ground.top_m, 1.0, 1.0, 1.0, 9.0, 9.0, 0.5, 1.0, 1.25)

@@ -11,12 +11,14 @@ from helios_core.codec import (
     action_from_proto,
     description_to_proto,
     object_to_proto,
+    observation_to_proto,
     result_to_proto,
     state_to_proto,
     transform_from_proto,
     transform_to_proto,
 )
 from helios_core.errors import Conflict
+from helios_core.geometry import Pinhole
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import (
     ACT,
@@ -26,14 +28,41 @@ from helios_core.topics import (
     MAP2D_ACK,
     OBJECTMAP_ACK,
     OBJECTS,
+    OBSERVATION,
     RETIRE,
     ROBOT_DESCRIPTION,
     SNAPSHOT,
     VOCABULARY,
     WHAT_IF,
 )
-from helios_core.types import RobotState
+from helios_core.types import Detection, Frame, FrameId, Observation, RobotState
+from helios_planner.sightings import Sighting
 from planner_world import FakeWorld
+
+SIZE = (400, 480)  # of the images, [h, w]
+CAMERA = Pinhole(fx=500.0, fy=500.0, cx=240.0, cy=200.0, width=480, height=400)
+BELOW_M = 10.0  # an eye under the floor that looks up sees the whole flat, 2 cm a pixel
+
+
+def observation(id: FrameId, context_id: str, sightings: list[Sighting]) -> Observation:
+    """An observation whose masks, lifted with its depth, are these sightings."""
+    T_world_cam = np.eye(4)
+    T_world_cam[:3, 3] = [4.5, 3.5, -BELOW_M]
+    depth_m = np.zeros(SIZE, np.float32)
+    detections = []
+    for s in sightings:
+        x, y, z = s.center_m - T_world_cam[:3, 3]
+        u, v = round(x / z * CAMERA.fx + CAMERA.cx), round(y / z * CAMERA.fy + CAMERA.cy)
+        mask = np.zeros(SIZE, bool)
+        half = np.maximum(np.rint(s.size_m[:2] / 2 * CAMERA.fx / z).astype(int), 3)
+        box = (u - half[0], v - half[1], u + half[0] + 1, v + half[1] + 1)
+        mask[box[1] : box[3], box[0] : box[2]] = True
+        depth_m[mask] = z
+        detections.append(Detection(s.class_name, s.confidence, box, mask))
+    frame = Frame(
+        id, 1, True, np.zeros((*SIZE, 3), np.uint8), depth_m, CAMERA, T_world_cam, np.eye(4)
+    )
+    return Observation(frame, context_id, tuple(detections), {}, "fake")
 
 
 class Peers:
@@ -47,6 +76,7 @@ class Peers:
         self.token, self.seq, self.stopped = 0, 0, False
         self.done: dict[str, pb.ActionResult] = {}
         self.silent: set[str] = set()
+        self._told = 0
         self.gate: threading.Event | None = None
         self.acting = threading.Event()
         bus = self.bus
@@ -91,12 +121,21 @@ class Peers:
         out.keyframe.CopyFrom(pb.FrameId(robot_boot_id="boot", world_epoch=1, seq=self.seq))
         out.T_world_base.CopyFrom(transform_to_proto(self.world.pose().T_world_base))
         self.done[request.action_id] = out
+        if "detections" not in self.silent:
+            self._observe()
         for part, topic in (("occupancy", MAP2D_ACK), ("value", MAP2D_ACK),
                             ("objects", OBJECTMAP_ACK)):  # fmt: skip
             if part not in self.silent:
                 self.bus.publish(topic, pb.Ack(part=part, id=out.keyframe, accepted=True,
                                                context_id=self.context.id))  # fmt: skip
         return out
+
+    def _observe(self) -> None:
+        seen = self.world.sightings()
+        news, self._told = seen[self._told :], len(seen)
+        id = FrameId("boot", 1, self.seq)
+        told = observation(id, self.context.id, news)
+        self.bus.publish(OBSERVATION, observation_to_proto(told))
 
     def _snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot:
         ground = self.world.ground()

@@ -13,7 +13,14 @@ from helios_core.robot import Forward, Turn
 from helios_planner import fm2, kernels
 from helios_planner.collision import least_clearance_m
 from helios_planner.grid import GroundMap, Pose2
-from helios_planner.motion import MotionRules, next_primitive, reach, straightened
+from helios_planner.motion import (
+    WIDE_ENOUGH_M,
+    MotionRules,
+    Reach,
+    next_primitive,
+    reach,
+    straightened,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -124,6 +131,39 @@ def test_arrival_time_falls_along_a_path_that_touches_nothing(seed: int) -> None
         assert least >= RULES.footprint_m
 
 
+def pulled_straight(route: NDArray[np.float64], reached: Reach) -> NDArray[np.float64]:
+    """The readable twin of `kernels.pull_straight`."""
+
+    def may_pull(here: int, there: int) -> bool:
+        cells = reached.ground.cells_of(route[here : there + 1])
+        along = float(reached.slack[cells[:, 0], cells[:, 1]].min())
+        start = Pose2(float(route[here, 0]), float(route[here, 1]), 0.0)
+        end = (float(route[there, 0]), float(route[there, 1]))
+        straight = least_clearance_m(reached.slack, reached.ground, start, end)
+        return bool(straight >= min(np.float32(WIDE_ENOUGH_M), max(along, 0.0)))
+
+    kept = [0]
+    while kept[-1] < len(route) - 1:
+        here, there = kept[-1], len(route) - 1
+        while there > here + 1 and not may_pull(here, there):
+            there = here + 1 + (there - here - 1) * 2 // 3
+        kept.append(there)
+    return route[kept]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10_000))
+def test_pulling_straight_matches_its_twin(seed: int) -> None:
+    ground = random_ground(seed)
+    places = free_places(ground, 2, seed)
+    if len(places) < 2:
+        return
+    reached = reach(ground, Pose2(*places[0], 0.0), RULES)
+    route = reached.route_to(places[1])
+    if len(route) >= 3:
+        np.testing.assert_array_equal(straightened(route, reached), pulled_straight(route, reached))
+
+
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000))
 def test_motions_bring_the_robot_there_without_contact(seed: int) -> None:
@@ -136,7 +176,8 @@ def test_motions_bring_the_robot_there_without_contact(seed: int) -> None:
         return
     for _ in range(150):
         reached = reach(ground, pose, RULES)
-        move = next_primitive(reached.route_to(places[1]), reached, RULES)
+        corners = straightened(reached.route_to(places[1]), reached)
+        move = next_primitive(corners, reached, RULES)
         if move is None:
             break
         if isinstance(move, Turn):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 from helios_core import proto as pb
@@ -17,8 +18,11 @@ from helios_core.topics import (
     DECISIONS,
     GET_TASK,
     LIST_TASKS,
+    OBJECTS,
+    RETIRE,
     SUBMIT,
     TASK,
+    WHAT_IF,
 )
 from helios_planner import bus_body, calls, driving
 from helios_planner.service import PlannerService
@@ -55,8 +59,9 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
         service.close()
 
 
-def submit(bus: MemoryBus, text: str = MOVE, max_steps: int = 0) -> pb.Task:
-    return bus.call(SUBMIT, pb.SubmitRequest(instruction=text, max_steps=max_steps), 5)
+def submit(bus: MemoryBus, text: str = MOVE, max_steps: int = 0, agent: str = "") -> pb.Task:
+    request = pb.SubmitRequest(instruction=text, max_steps=max_steps, agent=agent)
+    return bus.call(SUBMIT, request, 5)
 
 
 def task(bus: MemoryBus, id: str) -> pb.Task:
@@ -130,6 +135,38 @@ def test_a_map_that_stays_silent_fails_the_task_and_is_named(start: Start) -> No
     done = ended(bus, submit(bus).id)
     assert (done.state, done.cause) == ("failed", "system error")
     assert "objectmap" in done.message
+
+
+def test_a_task_may_name_its_agent_and_one_that_trusts_the_detector_needs_no_object_map(
+    start: Start,
+) -> None:
+    _, bus, peers = start()
+    peers.silent.add("objects")
+    peers.bus.serve(OBJECTS, forbidden)
+    peers.bus.serve(WHAT_IF, forbidden)
+    peers.bus.serve(RETIRE, forbidden)
+    done = ended(bus, submit(bus, agent="trusting").id)
+    assert (done.state, done.agent, done.cause) == ("succeeded", "trusting", ""), done.message
+    assert peers.world.released is peers.world.things[3]
+
+
+def forbidden(_: object) -> NoReturn:
+    raise AssertionError("the object map was asked")
+
+
+def test_a_detector_that_stays_silent_is_named_by_who_trusts_it(start: Start) -> None:
+    _, bus, peers = start()
+    peers.silent.add("detections")
+    done = ended(bus, submit(bus, agent="trusting").id)
+    assert (done.state, done.cause) == ("failed", "system error")
+    assert "detector" in done.message
+
+
+def test_an_agent_that_there_is_not_is_refused_at_once(start: Start) -> None:
+    _, bus, _ = start()
+    with pytest.raises(InvalidInput, match="choose one of helios"):
+        submit(bus, agent="clever")
+    assert not bus.call(LIST_TASKS, pb.Empty(), 5).tasks
 
 
 def test_the_step_budget_of_a_task_ends_it(start: Start) -> None:

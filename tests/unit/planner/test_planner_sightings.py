@@ -1,0 +1,113 @@
+"""Detections lifted to the world, and what an agent that trusts them makes of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helios_core.geometry import Pinhole, camera_on_base, project, se2_to_se3
+from helios_core.types import Detection, Frame, FrameId, Observation
+from helios_planner.belief import TrustingBelief
+from helios_planner.settings import Settings
+from helios_planner.sightings import Sighting, sighting_of, sightings_of
+from hypothesis import given
+from hypothesis import strategies as st
+from planner_world import FakeWorld, coffee_table, flat
+
+CAMERA = Pinhole(fx=554.0, fy=554.0, cx=320.0, cy=240.0, width=640, height=480)
+
+
+def seen(point_m: np.ndarray, T_world_cam: np.ndarray, half_px: int = 8) -> Observation:
+    """A patch that faces the camera, around a point of the world."""
+    uv, z = project(point_m[None], CAMERA, T_world_cam)
+    u, v = (round(float(c)) for c in uv[0])
+    mask = np.zeros((480, 640), bool)
+    box = (u - half_px, v - half_px, u + half_px + 1, v + half_px + 1)
+    mask[box[1] : box[3], box[0] : box[2]] = True
+    depth_m = np.full(mask.shape, 6.0, np.float32)  # the wall behind
+    depth_m[mask] = z[0]
+    frame = Frame(FrameId("b", 0, 1), 1, True, np.zeros((480, 640, 3), np.uint8), depth_m, CAMERA,
+                  T_world_cam, np.eye(4))  # fmt: skip
+    return Observation(frame, "c", (Detection("mug", 0.7, box, mask),), {}, "test")
+
+
+@given(
+    st.floats(-3, 3), st.floats(-3, 3), st.floats(-3.1, 3.1), st.floats(0, 0.8),
+    st.floats(0.5, 4.0), st.floats(-0.4, 0.4), st.floats(-0.3, 0.3),
+)  # fmt: skip
+def test_a_lifted_mask_lies_where_the_thing_is(
+    x: float, y: float, yaw: float, tilt: float, away: float, left: float, down: float
+) -> None:
+    T = camera_on_base(se2_to_se3(x, y, yaw), 1.31, tilt)
+    point = T[:3, :3] @ np.array([left * away, down * away, away]) + T[:3, 3]
+    (found,) = sightings_of(seen(point, T))
+    assert np.linalg.norm(found.center_m - point) < 0.01 + 0.002 * away
+    assert (found.class_name, found.confidence) == ("mug", 0.7)
+
+
+def test_the_rim_of_a_mask_that_lies_on_the_wall_behind_does_not_move_the_thing() -> None:
+    T = camera_on_base(se2_to_se3(0, 0, 0), 1.31, 0.3)
+    point = T[:3, :3] @ np.array([0.0, 0.0, 1.5]) + T[:3, 3]
+    observation = seen(point, T)
+    rim = observation.detections[0].mask.copy()
+    x0, y0, x1, y1 = observation.detections[0].box_xyxy
+    rim[y0 + 1 : y1 - 1, x0 + 1 : x1 - 1] = False
+    assert rim.any()
+    observation.frame.depth_m[rim] = 6.0
+    (found,) = sightings_of(observation)
+    assert np.linalg.norm(found.center_m - point) < 0.02
+
+
+def test_a_detection_without_depth_is_no_sighting() -> None:
+    observation = seen(np.array([2.0, 0.0, 1.0]), camera_on_base(np.eye(4), 1.31, 0.0))
+    observation.frame.depth_m[:] = 0
+    assert sightings_of(observation) == []
+
+
+def test_a_surface_has_its_outline_and_its_height() -> None:
+    xy = np.stack(np.meshgrid(np.linspace(1, 2, 60), np.linspace(3, 3.5, 60)), -1).reshape(-1, 2)
+    table = sighting_of("table", 0.5, np.column_stack([xy, np.full(len(xy), 0.74)]))
+    assert table.top_m == pytest.approx(0.74)
+    assert table.size_m == pytest.approx([1.0, 0.5, 0.0], abs=0.05)
+    assert table.outline_m.min(axis=0) == pytest.approx([1, 3], abs=0.03)
+    assert table.outline_m.max(axis=0) == pytest.approx([2, 3.5], abs=0.03)
+
+
+# --- trusting them -------------------------------------------------------------------------------
+def at(x: float, y: float, name: str = "mug") -> Sighting:
+    return sighting_of(name, 0.4, np.array([x, y, 0.5]) + 0.02 * np.eye(3))
+
+
+def believing(*sightings: Sighting) -> tuple[TrustingBelief, FakeWorld]:
+    world = flat([coffee_table()])
+    world.sightings = lambda: list(sightings)
+    return TrustingBelief(world, Settings()), world
+
+
+def test_every_detection_is_believed_without_doubt() -> None:
+    belief, _ = believing(at(1, 1), at(3, 3), at(5, 5, "table"))
+    assert [o.score for o in belief.known("mug")] == [1.0, 1.0]
+    assert len(belief.known("table")) == 1
+
+
+def test_a_later_detection_of_the_same_thing_says_where_it_is() -> None:
+    belief, _ = believing(at(1, 1), at(1.2, 1))
+    (thing,) = belief.known("mug")
+    assert thing.center_m[0] == pytest.approx(1.2, abs=0.02)
+    assert thing.views == 2
+
+
+def test_from_near_the_newest_detection_counts_and_without_one_the_first() -> None:
+    belief, world = believing(at(1, 1))
+    (thing,) = belief.known("mug")
+    assert belief.from_near(thing, "mug", 0.3) is thing
+    world.sightings = lambda: [at(1, 1), at(1.1, 1)]
+    newest = belief.from_near(thing, "mug", 0.3)
+    assert newest is not None
+    assert newest.center_m[0] == pytest.approx(1.1, abs=0.02)
+
+
+def test_what_was_taken_is_no_longer_there() -> None:
+    belief, _ = believing(at(1, 1), at(3, 3))
+    first, second = belief.known("mug")
+    belief.taken(first)
+    assert belief.known("mug") == [second]
