@@ -15,6 +15,7 @@ from helios_sim.home.types import (
     Fixture,
     Material,
     Mesh,
+    Picture,
     Receptacle,
     Room,
     RoomStyle,
@@ -54,7 +55,7 @@ def assemble(
     visuals: bool = True,
 ) -> mujoco.MjSpec:
     """The model of everything but the robot."""
-    model = _Model(visuals)
+    model = ModelBuilder(visuals)
     bounds = plan.bounds_of(rooms)
     pieces = plan.wall_pieces(rooms, doorways)
     walls = model.body("walls")
@@ -104,7 +105,7 @@ def _key(bounds: plan.Rect) -> list[int]:
     return [round(1000 * (value + 10)) for value in bounds]
 
 
-class _Model:
+class ModelBuilder:
     """An `MjSpec` under construction; materials and textures are shared by value."""
 
     def __init__(self, visuals: bool) -> None:
@@ -179,7 +180,9 @@ class _Model:
             asset = self.spec.add_material(name=name, rgba=[*material.rgb, 1.0])
             asset.specular, asset.shininess = material.specular, material.shininess
             asset.emission = material.emission
-            if material.texture:
+            if material.picture is not None:
+                self._textured(asset, self._image(material.picture))
+            elif material.texture:
                 self._textured(asset, self._pattern(material.texture))
         return self._materials[material]
 
@@ -195,6 +198,12 @@ class _Model:
             name = f"pattern_{pattern}"
             self._textures[pattern] = self._texture(name, textures.pattern(pattern))
         return self._textures[pattern]
+
+    def _image(self, picture: Picture) -> str:
+        name = f"picture_{picture.name}"
+        if name not in self._textures:
+            self._textures[name] = self._texture(name, picture.pixels)
+        return name
 
     def _texture(self, name: str, image: np.ndarray) -> str:
         texture = self.spec.add_texture(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from helios_sim.home import decor, fitted, seating, storage, tables, tableware, things
 from helios_sim.home.seating import Maker
@@ -16,6 +17,15 @@ class Catalog:
     objects: Mapping[str, tuple[Maker, tuple[str, ...]]]  # class -> (maker, likely receptacles)
     ovmm_class: Mapping[str, str] = field(default_factory=dict)  # ours -> the benchmark's
     look_alikes: tuple[tuple[str, ...], ...] = ()  # classes that are taken for each other
+
+
+class Dressing(Protocol):
+    """Other makers for the classes of a catalog; `name` marks homes that are made with them."""
+
+    @property
+    def name(self) -> str: ...
+
+    def over(self, catalog: Catalog) -> Catalog: ...
 
 
 # Receptacle class -> (stem of the body name, maker).

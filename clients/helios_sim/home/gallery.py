@@ -17,8 +17,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_sim.home import PRESETS, Home, generate_home
+from helios_sim.home import PRESETS, Home, Receptacle, generate_home
 from helios_sim.home.assembly import GROUP_CEILING, GROUP_COLLISION
+from helios_sim.home.freespace import footprint
 
 Image = NDArray[np.uint8]
 
@@ -73,7 +74,7 @@ class Pictures:
 
 
 def room_views(home: Home) -> list[tuple[float, float, float]]:
-    """For each room a free pose (x, y, yaw) that overlooks it."""
+    """For each room a free pose (x, y, yaw) that overlooks it, with nothing tall in between."""
     free, origin = home.free_space(home.preset.robot_radius_m)
     rows, columns = np.nonzero(free)
     x, y = origin[0] + (columns + 0.5) * 0.05, origin[1] + (rows + 0.5) * 0.05
@@ -84,9 +85,31 @@ def room_views(home: Home) -> list[tuple[float, float, float]]:
         cy = float(np.mean([item.y for item in items] or [room.center_xy[1]]))
         inside = (x > room.x0) & (x < room.x1) & (y > room.y0) & (y < room.y1)
         away = np.where(inside, np.hypot(x - cx, y - cy), -1.0)
-        k = int(np.argmax(away))
+        open_view = inside & ~_behind_tall(home, x, y, (cx, cy))
+        k = int(np.argmax(np.where(open_view, away, away - 100.0)))
         views.append((float(x[k]), float(y[k]), math.atan2(cy - y[k], cx - x[k])))
     return views
+
+
+def _behind_tall(
+    home: Home, x: NDArray[np.floating], y: NDArray[np.floating], to: tuple[float, float]
+) -> NDArray[np.bool_]:
+    """From which points [n] furniture as high as the eye, or a door, fills the view to a point."""
+    blocked = np.zeros(len(x), dtype=bool)
+    ahead, away = np.arctan2(to[1] - y, to[0] - x), np.hypot(to[0] - x, to[1] - y)
+    for item in (*home.receptacles, *home.fixtures):
+        rect = footprint(item)
+        if item.size_m[2] < _EYE_M or not (isinstance(item, Receptacle) or item.blocks):
+            continue
+        cos, sin = math.cos(rect.yaw_rad), math.sin(rect.yaw_rad)
+        for u in np.linspace(-rect.half_x, rect.half_x, 7):
+            for v in (-rect.half_y, rect.half_y):
+                dx, dy = rect.x + cos * u - sin * v - x, rect.y + sin * u + cos * v - y
+                aside = np.abs(np.angle(np.exp(1j * (np.arctan2(dy, dx) - ahead))))
+                near = np.hypot(dx, dy)
+                blocked |= (aside < 0.65) & (near < 1.3)
+                blocked |= (aside < 0.25) & (near < 0.9 * away)
+    return blocked
 
 
 def object_views(home: Home, count: int) -> list[tuple[float, float, float]]:
@@ -115,7 +138,7 @@ def contact_sheet(home: Home) -> Image:
         tiles = [pictures.above(), *(pictures.at_eye_level(*view) for view in views)]
     finally:
         pictures.close()
-    return _grid(tiles, 3)
+    return grid(tiles, 3)
 
 
 def overview(homes: list[Home], columns: int = 5, tile_px: int = 400) -> Image:
@@ -133,7 +156,7 @@ def overview(homes: list[Home], columns: int = 5, tile_px: int = 400) -> Image:
     tiles: list[Image] = []
     for start in range(0, len(homes), columns):
         tiles += above[start : start + columns] + inside[start : start + columns]
-    return _grid(tiles, columns)
+    return grid(tiles, columns)
 
 
 def _small(image: Image, width_px: int) -> Image:
@@ -141,7 +164,8 @@ def _small(image: Image, width_px: int) -> Image:
     return cv2.resize(image, (width_px, height), interpolation=cv2.INTER_AREA).astype(np.uint8)
 
 
-def _grid(tiles: list[Image], columns: int) -> Image:
+def grid(tiles: list[Image], columns: int) -> Image:
+    """Pictures of one size in rows, in white frames."""
     blank = np.full_like(tiles[0], 255)
     padded = tiles + [blank] * (-len(tiles) % columns)
     framed = [
@@ -151,7 +175,8 @@ def _grid(tiles: list[Image], columns: int) -> Image:
     return np.vstack(rows).astype(np.uint8)
 
 
-def _write(path: Path, image: Image) -> None:
+def write_picture(path: Path, image: Image) -> None:
+    """As PNG or JPEG by the file's name. OSError when that cannot be."""
     path.parent.mkdir(parents=True, exist_ok=True)
     options = [cv2.IMWRITE_JPEG_QUALITY, 82] if path.suffix in (".jpg", ".jpeg") else []
     if not cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options):
@@ -174,9 +199,9 @@ def main() -> None:
     homes = [generate_home(seed, PRESETS[arguments.preset]) for seed in arguments.seeds]
     if arguments.out:
         for home in homes:
-            _write(arguments.out / f"home_{home.seed}.png", contact_sheet(home))
+            write_picture(arguments.out / f"home_{home.seed}.png", contact_sheet(home))
     if arguments.sheet:
-        _write(arguments.sheet, overview(homes))
+        write_picture(arguments.sheet, overview(homes))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import numpy as np
 from helios_core.errors import Internal, InvalidInput
 
 from helios_sim.home import freespace, plan, recipes, recipes_ovmm, settle
+from helios_sim.home.catalog import Dressing
 from helios_sim.home.clutter import Clutter
 from helios_sim.home.freespace import CELL_M
 from helios_sim.home.furnish import Furnisher
@@ -19,7 +20,7 @@ from helios_sim.home.scatter import Scatter
 from helios_sim.home.types import Rgb, Room, RoomStyle, SceneObject
 
 _ATTEMPTS = 60
-_ROUNDS = 8
+_ROUNDS = 12
 HIDDEN_SHARE = 0.3  # of the stands around, from which a partly hidden thing cannot be seen
 
 _FLOORS: dict[str, str] = {"kitchen": "tiles", "bathroom": "tiles", "bedroom": "carpet"}
@@ -31,8 +32,10 @@ _FLOOR_COLORS: dict[str, tuple[Rgb, ...]] = {
 }
 
 
-def generate_home(seed: int, preset: HomePreset) -> Home:
+def generate_home(seed: int, preset: HomePreset, dressing: Dressing | None = None) -> Home:
     """The home of a seed. The same seed and preset give the same home in every process.
+
+    A dressing changes the furniture, and the preset's name to "ovmm-v1+…".
 
     Draws until a home meets the preset's counts, everything stands firm, and every object and
     receptacle can be seen and reached. InvalidInput for a negative seed; Internal if no draw
@@ -40,9 +43,11 @@ def generate_home(seed: int, preset: HomePreset) -> Home:
     """
     if seed < 0:
         raise InvalidInput(f"seed {seed} came; a seed of 0 or more is wanted")
+    if dressing is not None:
+        preset = replace(preset, name=f"{preset.name}+{dressing.name}")
     for attempt in range(_ATTEMPTS):
         rng = np.random.default_rng([zlib.crc32(preset.name.encode()), seed, attempt])
-        home = _draw(rng, seed, preset)
+        home = _draw(rng, seed, preset, dressing)
         if home is not None:
             return home
     raise Internal(
@@ -51,13 +56,17 @@ def generate_home(seed: int, preset: HomePreset) -> Home:
     )
 
 
-def _draw(rng: np.random.Generator, seed: int, preset: HomePreset) -> Home | None:
+def _draw(
+    rng: np.random.Generator, seed: int, preset: HomePreset, dressing: Dressing | None
+) -> Home | None:
     floor_plan = plan.draw_plan(rng, preset)
     if floor_plan is None:
         return None
     rooms, doorways = floor_plan
     palette = draw_palette(rng)
     furnisher = Furnisher(rooms, doorways, preset, palette, rng)
+    if dressing is not None:
+        furnisher.catalog = dressing.over(furnisher.catalog)
     (recipes_ovmm if preset.catalog == "ovmm" else recipes).furnish_all(furnisher)
     same_as = furnisher.catalog.ovmm_class
     classes = {same_as.get(item.class_name, item.class_name) for item in furnisher.receptacles}

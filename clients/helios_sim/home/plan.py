@@ -37,7 +37,7 @@ _OVMM_KINDS = {
     5: "living room, kitchen, bedroom, office|dining room|hallway, bathroom",
     6: "living room, kitchen, bedroom, dining room|office, hallway|laundry room, bathroom",
     7: "living room, kitchen, bedroom, bedroom, dining room|office, laundry room|hallway, bathroom",
-    8: "living room, kitchen, bedroom, dining room, bedroom, office, laundry room|hallway"
+    8: "living room, bedroom, dining room, kitchen, bedroom, office, laundry room|hallway"
     ", bathroom",
 }
 

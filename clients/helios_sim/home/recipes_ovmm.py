@@ -94,6 +94,9 @@ def _kitchen(f: Furnisher, room: Room) -> None:
         mount(f, room, counter, "wall cabinet", cabinet, 1.5)
     if not any(other.kind == "dining room" for other in f.rooms):
         _dining_set(f, room)
+    else:
+        f.receptacle("serving cart", room, places.along_walls(f.rng))
+        f.receptacle("stool", room, places.along_walls(f.rng))
 
 
 def _bedroom(f: Furnisher, room: Room) -> None:
@@ -113,6 +116,7 @@ def _office(f: Furnisher, room: Room) -> None:
     desk = f.receptacle("desk", room, places.along_walls(f.rng))
     if desk is not None:
         f.receptacle("chair", room, places.pulled_out(f.rng, desk, front_only=True), beside=desk)
+        _rug(f, room, desk, (desk.size_m[0] + 0.5, desk.size_m[1] + 1.2))
     f.receptacle("filing cabinet", room, places.along_walls(f.rng))
     f.fixture("floor lamp", room, places.corners(f.rng))
 
@@ -144,6 +148,9 @@ def _laundry(f: Furnisher, room: Room) -> None:
 
 def _hallway(f: Furnisher, room: Room) -> None:
     f.receptacle("shoe rack", room, places.along_walls(f.rng))
+    long = room.x1 - room.x0 > room.y1 - room.y0
+    runner = decor.rug(f.rng, f.palette, (float(f.rng.uniform(1.4, 2.0)), 0.7))
+    f.lay("rug", room, (*room.center_xy, 0.0 if long else np.pi / 2), runner)
 
 
 def _dining_room(f: Furnisher, room: Room) -> None:

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from helios_sim.home import freespace
 from helios_sim.home.furnish import Furnisher, surface_points
-from helios_sim.home.types import Receptacle, SceneObject, Shape, Surface
+from helios_sim.home.types import Receptacle, SceneObject, Shape, Surface, Vec3
 
 _EDGE_M = 0.012
 _APART_M = 0.015
@@ -26,7 +27,7 @@ _LIKELY = 0.75  # share of things that stand where they do by custom
 _LOOK_ALIKE, _BEHIND = 0.5, 0.6  # shares of later things
 _CROWD = 5  # things at most on one surface
 _HIDDEN = 4  # things set behind taller ones
-_TALL_M = 0.13
+_TALL_M, _AROUND_M = 0.13, 2.5
 
 Point = tuple[float, float]
 
@@ -49,6 +50,12 @@ class Scatter:
         self._reach = {
             room.index: furnisher.reach_map(room.index, passable) for room in furnisher.rooms
         }
+        x_of, y_of = freespace.cell_centers(furnisher.bounds, freespace.CELL_M)
+        self._floor: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+        for room in furnisher.rooms:
+            mask = freespace.room_mask(room, furnisher.bounds, freespace.CELL_M)
+            rows, columns = np.nonzero(passable & mask)
+            self._floor[room.index] = (x_of[columns], y_of[rows])
         self._hosts = {host.name: host for host in furnisher.receptacles}
         self._discs: dict[str, list[_Disc]] = {name: [] for name in self._hosts}
         # Some furniture is crowded, some is empty.
@@ -121,33 +128,42 @@ class Scatter:
             company = self._discs[host.name]
             if company and self._rng.random() < _BEHIND:
                 anchor = company[int(self._rng.integers(len(company)))]
-                if self._near(class_name, shape, host, anchor, behind=True):
+                if self._near(class_name, shape, host, anchor, behind=1):
                     return True
             if self._anywhere(class_name, shape, host):
                 return True
         return False
 
     def _hide(self) -> bool:
-        """A small thing behind a tall one."""
-        tall = [thing for thing in self.objects if thing.size_m[2] >= _TALL_M]
-        if not tall:
-            return False
-        screen = tall[int(self._rng.integers(len(tall)))]
-        class_name = self.objects[int(self._rng.integers(len(self.objects)))].class_name
-        shape = self._f.catalog.objects[class_name][0](self._rng, self._f.palette)
-        wide = max(shape.size_m[:2]) > 1.3 * min(screen.size_m[:2])
-        if wide or shape.size_m[2] > 0.8 * screen.size_m[2]:
-            return False
-        host = self._hosts[screen.receptacle]
-        anchor = next(disc for disc in self._discs[host.name] if disc.name == screen.name)
-        return self._near(class_name, shape, host, anchor, behind=True)
+        """A tall and wide thing before a small one, or a small one behind a tall one."""
+        thing = self.objects[int(self._rng.integers(len(self.objects)))]
+        in_front = bool(self._rng.random() < 0.5)
+        classes = sorted({other.class_name for other in self.objects})
+        host = self._hosts[thing.receptacle]
+        anchor = next(disc for disc in self._discs[host.name] if disc.name == thing.name)
+        for _ in range(5):
+            class_name = classes[int(self._rng.integers(len(classes)))]
+            shape = self._f.catalog.objects[class_name][0](self._rng, self._f.palette)
+            small, screen = (thing, shape) if in_front else (shape, thing)
+            if _hides(screen.size_m, small.size_m):
+                side = -1 if in_front else 1
+                return self._near(class_name, shape, host, anchor, behind=side)
+        return False
+
+    def _away_from_floor(self, host: Receptacle, anchor: _Disc) -> float:
+        """Direction (rad) from the middle of the free floor around a thing to the thing."""
+        x, y = self._floor[host.room]
+        near = np.hypot(x - anchor.x, y - anchor.y) < _AROUND_M
+        if not near.any():
+            return host.yaw_rad + math.pi / 2
+        return math.atan2(anchor.y - float(y[near].mean()), anchor.x - float(x[near].mean()))
 
     def _beside(self, class_name: str, thing: SceneObject) -> bool:
         """A thing of that class next to another one."""
         host = self._hosts[thing.receptacle]
         anchor = next(disc for disc in self._discs[host.name] if disc.name == thing.name)
         shape = self._f.catalog.objects[class_name][0](self._rng, self._f.palette)
-        behind = bool(self._rng.random() < _BEHIND)
+        behind = int(self._rng.random() < _BEHIND)
         return self._near(class_name, shape, host, anchor, behind=behind)
 
     def _anywhere(self, class_name: str, shape: Shape, host: Receptacle) -> bool:
@@ -164,15 +180,17 @@ class Scatter:
         return False
 
     def _near(
-        self, class_name: str, shape: Shape, host: Receptacle, anchor: _Disc, *, behind: bool
+        self, class_name: str, shape: Shape, host: Receptacle, anchor: _Disc, *, behind: int
     ) -> bool:
-        """Close to another thing; behind it: on the side of the furniture's back."""
+        """Close to another thing; behind: 1 on the side away from the floor, -1 before it."""
         radius = _radius(shape)
         surface = host.surfaces[anchor.level]
-        spread = 0.5 if behind else math.pi
+        away, spread = self._away_from_floor(host, anchor), 0.35 if behind else math.pi
+        if behind < 0:
+            away += math.pi
         for _ in range(_TRIES):
-            gap = radius + anchor.radius + float(self._rng.uniform(0.016, 0.05 if behind else 0.2))
-            turn = surface.yaw_rad + math.pi / 2 + float(self._rng.uniform(-spread, spread))
+            gap = radius + anchor.radius + float(self._rng.uniform(0.016, 0.035 if behind else 0.2))
+            turn = away + float(self._rng.uniform(-spread, spread))
             point = anchor.x + gap * math.cos(turn), anchor.y + gap * math.sin(turn)
             if _to_edge(surface, point) < radius + _EDGE_M:
                 continue
@@ -241,6 +259,12 @@ class Scatter:
     def _within_reach(self, host: Receptacle, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         distances = self._f.distances(points, self._reach[host.room])
         return distances <= self._f.preset.reach_m - _REACH_SLACK_M
+
+
+def _hides(screen_m: Vec3, small_m: Vec3) -> bool:
+    """Whether a thing of one size can hide most of another."""
+    tall = screen_m[2] >= max(_TALL_M, 1.25 * small_m[2])
+    return tall and 1.3 * min(screen_m[:2]) >= max(small_m[:2])
 
 
 def _world(surface: Surface, u: float, v: float) -> Point:

@@ -19,14 +19,26 @@ SolidKind = Literal["box", "cylinder", "sphere", "ellipsoid"]
 
 
 @dataclass(frozen=True)
+class Picture:
+    """An image laid over a mesh once per unit of its uv. Two of one name are the same."""
+
+    name: str
+    pixels: NDArray[np.uint8] = field(repr=False, compare=False)  # [h, w, 3], row 0 at v = 0
+
+
+@dataclass(frozen=True)
 class Material:
-    """How a surface looks. `texture` names a pattern of `textures.PATTERNS`, tinted by `rgb`."""
+    """How a surface looks. `texture` names a pattern of `textures.PATTERNS`, tinted by `rgb`.
+
+    `picture` takes its place where a surface has an image of its own.
+    """
 
     rgb: Rgb
     texture: str = ""
     specular: float = 0.15
     shininess: float = 0.2
     emission: float = 0.0
+    picture: Picture | None = None
 
 
 @dataclass(frozen=True)
