@@ -49,7 +49,10 @@ def mask_points_m(
     x0, y0, x1, y1 = detection.box_xyxy
     mask = detection.mask[y0:y1, x0:x1]
     inner = cv2.erode(
-        mask.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT
+        mask.astype(np.uint8),
+        np.ones((3, 3), np.uint8),
+        borderType=cv2.BORDER_CONSTANT,
+        borderValue=(0.0,),
     )
     for part in (inner != 0, mask):
         v, u = np.nonzero(part & (depth_m[y0:y1, x0:x1] > 0))
