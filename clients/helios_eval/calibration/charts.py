@@ -14,7 +14,15 @@ from matplotlib.figure import Figure as Canvas
 
 from helios_eval.calibration import statistics as st
 from helios_eval.calibration.samples import ROLES, VIEWS, Samples
-from helios_eval.calibration.summary import ALL, EDGES, FEWEST, SCORES, Row, score_of
+from helios_eval.calibration.summary import (
+    ALL,
+    EDGES,
+    FEWEST,
+    SCORES,
+    Row,
+    adaptive_edges,
+    score_of,
+)
 
 mpl.use("Agg")
 
@@ -37,10 +45,10 @@ STYLE: Any = {
 def reliability_png(samples: Samples, rows: Sequence[Row]) -> bytes:
     """Reliability diagrams of S and Ψ, for objects and for receptacles, of one setting."""
     with mpl.rc_context(STYLE):
-        canvas = plt.figure(figsize=(10.4, 12.6))
+        canvas = plt.figure(figsize=(10.4, 13.4))
         grid = canvas.add_gridspec(
-            5, 2, height_ratios=[4.4, 1, 0.72, 4.4, 1], hspace=0.1, wspace=0.16,
-            left=0.085, right=0.985, top=0.915, bottom=0.05,
+            5, 2, height_ratios=[4.4, 1, 1.15, 4.4, 1], hspace=0.1, wspace=0.16,
+            left=0.085, right=0.985, top=0.895, bottom=0.048,
         )  # fmt: skip
         for down, role in enumerate(ROLES):
             part = samples.of_role(role)
@@ -49,7 +57,7 @@ def reliability_png(samples: Samples, rows: Sequence[Row]) -> bytes:
                 below = canvas.add_subplot(grid[3 * down + 1, across], sharex=axes)
                 row = next((r for r in rows if r.role == role and r.score == name
                             and r.views == ALL), None)  # fmt: skip
-                axes.set_title(f"{ROLE_NAME[role]}: {NAME[name]}")
+                axes.set_title(f"{ROLE_NAME[role]}: {NAME[name]}", pad=42)
                 _diagram(axes, below, part, name, row)
                 if across == 0:
                     axes.set_ylabel("share that is right")
@@ -154,25 +162,21 @@ def _diagram(axes: Axes, below: Axes, part: Samples, name: str, row: Row | None)
         axes.text(0.5, 0.5, f"fewer than {FEWEST} beliefs", ha="center", va="center", color=FAINT)
         return
     score, truth = score_of(part, name), part.correct
-    even = st.reliability(score, truth, st.equal_count_edges(score))
+    even = st.reliability(score, truth, adaptive_edges(score))
     axes.plot(even.score, even.true, color=INK, lw=1.4, marker=".", ms=5, alpha=0.55,
               label="bins of equal counts")  # fmt: skip
     wide = st.reliability(score, truth, EDGES)
     spread = np.maximum(0.0, [wide.true - wide.true_low, wide.true_high - wide.true])
-    frame = {"fc": "white", "ec": GRID, "boxstyle": "round,pad=0.5", "alpha": 0.9}
     axes.errorbar(wide.score, wide.true, spread, fmt=MARKER[name], ms=8, color=color,
                   capsize=3, lw=1.8, mec="white", mew=1,
                   label="bins of equal width, 95 % interval")  # fmt: skip
+    spread_of_ece = f"{row.ece_low:.3f}–{row.ece_high:.3f}"
     lines = [
-        f"ECE {row.ece:.3f} ({row.ece_low:.3f}–{row.ece_high:.3f})",
-        f"by chance ≤ {row.ece_by_chance:.3f}",
-        f"largest gap {row.mce:.2f}",
-        f"Brier {row.brier:.3f}   AUROC {_figure(row.auroc)}",
+        f"ECE {row.ece:.3f} ({spread_of_ece}), by chance ≤ {row.ece_by_chance:.3f}",
+        f"widest gap {row.mce:.2f}    Brier {row.brier:.3f}    AUROC {_figure(row.auroc)}",
     ]
-    above = truth.mean() > score.mean()  # then the lower right corner is empty, else the upper left
-    at, across, up = ((0.97, 0.04), "right", "bottom") if above else ((0.03, 0.97), "left", "top")
-    axes.text(*at, "\n".join(lines), transform=axes.transAxes, ha=across, va=up, fontsize=11,
-              linespacing=1.4, bbox=frame)  # fmt: skip
+    axes.text(0, 1.025, "\n".join(lines), transform=axes.transAxes, va="bottom", fontsize=11,
+              linespacing=1.4, color=FAINT)  # fmt: skip
     middle = (wide.low + wide.high) / 2
     right = np.rint(wide.true * wide.count)
     below.bar(middle, right, 0.088, color=color, lw=0)

@@ -70,6 +70,11 @@ def score_of(samples: Samples, name: str) -> st.Scores:
     return {"S": samples.class_score, "Ψ": samples.score, "−U": -samples.uncertainty}[name]
 
 
+def adaptive_edges(score: st.Scores) -> st.Scores:
+    """Edges of at most ten bins of equal counts, each of 25 samples or more where there are 50."""
+    return st.equal_count_edges(score, int(np.clip(len(score) // 25, 2, 10)))
+
+
 def _row(setting: str, role: str, views: str, name: str, samples: Samples) -> Row:
     score, truth = score_of(samples, name), samples.correct
     rng = np.random.default_rng(SEED)
@@ -86,7 +91,7 @@ def _row(setting: str, role: str, views: str, name: str, samples: Samples) -> Ro
             st.bootstrap(lambda w: st.ece(score, truth, EDGES, w), samples.episode, RESAMPLES, rng)
         )
         _, chance = st.ece_if_calibrated(score, EDGES, RESAMPLES, rng)
-        adaptive = float(st.ece(score, truth, st.equal_count_edges(score))[0])
+        adaptive = float(st.ece(score, truth, adaptive_edges(score))[0])
         most = st.mce(st.reliability(score, truth, EDGES))
         parts = st.brier(score, truth, EDGES)
     return Row(
