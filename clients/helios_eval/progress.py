@@ -25,10 +25,10 @@ class Board:
         console: Console,
         known: Sequence[EpisodeRecord],
         specs: Sequence[EpisodeSpec],
-        jobs: int,
+        where: str,
     ) -> None:
-        """known: episodes of this run that are there already."""
-        self._console, self._jobs, self._total = console, jobs, len(specs)
+        """known: episodes of this run that are there already. where: as "2 at a time"."""
+        self._console, self._where, self._total = console, where, len(specs)
         self._known = len(known)
         self._records = {spec.agent: [] for spec in specs}
         self._wanted = dict.fromkeys(self._records, 0)
@@ -106,6 +106,6 @@ class Board:
         line = Table.grid(padding=(0, 1))
         line.add_row(
             ProgressBar(self._total, self.done, width=40),
-            Text(f"{self.done}/{self._total}, {self._jobs} at a time, {self._left()}"),
+            Text(f"{self.done}/{self._total}, {self._where}, {self._left()}"),
         )
         return Group(table, line)

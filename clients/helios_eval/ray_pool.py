@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Generator, Sequence
 
 from helios_core.errors import Unavailable
@@ -27,6 +28,7 @@ def play_all_on_ray(specs: Sequence[EpisodeSpec], address: str, commit: str) -> 
         )
     except ImportError as error:
         raise Unavailable(f"Ray is missing ({error}); pip install 'helios-ovmm[ray]'") from error
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nothing is told to others
     try:
         ray.init(
             address=None if address == LOCAL else address,

@@ -72,7 +72,8 @@ def run(asked: Run, console: Console) -> list[EpisodeRecord]:
     here = commit()
     began = time.time()
     note(asked, here, began, None)
-    board = Board(console, [known[s.key] for s in specs if s.key in known], specs, asked.jobs)
+    where = "on Ray" if asked.ray else f"{asked.jobs} at a time"
+    board = Board(console, [known[s.key] for s in specs if s.key in known], specs, where)
     if missing:
         with closing(_outcomes(asked, missing, here)) as outcomes, board:
             for spec, came in outcomes:

@@ -20,7 +20,7 @@ def shown(terminal: bool) -> str:
     file = io.StringIO()
     console = Console(file=file, force_terminal=terminal, width=100)
     known = [record(0, agent="helios", steps=100, wall_s=10.0)]
-    with Board(console, known, SPECS, jobs=2) as board:
+    with Board(console, known, SPECS, "2 at a time") as board:
         board.add(record(0, agent="trusting", success=False, pick=False, cause="collision"))
         board.add(record(1, agent="helios", success=False, steps=300, wall_s=20.0))
     return file.getvalue()
