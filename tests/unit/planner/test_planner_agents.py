@@ -8,7 +8,7 @@ from typing import NoReturn, get_args
 import pytest
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix
-from helios_core.robot import Pick
+from helios_core.robot import Observe, Pick
 from helios_planner.agents import AGENTS, agent_named
 from helios_planner.body import WhatIf
 from helios_planner.decide import Do
@@ -173,3 +173,42 @@ def test_without_a_start_receptacle_the_first_sure_mug_is_picked() -> None:
         run(world, "helios", "Move the mug to the sofa", rounds=1)
     kinds = [d.do for d in world.decisions]
     assert Do.NOTHING_LEFT not in kinds[: kinds.index(Do.ACT)]
+
+
+# --- out of reach --------------------------------------------------------------------------------
+def test_what_is_out_of_reach_is_tried_again_once_more_ground_is_known_and_only_then(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world = flat([coffee_table(), counter(), mug(x=2.9, y=6.5, z=0.95)], Pose2(1.5, 1.5, 1.2))
+    mission = Mission(world, parse(MOVE), Settings(agent="trusting"))
+    monkeypatch.setattr(mission.kit.legs, "clear_way", lambda target, within_m: False)
+    search = mission.agent.seek_object(mission.kit, "mug", None)
+    found = search.find()
+    for _ in range(50):  # asking costs nothing while the robot stands
+        search.leave(found, out_of_reach=True)
+        assert not search.open(found)
+        assert not search.end_waiting()
+        assert search.open(found)
+    search.leave(found, out_of_reach=True)
+    world.act(Observe())
+    assert search.end_waiting()
+    assert search.open(found)
+
+
+def test_a_thing_behind_unknown_ground_is_gone_to_look_at_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world = flat([coffee_table(), counter(), mug(x=2.9, y=6.5, z=0.95)], Pose2(1.5, 1.5, 1.2))
+    mission = Mission(world, parse(MOVE), Settings(agent="trusting"))
+    looked: list[tuple[float, float]] = []
+
+    def clear_way(target: tuple[float, float], within_m: float) -> bool:
+        looked.append(target)
+        return True
+
+    monkeypatch.setattr(mission.kit.legs, "clear_way", clear_way)
+    search = mission.agent.seek_object(mission.kit, "mug", None)
+    found = search.find()
+    search.leave(found, out_of_reach=True)
+    assert looked == [pytest.approx((2.9, 6.5), abs=0.05)]
+    assert search.open(found)
