@@ -10,6 +10,7 @@ from helios_core.robot import Forward, Observe, Pick, Place, Turn
 from helios_sim.episode import objectnav_episode_of
 from helios_sim.events import PickTried, PlaceTried
 from helios_sim.home import Home
+from helios_sim.judge import Said, failure_cause
 from helios_sim.objectnav import MIN_SHORTEST_M
 from helios_sim.oracle import Oracle
 from helios_sim.things import upright_box
@@ -121,3 +122,23 @@ def test_grazing_a_wall_is_counted_as_leaving_the_navigable_area(world: World):
             break
     assert world.progress.collisions == 1
     assert world.progress.left_navigable == 1
+
+
+def test_what_falls_from_the_edge_of_the_goal_rolled_off(world: World, sim_home: Home):
+    name = next(iter(world.tracker.targets.objects))
+    goal = next(iter(world.tracker.targets.goals))
+    oracle = Oracle(world)
+    assert oracle.fetch(name)
+    surface = sim_home.receptacle(goal).surfaces[0]
+    c, s = math.cos(surface.yaw_rad), math.sin(surface.yaw_rad)
+    before_m = surface.half_extent_xy[1] + 0.02  # its middle is beyond the front edge
+    x, y = surface.center_xy[0] + s * before_m, surface.center_xy[1] - c * before_m
+    assert oracle.go_near((x, y))
+    assert oracle.face(np.array([x, y, surface.height_m]))
+    assert world.act(Place((x, y, surface.height_m)), "edge").succeeded
+    fell = world.events[-1]
+    assert isinstance(fell, PlaceTried)
+    assert (fell.rolled_off, fell.on_floor, fell.placed) == (True, True, False)
+    assert not world.progress.place
+    cause = failure_cause(world.progress, world.events, Said("succeeded"), 1250)
+    assert cause == "object rolled off"
