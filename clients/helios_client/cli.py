@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from helios_client.assets import app as assets_app
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -23,6 +25,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+app.add_typer(assets_app)
 
 Port = Annotated[int, typer.Option(help="port of the HTTP interface", min=1, max=65535)]
 Json = Annotated[bool, typer.Option("--json", help="print JSON only")]

@@ -1,0 +1,158 @@
+"""Claims about homes with baked furniture."""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("MUJOCO_GL", "egl")
+
+
+import mujoco
+import numpy as np
+import pytest
+from helios_core.errors import Unavailable
+from helios_sim.assets import Dressing, realistic
+from helios_sim.assets.bake import bake
+from helios_sim.assets.dressing import FURNITURE_SCALE, furniture_scale, thing_scale
+from helios_sim.assets.pack import Model
+from helios_sim.episode import episode_of
+from helios_sim.home import PRESETS, Home, generate_home
+from helios_sim.home.catalogs import CATALOGS
+from helios_sim.home.palette import draw_palette
+from helios_sim.home.types import Receptacle, Shape, Solid, Surface
+from helios_sim.settings import Settings
+from helios_sim.world import World
+from pydantic import ValidationError
+
+from tests.unit.sim.assets_library import CHOICES, write_library
+
+DEMO = PRESETS["demo-v1"]
+
+
+@pytest.fixture(scope="module")
+def dressing(tmp_path_factory: pytest.TempPathFactory) -> Dressing:
+    folder = tmp_path_factory.mktemp("furniture")
+    write_library(folder / "source")
+    bake(folder / "source", folder / "cache", CHOICES)
+    return realistic(folder / "cache")
+
+
+@pytest.fixture(scope="module")
+def homes(dressing: Dressing) -> list[Home]:
+    return [generate_home(seed, DEMO, dressing) for seed in (0, 1)]
+
+
+def dressed(home: Home) -> list[Receptacle]:
+    return [
+        item
+        for item in home.receptacles
+        if any(visual.material.picture is not None for visual in item.shape.visuals)
+    ]
+
+
+def test_a_dressed_home_has_baked_furniture_and_says_so(homes: list[Home]) -> None:
+    for home in homes:
+        assert home.preset.name == "demo-v1+sweethome3d"
+        assert {item.class_name for item in dressed(home)} & {"dining table", "nightstand"}
+        assert len(home.objects) >= DEMO.objects[0]
+
+
+def test_the_same_seed_and_pack_give_the_same_home(dressing: Dressing, homes: list[Home]) -> None:
+    assert generate_home(1, DEMO, dressing).structure_hash() == homes[1].structure_hash()
+
+
+def test_an_undressed_home_does_not_know_of_it(homes: list[Home], sim_home: Home) -> None:
+    assert sim_home.preset is DEMO
+    assert not dressed(sim_home)
+    assert generate_home(0, DEMO, None).structure_hash() == sim_home.structure_hash()
+
+
+def test_what_stands_on_baked_furniture_stays_there(homes: list[Home]) -> None:
+    for home in homes:
+        model = home.spec(visuals=False).compile()
+        data = mujoco.MjData(model)
+        for _ in range(500):
+            mujoco.mj_step(model, data)
+        for thing in home.objects:
+            drift = np.linalg.norm(data.body(thing.name).xpos - thing.position_m)
+            assert drift < 0.05, thing.name
+
+
+def test_it_is_drawn_with_its_own_picture(homes: list[Home]) -> None:
+    home = homes[0]
+    model = home.spec().compile()
+    names = [model.tex(k).name for k in range(model.ntex)]
+    assert sum(name.startswith("picture_") for name in names) == 1
+    try:
+        world = World(home, episode_of(home, 0))
+    except Unavailable as error:
+        pytest.skip(f"no offscreen graphics here: {error}")
+    try:
+        assert world.capture().color.std() > 10
+    finally:
+        world.close()
+
+
+def shape(size: tuple[float, float, float], *surfaces: Surface, ball: bool = False) -> Shape:
+    kind = "sphere" if ball else "box"
+    return Shape(size, (), (Solid(kind, (1, 1, 1), (0, 0, 0)),), (1, 1, 1), surfaces, rolls=ball)
+
+
+def table(size: tuple[float, float, float], top_m: float) -> Model:
+    surface = (0.0, 0.0, size[0] / 2, size[1] / 2, top_m)
+    return Model("k", ("table",), "", "", "", size, (1, 1, 1), (), (surface,), ())
+
+
+def test_furniture_is_scaled_on_each_axis_to_the_drawn_size_and_surface_height() -> None:
+    drawn = shape((1.2, 0.8, 0.75), Surface((0, 0), (0.6, 0.4), 0, 0.75))
+    scale = furniture_scale(table((1.0, 0.9, 1.1), 0.8), drawn)
+    assert scale == pytest.approx([1.2, 0.8 / 0.9, 0.75 / 0.8])
+
+
+@pytest.mark.parametrize(
+    "size",
+    [(2.0, 0.8, 0.75), (1.2, 1.4, 0.75), (0.9, 1.1, 0.75)],
+    ids=["too wide", "too deep", "too stretched"],
+)
+def test_furniture_that_would_not_fit_is_not_taken(size: tuple[float, float, float]) -> None:
+    drawn = shape((1.2, 0.7, 0.75), Surface((0, 0), (0.6, 0.4), 0, 0.75))
+    assert furniture_scale(table(size, 0.75), drawn) is None
+
+
+def test_a_receptacle_needs_a_surface_in_reach() -> None:
+    drawn = shape((1.2, 0.8, 2.0), Surface((0, 0), (0.6, 0.4), 0, 1.9))
+    assert furniture_scale(table((1.2, 0.8, 1.9), 1.9), drawn) is None
+    assert furniture_scale(table((1.2, 0.8, 1.9), 1.9), shape((1.2, 0.8, 2.0))) is not None
+
+
+def test_things_keep_their_proportions_and_balls_take_the_drawn_size() -> None:
+    mug = table((0.1, 0.08, 0.12), 0.1)
+    assert thing_scale(mug, shape((0.09, 0.09, 0.06))) == pytest.approx([0.75] * 3)
+    assert thing_scale(mug, shape((0.01, 0.01, 0.01))) is None
+    assert thing_scale(mug, shape((0.2, 0.2, 0.2), ball=True)) == pytest.approx([2, 2.5, 5 / 3])
+
+
+@pytest.mark.parametrize("name", sorted(CATALOGS))
+def test_every_dressed_shape_stays_within_its_limits(dressing: Dressing, name: str) -> None:
+    catalog, wrapped = CATALOGS[name], dressing.over(CATALOGS[name])
+    for class_name in ("dining table", "nightstand", "dresser", "coffee table"):
+        for seed in range(6):
+            rng = np.random.default_rng(seed)
+            palette = draw_palette(rng)
+            state = rng.bit_generator.state
+            drawn = catalog.receptacles[class_name][1](rng, palette)
+            rng.bit_generator.state = state
+            got = wrapped.receptacles[class_name][1](rng, palette)
+            assert (np.array(got.size_m[:2]) <= 1.121 * np.array(drawn.size_m[:2])).all()
+            for surface in got.surfaces:
+                assert surface.height_m <= got.size_m[2] + 1e-6
+            if got.color != drawn.color:
+                keys = dressing.pack.of_class(class_name)
+                scales = [np.array(got.size_m) / m.size_m for m in keys]
+                low, high = FURNITURE_SCALE
+                assert any((s > low - 1e-6).all() and (s < high + 1e-6).all() for s in scales)
+
+
+def test_other_kinds_of_furniture_are_refused() -> None:
+    with pytest.raises(ValidationError, match="furniture"):
+        Settings.model_validate({"furniture": "golden"})
