@@ -127,8 +127,9 @@ def test_a_thing_that_is_no_longer_detected_from_near_is_picked_all_the_same() -
 # --- frontiers -----------------------------------------------------------------------------------
 def walk(agent: str, seed: int) -> list[tuple[float, float]]:
     world = flat([coffee_table(), counter()])
+    world.max_steps = 90
     with pytest.raises(TaskFailed):
-        run(world, agent, rounds=1, agent_seed=seed)
+        run(world, agent, agent_seed=seed)
     return [
         d.chosen.position_m[:2] for d in world.decisions if d.do is Do.GO_TO_FRONTIER
     ]  # fmt: skip
