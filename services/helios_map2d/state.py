@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -13,7 +14,7 @@ from helios_core.types import Frame, FrameId, Observation, SearchContext
 from numpy.typing import NDArray
 
 from helios_map2d.explored import SearchArea
-from helios_map2d.frontiers import FrontierFinder, FrontierRules
+from helios_map2d.frontiers import Frontier, FrontierFinder, FrontierRules
 from helios_map2d.grid import Box, GridSpec
 from helios_map2d.occupancy import OCCUPIED, UNKNOWN, OccupancyLayer, OccupancyRules
 from helios_map2d.snapshot import MapSnapshot
@@ -123,7 +124,7 @@ class MapState:
         window = self.values.integrate(view, observation.layer_scores)
         self._box = window.union(self._box)
         self._observations_seen.append(key)
-        self.published = self._publish()
+        self.published = self._publish(ground_changed=False)
         return True
 
     def reset_search(self, context: SearchContext) -> bool:
@@ -165,17 +166,12 @@ class MapState:
         if len(self.trajectory) > MOST_TRAJECTORY_POINTS:
             self.trajectory = self.trajectory[::2]
 
-    def _publish(self) -> MapSnapshot:
+    def _publish(self, *, ground_changed: bool = True) -> MapSnapshot:
+        """The next version. ground_changed: whether anything but the value layers has."""
         self._version += 1
         layers = self.values.layers
-        found = self.frontiers.find(
-            self.occupancy.occupancy,
-            self.search.explored,
-            self.search.box,
-            self.robot_pose[:2] if self.robot_pose else self.grid.centre_of(
-                self.grid.rows // 2, self.grid.columns // 2),
-            {name: layer.value for name, layer in layers.items()},
-        )  # fmt: skip
+        values = {name: layer.value for name, layer in layers.items()}
+        found = self._find_frontiers(values) if ground_changed else self.frontiers.revalued(values)
         box = self._known_box()
         at = box.slices
         occupancy = frozen(self.occupancy.occupancy[at])
@@ -199,6 +195,16 @@ class MapState:
             frontiers=found,
             robot_pose=self.robot_pose,
             trajectory_m=frozen(np.array(self.trajectory, np.float64).reshape(-1, 2)),
+        )
+
+    def _find_frontiers(self, values: Mapping[str, NDArray[np.float32]]) -> tuple[Frontier, ...]:
+        middle = self.grid.centre_of(self.grid.rows // 2, self.grid.columns // 2)
+        return self.frontiers.find(
+            self.occupancy.occupancy,
+            self.search.explored,
+            self.search.box,
+            self.robot_pose[:2] if self.robot_pose else middle,
+            values,
         )
 
     def _known_box(self) -> Box:

@@ -217,3 +217,24 @@ def test_a_new_search_area_has_no_frontiers() -> None:
     assert world.find()
     world.area.reset()
     assert world.find() == ()
+
+
+@given(rng=st.integers(0, 2**32 - 1).map(np.random.default_rng))
+@settings(max_examples=20, deadline=None)
+def test_new_values_alone_give_what_finding_anew_gives(rng: np.random.Generator) -> None:
+    """Places, sizes and numbers too."""
+    quick, anew = World(), World()
+    for _ in range(3):
+        row, column = rng.integers(60, 110, 2)
+        for world in (quick, anew):
+            world.free(slice(row, row + 30), slice(column, column + 40))
+            world.find(*GRID.centre_of(100, 100))
+        layer = rng.random(GRID.shape, dtype=np.float32)
+        quick.values["pick"], anew.values["pick"] = layer, layer
+        fast, slow = quick.finder.revalued(quick.values), anew.find(*GRID.centre_of(100, 100))
+        assert len(fast) == len(slow)
+        for a, b in zip(fast, slow, strict=True):
+            assert (a.id, a.centre_m, a.size_m, a.reachable, a.values) == (
+                b.id, b.centre_m, b.size_m, b.reachable, b.values,
+            )  # fmt: skip
+            np.testing.assert_array_equal(a.cells, b.cells)
