@@ -56,10 +56,8 @@ class Deeds:
         self._names = [model.body(body).name for body in range(model.nbody)]
         self._receptacles = frozenset(item.name for item in home.receptacles)
         self._gripper = Gripper(model, data, robot, movable)
-        self._base = Base(model, data, robot, movable, self._step)
-        self._manipulation = Manipulation(
-            data, self._gripper, things, senses.bodies_in_view, self._step
-        )
+        self._base = Base(model, data, robot, movable, self._gripper.step)
+        self._manipulation = Manipulation(data, self._gripper, things, senses.bodies_in_view)
         self.on = {thing.name: thing.receptacle for thing in home.objects}
         self.held_as = ""  # class that it was asked to pick
 
@@ -139,14 +137,10 @@ class Deeds:
     def _named(self, bodies: Iterable[int]) -> frozenset[str]:
         return frozenset(self._names[body] for body in bodies)
 
-    def _step(self) -> None:
-        self._gripper.follow()
-        mujoco.mj_step(self._model, self._data)
-
     def _pause(self) -> None:
         """Let the physics run for a moment, then bring all poses to its last instant."""
         for _ in range(math.ceil(_PAUSE_S / self._model.opt.timestep)):
-            self._step()
+            self._gripper.step()
         self._gripper.follow()
         mujoco.mj_forward(self._model, self._data)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -111,11 +111,16 @@ class Gripper:
         self.follow()
 
     def follow(self) -> None:
-        """Move the held object with the base; call before every step and after the last."""
+        """Move the held object with the base; also wanted after the last step."""
         if self.held is not None:
             T = self._T_world_base()
             position = T[:3, :3] @ np.array(CARRY_BASE_M) + T[:3, 3]
             self._put(self.held, position, T[:3, :3] @ self._R_base_object)
+
+    def step(self) -> None:
+        """One step of the physics, with what is held moved along."""
+        self.follow()
+        mujoco.mj_step(self._model, self._data)
 
     def release(self, point_world_m: Sequence[float]) -> bool:
         """Let go above a point, upright as it was grasped. False when there is no room for it."""
@@ -139,7 +144,7 @@ class Gripper:
         mujoco.mj_forward(self._model, self._data)
         return False
 
-    def settle(self, thing: Graspable, step: Callable[[], None]) -> Rest:
+    def settle(self, thing: Graspable) -> Rest:
         """Step until it has been at rest for 50 control steps, or for 6 s."""
         data = self._data
         dt = float(self._model.opt.timestep)
@@ -149,7 +154,7 @@ class Gripper:
         met: set[int] = set()
         throughout: set[int] = set()
         for _ in range(math.ceil(_SETTLE_S / dt)):
-            step()
+            self.step()
             velocity = data.qvel[thing.dof : thing.dof + 6]
             # A sleeping body keeps the contacts it fell asleep with, but they are not listed.
             if data.body_awake[thing.body]:

@@ -34,11 +34,10 @@ class Manipulation:
         gripper: Gripper,
         things: Collection[Graspable],
         bodies_seen: Callable[[], NDArray[np.int32]],
-        step: Callable[[], None],
     ) -> None:
-        """bodies_seen: body of each pixel now; step: advances the physics by one step."""
+        """bodies_seen: body of each pixel now."""
         self._data, self._gripper, self._things = data, gripper, things
-        self._bodies_seen, self._step = bodies_seen, step
+        self._bodies_seen = bodies_seen
 
     def pick(self, point_world_m: Point, spot: str) -> Graspable:
         """Hold what is at the point; spot: what it is called. Raises CannotDo."""
@@ -78,7 +77,7 @@ class Manipulation:
             raise CannotDo(f"something is in the arm's way to {spot}; go to another side of it")
         if not self._gripper.release(point_world_m):
             raise CannotDo(f"there is no room above {spot}; choose another place")
-        return thing, self._gripper.settle(thing, self._step)
+        return thing, self._gripper.settle(thing)
 
     def _away_m(self, thing: Graspable, point_world_m: Point) -> float:
         return math.dist(self._data.xpos[thing.body], point_world_m)

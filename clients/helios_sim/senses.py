@@ -50,6 +50,11 @@ class Senses:
         """Where the robot believes its base [4, 4]."""
         return se2_to_se3(*self._drift.believed)
 
+    @property
+    def T_believed_true(self) -> Matrix:
+        """Takes points of the true world to where the robot believes them now [4, 4]."""
+        return self._drift.T_believed_true
+
     def true_point_m(self, believed_m: Point) -> Point:
         """Where a point truly is that the robot names."""
         return self._drift.true_point_m(believed_m) if self._sensor.drifts else believed_m
@@ -74,7 +79,7 @@ class Senses:
             color=sensed_color(color, self._sensor, self._seed, stamp_ns),
             depth_m=sensed_depth(depth_m, self._camera, self._sensor, self._seed, stamp_ns),
             camera=self._camera,
-            T_world_cam=self._drift.T_believed_true @ camera_pose(self._data, self._robot.camera),
+            T_world_cam=self.T_believed_true @ camera_pose(self._data, self._robot.camera),
             T_world_base=self.T_world_base,
         )
 

@@ -47,7 +47,9 @@ class SensorRealism:
     @property
     def errs_in_depth(self) -> bool:
         """Whether depth is anything but exact."""
-        return self.max_depth_m < math.inf
+        errors = (self.inverse_depth_noise_per_m, self.inverse_depth_step_per_m, self.edge_per_m)
+        limits = (self.grazing_cos, self.min_depth_m, 1 / self.max_depth_m)
+        return any(value > 0 for value in (*errors, *limits))
 
     @property
     def drifts(self) -> bool:

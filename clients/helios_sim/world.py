@@ -15,6 +15,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 from helios_core.errors import InvalidInput
+from helios_core.geometry import Matrix
 from helios_core.robot import (
     Action,
     ActionResult,
@@ -186,6 +187,11 @@ class World(RobotDriver):
     def arrived(self) -> bool:
         """Whether an agent that says now that it has found the thing is right (see objectnav)."""
         return self._tracker.arrived()
+
+    @property
+    def T_believed_true(self) -> Matrix:
+        """Takes points of the true world to where the robot believes them now [4, 4]."""
+        return self._senses.T_believed_true
 
     @property
     def trajectory_m(self) -> NDArray[np.float64]:

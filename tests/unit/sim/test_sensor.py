@@ -19,7 +19,7 @@ from helios_sim.sensor import (
 
 CAMERA = Pinhole(470.0, 470.0, 319.5, 239.5, 640, 480)
 NONE, REALISTIC = SENSORS["none"], SENSORS["realistic"]
-NOISE = SensorRealism("noise", inverse_depth_noise_per_m=1.425e-3, max_depth_m=20.0)
+NOISE = SensorRealism("noise", inverse_depth_noise_per_m=1.425e-3)
 
 
 def flat(z_m: float) -> np.ndarray:
@@ -58,7 +58,7 @@ def test_the_same_seed_and_stamp_give_the_same_picture_and_others_do_not():
 
 
 def test_depth_comes_in_steps_that_grow_with_its_square():
-    steps = SensorRealism("steps", inverse_depth_step_per_m=2.85e-3, max_depth_m=20.0)
+    steps = SensorRealism("steps", inverse_depth_step_per_m=2.85e-3)
     ramp = np.repeat(np.linspace(3.9, 4.1, 640, dtype=np.float32)[None], 480, 0)
     found = np.unique(sensed_depth(ramp, CAMERA, steps, 0, 0))
     assert np.diff(found) == pytest.approx(np.full(len(found) - 1, 2.85e-3 * 16), rel=0.1)
@@ -74,14 +74,14 @@ def test_nothing_is_measured_outside_the_range_or_where_nothing_is():
 def test_an_edge_throws_a_shadow_on_what_lies_behind():
     depth = flat(3.0)
     depth[:, :320] = 1.5
-    edges = SensorRealism("edges", edge_per_m=0.03, edge_px=2, max_depth_m=20.0)
+    edges = SensorRealism("edges", edge_per_m=0.03, edge_px=2)
     lost = sensed_depth(depth, CAMERA, edges, 0, 0) == 0
     assert np.flatnonzero(lost[240]).tolist() == [320, 321]
 
 
 def test_a_slanted_surface_is_no_edge():
     floor = _floor_depth()
-    edges = SensorRealism("edges", edge_per_m=0.03, edge_px=2, max_depth_m=20.0)
+    edges = SensorRealism("edges", edge_per_m=0.03, edge_px=2)
     assert not (sensed_depth(floor, CAMERA, edges, 0, 0)[floor > 0] == 0).any()
 
 
@@ -106,7 +106,7 @@ def test_the_angle_of_incidence_is_that_of_the_plane():
 
 
 def test_a_grazing_surface_is_not_measured():
-    grazing = SensorRealism("grazing", grazing_cos=0.3, max_depth_m=20.0)
+    grazing = SensorRealism("grazing", grazing_cos=0.3)
     floor = _floor_depth()
     sensed = sensed_depth(floor, CAMERA, grazing, 0, 0)
     down = np.abs(np.arange(480) - CAMERA.cy) / CAMERA.fy

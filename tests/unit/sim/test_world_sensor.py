@@ -37,6 +37,8 @@ def test_poses_drift_together_and_the_truth_does_not(realistic: World, world: Wo
     assert np.allclose(shot.T_world_cam, expected, atol=1e-6)
     off_m = np.linalg.norm(shot.T_world_base[:2, 3] - realistic.trajectory_m[-1])
     assert 1e-3 < off_m < 0.2
+    assert np.allclose(realistic.T_believed_true @ world.state().T_world_base, state.T_world_base)
+    assert np.array_equal(world.T_believed_true, np.eye(4))
     assert realistic.progress == world.progress
     truth = realistic.segmentation(shot.stamp_ns).ids
     assert np.array_equal(truth, world.segmentation(world.capture().stamp_ns).ids)
