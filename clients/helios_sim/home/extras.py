@@ -69,7 +69,7 @@ def coat_rack(rng: np.random.Generator, palette: Palette) -> Shape:
             for s in (-1, 1):
                 sleeve = (x + s * 0.15, -0.07, z - 0.3)
                 b.box(sleeve, (0.08, 0.08, 0.5), darker(cloth, 0.92), bevel_m=0.03)
-    return b.finish((width, 0.14, 0.92), wood)
+    return b.finish((width + 0.2, 0.16, 0.92), wood)
 
 
 def wall_clock(rng: np.random.Generator, palette: Palette) -> Shape:

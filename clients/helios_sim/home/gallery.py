@@ -193,10 +193,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Pictures of homes by seed")
     parser.add_argument("--seeds", default="0-9", type=_seeds, help="one seed, or FIRST-LAST")
     parser.add_argument("--preset", default="demo-v1", choices=sorted(PRESETS))
+    parser.add_argument("--furniture", default="parametric", choices=("parametric", "realistic"))
     parser.add_argument("--out", type=Path, help="folder for one PNG per seed")
     parser.add_argument("--sheet", type=Path, help="file for one picture of all seeds")
     arguments = parser.parse_args()
-    homes = [generate_home(seed, PRESETS[arguments.preset]) for seed in arguments.seeds]
+    dressing = None
+    if arguments.furniture == "realistic":
+        from helios_sim.assets import realistic
+
+        dressing = realistic()
+    preset = PRESETS[arguments.preset]
+    homes = [generate_home(seed, preset, dressing) for seed in arguments.seeds]
     if arguments.out:
         for home in homes:
             write_picture(arguments.out / f"home_{home.seed}.png", contact_sheet(home))
