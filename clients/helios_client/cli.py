@@ -41,6 +41,10 @@ def up(
     port: Port = 8080,
     seed: Annotated[int, typer.Option(help="of the simulated home", min=0)] = 0,
     preset: Annotated[str, typer.Option(help="kind of the simulated home")] = "demo-v1",
+    furniture: Annotated[
+        str | None,
+        typer.Option(help="of the simulated home: parametric or realistic (helios assets bake)"),
+    ] = None,
     state: State = None,
     detector: Annotated[
         str | None,
@@ -64,13 +68,15 @@ def up(
         if robot != "sim":
             raise WrongUse(f"--robot {robot} needs a detector; name one, --detector onnx:FILE")
         detector = "simulated"
+    if furniture not in (None, "parametric", "realistic"):
+        raise WrongUse(f"no furniture is called {furniture!r}; wanted parametric or realistic")
     if (source is None) is (robot == "replay"):
         raise WrongUse("--source DATASET goes with --robot replay, and only with it")
     run_up(
         Stack(
             robot=robot, router_port=router_port or free_port(),
             state_dir=state or state_file.default_state_dir(port), name=name, port=port, seed=seed,
-            preset=preset, detector=detector, source=source,
+            preset=preset, furniture=furniture, detector=detector, source=source,
         ),
         _console(),
     )  # fmt: skip

@@ -23,6 +23,7 @@ class Stack:
     port: int | None = None  # of the gateway; None: neither gateway nor planner
     seed: int = 0
     preset: str = "demo-v1"
+    furniture: str | None = None  # of the simulated home; None: its setting
     detector: str = "simulated"
     source: Path | None = None  # what a replay plays
     limit: int = 0  # frames of a replay; 0: all
@@ -51,7 +52,12 @@ class Stack:
             )
         ]
         if self.robot == "sim":
-            out.append(self._service("world", "helios_sim", seed=self.seed, preset=self.preset))
+            out.append(
+                self._service(
+                    "world", "helios_sim", seed=self.seed, preset=self.preset,
+                    furniture=self.furniture,
+                )
+            )  # fmt: skip
         out.append(
             self._service(
                 "bridge", "helios_bridge", driver=self.robot, source=self.source,

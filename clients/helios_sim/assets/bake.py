@@ -93,7 +93,7 @@ def bake(
             f"{next(iter(oven.left_out.values()), 'nothing was chosen')}"
         )
     pack = Pack(recipe, oven.models, oven.pictures)
-    folder = packs.write(pack, recipe, attributions(pack), cache)
+    folder = packs.write(pack, attributions(pack), cache)
     return Baked(folder, packs.read(cache), oven.left_out, fresh=True)
 
 

@@ -76,7 +76,7 @@ def default_cache() -> Path:
     return root / "helios" / "furniture"
 
 
-def write(pack: Pack, recipe: str, attributions: str, cache: Path) -> Path:
+def write(pack: Pack, attributions: str, cache: Path) -> Path:
     """Put a pack in place of the current one, all or nothing. The folder."""
     cache.mkdir(parents=True, exist_ok=True)
     scratch = Path(tempfile.mkdtemp(prefix=".baking-", dir=cache))
@@ -96,7 +96,6 @@ def write(pack: Pack, recipe: str, attributions: str, cache: Path) -> Path:
         np.savez_compressed(scratch / ARRAYS, allow_pickle=False, **arrays)
         head = {
             "format": FORMAT,
-            "recipe": recipe,
             "digest": pack.digest,
             "arrays_sha256": _sha256(scratch / ARRAYS),
             "models": index,

@@ -7,9 +7,13 @@ import os
 os.environ.setdefault("MUJOCO_GL", "egl")
 
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
+from helios_client.cli import run
+from helios_client.stack import Stack
 from helios_core.errors import Unavailable
 from helios_sim.assets import Dressing, realistic
 from helios_sim.assets.bake import bake
@@ -156,3 +160,10 @@ def test_every_dressed_shape_stays_within_its_limits(dressing: Dressing, name: s
 def test_other_kinds_of_furniture_are_refused() -> None:
     with pytest.raises(ValidationError, match="furniture"):
         Settings.model_validate({"furniture": "golden"})
+
+
+def test_the_stack_passes_the_furniture_on_and_refuses_other_kinds() -> None:
+    assert run(["up", "--furniture", "golden"]) == 2
+    stack = Stack("sim", 7447, Path("state"), furniture="realistic")
+    (world,) = (spec for spec in stack.specs() if spec.name == "world")
+    assert "--furniture realistic" in " ".join(world.argv)
