@@ -28,6 +28,7 @@ from helios_sim.world import World
 _CELL_M = 0.05
 _ON_SURFACE_GRID_M = 0.05
 _MAX_PLACES = 12
+_LIFT_M = 0.06  # above what is set down
 
 Cell = tuple[int, int]
 
@@ -97,11 +98,18 @@ class Oracle:
         return False
 
     def _free_points(self, name: str) -> Iterator[NDArray[np.float64]]:
-        """Points on the receptacle within reach, those with most room around them first."""
+        """Points on the receptacle within reach, those with most room around them first.
+
+        Only on surfaces with height enough for what is held.
+        """
         home = self._world.home
+        held = (t.size_m[2] for t in home.objects if t.name == self._world.held_name)
+        needed_m = next(held, 0.0) + _LIFT_M
         others = np.array([self._world.position_m(thing.name) for thing in home.objects])
         found: list[tuple[float, NDArray[np.float64]]] = []
         for surface in home.receptacle(name).surfaces:
+            if surface.clear_m < needed_m:
+                continue
             for point in _grid(surface):
                 near = np.abs(others[:, 2] - point[2]) < 0.4
                 room_m = np.linalg.norm((others - point)[near, :2], axis=1).min(initial=1.0)

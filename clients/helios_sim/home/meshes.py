@@ -106,17 +106,20 @@ def _grid_line(half: float, radius: float, segments: int) -> NDArray[np.float64]
     return np.concatenate([-steps[::-1], steps])
 
 
+@lru_cache(maxsize=512)
 def _grid_faces(rows: int, columns: int, wrap: bool = False) -> NDArray[np.int32]:
-    """Two triangles per cell of a grid of vertices; with `wrap` the last column meets the first."""
+    """Two triangles per cell of a grid of vertices; with `wrap` the last column meets the first.
+
+    Shared between meshes: not to be written to.
+    """
     row, column = np.mgrid[0 : rows - 1, 0 : columns if wrap else columns - 1]
     following = (column + 1) % columns
     a, b = row * columns + column, row * columns + following
     c, d = b + columns, a + columns
-    return (
-        np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], -2)
-        .reshape(-1, 3)
-        .astype(np.int32)
-    )
+    faces = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], -2).reshape(-1, 3)
+    faces = faces.astype(np.int32)
+    faces.flags.writeable = False
+    return faces
 
 
 def _mesh(
