@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from helios_sim.events import Collided, Event, PickTried, PlaceTried
 from helios_sim.ground import Ground, Points, clearance_m
 from helios_sim.home import Episode, Home
+from helios_sim.home.episodes import AMBIGUOUS
 from helios_sim.home.freespace import obstacles
 from helios_sim.metrics import (
     Progress,
@@ -56,7 +57,7 @@ def objectnav_episode_of(home: Home, seed: int, radius_m: float) -> Episode:
     ground = ground_of(home, radius_m)
     furniture = {item.class_name for item in home.receptacles}
     furniture |= {item.class_name for item in home.fixtures if item.blocks}
-    names = sorted(furniture)
+    names = sorted(furniture - AMBIGUOUS)
     np.random.default_rng([seed, 0x0B1A]).shuffle(names)
     for name in names:
         episode = Episode(name, "", "", f"Find the {name}")

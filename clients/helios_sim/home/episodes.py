@@ -8,6 +8,11 @@ from helios_sim.home.types import Episode, Receptacle, SceneObject
 
 _EDGE_M = 0.03
 
+# Names that in plain language also mean something else of a home: a floor lamp is a lamp, an
+# armchair a chair. Tasks of the benchmark never use them, so that right and wrong are no matter of
+# words.
+AMBIGUOUS = frozenset({"chair", "lamp", "plant", "pot plant"})
+
 
 def sample(
     receptacles: tuple[Receptacle, ...],
@@ -43,11 +48,16 @@ def sample_any(
     """A task like the benchmark's: a class of things, where one of them is, where it shall go.
 
     Others of the class may stand elsewhere: they are the wrong ones. A class is the likelier the
-    more there are of it. What rolls is never asked for: where it comes to rest
-    is a matter of luck. The goal has a surface on which the thing fits.
+    more there are of it. What rolls is never asked for: where it comes to rest is a matter of luck.
+    No name is AMBIGUOUS. The goal has a surface on which the thing fits.
     """
     class_of = {receptacle.name: receptacle.class_name for receptacle in receptacles}
-    steady = [thing for thing in objects if not thing.shape.rolls]
+    steady = [
+        thing
+        for thing in objects
+        if not thing.shape.rolls
+        and AMBIGUOUS.isdisjoint((thing.class_name, class_of[thing.receptacle]))
+    ]
     wanted = _one_of(sorted(thing.class_name for thing in steady), rng)
     instances = [thing for thing in steady if thing.class_name == wanted]
     start = _one_of(sorted({class_of[thing.receptacle] for thing in instances}), rng)
@@ -55,7 +65,8 @@ def sample_any(
     goals = {
         host.class_name
         for host in receptacles
-        if host.class_name != start and all(_fits(thing, host) for thing in candidates)
+        if host.class_name not in (start, *AMBIGUOUS)
+        and all(_fits(thing, host) for thing in candidates)
     }
     goal = _one_of(sorted(goals), rng)
     return Episode(wanted, start, goal, f"Move the {wanted} from the {start} to the {goal}")
