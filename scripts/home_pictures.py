@@ -1,0 +1,48 @@
+"""Makes docs/images/homes*.png: ten homes of each preset, and all classes of ovmm-v1.
+
+`python scripts/home_pictures.py [--only NAME]` from the repository's root; needs Pillow, which
+reduces the pictures to 256 colours.
+"""
+
+import argparse
+from pathlib import Path
+
+# First, for it tells MuJoCo how to draw without a display.
+from helios_sim.home.gallery import Image, overview  # isort: skip
+from helios_sim.home import PRESETS, generate_home
+from helios_sim.home.catalogs import CATALOGS
+from helios_sim.home.class_sheets import class_sheet
+from PIL import Image as Pillow
+
+FOLDER = Path(__file__).parents[1] / "docs" / "images"
+SEEDS = range(10)
+
+
+def homes(preset: str) -> Image:
+    return overview([generate_home(seed, PRESETS[preset]) for seed in SEEDS], tile_px=260)
+
+
+PICTURES = {
+    "homes": lambda: homes("demo-v1"),
+    "homes-ovmm": lambda: homes("ovmm-v1"),
+    "homes-objects": lambda: class_sheet(
+        {name: make for name, (make, _) in CATALOGS["ovmm"].objects.items()}, centered=True
+    ),
+    "homes-receptacles": lambda: class_sheet(
+        {name: make for name, (_, make) in CATALOGS["ovmm"].receptacles.items()}, centered=False
+    ),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", choices=sorted(PICTURES), help="one of the pictures")
+    only = parser.parse_args().only
+    for name in [only] if only else list(PICTURES):
+        picture = Pillow.fromarray(PICTURES[name]())
+        few = picture.quantize(256, dither=Pillow.Dither.FLOYDSTEINBERG)
+        few.save(FOLDER / f"{name}.png", optimize=True)
+
+
+if __name__ == "__main__":
+    main()
