@@ -9,9 +9,12 @@ from __future__ import annotations
 import multiprocessing
 import os
 import shutil
+import signal
 import tempfile
+import threading
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -70,11 +73,11 @@ def play_all(
     def start() -> None:
         ours, theirs = context.Pipe()
         process = context.Process(target=serve, args=(theirs, commit, folder.name), daemon=True)
-        process.start()
+        with _interrupts_put_off():
+            process.start()
+            workers.append(_Worker(process, ours))
         theirs.close()
-        worker = _Worker(process, ours)
-        workers.append(worker)
-        worker.give(waiting.popleft())
+        workers[-1].give(waiting.popleft())
 
     try:
         while waiting or workers:
@@ -107,6 +110,24 @@ def play_all(
         for worker in workers:
             worker.kill()
         folder.cleanup()
+
+
+@contextmanager
+def _interrupts_put_off() -> Iterator[None]:
+    """Ctrl-C waits, and processes that are started meanwhile never get it: this one ends them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    former = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        signal.signal(signal.SIGINT, former)
+    if came:
+        raise KeyboardInterrupt
 
 
 def _tidy_up() -> None:

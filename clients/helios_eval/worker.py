@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import logging
 import os
-import signal
 import tempfile
 import threading
 from collections.abc import Callable
@@ -64,7 +63,6 @@ def serve(connection: Connection, commit: str, folder: str) -> None:
 
     Answers are `Played`, a sentence why it could not be played, or an `Unavailable`.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     threading.Thread(target=_leave_with_parent, name="parent", daemon=True).start()
     prepare()
     tempfile.tempdir = folder

@@ -16,7 +16,6 @@ from helios_eval.play import Played
 
 
 def serve(connection: Connection, commit: str, folder: str) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     while True:
         try:
             spec = connection.recv()
