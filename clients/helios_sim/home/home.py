@@ -93,8 +93,9 @@ class Home:
     def drawn_hash(self) -> str:
         """SHA-256 of rooms, doorways and furniture, poses rounded to 1 mm.
 
-        Of preset ovmm-v1 no physics has a say in them: the same by seed on any machine, up to
-        rounding errors of its arithmetic that would have to move something across 1 mm.
+        Of preset ovmm-v1 the physics has no say in them (but for few seeds, whose things found no
+        rest in the first draw: see generate): the same by seed on any machine, up to rounding
+        errors of its arithmetic that would have to move something across 1 mm.
         """
         return self._drawn().hexdigest()
 
