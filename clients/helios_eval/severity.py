@@ -1,12 +1,12 @@
 """How severe the detector's noise must be: the paper's loss, on the trusting agent alone.
 
-    python -m helios_eval.severity --table ovmm-v1 --severities 0.5,1,2 --episodes 100 --out DIR
+    python -m helios_eval.severity --table ovmm-v1 --factors 1:1,2:0.6 --episodes 100 --out DIR
 
 The paper's Table 4 has the trusting agent at FindObj 57.5 and Pick 56.5 with ground-truth semantics
 (%), and Table 1 at 21.9 and 19.3 with a real detector: it keeps 0.38 and 0.34 of them. This plays
-the same episodes with ground-truth semantics and at each severity (a factor on the scale of wrong
-names and of false things) and says what is kept. HELIOS does not run here: a table that was chosen
-by what is good for it would prove nothing.
+the same episodes with ground-truth semantics and with the table's scales times each pair of factors
+(one on wrong names and false things, one on misses) and says what is kept. HELIOS does not run
+here: a table that was chosen by what is good for it would prove nothing.
 """
 
 from __future__ import annotations
@@ -33,15 +33,34 @@ from helios_eval.spec import noise_of
 
 AGENT = "trusting"
 WANTED = {"find_object": 21.9 / 57.5, "pick": 19.3 / 56.5}
-_SCALED = ("confuse", "false")  # not what is missed: recall is the table's own
+
+
+@dataclass(frozen=True)
+class Factors:
+    """On the scales of a table."""
+
+    wrong: float  # wrong names and false things
+    miss: float
+
+    @classmethod
+    def of(cls, text: str) -> Factors:
+        """From "2:0.6". Raises InvalidInput for anything else."""
+        try:
+            wrong, miss = map(float, text.split(":"))
+        except ValueError:
+            raise InvalidInput(f"{text!r} are no factors; wanted WRONG:MISS as in 2:0.6") from None
+        return cls(wrong, miss)
+
+    def __str__(self) -> str:
+        return f"{self.wrong:g}:{self.miss:g}"
 
 
 @dataclass(frozen=True)
 class Kept:
-    """Share of the ground-truth result that is left at one severity, with a 95 % interval."""
+    """Share of the ground-truth result that is left, with a 95 % interval."""
 
     metric: str
-    severity: float
+    factors: str
     truth: float
     noisy: float
     ratio: float
@@ -50,7 +69,7 @@ class Kept:
 
 
 def kept(
-    metric: str, severity: float, truth: Sequence[bool], noisy: Sequence[bool], seed: int = 0
+    metric: str, factors: str, truth: Sequence[bool], noisy: Sequence[bool], seed: int = 0
 ) -> Kept:
     """Of the same episodes in the same order; the interval is a bootstrap over episodes."""
     pairs = np.array([truth, noisy], float)
@@ -60,17 +79,14 @@ def kept(
     low, high = (float(v) for v in np.quantile(ratios, [0.025, 0.975]))
     mean = pairs.mean(1)
     ratio = float(mean[1] / max(mean[0], 1e-9))
-    return Kept(metric, severity, float(mean[0]), float(mean[1]), ratio, low, high)
+    return Kept(metric, factors, float(mean[0]), float(mean[1]), ratio, low, high)
 
 
-def scaled_table(text: str, severity: float) -> str:
-    """The table's text with its scales of wrong names and false things times `severity`.
-
-    Raises InvalidInput where it has none.
-    """
-    for name in _SCALED:
+def scaled_table(text: str, factors: Factors) -> str:
+    """The table's text with its scales times the factors. Raises InvalidInput where it has none."""
+    for name, by in (("confuse", factors.wrong), ("false", factors.wrong), ("miss", factors.miss)):
         pattern = re.compile(rf"^({name} = )([0-9.]+)", re.MULTILINE)
-        text, count = pattern.subn(lambda m: f"{m[1]}{float(m[2]) * severity:.6g}", text, 1)
+        text, count = pattern.subn(lambda m, by=by: f"{m[1]}{float(m[2]) * by:.6g}", text, 1)
         if count != 1:
             raise InvalidInput(f"the table has no line '{name} = NUMBER'; wanted one in [scale]")
     return text
@@ -90,29 +106,29 @@ def play(
 
 
 def compare(asked: argparse.Namespace, console: Console) -> list[Kept]:
-    """Play what is missing; figures by severity."""
+    """Play what is missing; figures by factors."""
     shipped = resources.files("helios_detector").joinpath("noise_tables", f"{asked.table}.toml")
     text = shipped.read_text(encoding="utf-8")
     truth = play(asked, None, asked.out / "ground-truth", console)
     found: list[Kept] = []
-    for severity in map(float, asked.severities.split(",")):
-        folder = asked.out / f"severity-{severity:g}"
+    for factors in map(Factors.of, asked.factors.split(",")):
+        folder = asked.out / f"wrong-{factors.wrong:g}-miss-{factors.miss:g}"
         folder.mkdir(parents=True, exist_ok=True)
         table = folder / f"{asked.table}.toml"
-        table.write_text(scaled_table(text, severity), encoding="utf-8")
+        table.write_text(scaled_table(text, factors), encoding="utf-8")
         noisy = play(asked, noise_of(str(table), 1.0, None), folder, console)
         found += [
-            kept(m, severity, [getattr(r, m) for r in truth], [getattr(r, m) for r in noisy])
+            kept(m, str(factors), [getattr(r, m) for r in truth], [getattr(r, m) for r in noisy])
             for m in WANTED
         ]
     return found
 
 
 def show(found: Sequence[Kept], wanted: Mapping[str, float], console: Console) -> None:
-    table = Table("severity", "metric", "ground truth", "noisy", "kept", "95 %", "wanted")
+    table = Table("factors", "metric", "ground truth", "noisy", "kept", "95 %", "wanted")
     for k in found:
         table.add_row(
-            f"{k.severity:g}", k.metric, f"{k.truth:.3f}", f"{k.noisy:.3f}", f"{k.ratio:.3f}",
+            k.factors, k.metric, f"{k.truth:.3f}", f"{k.noisy:.3f}", f"{k.ratio:.3f}",
             f"{k.low:.2f}-{k.high:.2f}", f"{wanted[k.metric]:.3f}",
         )  # fmt: skip
     console.print(table)
@@ -121,7 +137,7 @@ def show(found: Sequence[Kept], wanted: Mapping[str, float], console: Console) -
 def main() -> int:
     parser = argparse.ArgumentParser(prog="helios-severity", description=__doc__)
     parser.add_argument("--table", default="ovmm-v1", help="noise table that is shipped")
-    parser.add_argument("--severities", default="0.5,1,2", help="factors on its scales")
+    parser.add_argument("--factors", default="1:1", help="on its scales: WRONG:MISS,WRONG:MISS,...")
     parser.add_argument("--preset", default="ovmm-v1", help="kind of homes")
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--seed0", type=int, default=0, help="first home")
