@@ -17,6 +17,7 @@ from helios_core.bus import Bus
 from helios_core.codec import (
     action_from_proto,
     description_to_proto,
+    frame_id_from_proto,
     frame_id_to_proto,
     frame_to_proto,
     result_to_proto,
@@ -25,7 +26,7 @@ from helios_core.codec import (
 )
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidInput
 from helios_core.health import Health
-from helios_core.robot import Action, EndOfRecording, Observe, RobotDriver
+from helios_core.robot import Action, Capture, EndOfRecording, Observe, RobotDriver
 from helios_core.topics import (
     ACT,
     ANY_STATUS,
@@ -204,8 +205,34 @@ class BridgeService:
             self._number += 1
             number = self._number
         boot = state.robot_boot_id or self._own_boot_id
+        id = FrameId(boot, state.world_epoch, number)
+        if c.recorded is not None:
+            id = frame_id_from_proto(c.recorded.id)
+        self._publish_frame(c, id, keyframe)
+        self._last_look_s = time.monotonic()
+        self._health.sample("capture_ms", (self._last_look_s - began) * 1e3)
+        if keyframe:
+            self._last_keyframe = id.seq
+            self._health.count("keyframes")
+            if self._settings.lockstep:
+                missing = self._acks.wait(id, self._settings.ack_timeout_s)
+                if missing:
+                    self._health.count("unanswered_keyframes")
+                    self._health.degraded(
+                        f"keyframe {id} was not answered by {', '.join(sorted(missing))} "
+                        f"within {self._settings.ack_timeout_s:g} s; look at these services"
+                    )
+                else:
+                    self._health.ready()
+        return id
+
+    def _publish_frame(self, c: Capture, id: FrameId, keyframe: bool) -> None:
+        topic = KEYFRAME if keyframe else FRAME
+        if c.recorded is not None:  # as it was, to the last bit
+            self._bus.publish(topic, c.recorded)
+            return
         frame = Frame(
-            id=FrameId(boot, state.world_epoch, number),
+            id=id,
             stamp_ns=c.stamp_ns,
             keyframe=keyframe,
             color=c.color,
@@ -214,23 +241,7 @@ class BridgeService:
             T_world_cam=c.T_world_cam,
             T_world_base=c.T_world_base,
         )
-        self._bus.publish(KEYFRAME if keyframe else FRAME, frame_to_proto(frame))
-        self._last_look_s = time.monotonic()
-        self._health.sample("capture_ms", (self._last_look_s - began) * 1e3)
-        if keyframe:
-            self._last_keyframe = number
-            self._health.count("keyframes")
-            if self._settings.lockstep:
-                missing = self._acks.wait(frame.id, self._settings.ack_timeout_s)
-                if missing:
-                    self._health.count("unanswered_keyframes")
-                    self._health.degraded(
-                        f"keyframe {frame.id} was not answered by {', '.join(sorted(missing))} "
-                        f"within {self._settings.ack_timeout_s:g} s; look at these services"
-                    )
-                else:
-                    self._health.ready()
-        return frame.id
+        self._bus.publish(topic, frame_to_proto(frame))
 
     # --- threads ------------------------------------------------------------------------------
     def _stream(self) -> None:

@@ -82,8 +82,9 @@ class Map2DService:
     def on_description(self, message: pb.RobotDescription) -> None:
         """Learn the robot; what the maps hold stays unless they were made for another robot."""
         robot = description_from_proto(message)
-        # A recording has no body that pushes things aside, wherever its camera was carried.
-        radius_m = robot.footprint_radius_m if robot.can_move else 0.0
+        # A carried camera has no body that pushes things aside.
+        has_body = robot.can_move or robot.recorded
+        radius_m = robot.footprint_radius_m if has_body else 0.0
         rules = self._settings.rules(robot.max_depth_m, robot.footprint_radius_m)
         with self._lock:
             same = self._maps is not None and (

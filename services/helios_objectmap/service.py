@@ -35,6 +35,7 @@ from helios_core.topics import (
     OBSERVATION,
     RESET_OBJECTS,
     RETIRE,
+    RETIRED,
     ROBOT_STATE,
     WHAT_IF,
 )
@@ -203,7 +204,12 @@ class ObjectMapService:
                     raise InvalidInput(f"point_m is {point.tolist()}; wanted finite metres")
                 label = present.nearest_object(point, request.radius_m)
             count = present.retire(label) if label is not None else 0
+            after = self._newest
             self._changed()
+        told = pb.Retired(request=request, retired_gaussians=count)
+        if after is not None:
+            told.after.CopyFrom(frame_id_to_proto(after))
+        self._bus.publish(RETIRED, told)
         log.info("retired object %s (%d Gaussians): %s", label, count, request.reason)
         return pb.RetireReply(retired_gaussians=count)
 

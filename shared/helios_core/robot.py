@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from helios_core import proto as pb
 from helios_core.geometry import Matrix, Pinhole
 from helios_core.types import RobotDescription, RobotState
 
@@ -83,6 +84,7 @@ class Capture:
     camera: Pinhole
     T_world_cam: Matrix
     T_world_base: Matrix
+    recorded: pb.Frame | None = None  # of a replay: sent as it is, identity and all
 
 
 class EndOfRecording(Exception):

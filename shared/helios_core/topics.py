@@ -82,6 +82,7 @@ OBJECTMAP_ACK = Topic("objectmap/ack", pb.Ack, QoS.NEVER_DROP)
 OBJECTS = Method("objectmap/objects", pb.ObjectsRequest, pb.ObjectsReply)
 WHAT_IF = Method("objectmap/what_if", pb.WhatIfRequest, pb.WhatIfReply)
 RETIRE = Method("objectmap/retire", pb.RetireRequest, pb.RetireReply)
+RETIRED = Topic("objectmap/retired", pb.Retired, QoS.NEVER_DROP)
 GAUSSIANS = Method("objectmap/gaussians", pb.GaussiansRequest, pb.GaussiansReply)
 RESET_OBJECTS = Method("objectmap/reset", pb.Empty, pb.Empty)
 MAP2D_ACK = Topic("map2d/ack", pb.Ack, QoS.NEVER_DROP)
@@ -127,7 +128,7 @@ TRUTH_METRICS = Method("world/metrics", pb.Empty, pb.TruthMetrics, truth=True)
 
 TOPICS: tuple[Topic, ...] = (
     FRAME, KEYFRAME, ROBOT_STATE, ROBOT_DESCRIPTION, OBSERVATION, PREVIEW, OBJECTMAP_ACK,
-    MAP2D_ACK, CONTEXT, TASK, DECISION, PLAN, SUPERVISOR,
+    RETIRED, MAP2D_ACK, CONTEXT, TASK, DECISION, PLAN, SUPERVISOR,
 )  # fmt: skip
 METHODS: tuple[Method, ...] = (
     ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, VOCABULARY, OBJECTS, WHAT_IF, RETIRE, GAUSSIANS,

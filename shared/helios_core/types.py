@@ -119,6 +119,7 @@ class RobotDescription:
     can_pick: bool = True
     can_place: bool = True
     simulated: bool = False
+    recorded: bool = False  # plays what a robot did: its body was there, but it cannot act
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,7 @@ def description_to_proto(robot: RobotDescription) -> pb.RobotDescription:
         can_place=robot.can_place,
         max_depth_m=robot.max_depth_m,
         simulated=robot.simulated,
+        recorded=robot.recorded,
     )
 
 
@@ -65,6 +66,7 @@ def description_from_proto(robot: pb.RobotDescription) -> RobotDescription:
         can_pick=robot.can_pick,
         can_place=robot.can_place,
         simulated=robot.simulated,
+        recorded=robot.recorded,
     )
 
 

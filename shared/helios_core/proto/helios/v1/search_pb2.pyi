@@ -132,6 +132,16 @@ class RetireReply(_message.Message):
     retired_gaussians: int
     def __init__(self, retired_gaussians: _Optional[int] = ...) -> None: ...
 
+class Retired(_message.Message):
+    __slots__ = ("request", "after", "retired_gaussians")
+    REQUEST_FIELD_NUMBER: _ClassVar[int]
+    AFTER_FIELD_NUMBER: _ClassVar[int]
+    RETIRED_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
+    request: RetireRequest
+    after: _common_pb2.FrameId
+    retired_gaussians: int
+    def __init__(self, request: _Optional[_Union[RetireRequest, _Mapping]] = ..., after: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., retired_gaussians: _Optional[int] = ...) -> None: ...
+
 class GaussiansRequest(_message.Message):
     __slots__ = ("object_id",)
     OBJECT_ID_FIELD_NUMBER: _ClassVar[int]
