@@ -15,7 +15,7 @@ from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
 FAILED = "failed"
-MOST_KEPT = 40  # failures of one run
+MOST_KEPT = 12  # failures of one agent
 
 
 @dataclass(frozen=True)
@@ -101,9 +101,9 @@ def load(path: Path) -> Keepsake:
         ) from error
 
 
-def all_of(folder: Path) -> list[Path]:
-    """The keepsakes of a run, by name."""
-    return sorted((folder / FAILED).glob("*.npz"))
+def all_of(folder: Path, agent: str = "*") -> list[Path]:
+    """The keepsakes of a run, of one agent or all, by name."""
+    return sorted((folder / FAILED).glob(f"{agent}-[ng]*-*.npz"))
 
 
 def _marked(raw: dict[str, Any]) -> Marked:

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import statistics
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import lru_cache
 
 import numpy as np
 from helios_core.grids import FREE, OCCUPIED
 from helios_core.types import ObjectInstance
 from helios_sim.events import PickTried
-from helios_sim.home import PRESETS, Home, generate_home
+from helios_sim.home import Home
 from helios_sim.judge import Said
 from helios_sim.oracle import Oracle
 from helios_sim.sensor import SENSORS
 from helios_sim.thread import WorldThread
 from numpy.typing import NDArray
 
+from helios_eval import homes
 from helios_eval.beliefs import Role, judged
 from helios_eval.house import House
 from helios_eval.judging import episode_for, verdict
@@ -69,7 +67,7 @@ class _Told:
 
 def play(spec: EpisodeSpec, commit: str) -> Played:
     """Raises HeliosError where the episode could not be played at all."""
-    home = _home(spec.preset, spec.seed)
+    home = homes.home_of(spec.preset, spec.seed)
     thread = WorldThread(lambda: make_world(spec, home))
     try:
         world = thread.run(_watched)
@@ -83,18 +81,6 @@ def make_world(spec: EpisodeSpec, home: Home) -> WatchedWorld:
     """The world of an episode; on the thread that will use it."""
     episode = episode_for(spec.benchmark, home, spec.seed)
     return WatchedWorld(home, episode, boot_id="evaluation", sensor=SENSORS[spec.sensor])
-
-
-def preset_hash(preset: str) -> str:
-    """Of everything that a kind of homes is made from."""
-    settings = json.dumps(asdict(PRESETS[preset]), sort_keys=True)
-    return hashlib.sha256(settings.encode()).hexdigest()[:16]
-
-
-@lru_cache(maxsize=2)
-def _home(preset: str, seed: int) -> Home:
-    """Agents play one after the other in the same home."""
-    return generate_home(seed, PRESETS[preset])
 
 
 def _watched(world: object) -> WatchedWorld:
@@ -187,7 +173,7 @@ def _played(spec: EpisodeSpec, commit: str, world: WatchedWorld, said: _Told) ->
         wall_s=round(said.wall_s, 3),
         step_ms=round(statistics.median(world.step_ms), 2) if world.step_ms else 0.0,
         stage_ms=dict(said.stage_ms), beliefs=said.beliefs,
-        commit=commit, preset_hash=preset_hash(spec.preset),
+        commit=commit, preset_hash=homes.digest_of(spec.preset),
         structure_hash=world.home.structure_hash(),
     )  # fmt: skip
     return Played(record, None if record.success else _keepsake(record, world, said))

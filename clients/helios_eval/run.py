@@ -17,9 +17,8 @@ from typing import Any
 
 from rich.console import Console
 
-from helios_eval import keepsake, record, results
+from helios_eval import homes, keepsake, record, results
 from helios_eval.bench.run import commit, machine
-from helios_eval.play import preset_hash
 from helios_eval.pool import Outcome, play_all
 from helios_eval.progress import Board
 from helios_eval.record import Benchmark, EpisodeRecord, Noise, Semantics, Setting
@@ -96,7 +95,7 @@ def lost(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
         seed=spec.seed, noise=spec.noise, settings=spec.settings, instruction="", object_class="",
         find_object=False, pick=False, find_receptacle=False, place=False, success=False,
         collisions=0, steps=0, path_m=0.0, picks=0, cause="system error", state="failed",
-        message=why, wall_s=0.0, step_ms=0.0, commit=here, preset_hash=preset_hash(spec.preset),
+        message=why, wall_s=0.0, step_ms=0.0, commit=here, preset_hash=homes.digest_of(spec.preset),
         structure_hash="",
     )  # fmt: skip
 
@@ -108,7 +107,7 @@ def note(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
         "noise": asked.noise.model_dump() if asked.noise else None,
         "command": ["helios", *sys.argv[1:]],
         "commit": here,
-        "preset_hash": preset_hash(asked.preset),
+        "preset_hash": homes.digest_of(asked.preset),
         "noise_hash": asked.noise.digest if asked.noise else None,
         "machine": machine(),
         "cores": os.cpu_count(),
@@ -134,6 +133,6 @@ def _outcomes(asked: Run, missing: Sequence[EpisodeSpec], here: str) -> Generato
 
 
 def _keep(out: Path, kept: keepsake.Keepsake) -> None:
-    """For the first failures of each folder."""
-    if len(keepsake.all_of(out)) < keepsake.MOST_KEPT:
+    """For the first failures of each agent."""
+    if len(keepsake.all_of(out, kept.agent)) < keepsake.MOST_KEPT:
         keepsake.save(out, kept)

@@ -7,7 +7,6 @@ from typing import get_args
 
 from helios_client.wrong_use import WrongUse
 from helios_detector.noise import load_noise
-from helios_sim.home import PRESETS
 
 from helios_eval.record import Benchmark, Noise, Semantics, Setting, key_of
 
@@ -71,14 +70,6 @@ def check_agents(agents: list[str], benchmark: Benchmark) -> None:
             raise WrongUse(
                 f"no agent of {benchmark} is called {agent!r}; wanted some of {', '.join(known)}"
             )
-
-
-def check_preset(preset: str) -> None:
-    """Raises WrongUse for a preset that is not known."""
-    if preset not in PRESETS:
-        raise WrongUse(
-            f"no preset is called {preset!r}; wanted one of {', '.join(sorted(PRESETS))}"
-        )
 
 
 def noise_of(table: str, level: float, correlation: float | None) -> Noise:

@@ -41,7 +41,7 @@ def video(
     from rich.console import Console
     from rich.progress import Progress
 
-    from helios_eval import service_settings
+    from helios_eval import homes, service_settings
     from helios_eval import spec as specs
     from helios_eval.record import Benchmark, Semantics
     from helios_eval.video.episode import film
@@ -55,7 +55,7 @@ def video(
     specs.check_agents([agent], known_benchmark)
     if agent == specs.WALKER:
         raise WrongUse(f"{agent} has no maps to film; choose another agent")
-    specs.check_preset(preset)
+    homes.check_kind(preset)
     if sensor not in SENSORS:
         raise WrongUse(f"--sensor is {sensor!r}; wanted one of {', '.join(SENSORS)}")
     path = out or Path("runs/video") / f"{agent}-{seed}.mp4"
@@ -63,7 +63,9 @@ def video(
         raise WrongUse(f"--out is {str(path)!r}; a video is written as FILE.mp4")
     try:
         noise = (
-            specs.noise_of(preset, noise_level, noise_correlation) if semantics == "noisy" else None
+            specs.noise_of(homes.noise_of(preset), noise_level, noise_correlation)
+            if semantics == "noisy"
+            else None
         )
     except InvalidInput as error:
         raise WrongUse(error.message) from error

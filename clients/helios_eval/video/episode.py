@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from helios_sim.home import PRESETS, generate_home
 from helios_sim.judge import Said
 from helios_sim.thread import WorldThread
 
+from helios_eval.homes import home_of
 from helios_eval.house import House
 from helios_eval.judging import verdict
 from helios_eval.play import LONGEST_S, make_world
@@ -26,7 +26,7 @@ def film(
     spec: EpisodeSpec, out: Path, fps: float, on_step: Callable[[int], None] = lambda _: None
 ) -> str:
     """Writes the video of an agent of the planner; returns the verdict. Raises HeliosError."""
-    home = generate_home(spec.seed, PRESETS[spec.preset])
+    home = home_of(spec.preset, spec.seed)
     thread = WorldThread(lambda: make_world(spec, home))
     try:
         world = thread.run(lambda w: w)

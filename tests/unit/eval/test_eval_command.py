@@ -13,7 +13,7 @@ from helios_client import cli
     [
         (["--agents", "hal"], "hal"), (["--preset", "palace"], "palace"),
         (["--picks", "none"], "picks"), (["--semantics", "vague"], "semantics"),
-        (["--seed0", "100000"], "100000"), (["--set", "nonsense=1"], "nonsense"),
+        (["--seed0", "-1"], "seed0"), (["--set", "nonsense=1"], "nonsense"),
         (["--sensor", "eyes"], "eyes"), (["--noise", "nowhere"], "nowhere"),
         (["--agents", "helios,"], "empty"), (["--episodes", "0"], "episodes"),
         (["--jobs", "none"], "jobs"), (["--nonsense"], "nonsense"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from helios_client.wrong_use import WrongUse
-from helios_eval import service_settings, spec
+from helios_eval import homes, service_settings, spec
 
 
 def test_a_setting_is_found_by_its_name_and_keeps_its_type() -> None:
@@ -40,10 +40,10 @@ def test_a_wrong_setting_is_wrong_use(text: str, words: str) -> None:
 
 def test_agents_and_presets_are_known_by_name() -> None:
     spec.check_agents(["helios", "ground-truth-walker"], "ovmm")
-    spec.check_preset("demo-v1")
+    homes.check_kind("demo-v1")
     with pytest.raises(WrongUse, match="helios"):
         spec.check_agents(["hal"], "ovmm")
     with pytest.raises(WrongUse, match="walker"):
         spec.check_agents(["ground-truth-walker"], "objectnav")
     with pytest.raises(WrongUse, match="demo-v1"):
-        spec.check_preset("palace")
+        homes.check_kind("palace")

@@ -1,0 +1,55 @@
+"""Homes by the name of their kind: a preset, or a preset in realistic furniture.
+
+`ovmm-v1+sweethome3d` is preset `ovmm-v1` with the furniture that `helios assets bake` made. Names
+differ, so that results of one can never be taken for results of the other.
+"""
+
+from __future__ import annotations
+
+from functools import cache, lru_cache
+
+from helios_client.wrong_use import WrongUse
+from helios_core.errors import HeliosError
+from helios_sim.assets import Dressing, realistic
+from helios_sim.assets.pack import NAME
+from helios_sim.home import PRESETS, Home, HomePreset, generate_home
+
+_JOINT = "+"
+KINDS = tuple(name + end for name in sorted(PRESETS) for end in ("", f"{_JOINT}{NAME}"))
+
+
+@lru_cache(maxsize=2)
+def home_of(kind: str, seed: int) -> Home:
+    """The home of a seed; the last two are kept, as agents play one after the other in the same.
+
+    Raises HeliosError where there is none, or no furniture was baked.
+    """
+    preset, dressing = _parts(kind)
+    return generate_home(seed, preset, dressing)
+
+
+def digest_of(kind: str) -> str:
+    """Of everything that a kind of homes is made from."""
+    preset, dressing = _parts(kind)
+    return preset.digest() + (f"{_JOINT}{dressing.pack.digest}" if dressing else "")
+
+
+def noise_of(kind: str) -> str:
+    """The noise table that belongs to a kind of homes."""
+    return kind.split(_JOINT)[0]
+
+
+def check_kind(kind: str) -> None:
+    """Raises WrongUse for a kind that is not known, or whose furniture is not there."""
+    if kind not in KINDS:
+        raise WrongUse(f"no preset is called {kind!r}; wanted one of {', '.join(KINDS)}")
+    try:
+        _parts(kind)
+    except HeliosError as error:
+        raise WrongUse(error.message) from error
+
+
+@cache
+def _parts(kind: str) -> tuple[HomePreset, Dressing | None]:
+    name, joint, _ = kind.partition(_JOINT)
+    return PRESETS[name], realistic() if joint else None
