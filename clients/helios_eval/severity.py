@@ -1,11 +1,11 @@
 """How severe the detector's noise must be: the paper's loss, on the trusting agent alone.
 
-    python -m helios_eval.severity --table ovmm-v1 --factors 1:1,2:0.6 --episodes 100 --out DIR
+    python -m helios_eval.severity --table ovmm-v1 --factors 1:1:1,2:1:0.6 --episodes 100 --out DIR
 
 The paper's Table 4 has the trusting agent at FindObj 57.5 and Pick 56.5 with ground-truth semantics
 (%), and Table 1 at 21.9 and 19.3 with a real detector: it keeps 0.38 and 0.34 of them. This plays
-the same episodes with ground-truth semantics and with the table's scales times each pair of factors
-(one on wrong names and false things, one on misses) and says what is kept. HELIOS does not run
+the same episodes with ground-truth semantics and with the table's scales times each three factors
+(on wrong names, false things and misses) and says what is kept. HELIOS does not run
 here: a table that was chosen by what is good for it would prove nothing.
 """
 
@@ -39,20 +39,23 @@ WANTED = {"find_object": 21.9 / 57.5, "pick": 19.3 / 56.5}
 class Factors:
     """On the scales of a table."""
 
-    wrong: float  # wrong names and false things
+    confuse: float
+    false: float
     miss: float
 
     @classmethod
     def of(cls, text: str) -> Factors:
-        """From "2:0.6". Raises InvalidInput for anything else."""
+        """From "2:1:0.6". Raises InvalidInput for anything else."""
         try:
-            wrong, miss = map(float, text.split(":"))
+            confuse, false, miss = map(float, text.split(":"))
         except ValueError:
-            raise InvalidInput(f"{text!r} are no factors; wanted WRONG:MISS as in 2:0.6") from None
-        return cls(wrong, miss)
+            raise InvalidInput(
+                f"{text!r} are no factors; wanted CONFUSE:FALSE:MISS as in 2:1:0.6"
+            ) from None
+        return cls(confuse, false, miss)
 
     def __str__(self) -> str:
-        return f"{self.wrong:g}:{self.miss:g}"
+        return f"{self.confuse:g}:{self.false:g}:{self.miss:g}"
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,7 @@ def kept(
 
 def scaled_table(text: str, factors: Factors) -> str:
     """The table's text with its scales times the factors. Raises InvalidInput where it has none."""
-    for name, by in (("confuse", factors.wrong), ("false", factors.wrong), ("miss", factors.miss)):
+    for name, by in asdict(factors).items():
         pattern = re.compile(rf"^({name} = )([0-9.]+)", re.MULTILINE)
         text, count = pattern.subn(lambda m, by=by: f"{m[1]}{float(m[2]) * by:.6g}", text, 1)
         if count != 1:
@@ -112,7 +115,7 @@ def compare(asked: argparse.Namespace, console: Console) -> list[Kept]:
     truth = play(asked, None, asked.out / "ground-truth", console)
     found: list[Kept] = []
     for factors in map(Factors.of, asked.factors.split(",")):
-        folder = asked.out / f"wrong-{factors.wrong:g}-miss-{factors.miss:g}"
+        folder = asked.out / str(factors).replace(":", "-")
         folder.mkdir(parents=True, exist_ok=True)
         table = folder / f"{asked.table}.toml"
         table.write_text(scaled_table(text, factors), encoding="utf-8")
@@ -137,7 +140,7 @@ def show(found: Sequence[Kept], wanted: Mapping[str, float], console: Console) -
 def main() -> int:
     parser = argparse.ArgumentParser(prog="helios-severity", description=__doc__)
     parser.add_argument("--table", default="ovmm-v1", help="noise table that is shipped")
-    parser.add_argument("--factors", default="1:1", help="on its scales: WRONG:MISS,WRONG:MISS,...")
+    parser.add_argument("--factors", default="1:1:1", help="on its scales: CONFUSE:FALSE:MISS,...")
     parser.add_argument("--preset", default="ovmm-v1", help="kind of homes")
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--seed0", type=int, default=0, help="first home")
