@@ -30,7 +30,7 @@ class Hosted:
         s = self._settings
         options = DetectorOptions(
             BusTruth(self._bus, s.truth_timeout_s), s.threads, s.noise, s.noise_seed,
-            s.noise_level, s.noise_correlation,
+            s.noise_level, s.noise_correlation, s.device, s.precision, s.masks,
         )  # fmt: skip
         while not self._ending.is_set():
             try:

@@ -3,6 +3,7 @@
     simulated              the simulator's truth through seeded noise
     ground-truth           the simulator's truth as it is
     onnx:FILE              a YOLOX model of the 80 COCO classes
+    transformers:ID        a text-prompted model of the hub or of a folder (docs/models.md)
     NAME or NAME:ARGUMENT  an outside package's entry point in the group `helios.detectors`
 
 An outside package's entry point is a callable `(argument: str, options: DetectorOptions) ->
@@ -62,6 +63,13 @@ class DetectorBackend(ABC):
     def warm_up(self) -> None:
         """Make the first frame as fast as the others. Raises Unavailable when it cannot work."""
 
+    def unload(self) -> None:  # noqa: B027 - nothing to free is the common case
+        """Free the memory of its models; the next call loads them again."""
+
+    def accelerator_mb(self) -> float:
+        """Peak of the accelerator's memory since the last call; 0 without one."""
+        return 0.0
+
     @abstractmethod
     def close(self) -> None:
         """Free what it holds. Idempotent."""
@@ -71,6 +79,7 @@ class ScorerBackend(ABC):
     """Says how well an image fits a prompt. Calls may come from several threads at once."""
 
     name: str
+    reads_names = False  # scores what the detector reports instead of the image
 
     @abstractmethod
     def score(
@@ -81,6 +90,13 @@ class ScorerBackend(ABC):
     @abstractmethod
     def warm_up(self) -> None:
         """Make the first frame as fast as the others. Raises Unavailable when it cannot work."""
+
+    def unload(self) -> None:  # noqa: B027 - nothing to free is the common case
+        """Free the memory of its models; the next call loads them again."""
+
+    def accelerator_mb(self) -> float:
+        """Peak of the accelerator's memory since the last call; 0 without one."""
+        return 0.0
 
     @abstractmethod
     def close(self) -> None:
@@ -97,6 +113,10 @@ class DetectorOptions:
     noise_seed: int = 0
     noise_level: float = 1.0
     noise_correlation: float | None = None  # None: as in the table
+    device: str = "auto"  # of transformers models: auto, cpu, cuda, cuda:N, mps
+    precision: str = "auto"  # auto: half on cuda; float32, float16, bfloat16
+    masks: str = "depth"  # from boxes: by depth, or transformers:ID of a SAM 2
+    landmarks: tuple[str, ...] = ()  # an open vocabulary looks for these too, to tell the place
 
 
 def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
@@ -120,13 +140,20 @@ def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
         from helios_detector.yolox import YoloxDetector
 
         return YoloxDetector(Path(argument), threads=options.threads)
+    if kind == "transformers" and argument:
+        from helios_detector.hf.detector import HfDetector
+        from helios_detector.hf.runtime import Placement
+
+        placement = Placement(options.device, options.precision, options.threads)
+        return HfDetector(spec, placement, options.masks, options.landmarks)
     for entry in entry_points(group=ENTRY_POINTS, name=kind):
         return entry.load()(argument, options)
     outside = sorted(entry.name for entry in entry_points(group=ENTRY_POINTS))
     also = f", or one of {', '.join(outside)}" if outside else ""
     raise InvalidInput(
-        f"there is no detector {spec!r} in this build; set simulated, ground-truth or onnx:FILE"
-        f"{also}; a package can add one by an entry point of the group {ENTRY_POINTS}"
+        f"there is no detector {spec!r} in this build; set simulated, ground-truth, onnx:FILE "
+        f"or transformers:ID{also}; a package can add one by an entry point of the group "
+        f"{ENTRY_POINTS}"
     )
 
 

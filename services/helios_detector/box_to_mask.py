@@ -136,6 +136,8 @@ def _own_depth(depth: NDArray[np.float32]) -> float | None:
         first += 1
     bin_low = low + (first - 1) * DEPTH_BIN_M
     chosen = values[(values >= bin_low) & (values < bin_low + 3 * DEPTH_BIN_M)]
+    if chosen.size == 0:  # the peak lies between two bins that hold something
+        chosen = values[np.abs(values - bin_low - 1.5 * DEPTH_BIN_M) <= 2.5 * DEPTH_BIN_M]
     return float(np.median(chosen))
 
 

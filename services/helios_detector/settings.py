@@ -12,7 +12,20 @@ class Settings(ServiceSettings):
     model_config = service_config("detector")
 
     detector: str = Field(
-        "simulated", description="simulated, ground-truth, onnx:FILE, or an outside package's name"
+        default="simulated",
+        description="simulated, ground-truth, onnx:FILE, transformers:ID or :FOLDER, or an outside "
+        "package's name",
+    )
+    masks: str = Field(
+        default="depth",
+        description="from boxes of transformers: depth, or transformers:ID of a SAM 2",
+    )
+    device: str = Field(
+        default="auto", description="of transformers models: auto, cpu, cuda, cuda:N, mps"
+    )
+    precision: str = Field(
+        default="auto",
+        description="of transformers models: auto (half on cuda), float32, float16, bfloat16",
     )
     scorer: str = Field("lexical", description="how images are scored against prompts: lexical")
     threads: int = Field(1, ge=1, le=64, description="threads of one model run")

@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from helios_detector.backend import DetectorBackend, Findings, Seen
 from helios_detector.box_to_mask import box_to_mask, clip_box
+from helios_detector.boxes import suppressed
 from helios_detector.coco import COCO_NAMES
 from helios_detector.vocabulary import fixed_wanted, refuse_unknown
 
 STRIDES_PX = (8, 16, 32)
 PAD_GREY = 114
-NMS_IOU = 0.45
-MAX_PER_CLASS = 50
 SEEN_SCORE = 0.3  # from which a class that was not asked for counts as seen
 
 
@@ -56,15 +55,6 @@ def decode(
     half = np.exp(output[:, 2:4]) * stride / 2
     boxes = np.concatenate([centre - half, centre + half], 1).astype(np.float32)
     return boxes, output[:, 4:5] * output[:, 5:]
-
-
-def suppressed(
-    boxes: NDArray[np.float32], scores: NDArray[np.float32], threshold: float
-) -> list[int]:
-    """Indices of the boxes of one class that stay, best first; at most 50."""
-    sizes = np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], 1)
-    kept = cv2.dnn.NMSBoxes(sizes.tolist(), scores.tolist(), threshold, NMS_IOU)
-    return [int(i) for i in np.asarray(kept).ravel()[:MAX_PER_CLASS]]
 
 
 class YoloxDetector(DetectorBackend):

@@ -74,9 +74,13 @@ def test_affinities_are_shares_and_weights():
     assert all(sum(row.values()) == pytest.approx(1) for row in table.rooms.values())
 
 
-@pytest.mark.parametrize("spec", ["transformers:owlv2", "onnx", "onnx:", "", "simulated:x", "no"])
+@pytest.mark.parametrize(
+    "spec", ["transformers:", "transformers", "onnx", "onnx:", "", "simulated:x", "no"]
+)
 def test_an_unknown_detector_names_the_choices(spec):
-    with pytest.raises(InvalidInput, match="set simulated, ground-truth or onnx:FILE"):
+    with pytest.raises(
+        InvalidInput, match="set simulated, ground-truth, onnx:FILE or transformers:ID"
+    ):
         open_detector(spec, DetectorOptions())
 
 

@@ -1,0 +1,112 @@
+"""What goes wrong when a model is loaded or run, as one typed error with one sentence.
+
+`huggingface_hub` and `transformers` raise many types, often wrapped in OSError; the cause is looked
+for along the chain. Types are told by name, so that no library is imported for it.
+"""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterator
+
+from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
+
+EXTRA = "pip install 'helios-ovmm[transformers]'"
+
+
+def chain(error: BaseException) -> Iterator[BaseException]:
+    """The error, what it was raised from, and so on."""
+    seen: set[int] = set()
+    todo: list[BaseException | None] = [error]
+    while todo:
+        e = todo.pop()
+        if e is None or id(e) in seen:
+            continue
+        seen.add(id(e))
+        yield e
+        todo += [e.__context__, e.__cause__]
+
+
+def _types(error: BaseException) -> set[str]:
+    return {c.__name__ for e in chain(error) for c in type(e).__mro__}
+
+
+def short(error: BaseException) -> str:
+    """Its type and first line."""
+    text = next((line for line in str(error).splitlines() if line.strip()), "")
+    return f"{type(error).__name__}: {text.strip()[:200]}"
+
+
+def out_of_memory(error: BaseException) -> bool:
+    """Whether memory ran out, on the processor or the accelerator."""
+    texts = " ".join(str(e).lower() for e in chain(error))
+    return (
+        bool({"MemoryError", "OutOfMemoryError"} & _types(error))
+        or "not enough memory" in texts
+        or "cuda out of memory" in texts
+    )
+
+
+def load_fault(error: BaseException, source: str, setting: str) -> HeliosError:
+    """The typed error for a model that cannot be loaded. `setting` names what to change."""
+    if isinstance(error, HeliosError):
+        return error
+    types, texts = _types(error), " ".join(str(e) for e in chain(error))
+    status = {getattr(getattr(e, "response", None), "status_code", None) for e in chain(error)}
+    if "GatedRepoError" in types or (status & {401, 403} and "gated" in texts.lower()):
+        return Unavailable(
+            f"the licence of {source} must be accepted first: log in at "
+            f"https://huggingface.co/{source}, accept it, and set HF_TOKEN (or run "
+            "`hf auth login`) on this machine"
+        )
+    if "RepositoryNotFoundError" in types or "not a valid model identifier" in texts:
+        return Unavailable(
+            f"there is no model {source!r} on the model hub that this machine may read; correct "
+            f"{setting}, or set HF_TOKEN if it is private"
+        )
+    if "RevisionNotFoundError" in types:
+        return Unavailable(f"{source} has no such revision; correct {setting}")
+    offline = {"LocalEntryNotFoundError", "OfflineModeIsEnabled", "NetworkError", "ConnectError",
+               "ConnectTimeout", "ReadTimeout", "ProxyError", "ConnectionError"}  # fmt: skip
+    if offline & types or "couldn't connect to" in texts.lower():
+        return Unavailable(
+            f"{source} is not on this machine and the model hub cannot be reached; connect once, "
+            f"or copy the model's folder here and set {setting} to transformers:FOLDER"
+        )
+    if out_of_memory(error):
+        return memory_fault(source, setting)
+    if any(isinstance(e, OSError) and e.errno == errno.ENOSPC for e in chain(error)):
+        return Unavailable(
+            f"the disk is full while {source} is stored; free space, or set HF_HOME to another disk"
+        )
+    if any(isinstance(e, PermissionError) for e in chain(error)):
+        return Unavailable(f"{short(error)} while {source} is loaded; allow this user to read it")
+    if {"ImportError", "ModuleNotFoundError"} & types:
+        return Unavailable(f"{source} needs a package that is missing ({short(error)}); {EXTRA}")
+    if "SafetensorError" in types or "UnpicklingError" in types:
+        return Unavailable(
+            f"a weight file of {source} is damaged ({short(error)}); delete it and let it load "
+            "again"
+        )
+    if "no file named" in texts or "does not appear to have" in texts:
+        return Unavailable(f"{source} is not complete ({short(error)}); copy all of its files")
+    return InvalidInput(
+        f"{source} cannot be loaded ({short(error)}); set {setting} to a model of a kind that "
+        "docs/models.md lists"
+    )
+
+
+def memory_fault(source: str, setting: str) -> Unavailable:
+    return Unavailable(
+        f"there is too little memory for {source}; stop what else uses it, use a smaller model "
+        f"({setting}), or set precision to float16"
+    )
+
+
+def run_fault(error: BaseException, source: str, setting: str) -> HeliosError:
+    """The typed error for a model that fails at a frame."""
+    if isinstance(error, HeliosError):
+        return error
+    if out_of_memory(error):
+        return memory_fault(source, setting)
+    return Internal(f"{source} failed ({short(error)}); see the detector's log")

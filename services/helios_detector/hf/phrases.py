@@ -1,0 +1,62 @@
+"""What a text-prompted model is asked for, and which class an answer belongs to. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from helios_core.types import SearchContext
+from numpy.typing import NDArray
+
+from helios_detector.vocabulary import Wanted, normalised, open_wanted
+
+LANDMARK_THRESHOLD = 0.3  # from which a class that was not asked for counts as seen
+
+
+@dataclass(frozen=True)
+class Phrases:
+    """The prompts of one search context. Class i of `wanted` owns the columns with owner i."""
+
+    wanted: tuple[Wanted, ...]
+    landmarks: tuple[str, ...]  # classes after the wanted ones: looked for to tell where one is
+    texts: tuple[str, ...]
+    owner: NDArray[np.intp]  # [texts] index into wanted + landmarks
+
+    @property
+    def thresholds(self) -> NDArray[np.float32]:
+        """[classes]"""
+        asked = [w.threshold for w in self.wanted]
+        return np.array([*asked, *(LANDMARK_THRESHOLD for _ in self.landmarks)], np.float32)
+
+    def by_class(self, scores: NDArray[np.float32]) -> NDArray[np.float32]:
+        """[n, texts] to [n, classes]: the best of a class's texts."""
+        out = np.zeros((len(scores), len(self.wanted) + len(self.landmarks)), np.float32)
+        for column, c in enumerate(self.owner):
+            np.maximum(out[:, c], scores[:, column], out=out[:, c])
+        return out
+
+
+def clean(name: str) -> str:
+    """A name as a prompt: no stop, which separates the phrases of Grounding DINO."""
+    return " ".join(normalised(name).replace(".", " ").replace(",", " ").split())
+
+
+def phrases_of(context: SearchContext, landmarks: Sequence[str] = ()) -> Phrases:
+    """Each class's name and the context's synonyms for it; a text serves one class only."""
+    wanted = open_wanted(context)
+    synonyms: dict[str, list[str]] = {}
+    for c in context.classes:
+        synonyms.setdefault(normalised(c.name), []).extend(c.synonyms)
+    taken: dict[str, int] = {}
+    for i, want in enumerate(wanted):  # names first, so that no synonym takes another's name
+        taken.setdefault(clean(want.name), i)
+    for i, want in enumerate(wanted):
+        for synonym in synonyms.get(normalised(want.name), ()):
+            taken.setdefault(clean(synonym), i)
+    asked = frozenset().union(*(w.names for w in wanted)) if wanted else frozenset()
+    extra = tuple(n for n in landmarks if normalised(n) not in asked and clean(n) not in taken)
+    for i, name in enumerate(extra):
+        taken.setdefault(clean(name), len(wanted) + i)
+    taken.pop("", None)
+    return Phrases(wanted, extra, tuple(taken), np.array(list(taken.values()), np.intp))

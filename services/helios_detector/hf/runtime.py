@@ -1,0 +1,243 @@
+"""One model and its processor: where it runs, in which precision, when it is in memory."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from helios_core.errors import InvalidInput, Unavailable
+from numpy.typing import NDArray
+
+from helios_detector.hf.faults import EXTRA, load_fault, out_of_memory, run_fault
+from helios_detector.hf.memory import accelerator_mb, free_mb, weights_mb
+
+PRECISIONS = ("auto", "float32", "float16", "bfloat16")
+SCHEME = "transformers:"
+SMALLEST_VOCABULARY = 64  # the library makes an empty tokenizer where the files are missing
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where models run and how."""
+
+    device: str = "auto"  # auto: cuda, else mps, else cpu
+    precision: str = "auto"  # auto: half on cuda, float32 elsewhere
+    threads: int = 1  # of the processor
+
+
+def source_of(spec: str, setting: str) -> str:
+    """The model id or folder of `transformers:<model id or folder>`.
+
+    Raises InvalidInput for another form, Unavailable for a folder that is not there.
+    """
+    source = spec.removeprefix(SCHEME).strip()
+    if not spec.startswith(SCHEME) or not source:
+        raise InvalidInput(f"{setting} is {spec!r}; set {SCHEME}<model id or folder>")
+    path = Path(source).expanduser()
+    if path.exists():
+        return str(path)
+    if source.startswith(("/", ".", "~")) or source.count("/") > 1:
+        raise Unavailable(
+            f"the model folder {path} is not there; put config.json, the weights and the "
+            f"processor's files there, or correct {setting}"
+        )
+    return source
+
+
+def need_library() -> Any:
+    """The `transformers` module. Raises Unavailable where it is not installed."""
+    missing = [n for n in ("torch", "transformers", "PIL") if importlib.util.find_spec(n) is None]
+    if missing:
+        raise Unavailable(f"{SCHEME}… needs {', '.join(missing)}, not installed here; {EXTRA}")
+    tolerate_torchvision()
+    import transformers
+
+    transformers.utils.logging.disable_progress_bar()
+    return transformers
+
+
+def tolerate_torchvision() -> None:
+    """Let torchvision be imported though its compiled part fits another build of torch.
+
+    Image processors use its Python part alone, but importing it fails for the missing operators
+    (a CPU torch beside the index's torchvision). Declared without a kernel, they still raise if
+    called.
+    """
+    spec = importlib.util.find_spec("torchvision")
+    if spec is None or not spec.submodule_search_locations:
+        return
+    import torch
+
+    for library in Path(spec.submodule_search_locations[0]).glob("_C*.so"):
+        try:
+            torch.ops.load_library(str(library))
+        except OSError:
+            for name in ("nms", "qnms"):
+                with contextlib.suppress(RuntimeError):  # declared already
+                    torch.library.define(
+                        f"torchvision::{name}",
+                        "(Tensor dets, Tensor scores, float iou_threshold) -> Tensor",
+                    )
+
+
+def config_of(source: str, setting: str) -> Any:
+    """The model's configuration. Raises the typed errors of `faults.load_fault`."""
+    transformers = need_library()
+    try:
+        return transformers.AutoConfig.from_pretrained(source)
+    except Exception as error:
+        raise load_fault(error, source, setting) from error
+
+
+def picture(color: NDArray) -> Any:
+    """RGB [h, w, 3] as the image type that every processor takes."""
+    from PIL import Image
+
+    return Image.fromarray(color)
+
+
+class HfModel:
+    """A model of one auto class. Loads at the first use, again after `unload`. Thread-safe."""
+
+    def __init__(
+        self,
+        source: str,
+        setting: str,  # which setting named it, for messages
+        placement: Placement,
+        model_class: str,
+        processor_class: str = "AutoProcessor",
+        *,
+        half_weights: bool = True,  # False: weights stay float32, only the arithmetic is halved
+    ) -> None:
+        if placement.precision not in PRECISIONS:
+            raise InvalidInput(
+                f"precision is {placement.precision!r}; set one of {', '.join(PRECISIONS)}"
+            )
+        self.source, self._setting, self._placement = source, setting, placement
+        self._model_class, self._processor_class = model_class, processor_class
+        self._half_weights = half_weights
+        self._lock = threading.Lock()
+        self._loaded: tuple[Any, Any] | None = None
+        self.device = ""  # known once loaded
+        self._dtype: Any = None
+
+    @property
+    def loaded(self) -> bool:
+        return self._loaded is not None
+
+    @contextlib.contextmanager
+    def use(self) -> Iterator[tuple[Any, Any]]:
+        """(model, processor) for one thread at a time, without gradients, in its precision.
+
+        Raises Unavailable (cannot be loaded, too little memory), InvalidInput (wrong model) or
+        Internal (it fails).
+        """
+        with self._lock:
+            model, processor = self._loaded or self._load()
+            import torch
+
+            half = self._dtype != torch.float32
+            try:
+                with (
+                    torch.inference_mode(),
+                    torch.autocast(self.device.partition(":")[0], self._dtype, enabled=half),
+                ):
+                    yield model, processor
+            except Exception as error:
+                if out_of_memory(error):
+                    del model, processor
+                    self._free()
+                raise run_fault(error, self.source, self._setting) from error
+
+    def to_device(self, inputs: Any) -> dict[str, Any]:
+        """What a processor gave, on the model's device."""
+        return {k: v.to(self.device) if hasattr(v, "to") else v for k, v in inputs.items()}
+
+    def unload(self) -> None:
+        """Give the memory back; the next use loads again."""
+        with self._lock:
+            self._free()
+
+    def accelerator_mb(self) -> float:
+        """Peak of the accelerator's memory since the last call; 0 without one."""
+        return (accelerator_mb(self.device) or 0.0) if self.loaded else 0.0
+
+    def _free(self) -> None:
+        if self._loaded is None:
+            return
+        self._loaded = None
+        import gc
+
+        import torch
+
+        gc.collect()
+        if torch.cuda.is_available():
+            torch.cuda.empty_cache()
+
+    def _load(self) -> tuple[Any, Any]:
+        transformers = need_library()
+        import torch
+
+        self.device = _device(self._placement.device, torch)
+        self._dtype = _dtype(self._placement.precision, self.device, torch)
+        if self.device == "cpu":
+            torch.set_num_threads(self._placement.threads)
+        self._check_room()
+        try:
+            processor = getattr(transformers, self._processor_class).from_pretrained(self.source)
+            model = getattr(transformers, self._model_class).from_pretrained(
+                self.source, dtype=self._dtype if self._half_weights else torch.float32
+            )
+            model = model.eval().to(self.device)
+        except Exception as error:
+            raise load_fault(error, self.source, self._setting) from error
+        tokenizer = getattr(processor, "tokenizer", None)
+        if tokenizer is not None and len(tokenizer) < SMALLEST_VOCABULARY:
+            raise Unavailable(
+                f"{self.source} is not complete: its tokenizer knows {len(tokenizer)} words; copy "
+                "all of its files (tokenizer.json or vocab files)"
+            )
+        self._loaded = model, processor
+        return self._loaded
+
+    def _check_room(self) -> None:
+        free, wanted = free_mb(self.device), weights_mb(self.source)
+        if free is not None and wanted > free:
+            raise Unavailable(
+                f"{self.source} has {wanted:.0f} MB of weights and {self.device} has {free:.0f} MB "
+                f"free; stop what else uses it, or use a smaller model ({self._setting})"
+            )
+
+
+def _device(wanted: str, torch: Any) -> str:
+    if wanted == "auto":
+        if torch.cuda.is_available():
+            return "cuda"
+        return "mps" if torch.backends.mps.is_available() else "cpu"
+    kind = wanted.partition(":")[0]
+    have = {
+        "cpu": True,
+        "cuda": torch.cuda.is_available(),
+        "mps": torch.backends.mps.is_available(),
+    }
+    if kind not in have:
+        raise InvalidInput(f"device is {wanted!r}; set auto, cpu, cuda, cuda:N or mps")
+    if not have[kind]:
+        raise Unavailable(
+            f"device is {wanted!r} and torch {torch.__version__} finds none here; install a driver "
+            "and a torch built for it, or set device to cpu"
+        )
+    return wanted
+
+
+def _dtype(precision: str, device: str, torch: Any) -> Any:
+    if precision == "auto":
+        if not device.startswith("cuda"):
+            return torch.float32
+        return torch.bfloat16 if torch.cuda.is_bf16_supported() else torch.float16
+    return getattr(torch, precision)

@@ -1,0 +1,83 @@
+"""Phrases, spans and one class per box: the pure part of text-prompted detection."""
+
+import numpy as np
+import pytest
+from helios_core.types import Role, SearchClass, SearchContext
+from helios_detector.boxes import one_class_each
+from helios_detector.hf.grounding import corners, joined, token_spans
+from helios_detector.hf.phrases import phrases_of
+from hypothesis import given
+from hypothesis import strategies as st
+
+
+def context(*classes: SearchClass) -> SearchContext:
+    return SearchContext("c", classes)
+
+
+def test_a_class_is_asked_for_by_its_name_and_the_contexts_synonyms():
+    phrases = phrases_of(
+        context(
+            SearchClass("Mug", Role.OBJECT, 0.25, ("coffee cup", "tea-cup")),
+            SearchClass("table", Role.START_RECEPTACLE, 0.35),
+        )
+    )
+    assert phrases.texts == ("mug", "table", "coffee cup", "tea cup")
+    assert phrases.owner.tolist() == [0, 1, 0, 0]
+    assert phrases.thresholds.tolist() == pytest.approx([0.25, 0.35])
+
+
+def test_a_synonym_never_takes_the_name_of_another_class():
+    phrases = phrases_of(
+        context(
+            SearchClass("mug", Role.OBJECT, 0.2, ("cup",)),
+            SearchClass("cup", Role.WATCH, 0.2),
+        )
+    )
+    assert dict(zip(phrases.texts, phrases.owner.tolist(), strict=True)) == {"mug": 0, "cup": 1}
+
+
+def test_landmarks_that_are_asked_for_anyway_are_not_asked_twice():
+    phrases = phrases_of(
+        context(SearchClass("sofa", Role.WATCH, 0.2)), ("couch", "bed", "bed", "sink")
+    )
+    assert phrases.landmarks == ("bed", "sink") or set(phrases.landmarks) == {"bed", "sink"}
+    assert phrases.texts == ("sofa", "bed", "sink")
+
+
+def test_a_phrase_holds_nothing_that_separates_phrases():
+    phrases = phrases_of(context(SearchClass("no. 5, perfume", Role.OBJECT, 0.2)))
+    assert phrases.texts == ("no 5 perfume",)
+
+
+def test_a_box_goes_to_its_best_class_among_those_it_passes():
+    boxes = np.array([[0, 0, 10, 10], [50, 50, 60, 60]], np.float32)
+    scores = np.array([[0.5, 0.4], [0.3, 0.2]], np.float32)
+    # The first box passes only the second class, the second box none.
+    assert one_class_each(boxes, scores, np.array([0.6, 0.35], np.float32)) == [(0, 1)]
+
+
+def test_one_thing_found_by_two_synonyms_is_one_detection():
+    boxes = np.array([[0, 0, 10, 10], [1, 0, 10, 10], [30, 30, 40, 40]], np.float32)
+    scores = np.array([[0.5], [0.7], [0.6]], np.float32)
+    assert one_class_each(boxes, scores, np.array([0.2], np.float32)) == [(1, 0), (2, 0)]
+
+
+@given(st.lists(st.floats(0, 1, width=32), min_size=1, max_size=12), st.floats(0.0625, 1, width=32))
+def test_no_detection_is_below_its_threshold(values: list[float], threshold: float):
+    scores = np.array(values, np.float32)[:, None]
+    corner = 100 * np.arange(len(values), dtype=np.float32)
+    boxes = np.stack([corner, corner, corner + 9, corner + 9], 1)
+    kept = one_class_each(boxes, scores, np.array([threshold], np.float32))
+    assert sorted(i for i, _ in kept) == np.flatnonzero(scores[:, 0] >= threshold).tolist()
+
+
+def test_tokens_belong_to_the_phrase_they_stand_in():
+    phrases = ("mug", "coffee table")
+    assert joined(phrases) == "mug. coffee table."
+    offsets = [(0, 0), (0, 3), (3, 4), (5, 8), (8, 11), (12, 17), (17, 18), (0, 0)]
+    assert token_spans(offsets, phrases) == [[1], [3, 4, 5]]
+
+
+def test_corners_of_a_centred_box():
+    box = np.array([[0.5, 0.5, 0.5, 1.0]], np.float32)
+    np.testing.assert_allclose(corners(box, 200, 100), [[50, 0, 150, 100]])

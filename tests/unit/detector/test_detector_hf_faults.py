@@ -1,0 +1,163 @@
+"""Whatever keeps a model from working becomes one typed error with one sentence to act on."""
+
+import errno
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+import tiny_models
+from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
+from helios_detector.backend import DetectorOptions, open_detector
+from helios_detector.hf import runtime
+from helios_detector.hf.faults import load_fault, run_fault
+from helios_detector.hf.runtime import HfModel, Placement, need_library, source_of
+from huggingface_hub import errors as hub
+
+
+def response(status: int) -> Any:
+    return httpx.Response(status, request=httpx.Request("GET", "https://huggingface.co/x/y"))
+
+
+def wrapped(cause: Exception) -> OSError:
+    """As transformers raises it."""
+    error = OSError("You are trying to access something.\nMake sure …")
+    error.__cause__ = cause
+    return error
+
+
+CAUSES = {
+    "gated": (
+        wrapped(hub.GatedRepoError("403", response=response(403))),
+        "licence of a/b must be accepted first: log in at https://huggingface.co/a/b.*HF_TOKEN",
+    ),
+    "unknown": (
+        wrapped(hub.RepositoryNotFoundError("404", response=response(404))),
+        "there is no model 'a/b' on the model hub.*correct detector",
+    ),
+    "no network": (
+        wrapped(hub.LocalEntryNotFoundError("cannot find")),
+        "a/b is not on this machine and the model hub cannot be reached; connect once, or copy",
+    ),
+    "connection": (httpx.ConnectError("no route"), "the model hub cannot be reached"),
+    "offline": (hub.OfflineModeIsEnabled("offline"), "the model hub cannot be reached"),
+    "memory": (MemoryError(), "too little memory for a/b.*smaller model"),
+    "cuda": (
+        RuntimeError("CUDA out of memory. Tried to allocate 2 GiB"),
+        "too little memory for a/b",
+    ),
+    "cpu": (
+        RuntimeError(
+            "[enforce fail] DefaultCPUAllocator: not enough memory: you tried to allocate"
+        ),
+        "too little memory for a/b",
+    ),
+    "disk": (OSError(errno.ENOSPC, "No space left on device"), "the disk is full.*HF_HOME"),
+    "package": (
+        ImportError("Timm requires the timm library but it was not found"),
+        r"a/b needs a package that is missing \(ImportError: Timm requires",
+    ),
+    "permission": (PermissionError(errno.EACCES, "denied"), "allow this user to read it"),
+}
+
+
+@pytest.mark.parametrize("name", CAUSES)
+def test_each_cause_has_its_sentence(name: str):
+    error, sentence = CAUSES[name]
+    fault = load_fault(error, "a/b", "detector")
+    assert isinstance(fault, Unavailable)
+    assert "\n" not in fault.message
+    with pytest.raises(Unavailable, match=sentence):
+        raise fault
+
+
+def test_a_fault_at_a_frame_is_internal_unless_memory_ran_out():
+    assert isinstance(run_fault(ValueError("shape"), "a/b", "detector"), Internal)
+    assert isinstance(run_fault(MemoryError(), "a/b", "detector"), Unavailable)
+
+
+def test_a_folder_that_is_not_there_is_said(tmp_path: Path):
+    with pytest.raises(Unavailable, match=r"the model folder .*missing is not there; put config"):
+        open_detector(f"transformers:{tmp_path / 'missing'}", DetectorOptions())
+
+
+def test_an_id_without_a_hub_is_said_and_may_be_tried_again(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_OFFLINE", True)
+    with pytest.raises(Unavailable, match="google/owlv2-of-nobody is not on this machine and"):
+        open_detector("transformers:google/owlv2-of-nobody", DetectorOptions())
+
+
+def test_a_folder_without_a_model_is_said(tmp_path: Path):
+    with pytest.raises(HeliosError, match=r"cannot be loaded|is not complete"):
+        open_detector(f"transformers:{tmp_path}", DetectorOptions())
+
+
+@pytest.fixture(scope="module")
+def owl(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tiny_models.write("owlv2", tmp_path_factory.mktemp("owl"))
+
+
+def opened(folder: Path) -> HfModel:
+    return HfModel(str(folder), "detector", Placement("cpu"), "AutoModelForZeroShotObjectDetection")
+
+
+def copy_of(folder: Path, to: Path, without: str = "") -> Path:
+    for file in folder.iterdir():
+        if file.name != without:
+            (to / file.name).write_bytes(file.read_bytes())
+    return to
+
+
+def test_a_damaged_weight_file_is_said(owl: Path, tmp_path: Path):
+    broken = copy_of(owl, tmp_path)
+    (broken / "model.safetensors").write_bytes(b"\x00" * 100)
+    with pytest.raises(Unavailable, match=r"a weight file of .* is damaged"), opened(broken).use():
+        pass
+
+
+def test_missing_weights_are_said(owl: Path, tmp_path: Path):
+    with (
+        pytest.raises(Unavailable, match=r"is not complete .*copy all of its files"),
+        opened(copy_of(owl, tmp_path, "model.safetensors")).use(),
+    ):
+        pass
+
+
+def test_a_missing_tokenizer_is_said(owl: Path, tmp_path: Path):
+    with (
+        pytest.raises(Unavailable, match="is not complete: its tokenizer knows"),
+        opened(copy_of(owl, tmp_path, "tokenizer.json")).use(),
+    ):
+        pass
+
+
+def test_weights_that_cannot_fit_are_refused_before_they_are_read(
+    owl: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(runtime, "free_mb", lambda device: 0.001)
+    with (
+        pytest.raises(Unavailable, match=r"MB of weights and cpu has 0 MB free; stop what else"),
+        opened(owl).use(),
+    ):
+        pass
+
+
+def test_memory_that_runs_out_at_a_frame_frees_the_model(owl: Path):
+    model = opened(owl)
+    with pytest.raises(Unavailable, match="too little memory"), model.use():
+        raise MemoryError
+    assert not model.loaded
+
+
+def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(
+        "importlib.util.find_spec", lambda name, package=None: None if name == "torch" else name
+    )
+    with pytest.raises(Unavailable, match=r"needs torch, not installed here; pip install 'helios-"):
+        need_library()
+
+
+@pytest.mark.parametrize("spec", ["transformers:", "owlv2", "onnx:x"])
+def test_a_spec_of_another_form_is_refused(spec: str):
+    with pytest.raises(InvalidInput, match="set transformers:<model id or folder>"):
+        source_of(spec, "detector")
