@@ -31,10 +31,14 @@ class Hosted:
         options = DetectorOptions(
             BusTruth(self._bus, s.truth_timeout_s), s.threads, s.noise, s.noise_seed,
             s.noise_level, s.noise_correlation, s.device, s.precision, s.masks,
+            s.score_head,
         )  # fmt: skip
         while not self._ending.is_set():
             try:
-                detector, scorer = open_detector(s.detector, options), open_scorer(s.scorer)
+                detector, scorer = (
+                    open_detector(s.detector, options),
+                    open_scorer(s.scorer, options),
+                )
                 detector.warm_up()
                 scorer.warm_up()
             except Unavailable as error:

@@ -19,11 +19,12 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from helios_core.errors import InvalidInput
-from helios_core.types import Detection, Frame, SearchContext
+from helios_core.types import Detection, Embedding, Frame, SearchContext
 
 from helios_detector.truth import TruthSource
 
 ENTRY_POINTS = "helios.detectors"
+SCORER_ENTRY_POINTS = "helios.scorers"
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,23 @@ class Findings:
 
     detections: tuple[Detection, ...]  # of the classes asked for, under the names asked for
     seen: tuple[Seen, ...]  # of every class it knows
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """All that a scorer made of one frame."""
+
+    scores: dict[str, float]  # value layer -> score of 0 to 1
+    image: Embedding | None = None  # by which a new prompt can be scored later
+
+
+@dataclass(frozen=True)
+class TextEmbeddings:
+    """Prompts as a scorer's model sees them; `helios_core.embeddings.fit` compares."""
+
+    texts: tuple[Embedding, ...]
+    scale: float
+    offset: float
 
 
 class DetectorBackend(ABC):
@@ -87,6 +105,17 @@ class ScorerBackend(ABC):
     ) -> dict[str, float]:
         """Value layer -> score of 0 to 1 for its prompt, all layers in one pass."""
 
+    def judge(self, frame: Frame, seen: Sequence[Seen], prompts: Mapping[str, str]) -> Judgement:
+        """Scores, and the image's embedding where the model makes one."""
+        return Judgement(self.score(frame, seen, prompts))
+
+    def embed_text(self, prompts: Sequence[str]) -> TextEmbeddings:
+        """Raises InvalidInput for a scorer that has no embeddings."""
+        raise InvalidInput(
+            f"the scorer {self.name} looks at no image and has no embeddings; set scorer to "
+            "transformers:ID"
+        )
+
     @abstractmethod
     def warm_up(self) -> None:
         """Make the first frame as fast as the others. Raises Unavailable when it cannot work."""
@@ -116,6 +145,7 @@ class DetectorOptions:
     device: str = "auto"  # of transformers models: auto, cpu, cuda, cuda:N, mps
     precision: str = "auto"  # auto: half on cuda; float32, float16, bfloat16
     masks: str = "depth"  # from boxes: by depth, or transformers:ID of a SAM 2
+    score_head: str = "itc"  # of BLIP-2: itc (the paper's) or itm
     landmarks: tuple[str, ...] = ()  # an open vocabulary looks for these too, to tell the place
 
 
@@ -157,10 +187,23 @@ def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
     )
 
 
-def open_scorer(spec: str) -> ScorerBackend:
-    """The back end that a setting names. Raises InvalidInput for an unknown one."""
+def open_scorer(spec: str, options: DetectorOptions | None = None) -> ScorerBackend:
+    """The back end that a setting names. Raises InvalidInput (wrong setting) or Unavailable."""
+    options = options or DetectorOptions()
+    kind, _, argument = spec.partition(":")
     if spec == "lexical":
         from helios_detector.scorer import LexicalScorer
 
         return LexicalScorer()
-    raise InvalidInput(f"there is no scorer {spec!r} in this build; set lexical")
+    if kind == "transformers" and argument:
+        from helios_detector.hf.runtime import Placement
+        from helios_detector.hf.scorer import HfScorer
+
+        placement = Placement(options.device, options.precision, options.threads)
+        return HfScorer(spec, placement, options.score_head)
+    for entry in entry_points(group=SCORER_ENTRY_POINTS, name=kind):
+        return entry.load()(argument, options)
+    raise InvalidInput(
+        f"there is no scorer {spec!r} in this build; set lexical or transformers:ID; a package can "
+        f"add one by an entry point of the group {SCORER_ENTRY_POINTS}"
+    )

@@ -16,7 +16,12 @@ from dataclasses import replace
 import cv2
 from helios_core import proto as pb
 from helios_core.bus import Bus
-from helios_core.codec import context_from_proto, frame_from_proto, observation_to_proto
+from helios_core.codec import (
+    context_from_proto,
+    embedding_to_proto,
+    frame_from_proto,
+    observation_to_proto,
+)
 from helios_core.codec.frames import detection_to_proto
 from helios_core.errors import (
     DeadlineExceeded,
@@ -26,13 +31,22 @@ from helios_core.errors import (
     Unavailable,
 )
 from helios_core.health import Health
-from helios_core.topics import CONTEXT, FRAME, KEYFRAME, OBSERVATION, PREVIEW, VOCABULARY
+from helios_core.topics import (
+    CONTEXT,
+    EMBED_TEXT,
+    FRAME,
+    KEYFRAME,
+    OBSERVATION,
+    PREVIEW,
+    VOCABULARY,
+)
 from helios_core.types import Frame, Observation, SearchContext
 
-from helios_detector.backend import DetectorBackend, Findings, ScorerBackend
+from helios_detector.backend import DetectorBackend, Findings, Judgement, ScorerBackend
 
 log = logging.getLogger(__name__)
 
+MOST_PROMPTS = 64
 ATTEMPTS = 3  # at a keyframe when what the back end needs does not answer
 
 
@@ -59,6 +73,7 @@ class DetectorService:
         self._tell_health()
         bus.subscribe(CONTEXT, self.on_context)
         bus.serve(VOCABULARY, self.vocabulary)
+        bus.serve(EMBED_TEXT, self.embed_text)
         bus.subscribe(KEYFRAME, self.on_keyframe)
         bus.subscribe(FRAME, self.on_frame)
 
@@ -74,6 +89,19 @@ class DetectorService:
             names=names or (),
             detector=self._detector.name,
             scorer=self._scorer.name,
+        )
+
+    def embed_text(self, request: pb.EmbedTextRequest) -> pb.EmbedTextReply:
+        """Prompts as the scorer sees them, for images that came with earlier observations."""
+        if not 0 < len(request.prompts) <= MOST_PROMPTS:
+            raise InvalidInput(
+                f"{len(request.prompts)} prompts came; send 1 to {MOST_PROMPTS} in one call"
+            )
+        made = self._scorer.embed_text(list(request.prompts))
+        return pb.EmbedTextReply(
+            embeddings=[embedding_to_proto(e) for e in made.texts],
+            scale=made.scale,
+            offset=made.offset,
         )
 
     def on_context(self, message: pb.SearchContext) -> None:
@@ -111,11 +139,11 @@ class DetectorService:
             frame = frame_from_proto(message)
             findings = self._detect(frame, context)
             detected = time.perf_counter()
-            scores = self._scorer.score(frame, findings.seen, context.prompts)
+            judged = self._judge(frame, findings, context)
             out = observation_to_proto(
                 Observation(
-                    frame, context.id, findings.detections, scores,
-                    self._detector.name, self._scorer.name,
+                    frame, context.id, findings.detections, judged.scores,
+                    self._detector.name, self._scorer.name, judged.image,
                 ),
                 message,
             )  # fmt: skip
@@ -174,6 +202,17 @@ class DetectorService:
                     f"{self._detector.name} failed ({type(error).__name__}: {error}); see its log"
                 ) from error
         raise AssertionError("not reached")
+
+    def _judge(self, frame: Frame, findings: Findings, context: SearchContext) -> Judgement:
+        try:
+            return self._scorer.judge(frame, findings.seen, context.prompts)
+        except HeliosError:
+            raise
+        except Exception as error:
+            log.exception("%s failed at frame %s", self._scorer.name, frame.id)
+            raise Internal(
+                f"{self._scorer.name} failed ({type(error).__name__}: {error}); see its log"
+            ) from error
 
     def _publish_preview(self, message: pb.Frame, frame: Frame, findings: Findings) -> None:
         bgr = cv2.cvtColor(frame.color, cv2.COLOR_RGB2BGR)

@@ -27,7 +27,14 @@ class Settings(ServiceSettings):
         default="auto",
         description="of transformers models: auto (half on cuda), float32, float16, bfloat16",
     )
-    scorer: str = Field("lexical", description="how images are scored against prompts: lexical")
+    scorer: str = Field(
+        default="lexical",
+        description="how images are scored against prompts: lexical, or transformers:ID of a "
+        "BLIP-2, CLIP or SigLIP",
+    )
+    score_head: str = Field(
+        default="itc", description="of BLIP-2: itc (contrastive, the paper's) or itm (matching)"
+    )
     threads: int = Field(1, ge=1, le=64, description="threads of one model run")
     noise: str = Field("demo-v1", description="noise table of the simulated detector, or a file")
     noise_seed: int = Field(0, description="seed of the simulated detector's errors")

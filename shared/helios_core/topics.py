@@ -76,6 +76,8 @@ GET_STATE = Method("bridge/get_state", pb.Empty, pb.RobotState)
 OBSERVATION = Topic("detector/observation", pb.Observation, QoS.NEVER_DROP)
 PREVIEW = Topic("detector/preview", pb.Preview, QoS.LATEST_WINS)
 VOCABULARY = Method("detector/vocabulary", pb.Empty, pb.VocabularyReply)
+EMBED_TEXT = Method("detector/embed_text", pb.EmbedTextRequest, pb.EmbedTextReply)
+ESTIMATE_DEPTH = Method("detector/estimate_depth", pb.DepthRequest, pb.DepthReply)
 
 # --- maps -----------------------------------------------------------------------------------
 OBJECTMAP_ACK = Topic("objectmap/ack", pb.Ack, QoS.NEVER_DROP)
@@ -131,8 +133,8 @@ TOPICS: tuple[Topic, ...] = (
     RETIRED, MAP2D_ACK, CONTEXT, TASK, DECISION, PLAN, SUPERVISOR,
 )  # fmt: skip
 METHODS: tuple[Method, ...] = (
-    ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, VOCABULARY, OBJECTS, WHAT_IF, RETIRE, GAUSSIANS,
-    RESET_OBJECTS, SNAPSHOT, PICTURE, SIGHT, RESET_MAP2D, SUBMIT, GET_TASK, LIST_TASKS, CANCEL,
-    DECISIONS, WORLD_DESCRIBE, WORLD_STATE, WORLD_CAPTURE, WORLD_ACT, WORLD_STOP,
+    ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, VOCABULARY, EMBED_TEXT, ESTIMATE_DEPTH, OBJECTS,
+    WHAT_IF, RETIRE, GAUSSIANS, RESET_OBJECTS, SNAPSHOT, PICTURE, SIGHT, RESET_MAP2D, SUBMIT,
+    GET_TASK, LIST_TASKS, CANCEL, DECISIONS, WORLD_DESCRIBE, WORLD_STATE, WORLD_CAPTURE, WORLD_ACT, WORLD_STOP,
     WORLD_CLEAR_STOP, TRUTH_SEGMENTATION, TRUTH_EPISODE, TRUTH_METRICS,
 )  # fmt: skip

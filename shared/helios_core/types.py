@@ -53,6 +53,14 @@ class Detection:
 
 
 @dataclass(frozen=True)
+class Embedding:
+    """What an image-text model made of one image or one text."""
+
+    model: str  # only embeddings of one model may be compared
+    vectors: NDArray[np.float32]  # [rows, d] of unit length; of several the best one counts
+
+
+@dataclass(frozen=True)
 class Observation:
     """All that one frame gave. The only input of the object map and of the value layers."""
 
@@ -62,6 +70,7 @@ class Observation:
     layer_scores: dict[str, float]  # value layer -> image-text score, 0 to 1
     detector: str
     scorer: str = ""
+    image_embedding: Embedding | None = None  # by which a new prompt can be scored later
 
 
 class Role(StrEnum):

@@ -69,7 +69,7 @@ def corners(boxes: NDArray[np.float32], width: float, height: float) -> NDArray[
     """[n, 4] centre and size in shares of an image, to xyxy in its pixels."""
     centre, half = boxes[:, :2], boxes[:, 2:] / 2
     scale = np.array([width, height, width, height], np.float32)
-    return np.concatenate([centre - half, centre + half], 1) * scale
+    return (np.concatenate([centre - half, centre + half], 1) * scale).astype(np.float32)
 
 
 def token_spans(

@@ -3,6 +3,8 @@ a message that does not hold together raises InvalidInput that says what came an
 """
 
 from helios_core.codec.frames import (
+    embedding_from_proto,
+    embedding_to_proto,
     frame_from_proto,
     frame_id_from_proto,
     frame_id_to_proto,
@@ -40,6 +42,8 @@ __all__ = [
     "context_to_proto",
     "description_from_proto",
     "description_to_proto",
+    "embedding_from_proto",
+    "embedding_to_proto",
     "frame_from_proto",
     "frame_id_from_proto",
     "frame_id_to_proto",

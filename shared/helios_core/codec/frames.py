@@ -20,7 +20,7 @@ from helios_core.geometry import (
     quaternion_from_rotation,
     rotation_from_quaternion,
 )
-from helios_core.types import Detection, Frame, FrameId, Observation
+from helios_core.types import Detection, Embedding, Frame, FrameId, Observation
 
 FARTHEST_M = 1e6  # from the world's origin; beyond it nothing is a home
 WIDEST_FOCAL, LONGEST_FOCAL = 0.02, 100.0  # of the image's longer side: 176 to 0.6 degrees
@@ -80,7 +80,8 @@ def _pose_to_proto(T_world_x: Matrix, stamp_ns: int) -> PoseInFrame:
     return out
 
 
-def _pose_from_proto(pose: PoseInFrame, what: str) -> Matrix:
+def pose_from_proto(pose: PoseInFrame, what: str) -> Matrix:
+    """T_world_x [4, 4]. Raises InvalidInput on numbers that are no pose near the origin."""
     p, q = pose.pose.position, pose.pose.orientation
     numbers = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
     norm = math.hypot(q.x, q.y, q.z, q.w) if all(map(math.isfinite, numbers)) else 0.0
@@ -158,8 +159,8 @@ def frame_from_proto(frame: pb.Frame) -> Frame:
         color=color,
         depth_m=depth_m,
         camera=camera,
-        T_world_cam=_pose_from_proto(frame.T_world_cam, "T_world_cam"),
-        T_world_base=_pose_from_proto(frame.T_world_base, "T_world_base"),
+        T_world_cam=pose_from_proto(frame.T_world_cam, "T_world_cam"),
+        T_world_base=pose_from_proto(frame.T_world_base, "T_world_base"),
     )
 
 
@@ -192,9 +193,28 @@ def detection_from_proto(detection: pb.Detection, shape: tuple[int, int]) -> Det
     return Detection(detection.class_name, detection.score, box, mask)
 
 
+def embedding_to_proto(embedding: Embedding) -> pb.Embedding:
+    values = np.ascontiguousarray(embedding.vectors).astype("<f2")
+    return pb.Embedding(model=embedding.model, rows=len(values), values=values.tobytes())
+
+
+def embedding_from_proto(embedding: pb.Embedding) -> Embedding:
+    """Raises InvalidInput when the rows do not fill the bytes, or a value is not finite."""
+    size = len(embedding.values) // 2
+    if embedding.rows == 0 or size == 0 or len(embedding.values) % (2 * embedding.rows):
+        raise InvalidInput(
+            f"an embedding of {embedding.rows} rows came with {len(embedding.values)} bytes; send "
+            "float16 values row by row"
+        )
+    vectors = np.frombuffer(embedding.values, "<f2").astype(np.float32)
+    if not np.isfinite(vectors).all():
+        raise InvalidInput("an embedding has values that are not numbers")
+    return Embedding(embedding.model, vectors.reshape(embedding.rows, -1))
+
+
 def observation_to_proto(observation: Observation, frame: pb.Frame | None = None) -> pb.Observation:
     """`frame` spares encoding the frame again where its message is at hand."""
-    return pb.Observation(
+    out = pb.Observation(
         frame=frame if frame is not None else frame_to_proto(observation.frame),
         context_id=observation.context_id,
         detections=[detection_to_proto(d) for d in observation.detections],
@@ -202,6 +222,9 @@ def observation_to_proto(observation: Observation, frame: pb.Frame | None = None
         detector=observation.detector,
         scorer=observation.scorer,
     )
+    if observation.image_embedding is not None:
+        out.image_embedding.CopyFrom(embedding_to_proto(observation.image_embedding))
+    return out
 
 
 def observation_from_proto(observation: pb.Observation) -> Observation:
@@ -215,4 +238,9 @@ def observation_from_proto(observation: pb.Observation) -> Observation:
         layer_scores={k: v for k, v in observation.layer_scores.items() if math.isfinite(v)},
         detector=observation.detector,
         scorer=observation.scorer,
+        image_embedding=(
+            embedding_from_proto(observation.image_embedding)
+            if observation.HasField("image_embedding")
+            else None
+        ),
     )

@@ -86,7 +86,7 @@ def test_an_unknown_detector_names_the_choices(spec):
 
 def test_an_unknown_scorer_names_the_choice():
     with pytest.raises(InvalidInput, match="set lexical"):
-        open_scorer("transformers:blip2")
+        open_scorer("vectors")
     assert open_scorer("lexical").name == "lexical"
 
 

@@ -150,6 +150,67 @@ def _sam3() -> tuple[Any, Any]:
     return hf.Sam3Model(config), hf.Sam3Processor(images, clip_tokenizer(32))
 
 
+VIT = {"hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 1,
+       "num_attention_heads": 2, "image_size": 32, "patch_size": 8}  # fmt: skip
+
+
+def _clip() -> tuple[Any, Any]:
+    text = CLIP_TEXT | {"max_position_embeddings": 32}
+    config = hf.CLIPConfig(text_config=text, vision_config=VIT, projection_dim=16)
+    images = hf.CLIPImageProcessor(
+        size={"shortest_edge": 32}, crop_size={"height": 32, "width": 32}
+    )
+    return hf.CLIPModel(config), hf.CLIPProcessor(images, clip_tokenizer(32))
+
+
+def letters_sentencepiece() -> Any:
+    """A unigram vocabulary of letters in the form of SigLIP 2's tokenizer."""
+    from tokenizers import Tokenizer, models, normalizers, pre_tokenizers, processors
+
+    pieces = [("<pad>", 0.0), ("<eos>", 0.0), ("<bos>", 0.0), ("<unk>", -10.0)]
+    pieces += [(c, -3.0) for c in (*LETTERS, "▁", ".", ",")] + [(f"▁{c}", -2.5) for c in LETTERS]
+    tokenizer = Tokenizer(models.Unigram(pieces, unk_id=3))
+    tokenizer.normalizer = normalizers.Lowercase()
+    tokenizer.pre_tokenizer = pre_tokenizers.Metaspace()
+    tokenizer.post_processor = processors.TemplateProcessing("$A <eos>", None, [("<eos>", 1)])
+    return hf.PreTrainedTokenizerFast(
+        tokenizer_object=tokenizer, pad_token="<pad>", eos_token="<eos>", unk_token="<unk>",
+        model_max_length=16, model_input_names=["input_ids"],
+    )  # fmt: skip
+
+
+def _siglip(version: str) -> tuple[Any, Any]:
+    text = {"vocab_size": 128, "hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 1,
+            "num_attention_heads": 2, "max_position_embeddings": 16, "projection_size": 16,
+            "pad_token_id": 0, "bos_token_id": 2, "eos_token_id": 1}  # fmt: skip
+    if version == "siglip":
+        images = hf.SiglipImageProcessor(size={"height": 32, "width": 32})
+        model = hf.SiglipModel(hf.SiglipConfig(text_config=text, vision_config=VIT))
+        return model, hf.SiglipProcessor(images, letters_sentencepiece())
+    vision = {k: v for k, v in VIT.items() if k != "image_size"} | {"num_patches": 16}
+    images = hf.Siglip2ImageProcessor(patch_size=8, max_num_patches=16)
+    model = hf.Siglip2Model(hf.Siglip2Config(text_config=text, vision_config=vision))
+    return model, hf.Siglip2Processor(images, letters_sentencepiece())
+
+
+def _blip2() -> tuple[Any, Any]:
+    config = hf.Blip2Config(
+        vision_config=VIT,
+        qformer_config=BERT | {"encoder_hidden_size": 16, "use_qformer_text_input": True,
+                               "cross_attention_frequency": 1, "vocab_size": 1032},
+        text_config={"model_type": "opt", "vocab_size": 64, "hidden_size": 16, "ffn_dim": 16,
+                     "num_hidden_layers": 1, "num_attention_heads": 2,
+                     "word_embed_proj_dim": 16},
+        num_query_tokens=4, image_text_hidden_size=16, image_token_index=1030,
+    )  # fmt: skip
+    images = hf.BlipImageProcessor(size={"height": 32, "width": 32})
+    processor = hf.Blip2Processor(images, bert_tokenizer(), num_query_tokens=4)
+    model = hf.Blip2ForImageTextRetrieval(config)
+    with torch.no_grad():
+        model.query_tokens.normal_()
+    return model, processor
+
+
 FAMILIES: dict[str, Callable[[], tuple[Any, Any]]] = {
     "owlvit": lambda: _owl("owlvit"),
     "owlv2": lambda: _owl("owlv2"),
@@ -158,6 +219,10 @@ FAMILIES: dict[str, Callable[[], tuple[Any, Any]]] = {
     "omdet-turbo": _omdet,
     "sam2": _sam2,
     "sam3": _sam3,
+    "clip": _clip,
+    "siglip": lambda: _siglip("siglip"),
+    "siglip2": lambda: _siglip("siglip2"),
+    "blip-2": _blip2,
 }
 
 

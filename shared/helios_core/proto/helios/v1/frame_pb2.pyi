@@ -49,6 +49,16 @@ class Mask(_message.Message):
     bits: bytes
     def __init__(self, x: _Optional[int] = ..., y: _Optional[int] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., bits: _Optional[bytes] = ...) -> None: ...
 
+class Embedding(_message.Message):
+    __slots__ = ("model", "rows", "values")
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    ROWS_FIELD_NUMBER: _ClassVar[int]
+    VALUES_FIELD_NUMBER: _ClassVar[int]
+    model: str
+    rows: int
+    values: bytes
+    def __init__(self, model: _Optional[str] = ..., rows: _Optional[int] = ..., values: _Optional[bytes] = ...) -> None: ...
+
 class Detection(_message.Message):
     __slots__ = ("class_name", "score", "mask")
     CLASS_NAME_FIELD_NUMBER: _ClassVar[int]
@@ -60,7 +70,7 @@ class Detection(_message.Message):
     def __init__(self, class_name: _Optional[str] = ..., score: _Optional[float] = ..., mask: _Optional[_Union[Mask, _Mapping]] = ...) -> None: ...
 
 class Observation(_message.Message):
-    __slots__ = ("frame", "context_id", "detections", "layer_scores", "detector", "detect_ms", "scorer")
+    __slots__ = ("frame", "context_id", "detections", "layer_scores", "detector", "detect_ms", "scorer", "image_embedding")
     class LayerScoresEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -75,6 +85,7 @@ class Observation(_message.Message):
     DETECTOR_FIELD_NUMBER: _ClassVar[int]
     DETECT_MS_FIELD_NUMBER: _ClassVar[int]
     SCORER_FIELD_NUMBER: _ClassVar[int]
+    IMAGE_EMBEDDING_FIELD_NUMBER: _ClassVar[int]
     frame: Frame
     context_id: str
     detections: _containers.RepeatedCompositeFieldContainer[Detection]
@@ -82,7 +93,30 @@ class Observation(_message.Message):
     detector: str
     detect_ms: float
     scorer: str
-    def __init__(self, frame: _Optional[_Union[Frame, _Mapping]] = ..., context_id: _Optional[str] = ..., detections: _Optional[_Iterable[_Union[Detection, _Mapping]]] = ..., layer_scores: _Optional[_Mapping[str, float]] = ..., detector: _Optional[str] = ..., detect_ms: _Optional[float] = ..., scorer: _Optional[str] = ...) -> None: ...
+    image_embedding: Embedding
+    def __init__(self, frame: _Optional[_Union[Frame, _Mapping]] = ..., context_id: _Optional[str] = ..., detections: _Optional[_Iterable[_Union[Detection, _Mapping]]] = ..., layer_scores: _Optional[_Mapping[str, float]] = ..., detector: _Optional[str] = ..., detect_ms: _Optional[float] = ..., scorer: _Optional[str] = ..., image_embedding: _Optional[_Union[Embedding, _Mapping]] = ...) -> None: ...
+
+class DepthRequest(_message.Message):
+    __slots__ = ("raw_color", "compressed_color", "calibration")
+    RAW_COLOR_FIELD_NUMBER: _ClassVar[int]
+    COMPRESSED_COLOR_FIELD_NUMBER: _ClassVar[int]
+    CALIBRATION_FIELD_NUMBER: _ClassVar[int]
+    raw_color: _RawImage_pb2.RawImage
+    compressed_color: _CompressedImage_pb2.CompressedImage
+    calibration: _CameraCalibration_pb2.CameraCalibration
+    def __init__(self, raw_color: _Optional[_Union[_RawImage_pb2.RawImage, _Mapping]] = ..., compressed_color: _Optional[_Union[_CompressedImage_pb2.CompressedImage, _Mapping]] = ..., calibration: _Optional[_Union[_CameraCalibration_pb2.CameraCalibration, _Mapping]] = ...) -> None: ...
+
+class DepthReply(_message.Message):
+    __slots__ = ("raw_depth", "focal_px", "model", "estimate_ms")
+    RAW_DEPTH_FIELD_NUMBER: _ClassVar[int]
+    FOCAL_PX_FIELD_NUMBER: _ClassVar[int]
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    ESTIMATE_MS_FIELD_NUMBER: _ClassVar[int]
+    raw_depth: _RawImage_pb2.RawImage
+    focal_px: float
+    model: str
+    estimate_ms: float
+    def __init__(self, raw_depth: _Optional[_Union[_RawImage_pb2.RawImage, _Mapping]] = ..., focal_px: _Optional[float] = ..., model: _Optional[str] = ..., estimate_ms: _Optional[float] = ...) -> None: ...
 
 class Preview(_message.Message):
     __slots__ = ("id", "jpeg", "detections")

@@ -23,9 +23,10 @@ _sym_db = _symbol_database.Default()
 
 
 from helios_core.proto.helios.v1 import common_pb2 as helios_dot_v1_dot_common__pb2
+from helios_core.proto.helios.v1 import frame_pb2 as helios_dot_v1_dot_frame__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16helios/v1/search.proto\x12\thelios.v1\x1a\x16helios/v1/common.proto\"o\n\x0bSearchClass\x12\x12\n\x04name\x18\x01 \x01(\tR\x04name\x12\x12\n\x04role\x18\x02 \x01(\tR\x04role\x12\x1c\n\tthreshold\x18\x03 \x01(\x02R\tthreshold\x12\x1a\n\x08synonyms\x18\x04 \x03(\tR\x08synonyms\"\xce\x01\n\rSearchContext\x12\x0e\n\x02id\x18\x01 \x01(\tR\x02id\x12\x30\n\x07\x63lasses\x18\x02 \x03(\x0b\x32\x16.helios.v1.SearchClassR\x07\x63lasses\x12?\n\x07prompts\x18\x03 \x03(\x0b\x32%.helios.v1.SearchContext.PromptsEntryR\x07prompts\x1a:\n\x0cPromptsEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\tR\x05value:\x02\x38\x01\"\x95\x04\n\x0eObjectInstance\x12\x0e\n\x02id\x18\x01 \x01(\x04R\x02id\x12\x1d\n\nclass_name\x18\x02 \x01(\tR\tclassName\x12-\n\x08\x63\x65nter_m\x18\x03 \x01(\x0b\x32\x12.helios.v1.Vector3R\x07\x63\x65nterM\x12)\n\x06size_m\x18\x04 \x01(\x0b\x32\x12.helios.v1.Vector3R\x05sizeM\x12\x14\n\x05score\x18\x05 \x01(\x01R\x05score\x12\x1f\n\x0b\x63lass_score\x18\x06 \x01(\x01R\nclassScore\x12 \n\x0buncertainty\x18\x07 \x01(\x01R\x0buncertainty\x12\x14\n\x05views\x18\x08 \x01(\rR\x05views\x12\x1c\n\tgaussians\x18\t \x01(\rR\tgaussians\x12R\n\rprobabilities\x18\n \x03(\x0b\x32,.helios.v1.ObjectInstance.ProbabilitiesEntryR\rprobabilities\x12\x13\n\x05top_m\x18\x0b \x01(\x01R\x04topM\x12\x1b\n\toutline_m\x18\x0c \x03(\x02R\x08outlineM\x12%\n\x0e\x64\x65tection_rate\x18\r \x01(\x01R\rdetectionRate\x1a@\n\x12ProbabilitiesEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\x01R\x05value:\x02\x38\x01\"Y\n\x0eObjectsRequest\x12\x1f\n\x0b\x63lass_names\x18\x01 \x03(\tR\nclassNames\x12&\n\x0fmin_class_score\x18\x02 \x01(\x01R\rminClassScore\"\x9f\x01\n\x0cObjectsReply\x12\x33\n\x07objects\x18\x01 \x03(\x0b\x32\x19.helios.v1.ObjectInstanceR\x07objects\x12\"\n\x02id\x18\x02 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x02id\x12\x18\n\x07version\x18\x03 \x01(\x04R\x07version\x12\x1c\n\tgaussians\x18\x04 \x01(\x04R\tgaussians\"\xc3\x01\n\rWhatIfRequest\x12\x1b\n\tobject_id\x18\x01 \x01(\x04R\x08objectId\x12\x1d\n\nclass_name\x18\x02 \x01(\tR\tclassName\x12\x34\n\x0bT_world_cam\x18\x03 \x03(\x0b\x32\x14.helios.v1.TransformR\tTWorldCam\x12*\n\x06\x63\x61mera\x18\x04 \x01(\x0b\x32\x12.helios.v1.PinholeR\x06\x63\x61mera\x12\x14\n\x05joint\x18\x05 \x01(\x08R\x05joint\"N\n\x0bWhatIfReply\x12\x14\n\x05score\x18\x01 \x03(\x01R\x05score\x12)\n\x10information_gain\x18\x02 \x03(\x01R\x0finformationGain\"\x8c\x01\n\rRetireRequest\x12\x1b\n\tobject_id\x18\x01 \x01(\x04R\x08objectId\x12+\n\x07point_m\x18\x02 \x01(\x0b\x32\x12.helios.v1.Vector3R\x06pointM\x12\x19\n\x08radius_m\x18\x03 \x01(\x01R\x07radiusM\x12\x16\n\x06reason\x18\x04 \x01(\tR\x06reason\":\n\x0bRetireReply\x12+\n\x11retired_gaussians\x18\x01 \x01(\rR\x10retiredGaussians\"\x94\x01\n\x07Retired\x12\x32\n\x07request\x18\x01 \x01(\x0b\x32\x18.helios.v1.RetireRequestR\x07request\x12(\n\x05\x61\x66ter\x18\x02 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x05\x61\x66ter\x12+\n\x11retired_gaussians\x18\x03 \x01(\rR\x10retiredGaussians\"/\n\x10GaussiansRequest\x12\x1b\n\tobject_id\x18\x01 \x01(\x04R\x08objectId\"\xf5\x01\n\x0eGaussiansReply\x12\x14\n\x05\x63ount\x18\x01 \x01(\rR\x05\x63ount\x12\x17\n\x07means_m\x18\x02 \x01(\x0cR\x06meansM\x12\x19\n\x08scales_m\x18\x03 \x01(\x0cR\x07scalesM\x12\x16\n\x06\x63olors\x18\x04 \x01(\x0cR\x06\x63olors\x12\x1c\n\tinstances\x18\x05 \x01(\x0cR\tinstances\x12\x1f\n\x0b\x63lass_names\x18\x06 \x03(\tR\nclassNames\x12$\n\rconcentration\x18\x07 \x01(\x0cR\rconcentration\x12\x1c\n\topacities\x18\x08 \x01(\x0cR\topacities\"o\n\x0fVocabularyReply\x12\x12\n\x04open\x18\x01 \x01(\x08R\x04open\x12\x14\n\x05names\x18\x02 \x03(\tR\x05names\x12\x1a\n\x08\x64\x65tector\x18\x03 \x01(\tR\x08\x64\x65tector\x12\x16\n\x06scorer\x18\x04 \x01(\tR\x06scorerb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16helios/v1/search.proto\x12\thelios.v1\x1a\x16helios/v1/common.proto\x1a\x15helios/v1/frame.proto\"o\n\x0bSearchClass\x12\x12\n\x04name\x18\x01 \x01(\tR\x04name\x12\x12\n\x04role\x18\x02 \x01(\tR\x04role\x12\x1c\n\tthreshold\x18\x03 \x01(\x02R\tthreshold\x12\x1a\n\x08synonyms\x18\x04 \x03(\tR\x08synonyms\"\xce\x01\n\rSearchContext\x12\x0e\n\x02id\x18\x01 \x01(\tR\x02id\x12\x30\n\x07\x63lasses\x18\x02 \x03(\x0b\x32\x16.helios.v1.SearchClassR\x07\x63lasses\x12?\n\x07prompts\x18\x03 \x03(\x0b\x32%.helios.v1.SearchContext.PromptsEntryR\x07prompts\x1a:\n\x0cPromptsEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\tR\x05value:\x02\x38\x01\"\x95\x04\n\x0eObjectInstance\x12\x0e\n\x02id\x18\x01 \x01(\x04R\x02id\x12\x1d\n\nclass_name\x18\x02 \x01(\tR\tclassName\x12-\n\x08\x63\x65nter_m\x18\x03 \x01(\x0b\x32\x12.helios.v1.Vector3R\x07\x63\x65nterM\x12)\n\x06size_m\x18\x04 \x01(\x0b\x32\x12.helios.v1.Vector3R\x05sizeM\x12\x14\n\x05score\x18\x05 \x01(\x01R\x05score\x12\x1f\n\x0b\x63lass_score\x18\x06 \x01(\x01R\nclassScore\x12 \n\x0buncertainty\x18\x07 \x01(\x01R\x0buncertainty\x12\x14\n\x05views\x18\x08 \x01(\rR\x05views\x12\x1c\n\tgaussians\x18\t \x01(\rR\tgaussians\x12R\n\rprobabilities\x18\n \x03(\x0b\x32,.helios.v1.ObjectInstance.ProbabilitiesEntryR\rprobabilities\x12\x13\n\x05top_m\x18\x0b \x01(\x01R\x04topM\x12\x1b\n\toutline_m\x18\x0c \x03(\x02R\x08outlineM\x12%\n\x0e\x64\x65tection_rate\x18\r \x01(\x01R\rdetectionRate\x1a@\n\x12ProbabilitiesEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\x01R\x05value:\x02\x38\x01\"Y\n\x0eObjectsRequest\x12\x1f\n\x0b\x63lass_names\x18\x01 \x03(\tR\nclassNames\x12&\n\x0fmin_class_score\x18\x02 \x01(\x01R\rminClassScore\"\x9f\x01\n\x0cObjectsReply\x12\x33\n\x07objects\x18\x01 \x03(\x0b\x32\x19.helios.v1.ObjectInstanceR\x07objects\x12\"\n\x02id\x18\x02 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x02id\x12\x18\n\x07version\x18\x03 \x01(\x04R\x07version\x12\x1c\n\tgaussians\x18\x04 \x01(\x04R\tgaussians\"\xc3\x01\n\rWhatIfRequest\x12\x1b\n\tobject_id\x18\x01 \x01(\x04R\x08objectId\x12\x1d\n\nclass_name\x18\x02 \x01(\tR\tclassName\x12\x34\n\x0bT_world_cam\x18\x03 \x03(\x0b\x32\x14.helios.v1.TransformR\tTWorldCam\x12*\n\x06\x63\x61mera\x18\x04 \x01(\x0b\x32\x12.helios.v1.PinholeR\x06\x63\x61mera\x12\x14\n\x05joint\x18\x05 \x01(\x08R\x05joint\"N\n\x0bWhatIfReply\x12\x14\n\x05score\x18\x01 \x03(\x01R\x05score\x12)\n\x10information_gain\x18\x02 \x03(\x01R\x0finformationGain\"\x8c\x01\n\rRetireRequest\x12\x1b\n\tobject_id\x18\x01 \x01(\x04R\x08objectId\x12+\n\x07point_m\x18\x02 \x01(\x0b\x32\x12.helios.v1.Vector3R\x06pointM\x12\x19\n\x08radius_m\x18\x03 \x01(\x01R\x07radiusM\x12\x16\n\x06reason\x18\x04 \x01(\tR\x06reason\":\n\x0bRetireReply\x12+\n\x11retired_gaussians\x18\x01 \x01(\rR\x10retiredGaussians\"\x94\x01\n\x07Retired\x12\x32\n\x07request\x18\x01 \x01(\x0b\x32\x18.helios.v1.RetireRequestR\x07request\x12(\n\x05\x61\x66ter\x18\x02 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x05\x61\x66ter\x12+\n\x11retired_gaussians\x18\x03 \x01(\rR\x10retiredGaussians\"/\n\x10GaussiansRequest\x12\x1b\n\tobject_id\x18\x01 \x01(\x04R\x08objectId\"\xf5\x01\n\x0eGaussiansReply\x12\x14\n\x05\x63ount\x18\x01 \x01(\rR\x05\x63ount\x12\x17\n\x07means_m\x18\x02 \x01(\x0cR\x06meansM\x12\x19\n\x08scales_m\x18\x03 \x01(\x0cR\x07scalesM\x12\x16\n\x06\x63olors\x18\x04 \x01(\x0cR\x06\x63olors\x12\x1c\n\tinstances\x18\x05 \x01(\x0cR\tinstances\x12\x1f\n\x0b\x63lass_names\x18\x06 \x03(\tR\nclassNames\x12$\n\rconcentration\x18\x07 \x01(\x0cR\rconcentration\x12\x1c\n\topacities\x18\x08 \x01(\x0cR\topacities\"o\n\x0fVocabularyReply\x12\x12\n\x04open\x18\x01 \x01(\x08R\x04open\x12\x14\n\x05names\x18\x02 \x03(\tR\x05names\x12\x1a\n\x08\x64\x65tector\x18\x03 \x01(\tR\x08\x64\x65tector\x12\x16\n\x06scorer\x18\x04 \x01(\tR\x06scorer\",\n\x10\x45mbedTextRequest\x12\x18\n\x07prompts\x18\x01 \x03(\tR\x07prompts\"t\n\x0e\x45mbedTextReply\x12\x34\n\nembeddings\x18\x01 \x03(\x0b\x32\x14.helios.v1.EmbeddingR\nembeddings\x12\x14\n\x05scale\x18\x02 \x01(\x01R\x05scale\x12\x16\n\x06offset\x18\x03 \x01(\x01R\x06offsetb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -36,34 +37,38 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_SEARCHCONTEXT_PROMPTSENTRY']._serialized_options = b'8\001'
   _globals['_OBJECTINSTANCE_PROBABILITIESENTRY']._loaded_options = None
   _globals['_OBJECTINSTANCE_PROBABILITIESENTRY']._serialized_options = b'8\001'
-  _globals['_SEARCHCLASS']._serialized_start=61
-  _globals['_SEARCHCLASS']._serialized_end=172
-  _globals['_SEARCHCONTEXT']._serialized_start=175
-  _globals['_SEARCHCONTEXT']._serialized_end=381
-  _globals['_SEARCHCONTEXT_PROMPTSENTRY']._serialized_start=323
-  _globals['_SEARCHCONTEXT_PROMPTSENTRY']._serialized_end=381
-  _globals['_OBJECTINSTANCE']._serialized_start=384
-  _globals['_OBJECTINSTANCE']._serialized_end=917
-  _globals['_OBJECTINSTANCE_PROBABILITIESENTRY']._serialized_start=853
-  _globals['_OBJECTINSTANCE_PROBABILITIESENTRY']._serialized_end=917
-  _globals['_OBJECTSREQUEST']._serialized_start=919
-  _globals['_OBJECTSREQUEST']._serialized_end=1008
-  _globals['_OBJECTSREPLY']._serialized_start=1011
-  _globals['_OBJECTSREPLY']._serialized_end=1170
-  _globals['_WHATIFREQUEST']._serialized_start=1173
-  _globals['_WHATIFREQUEST']._serialized_end=1368
-  _globals['_WHATIFREPLY']._serialized_start=1370
-  _globals['_WHATIFREPLY']._serialized_end=1448
-  _globals['_RETIREREQUEST']._serialized_start=1451
-  _globals['_RETIREREQUEST']._serialized_end=1591
-  _globals['_RETIREREPLY']._serialized_start=1593
-  _globals['_RETIREREPLY']._serialized_end=1651
-  _globals['_RETIRED']._serialized_start=1654
-  _globals['_RETIRED']._serialized_end=1802
-  _globals['_GAUSSIANSREQUEST']._serialized_start=1804
-  _globals['_GAUSSIANSREQUEST']._serialized_end=1851
-  _globals['_GAUSSIANSREPLY']._serialized_start=1854
-  _globals['_GAUSSIANSREPLY']._serialized_end=2099
-  _globals['_VOCABULARYREPLY']._serialized_start=2101
-  _globals['_VOCABULARYREPLY']._serialized_end=2212
+  _globals['_SEARCHCLASS']._serialized_start=84
+  _globals['_SEARCHCLASS']._serialized_end=195
+  _globals['_SEARCHCONTEXT']._serialized_start=198
+  _globals['_SEARCHCONTEXT']._serialized_end=404
+  _globals['_SEARCHCONTEXT_PROMPTSENTRY']._serialized_start=346
+  _globals['_SEARCHCONTEXT_PROMPTSENTRY']._serialized_end=404
+  _globals['_OBJECTINSTANCE']._serialized_start=407
+  _globals['_OBJECTINSTANCE']._serialized_end=940
+  _globals['_OBJECTINSTANCE_PROBABILITIESENTRY']._serialized_start=876
+  _globals['_OBJECTINSTANCE_PROBABILITIESENTRY']._serialized_end=940
+  _globals['_OBJECTSREQUEST']._serialized_start=942
+  _globals['_OBJECTSREQUEST']._serialized_end=1031
+  _globals['_OBJECTSREPLY']._serialized_start=1034
+  _globals['_OBJECTSREPLY']._serialized_end=1193
+  _globals['_WHATIFREQUEST']._serialized_start=1196
+  _globals['_WHATIFREQUEST']._serialized_end=1391
+  _globals['_WHATIFREPLY']._serialized_start=1393
+  _globals['_WHATIFREPLY']._serialized_end=1471
+  _globals['_RETIREREQUEST']._serialized_start=1474
+  _globals['_RETIREREQUEST']._serialized_end=1614
+  _globals['_RETIREREPLY']._serialized_start=1616
+  _globals['_RETIREREPLY']._serialized_end=1674
+  _globals['_RETIRED']._serialized_start=1677
+  _globals['_RETIRED']._serialized_end=1825
+  _globals['_GAUSSIANSREQUEST']._serialized_start=1827
+  _globals['_GAUSSIANSREQUEST']._serialized_end=1874
+  _globals['_GAUSSIANSREPLY']._serialized_start=1877
+  _globals['_GAUSSIANSREPLY']._serialized_end=2122
+  _globals['_VOCABULARYREPLY']._serialized_start=2124
+  _globals['_VOCABULARYREPLY']._serialized_end=2235
+  _globals['_EMBEDTEXTREQUEST']._serialized_start=2237
+  _globals['_EMBEDTEXTREQUEST']._serialized_end=2281
+  _globals['_EMBEDTEXTREPLY']._serialized_start=2283
+  _globals['_EMBEDTEXTREPLY']._serialized_end=2399
 # @@protoc_insertion_point(module_scope)

@@ -1,4 +1,5 @@
 from helios_core.proto.helios.v1 import common_pb2 as _common_pb2
+from helios_core.proto.helios.v1 import frame_pb2 as _frame_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
@@ -179,3 +180,19 @@ class VocabularyReply(_message.Message):
     detector: str
     scorer: str
     def __init__(self, open: bool = ..., names: _Optional[_Iterable[str]] = ..., detector: _Optional[str] = ..., scorer: _Optional[str] = ...) -> None: ...
+
+class EmbedTextRequest(_message.Message):
+    __slots__ = ("prompts",)
+    PROMPTS_FIELD_NUMBER: _ClassVar[int]
+    prompts: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, prompts: _Optional[_Iterable[str]] = ...) -> None: ...
+
+class EmbedTextReply(_message.Message):
+    __slots__ = ("embeddings", "scale", "offset")
+    EMBEDDINGS_FIELD_NUMBER: _ClassVar[int]
+    SCALE_FIELD_NUMBER: _ClassVar[int]
+    OFFSET_FIELD_NUMBER: _ClassVar[int]
+    embeddings: _containers.RepeatedCompositeFieldContainer[_frame_pb2.Embedding]
+    scale: float
+    offset: float
+    def __init__(self, embeddings: _Optional[_Iterable[_Union[_frame_pb2.Embedding, _Mapping]]] = ..., scale: _Optional[float] = ..., offset: _Optional[float] = ...) -> None: ...

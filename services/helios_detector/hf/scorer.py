@@ -1,0 +1,220 @@
+"""The scorer `transformers:<model id or folder>`: an image against prompts.
+
+BLIP-2 is the paper's (section 3.1.2, by way of VLFM): its image-text contrastive head (ITC) is a
+cosine, its matching head (ITM) a probability. CLIP and SigLIP are the light choice. Scores are
+clip(scale * cosine + offset, 0, 1); the order of images is that of the cosines.
+"""
+
+from __future__ import annotations
+
+import threading
+from abc import ABC, abstractmethod
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from helios_core.embeddings import fit
+from helios_core.errors import InvalidInput
+from helios_core.types import Embedding, Frame
+from numpy.typing import NDArray
+
+from helios_detector.backend import Judgement, ScorerBackend, Seen, TextEmbeddings
+from helios_detector.hf.runtime import HfModel, Placement, config_of, picture, source_of
+
+SETTING = "scorer"
+TEXTS_REMEMBERED = 256
+HEADS = ("itc", "itm")
+
+
+class Tower(ABC):
+    """How one family makes vectors of unit length of images and texts."""
+
+    model_class = "AutoModel"
+    scale, offset = 1.0, 0.0  # of its cosines
+
+    @abstractmethod
+    def image(self, model: Any, inputs: dict[str, Any]) -> Any:
+        """[rows, d]"""
+
+    @abstractmethod
+    def texts(self, model: Any, inputs: dict[str, Any]) -> Any:
+        """[texts, d]"""
+
+    def tokens(self, model: Any, processor: Any, texts: list[str]) -> Any:
+        return processor.tokenizer(texts, padding=True, truncation=True, return_tensors="pt")
+
+
+class Clip(Tower):
+    """CLIP and what is built like it."""
+
+    def image(self, model: Any, inputs: dict[str, Any]) -> Any:
+        return _unit(_pooled(model.get_image_features(**inputs)))
+
+    def texts(self, model: Any, inputs: dict[str, Any]) -> Any:
+        return _unit(_pooled(model.get_text_features(**inputs)))
+
+
+class Siglip(Clip):
+    """Its texts are padded to one length, as in its training; its cosines lie around 0."""
+
+    scale, offset = 0.5, 0.5
+
+    def tokens(self, model: Any, processor: Any, texts: list[str]) -> Any:
+        length = int(model.config.text_config.max_position_embeddings)
+        return processor(
+            text=texts, padding="max_length", max_length=length, truncation=True,
+            return_tensors="pt",
+        )  # fmt: skip
+
+
+class Blip2(Tower):
+    """BLIP-2's retrieval model: one vector per query token of the image."""
+
+    model_class = "Blip2ForImageTextRetrieval"
+
+    def image(self, model: Any, inputs: dict[str, Any]) -> Any:
+        return self.queried(model, self.pixels(model, inputs))
+
+    def queried(self, model: Any, pixels: Any) -> Any:
+        """[rows, d] of what the image encoder gave."""
+        out = model.qformer(query_embeds=model.query_tokens, encoder_hidden_states=pixels)
+        return _unit(_cast(out.last_hidden_state, model.vision_projection))[0]
+
+    def texts(self, model: Any, inputs: dict[str, Any]) -> Any:
+        out = model.qformer(
+            query_embeds=model.embeddings(input_ids=inputs["input_ids"]),
+            query_length=0,
+            attention_mask=inputs["attention_mask"],
+        )
+        return _unit(_cast(out.last_hidden_state[:, 0], model.text_projection))
+
+    def pixels(self, model: Any, inputs: dict[str, Any]) -> Any:
+        return model.vision_model(pixel_values=inputs["pixel_values"]).last_hidden_state
+
+    def match(self, model: Any, image: Any, tokens: dict[str, Any]) -> Any:
+        """Probability [texts] that each text belongs to the image: the ITM head."""
+        import torch
+
+        count = len(tokens["input_ids"])
+        queries = model.query_tokens.expand(count, -1, -1)
+        ones = torch.ones(queries.shape[:2], dtype=torch.long, device=queries.device)
+        out = model.qformer(
+            query_embeds=model.embeddings(input_ids=tokens["input_ids"], query_embeds=queries),
+            query_length=queries.shape[1],
+            attention_mask=torch.cat([ones, tokens["attention_mask"]], 1),
+            encoder_hidden_states=image.expand(count, -1, -1),
+        )
+        logits = _cast(out.last_hidden_state[:, : queries.shape[1]], model.itm_head).mean(1)
+        return logits.float().softmax(-1)[:, 1]
+
+
+TOWERS: dict[str, type[Tower]] = {
+    "blip-2": Blip2, "clip": Clip, "siglip": Siglip, "siglip2": Siglip, "metaclip_2": Clip,
+    "align": Clip, "altclip": Clip, "chinese_clip": Clip,
+}  # fmt: skip
+
+
+class HfScorer(ScorerBackend):
+    """One pass of the image model per frame; texts are embedded once and remembered."""
+
+    def __init__(self, spec: str, placement: Placement, head: str = "itc") -> None:
+        """Raises Unavailable (library, folder, hub) or InvalidInput (a model of another kind)."""
+        if head not in HEADS:
+            raise InvalidInput(f"score_head is {head!r}; set one of {', '.join(HEADS)}")
+        source = source_of(spec, SETTING)
+        kind = config_of(source, SETTING).model_type
+        if kind not in TOWERS:
+            raise InvalidInput(
+                f"{source} is a {kind!r} model, which compares no image with a text; set {SETTING} "
+                f"to a model of one of {', '.join(TOWERS)}"
+            )
+        self._tower = TOWERS[kind]()
+        if head == "itm" and not isinstance(self._tower, Blip2):
+            raise InvalidInput(
+                f"score_head itm is of BLIP-2 alone and {source} is {kind!r}; set score_head to itc"
+            )
+        self._matches = head == "itm"
+        self._model = HfModel(source, SETTING, placement, self._tower.model_class)
+        self._texts: OrderedDict[str, NDArray[np.float32]] = OrderedDict()
+        self._lock = threading.Lock()  # guards the texts
+        self.name = f"{spec} ({head})" if kind == "blip-2" else spec
+
+    def warm_up(self) -> None:
+        self._judge(np.full((224, 224, 3), 114, np.uint8), ["a cup"])
+
+    def unload(self) -> None:
+        self._model.unload()
+
+    def accelerator_mb(self) -> float:
+        return self._model.accelerator_mb()
+
+    def close(self) -> None:
+        self.unload()
+
+    def score(
+        self, frame: Frame, seen: Sequence[Seen], prompts: Mapping[str, str]
+    ) -> dict[str, float]:
+        return self.judge(frame, seen, prompts).scores
+
+    def judge(self, frame: Frame, seen: Sequence[Seen], prompts: Mapping[str, str]) -> Judgement:
+        if not prompts:
+            return Judgement({})
+        image, scores = self._judge(frame.color, list(prompts.values()))
+        return Judgement(dict(zip(prompts, scores, strict=True)), image)
+
+    def embed_text(self, prompts: Sequence[str]) -> TextEmbeddings:
+        with self._model.use() as (model, processor):
+            vectors = self._text_vectors(model, processor, list(prompts))
+        texts = tuple(Embedding(self._model.source, v[None]) for v in vectors)
+        return TextEmbeddings(texts, self._tower.scale, self._tower.offset)
+
+    def _judge(self, color: NDArray[np.uint8], prompts: list[str]) -> tuple[Embedding, list[float]]:
+        with self._model.use() as (model, processor):
+            inputs = self._model.to_device(
+                processor.image_processor(images=picture(color), return_tensors="pt")
+            )
+            if self._matches and isinstance(self._tower, Blip2):
+                pixels = self._tower.pixels(model, inputs)
+                image = self._embedding(self._tower.queried(model, pixels))
+                tokens = self._tower.tokens(model, processor, prompts)
+                match = self._tower.match(model, pixels, self._model.to_device(tokens))
+                return image, [float(p) for p in match.cpu()]
+            image = self._embedding(self._tower.image(model, inputs))
+            texts = self._text_vectors(model, processor, prompts)
+        scale, offset = self._tower.scale, self._tower.offset
+        return image, [fit(image, Embedding(image.model, t[None]), scale, offset) for t in texts]
+
+    def _embedding(self, vectors: Any) -> Embedding:
+        rows = vectors.float().cpu().numpy()
+        return Embedding(self._model.source, rows.reshape(-1, rows.shape[-1]))
+
+    def _text_vectors(
+        self, model: Any, processor: Any, texts: list[str]
+    ) -> list[NDArray[np.float32]]:
+        with self._lock:
+            new = [t for t in dict.fromkeys(texts) if t not in self._texts]
+        if new:
+            tokens = self._tower.tokens(model, processor, new)
+            made = self._tower.texts(model, self._model.to_device(tokens)).float().cpu().numpy()
+            with self._lock:
+                self._texts.update(zip(new, made, strict=True))
+        with self._lock:
+            for text in texts:
+                self._texts.move_to_end(text)
+            out = [self._texts[t] for t in texts]
+            while len(self._texts) > TEXTS_REMEMBERED:
+                self._texts.popitem(last=False)
+        return out
+
+
+def _pooled(output: Any) -> Any:
+    return getattr(output, "pooler_output", output)
+
+
+def _cast(states: Any, layer: Any) -> Any:
+    return layer(states.to(layer.weight.dtype))
+
+
+def _unit(vectors: Any) -> Any:
+    return vectors.float() / vectors.float().norm(dim=-1, keepdim=True)

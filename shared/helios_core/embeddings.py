@@ -1,0 +1,23 @@
+"""How well an image fits a text, from what an image-text model made of both."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from helios_core.errors import InvalidInput
+from helios_core.types import Embedding
+
+
+def fit(image: Embedding, text: Embedding, scale: float = 1.0, offset: float = 0.0) -> float:
+    """clip(scale * cosine + offset, 0, 1); of an image with several vectors the best one counts.
+
+    Raises InvalidInput for embeddings of two models.
+    """
+    if image.model != text.model or image.vectors.shape[1] != text.vectors.shape[1]:
+        raise InvalidInput(
+            f"an image embedding of {image.model} {image.vectors.shape} cannot be compared with a "
+            f"text embedding of {text.model} {text.vectors.shape}; embed the text with the same "
+            "model"
+        )
+    cosine = float((image.vectors @ text.vectors.T).max())
+    return float(np.clip(scale * cosine + offset, 0.0, 1.0))
