@@ -15,6 +15,7 @@ from helios_core.topics import status_topic
 from helios_client.supervisor import ProcessInfo, State
 
 SILENT_S = 8.0  # services report every second; compiling kernels may hold one up
+NOT_NEEDED = frozenset({"recorder"})  # a full disk stops the recording, not the robot
 REPORTLESS = "router"  # a bare Zenoh router: it runs or it does not
 
 
@@ -63,8 +64,9 @@ class Board:
 
 
 def is_ready(rows: Sequence[ServiceRow]) -> bool:
-    """Whether all services are."""
-    return bool(rows) and all(row.state == "ready" for row in rows)
+    """Whether all services are that a robot needs."""
+    needed = [row for row in rows if row.name not in NOT_NEEDED]
+    return bool(needed) and all(row.state == "ready" for row in needed)
 
 
 def as_json(rows: Sequence[ServiceRow]) -> dict[str, Any]:

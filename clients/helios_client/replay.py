@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
+import math
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from helios_core.bus import Bus
@@ -14,6 +16,7 @@ from helios_core.errors import DeadlineExceeded, HeliosError, InvalidInput, Unav
 from helios_core.topics import CONTEXT
 from helios_core.types import SearchContext
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from helios_client.board import Board
@@ -29,14 +32,26 @@ FLUSH_S = 1.5  # services report every second: their figures of the last frame
 
 
 @dataclass(frozen=True)
+class Pace:
+    """Which part to play, and how."""
+
+    limit: int = 0  # frames; 0: all
+    from_s: float = 0.0  # seconds into it
+    to_s: float | None = None  # None: its end
+    rate: float = 0.0  # 1: as it was recorded; 0: without waiting
+    free_running: bool = False
+    topics: str = ""  # of a ROS bag
+
+
+@dataclass(frozen=True)
 class ReplayJob:
     """What to play and what to look for."""
 
     source: Path
-    context: SearchContext
+    context: SearchContext | None  # None: the searches of the recording
     detector: str
     out: Path
-    limit: int = 0  # frames; 0: all
+    pace: Pace = Pace()
     patience_s: float = 180.0  # longest time without a new frame; kernels are compiled in it
 
 
@@ -45,18 +60,20 @@ def replay(job: ReplayJob, console: Console) -> Results:
 
     Raises HeliosError: the data set, the detector or a class is not there, or nothing moves.
     """
-    from helios_replay.dataset import read_dataset  # late: OpenCV
-
     began_s = time.monotonic()
-    total = len(read_dataset(job.source, job.limit).images)
+    total, longest_s = _examine(job, console)
     try:
         job.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput(f"--out {job.out} cannot be made: {error.strerror}") from error
+    pace = job.pace
     stack = Stack(
         robot="replay", router_port=free_port(), state_dir=job.out, detector=job.detector,
-        source=job.source, limit=job.limit, lockstep=True, ack_timeout_s=job.patience_s,
+        source=job.source, limit=pace.limit, from_s=pace.from_s, to_s=pace.to_s, rate=pace.rate,
+        topics=pace.topics or None, contexts=job.context is None, lockstep=not pace.free_running,
+        ack_timeout_s=job.patience_s,
     )  # fmt: skip
+    job = replace(job, patience_s=job.patience_s + longest_s)
     specs = stack.specs()
     supervisor = Supervisor(specs, stack.log_dir, restart=False)
     supervisor.start()
@@ -65,12 +82,30 @@ def replay(job: ReplayJob, console: Console) -> Results:
             board, tally = Board(), Tally()
             board.listen(bus, [spec.name for spec in specs])
             tally.listen(bus)
-            bus.publish(CONTEXT, context_to_proto(job.context))
+            if job.context is not None:
+                bus.publish(CONTEXT, context_to_proto(job.context))
             _play(job, total, supervisor, board, tally, console)
             _settle(supervisor, FLUSH_S)
             return collect(bus, tally, board, total, time.monotonic() - began_s)
     finally:
         supervisor.stop()
+
+
+def _examine(job: ReplayJob, console: Console) -> tuple[int, float]:
+    """(frames, longest wait between two of them in seconds). Raises InvalidInput."""
+    from helios_replay.source import Part, open_source  # late: OpenCV
+
+    pace = job.pace
+    to_s = math.inf if pace.to_s is None else pace.to_s
+    source = open_source(job.source, Part(pace.limit, pace.from_s, to_s, pace.topics))
+    if cut := getattr(source, "cut", ""):
+        console.print(f"[yellow]read up to where it is cut off[/]: {escape(cut)}", soft_wrap=True)
+    if job.context is None and not any(source.contexts_before(i) for i in range(len(source.shots))):
+        raise InvalidInput(
+            f"{job.source} holds no search; say what to look for with --classes and --detector"
+        )
+    waits_s = [b.time_s - a.time_s for a, b in itertools.pairwise(source.shots)]
+    return len(source.shots), max(waits_s, default=0.0) / pace.rate if pace.rate else 0.0
 
 
 @contextlib.contextmanager

@@ -10,13 +10,14 @@ from pathlib import Path
 from helios_client.processes import ProcessSpec
 
 LOOPBACK = "127.0.0.1"
+RECORDED = "recorded"  # the detector that finds what was found when it was recorded
 
 
 @dataclass(frozen=True)
 class Stack:
     """What `helios up` and `helios replay` start."""
 
-    robot: str  # sim, replay or package:Class
+    robot: str  # sim, replay, spot or package:Class
     router_port: int
     state_dir: Path
     name: str = "robot"  # first part of every key on the bus
@@ -25,8 +26,15 @@ class Stack:
     preset: str = "demo-v1"
     furniture: str | None = None  # of the simulated home; None: its setting
     detector: str = "simulated"
+    robot_host: str | None = None  # of a robot on the network; None: its own settings
     source: Path | None = None  # what a replay plays
     limit: int = 0  # frames of a replay; 0: all
+    from_s: float | None = None  # where a replay begins, seconds into it; None: its start
+    to_s: float | None = None  # where it ends; None: its end
+    rate: float | None = None  # of a replay: 1 as it was recorded; None: without waiting
+    topics: str | None = None  # of a ROS bag
+    contexts: bool = False  # a replay begins the recorded searches by itself
+    record: Path | None = None  # folder of recordings; None: no recorder
     lockstep: bool = False
     ack_timeout_s: float | None = None  # of the bridge in lockstep; None: its setting
 
@@ -60,12 +68,18 @@ class Stack:
             )  # fmt: skip
         out.append(
             self._service(
-                "bridge", "helios_bridge", driver=self.robot, source=self.source,
-                limit=self.limit or None, lockstep=self.lockstep or None,
+                "bridge", "helios_bridge", driver=self.robot, address=self.robot_host,
+                source=self.source,
+                limit=self.limit or None, from_s=self.from_s, to_s=self.to_s, rate=self.rate,
+                topics=self.topics, contexts=(self.contexts or self.detector == RECORDED) or None,
+                lockstep=self.lockstep or None,
                 ack_timeout_s=self.ack_timeout_s,
             )
         )  # fmt: skip
-        out.append(self._service("detector", "helios_detector", detector=self.detector))
+        if self.detector == RECORDED:
+            out.append(self._service("detector", "helios_replay", source=self.source))
+        else:
+            out.append(self._service("detector", "helios_detector", detector=self.detector))
         out.append(self._service("objectmap", "helios_objectmap"))
         out.append(self._service("map2d", "helios_map2d"))
         if self.port is not None:
@@ -73,6 +87,8 @@ class Stack:
                 self._service("planner", "helios_planner", state_dir=self.state_dir / "planner")
             )
             out.append(self._service("gateway", "helios_gateway", port=self.port))
+        if self.record is not None:
+            out.append(self._service("recorder", "helios_recorder", out=self.record))
         return tuple(out)
 
     def _service(self, name: str, module: str, **flags: object) -> ProcessSpec:

@@ -1,7 +1,7 @@
 """`supervisor.json`: what the supervisor knows, for whoever asks while the gateway is down.
 
 {"ready": bool, "services": [{"name", "state", "reason", "restarts", "pid"}], "address": str,
- "supervisor_pid": int, "updated_s": float, "state_dir": str}
+ "router": str, "robot": str, "supervisor_pid": int, "updated_s": float, "state_dir": str}
 """
 
 from __future__ import annotations

@@ -138,7 +138,10 @@ class _Run:
         if rows == self._written and now_s - self._written_s < WRITE_PERIOD_S:
             return
         self._written, self._written_s = rows, now_s
-        about = {"address": self._stack.address, "state_dir": str(self._stack.state_dir)}
+        about = {
+            "address": self._stack.address, "state_dir": str(self._stack.state_dir),
+            "router": self._stack.router, "robot": self._stack.name,
+        }  # fmt: skip
         try:
             state_file.write(self._state_dirs, as_json(rows) | about)
         except OSError as error:  # a full disk must not end the robot's services

@@ -21,7 +21,8 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, Pinhole, is_rigid
 from numpy.typing import NDArray
 
-DEFAULT_MAX_DEPTH_M = 5.0  # beyond it the depth of small consumer cameras is mostly noise
+from helios_replay.source import DEFAULT_MAX_DEPTH_M, Images, Part, Picture, Shot
+
 POSE_TOLERANCE = 1e-2  # recorded rotations carry few digits
 _ROTATION = [f"r{row}{column}" for row in range(3) for column in range(3)]
 _TRANSLATION = ["tx", "ty", "tz"]
@@ -48,19 +49,35 @@ class Dataset:
     images: tuple[PosedImage, ...]
 
 
-def read_dataset(folder: Path, limit: int = 0) -> Dataset:
-    """The first `limit` images of a folder, 0 for all.
+class ImageFolder(Images):
+    """Such a folder as a source."""
+
+    def __init__(self, folder: Path, part: Part) -> None:
+        """Raises InvalidInput, naming the file, when something is missing or makes no sense."""
+        data = read_dataset(folder)
+        began_ns = data.images[0].stamp_ns
+        times_s = [(image.stamp_ns - began_ns) / 1e9 for image in data.images]
+        self._data, self._part = data, part.of(times_s, str(folder))
+        shots = [
+            Shot(times_s[i], data.images[i].stamp_ns, data.images[i].T_world_cam)
+            for i in self._part
+        ]
+        super().__init__(folder.name, shots, data.camera, data.max_depth_m)
+
+    def read(self, index: int) -> Picture:
+        color, depth_m = read_image(self._data, self._part[index])
+        return Picture(color, depth_m, self._data.camera)
+
+
+def read_dataset(folder: Path) -> Dataset:
+    """All images of a folder.
 
     Raises InvalidInput, naming the file, when something is missing or makes no sense.
     """
-    if folder.suffix == ".mcap":
-        raise InvalidInput(
-            f"{folder} is an MCAP recording, which cannot be replayed yet; give a folder with "
-            "meta.json, poses.csv and frames/"
-        )
     if not folder.is_dir():
         raise InvalidInput(
-            f"there is no data set at {folder}; give a folder with meta.json, poses.csv and frames/"
+            f"there is no data set at {folder}; give a recording (.mcap), a ROS bag, or a folder "
+            "with meta.json, poses.csv and frames/, or with groundtruth.txt, rgb/ and depth/"
         )
     meta = _read_meta(folder / "meta.json")
     camera = Pinhole(
@@ -68,7 +85,7 @@ def read_dataset(folder: Path, limit: int = 0) -> Dataset:
         width=int(_number(meta, "width", folder)),
         height=int(_number(meta, "height", folder)),
     )
-    images = _read_poses(folder)[: limit or None]
+    images = _read_poses(folder)
     for image in images:
         for path in (image.color_path, image.depth_path):
             if not path.is_file():
@@ -86,8 +103,8 @@ def read_image(dataset: Dataset, index: int) -> tuple[NDArray[np.uint8], NDArray
     """(colour [h, w, 3] RGB, depth [h, w] in metres). Raises InvalidInput, naming the file."""
     image = dataset.images[index]
     shape = (dataset.camera.height, dataset.camera.width)
-    color = _decode(image.color_path, cv2.IMREAD_COLOR)
-    depth = _decode(image.depth_path, cv2.IMREAD_UNCHANGED)
+    color = decode(image.color_path, cv2.IMREAD_COLOR)
+    depth = decode(image.depth_path, cv2.IMREAD_UNCHANGED)
     if color.shape[:2] != shape:
         raise InvalidInput(_wrong_size(image.color_path, color, shape))
     if depth.shape != shape or depth.dtype != np.uint16:
@@ -155,7 +172,8 @@ def _posed_image(folder: Path, row: dict[str, str], line: int) -> PosedImage:
     )
 
 
-def _decode(path: Path, flags: int) -> NDArray:
+def decode(path: Path, flags: int) -> NDArray:
+    """The pixels of an image file, as OpenCV gives them. Raises InvalidInput, naming the file."""
     try:
         data = np.fromfile(path, np.uint8)
         pixels = cv2.imdecode(data, flags) if data.size else None

@@ -1,11 +1,14 @@
-"""Plays a data set as a robot: each capture gives the next image, at rest, and no action moves."""
+"""Plays a recording as a robot: each capture gives the next image, at rest, and no action moves."""
 
 from __future__ import annotations
 
 import math
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
+from helios_core.bus import Bus
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, se2_to_se3
 from helios_core.robot import (
@@ -16,11 +19,11 @@ from helios_core.robot import (
     Observe,
     RobotDriver,
 )
+from helios_core.topics import CONTEXT
 from helios_core.types import RobotDescription, RobotState
 
-from helios_replay.dataset import read_dataset, read_image
+from helios_replay.source import Part, open_source
 
-FOOTPRINT_RADIUS_M = 0.3  # of a person who carries a camera
 STRAIGHT_DOWN = 1e-3  # below this share of horizontal, the optical axis has no heading
 
 
@@ -37,62 +40,77 @@ def base_below_camera(T_world_cam: Matrix) -> Matrix:
 
 
 class ReplayDriver(RobotDriver):
-    """A folder as `helios_replay.dataset` describes. Raises InvalidInput when it is not whole.
+    """Plays what `helios_replay.source.open_source` can open. Raises InvalidInput if it cannot.
 
     An image that cannot be read raises InvalidInput from `capture`, once; the next capture gives
     the next image.
     """
 
-    def __init__(self, source: Path | None, limit: int = 0) -> None:
-        """source: the folder. limit: play so many images only; 0 plays all."""
+    def __init__(
+        self,
+        source: Path | None,
+        limit: int = 0,
+        from_s: float = 0.0,
+        to_s: float = math.inf,
+        rate: float = 0.0,
+        topics: str = "",
+        contexts: bool = False,
+        bus: Bus | None = None,
+    ) -> None:
+        """source: what to play. limit, from_s, to_s: which part of it. rate: how fast, 1 as it was
+        recorded; 0 as fast as it goes. contexts: begin the recorded searches, on `bus`, when they
+        began."""
         if source is None:
-            raise InvalidInput("a replay needs a data set; name its folder with --source")
-        self._dataset = read_dataset(source, limit)
+            raise InvalidInput("a replay needs something to play; name it with --source")
+        self._source = open_source(source, Part(limit, from_s, to_s, topics))
+        self._rate, self._bus = rate, bus if contexts else None
         self._next = 0
-        self._T_world_base = base_below_camera(self._dataset.images[0].T_world_cam)
+        self._T_world_base = base_below_camera(self._source.shots[0].T_world_cam)
+        self._began_s: float | None = None  # monotonic, of the first shot
+        self._closed = threading.Event()
         self._stopped = False
         self._steps = 0
         self._results: dict[str, ActionResult] = {}
 
     def describe(self) -> RobotDescription:
-        heights_m = [image.T_world_cam[2, 3] for image in self._dataset.images]
-        return RobotDescription(
-            name=self._dataset.folder.name,
-            footprint_radius_m=FOOTPRINT_RADIUS_M,
-            height_m=float(max(heights_m)),
-            camera=self._dataset.camera,
-            camera_height_m=float(np.median(heights_m)),
-            reach_m=0.0,
-            max_depth_m=self._dataset.max_depth_m,
-            can_move=False,
-            can_pick=False,
-            can_place=False,
-        )
+        return self._source.describe()
 
     def state(self) -> RobotState:
-        given, total = self._next, len(self._dataset.images)
+        given, total = self._next, len(self._source.shots)
+        then = self._source.state_after(given - 1)
         return RobotState(
             T_world_base=self._T_world_base,
+            tilt_rad=then.tilt_rad if then else 0.0,
+            held=then.held if then else "",
             stopped=self._stopped,
+            world_epoch=then.world_epoch if then else 0,
+            robot_boot_id=then.robot_boot_id if then else "",
             message=f"frame {given} of {total}",
             finished=given >= total,
         )
 
     def capture(self) -> Capture:
         index = self._next
-        if index >= len(self._dataset.images):
-            raise EndOfRecording(f"{self._dataset.folder} has no frame after {index}")
+        if index >= len(self._source.shots):
+            raise EndOfRecording(f"{self._source.name} has no frame after {index}")
+        self._wait_for(index)
         self._next += 1
-        image = self._dataset.images[index]
-        color, depth_m = read_image(self._dataset, index)
-        self._T_world_base = base_below_camera(image.T_world_cam)
+        if self._bus is not None:
+            for context in self._source.contexts_before(index):
+                self._bus.publish(CONTEXT, context)
+        shot, picture = self._source.shots[index], self._source.read(index)
+        T_world_base = picture.T_world_base
+        if T_world_base is None:
+            T_world_base = base_below_camera(shot.T_world_cam)
+        self._T_world_base = T_world_base
         return Capture(
-            stamp_ns=image.stamp_ns,
-            color=color,
-            depth_m=depth_m,
-            camera=self._dataset.camera,
-            T_world_cam=image.T_world_cam,
-            T_world_base=self._T_world_base,
+            stamp_ns=shot.stamp_ns,
+            color=picture.color,
+            depth_m=picture.depth_m,
+            camera=picture.camera,
+            T_world_cam=shot.T_world_cam,
+            T_world_base=T_world_base,
+            recorded=picture.recorded,
         )
 
     def act(self, action: Action, action_id: str) -> ActionResult:
@@ -105,6 +123,18 @@ class ReplayDriver(RobotDriver):
 
     def clear_stop(self) -> None:
         self._stopped = False
+
+    def close(self) -> None:
+        self._closed.set()
+
+    def _wait_for(self, index: int) -> None:
+        """Until it is time for this shot."""
+        now_s, shots = time.monotonic(), self._source.shots
+        if self._began_s is None:
+            self._began_s = now_s
+        if self._rate > 0:
+            due_s = self._began_s + (shots[index].time_s - shots[0].time_s) / self._rate
+            self._closed.wait(max(0.0, due_s - now_s))
 
     def _do(self, action: Action) -> ActionResult:
         if self._stopped:

@@ -15,14 +15,17 @@ from helios_bridge.settings import Settings
 NAMED = {
     "sim": "helios_sim.driver:SimDriver",
     "replay": "helios_replay.driver:ReplayDriver",
+    "spot": "helios_spot.driver:SpotDriver",
 }
 
 
 def load_driver(settings: Settings, bus: Bus) -> RobotDriver:
     """The driver that `settings.driver` names.
 
-    Its constructor may ask by name for `bus`, `source` and `limit`; whatever else it needs it has
-    defaults for. Raises InvalidInput when it cannot be imported or is no RobotDriver.
+    Its constructor may ask by name for `bus` and for the settings of a replay (`source`, `limit`,
+    `from_s`, `to_s`, `rate`, `topics`, `contexts`) and for the `address` of a robot; whatever else
+    it needs it has defaults for.
+    Raises InvalidInput when it cannot be imported or is no RobotDriver.
     """
     name = NAMED.get(settings.driver, settings.driver)
     module_name, _, class_name = name.partition(":")
@@ -39,6 +42,9 @@ def load_driver(settings: Settings, bus: Bus) -> RobotDriver:
         ) from error
     if not (isinstance(cls, type) and issubclass(cls, RobotDriver)):
         raise InvalidInput(f"{name} is no RobotDriver; subclass helios_core.robot.RobotDriver")
-    offered: dict[str, Any] = {"bus": bus, "source": settings.source, "limit": settings.limit}
+    offered: dict[str, Any] = {"bus": bus} | {
+        name: getattr(settings, name)
+        for name in ("source", "limit", "from_s", "to_s", "rate", "topics", "contexts", "address")
+    }
     wanted = inspect.signature(cls).parameters
     return cls(**{k: v for k, v in offered.items() if k in wanted})

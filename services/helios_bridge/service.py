@@ -83,6 +83,8 @@ class BridgeService:
         self._acks, self._actions = AckBook(), ActionLog()
         self._lease = Lease(settings.lease_s, first)
         self._context_known = threading.Event()
+        if settings.contexts:  # the recording brings its own
+            self._context_known.set()
         self._ready_services: set[str] = set()
         self._description = driver.describe()
         self._recording = not self._description.can_move

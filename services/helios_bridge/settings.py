@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from helios_core.settings import ServiceSettings, service_config
@@ -14,12 +15,26 @@ class Settings(ServiceSettings):
     model_config = service_config("bridge")
 
     driver: str = Field(
-        default="sim", description="sim, replay, or package:Class of your own driver"
+        default="sim", description="sim, replay, spot, or package:Class of your own driver"
+    )
+    address: str = Field(
+        default="", description="where the robot is, for drivers that reach it over a network"
     )
     source: Path | None = Field(
-        default=None, description="what a replay plays: a folder of posed frames"
+        default=None, description="what a replay plays: a recording, a folder, a ROS bag"
     )
     limit: int = Field(default=0, ge=0, description="frames of a replay; 0: all")
+    from_s: float = Field(default=0.0, ge=0, description="where a replay begins, seconds into it")
+    to_s: float = Field(default=math.inf, gt=0, description="where a replay ends, seconds into it")
+    rate: float = Field(
+        default=0.0, ge=0, description="speed of a replay: 1 as it was recorded, 0 without waiting"
+    )
+    topics: str = Field(
+        default="", description="topics of a ROS bag: color=/a,depth=/b,info=/c,pose=/d"
+    )
+    contexts: bool = Field(
+        default=False, description="a replay begins the recorded searches by itself"
+    )
     stream_hz: float = Field(
         default=2.0, ge=0, le=60, description="frames a second while standing; 0: off"
     )

@@ -21,8 +21,10 @@ PACKAGES = {
     "planner": "helios_planner",
     "bridge": "helios_bridge",
     "gateway": "helios_gateway",
+    "recorder": "helios_recorder",
     "client": "helios_client",
     "sim": "helios_sim",
+    "spot": "helios_spot",
 }
 OURS = "helios-ovmm"
 IMPORT_ALL = """

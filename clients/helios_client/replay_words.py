@@ -1,0 +1,47 @@
+"""What a replay seeks and finds with, from the words of its flags."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from helios_core.types import SearchContext
+
+from helios_client.stack import RECORDED
+from helios_client.watch_list import watch_list
+from helios_client.wrong_use import WrongUse
+
+
+def default_detector(robot: str, source: Path | None) -> str:
+    """Of `helios up` where none is named. Raises WrongUse where one must be."""
+    if robot == "sim":
+        return "simulated"
+    if robot == "replay" and source is not None and _is_recording(source):
+        return RECORDED
+    raise WrongUse(f"--robot {robot} needs a detector; name one, --detector onnx:FILE")
+
+
+def what_to_seek(
+    source: Path, classes: str | None, thresholds: str, detector: str | None
+) -> tuple[SearchContext | None, str]:
+    """(search context, detector) of `helios replay`; None: the searches of the recording.
+
+    Raises WrongUse where a recording would be needed for what is left out.
+    """
+    recorded = _is_recording(source)
+    if classes is None:
+        if not recorded:
+            raise WrongUse(f"{source} is no recording, so --classes must say what to look for")
+        if thresholds:
+            raise WrongUse("--thresholds goes with --classes")
+        return None, detector or RECORDED
+    if detector is None or detector == RECORDED:
+        raise WrongUse(
+            "--classes looks for something anew, so --detector must say with what: onnx:FILE"
+        )
+    return watch_list(classes, thresholds), detector
+
+
+def _is_recording(source: Path) -> bool:
+    from helios_replay.source import is_recording
+
+    return is_recording(source)

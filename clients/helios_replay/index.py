@@ -1,0 +1,228 @@
+"""What a recording holds and where: read once, in the order in which it was written. No pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeVar
+
+from google.protobuf.message import DecodeError, Message
+from helios_core import proto as pb
+from helios_core.codec import frame_id_from_proto
+from helios_core.errors import InvalidInput
+from helios_core.recording import KEYFRAME_CHANNELS, channel_of
+from helios_core.topics import (
+    CONTEXT,
+    OBSERVATION,
+    PREVIEW,
+    RETIRED,
+    ROBOT_DESCRIPTION,
+    ROBOT_STATE,
+)
+from helios_core.types import FrameId
+
+from helios_replay.mcap_file import Found, McapFile, Place
+
+M = TypeVar("M", bound=Message)
+
+
+@dataclass(frozen=True)
+class Where:
+    """A message in one of the files."""
+
+    file: int
+    place: Place
+
+
+@dataclass
+class Key:
+    """A keyframe: its head, and where its pixels are."""
+
+    head: pb.Frame
+    log_time_ns: int
+    color: Where | None = None
+    depth: Where | None = None
+
+
+@dataclass(frozen=True)
+class Sought:
+    """A search context, and how many keyframes had come when it began."""
+
+    context: pb.SearchContext
+    before: int
+
+
+@dataclass(frozen=True)
+class Retirement:
+    """What was taken out of the object map, and after which keyframe (its number; -1: none)."""
+
+    request: pb.RetireRequest
+    after: int
+
+
+@dataclass(frozen=True)
+class Index:
+    """Everything of it that a replay needs."""
+
+    files: tuple[McapFile, ...]
+    began_ns: int
+    keys: list[Key]
+    contexts: list[Sought] = field(default_factory=list)
+    states: dict[int, pb.RobotState] = field(default_factory=dict)  # keyframes so far -> the last
+    observations: dict[FrameId, Where] = field(default_factory=dict)
+    previews: dict[FrameId, Where] = field(default_factory=dict)
+    retired: list[Retirement] = field(default_factory=list)
+    description: pb.RobotDescription | None = None
+
+    def message(self, where: Where, kind: type[M]) -> M:
+        """Read one. Raises InvalidInput."""
+        file = self.files[where.file]
+        return _parse(kind, file.read(where.place), file.path)
+
+    @property
+    def cut(self) -> str:
+        """Why reading ended before the end; empty where it did not."""
+        return "; ".join(f"{f.path.name}: {f.cut}" for f in self.files if f.cut)
+
+
+def read_index(paths: Sequence[Path]) -> Index:
+    """Walk the files. Raises InvalidInput, in one sentence, when there is nothing to play."""
+    files = tuple(McapFile(path) for path in paths)
+    reader = _Reader()
+    for number, file in enumerate(files):
+        for found in file.walk():
+            reader.take(number, file, found)
+    shown = ", ".join(str(p) for p in paths[:3]) + (" …" if len(paths) > 3 else "")
+    whole = [k for k in reader.keys if k.color is not None and k.depth is not None]
+    if not whole:
+        raise InvalidInput(f"{shown} holds no keyframe of HELIOS{_why(files, reader)}")
+    if len(whole) < len(reader.keys):
+        reader.drop_broken()
+    return Index(
+        files, reader.began_ns, reader.keys, _as_needed(reader), reader.states,
+        {id: where for id, (where, _) in reader.observations.items()}, reader.previews,
+        _retirements(reader), reader.description,
+    )  # fmt: skip
+
+
+class _Reader:
+    """Fed with one message after the other."""
+
+    def __init__(self) -> None:
+        self.began_ns = 0
+        self.keys: list[Key] = []
+        self.contexts: list[Sought] = []
+        self.states: dict[int, pb.RobotState] = {}
+        self.observations: dict[FrameId, tuple[Where, str]] = {}
+        self.previews: dict[FrameId, Where] = {}
+        self.retired: list[tuple[pb.Retired, int]] = []  # and how many keyframes had come
+        self.description: pb.RobotDescription | None = None
+
+    def take(self, number: int, file: McapFile, found: Found) -> None:
+        self.began_ns = self.began_ns or found.log_time_ns
+        where = Where(number, found.place)
+        match found.topic, found.schema:
+            case (KEYFRAME_CHANNELS.head, "helios.v1.Frame"):
+                self.keys.append(Key(_read(pb.Frame, file, found), found.log_time_ns))
+            case (KEYFRAME_CHANNELS.color, "foxglove.CompressedImage"):
+                if key := self._newest(found):
+                    key.color = where
+            case (KEYFRAME_CHANNELS.depth, "foxglove.RawImage"):
+                if key := self._newest(found):
+                    key.depth = where
+            case (topic, "helios.v1.SearchContext") if topic == channel_of(CONTEXT):
+                context = _read(pb.SearchContext, file, found)
+                # At the start of a file it may be told again that it is still the same search.
+                again = found.publish_time_ns < found.log_time_ns and self.contexts
+                if not (again and self.contexts[-1].context == context):
+                    self.contexts.append(Sought(context, len(self.keys)))
+            case (topic, "helios.v1.RobotState") if topic == channel_of(ROBOT_STATE):
+                self.states[len(self.keys)] = _read(pb.RobotState, file, found)
+            case (topic, "helios.v1.RobotDescription") if topic == channel_of(ROBOT_DESCRIPTION):
+                self.description = _read(pb.RobotDescription, file, found)
+            case (topic, "helios.v1.Observation") if topic == channel_of(OBSERVATION):
+                observation = _read(pb.Observation, file, found)
+                id = frame_id_from_proto(observation.frame.id)
+                self.observations[id] = where, observation.context_id
+            case (topic, "helios.v1.Preview") if topic == channel_of(PREVIEW):
+                self.previews[frame_id_from_proto(_read(pb.Preview, file, found).id)] = where
+            case (topic, "helios.v1.Retired") if topic == channel_of(RETIRED):
+                self.retired.append((_read(pb.Retired, file, found), len(self.keys)))
+            case _:
+                pass
+
+    def drop_broken(self) -> None:
+        """Forget keyframes whose pixels were not written any more: the last of a cut file."""
+        kept = [i for i, k in enumerate(self.keys) if k.color is not None and k.depth is not None]
+        now = {old: new for new, old in enumerate(kept)}
+
+        def moved(before: int) -> int:
+            return sum(1 for old in now if old < before)
+
+        self.contexts = [Sought(s.context, moved(s.before)) for s in self.contexts]
+        self.states = {moved(before): state for before, state in self.states.items()}
+        self.retired = [(told, moved(before)) for told, before in self.retired]
+        self.keys = [self.keys[i] for i in kept]
+
+    def _newest(self, found: Found) -> Key | None:
+        """Pixels follow their head and carry its log time."""
+        key = self.keys[-1] if self.keys else None
+        return key if key is not None and key.log_time_ns == found.log_time_ns else None
+
+
+def _as_needed(reader: _Reader) -> list[Sought]:
+    """A search begins no later than the first keyframe that was answered with it, whatever the
+    order in which the recorder heard of them."""
+    first: dict[str, int] = {}
+    for i, key in enumerate(reader.keys):
+        answered = reader.observations.get(frame_id_from_proto(key.head.id))
+        if answered is not None:
+            first.setdefault(answered[1], i)
+    out: list[Sought] = []
+    latest = len(reader.keys)
+    for sought in reversed(reader.contexts):
+        latest = min(latest, sought.before, first.get(sought.context.id, latest))
+        out.append(Sought(sought.context, latest))
+    return out[::-1]
+
+
+def _retirements(reader: _Reader) -> list[Retirement]:
+    """In their order. The map itself says after which frame; a frame that is not in the recording
+    is the last one that is."""
+    order = {frame_id_from_proto(key.head.id): i for i, key in enumerate(reader.keys)}
+    out: list[Retirement] = []
+    for told, before in reader.retired:
+        after = order.get(frame_id_from_proto(told.after), before - 1)
+        out.append(Retirement(told.request, max(after, out[-1].after if out else -1)))
+    return out
+
+
+def _read(kind: type[M], file: McapFile, found: Found) -> M:
+    return _parse(kind, file.read(found.place), file.path)
+
+
+def _parse(kind: type[M], data: bytes, path: Path) -> M:
+    try:
+        return kind.FromString(data)
+    except DecodeError as error:
+        raise InvalidInput(
+            f"{path} holds {len(data)} bytes that are no {kind.DESCRIPTOR.full_name}; "
+            "record it again"
+        ) from error
+
+
+def _why(files: Sequence[McapFile], reader: _Reader) -> str:
+    cut = "; ".join(f.cut for f in files if f.cut)
+    if cut:
+        return f": {cut}"
+    topics = sorted({t for f in files for t in f.topics})
+    if reader.keys:
+        return ": the pixels of its keyframes are missing"
+    if any(name.endswith("/msg/Image") for f in files for name in f.topics.values()):
+        return ": it is a ROS 2 bag; give its folder, the one with metadata.yaml"
+    if not topics:
+        return ": it is empty"
+    return f" (channel {KEYFRAME_CHANNELS.head}); it holds {', '.join(topics[:5])}" + (
+        f" and {len(topics) - 5} more" if len(topics) > 5 else ""
+    )

@@ -1,0 +1,97 @@
+"""A recording in MCAP as a source: keyframes to the last bit, with the searches they answered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
+from helios_core import proto as pb
+from helios_core.codec import description_from_proto, frame_from_proto
+from helios_core.codec.frames import pose_from_proto
+from helios_core.errors import HeliosError, InvalidInput
+from helios_core.recording import join_frame
+from helios_core.types import RobotDescription
+
+from helios_replay.index import Key, read_index
+from helios_replay.source import Part, Picture, Shot
+
+
+class Recording:
+    """One recording: one file, or several that follow one another."""
+
+    def __init__(self, paths: Sequence[Path], part: Part) -> None:
+        """Raises InvalidInput when it holds nothing that can be played."""
+        self._index = read_index(paths)
+        self._name = paths[0].stem
+        if self._index.description is None:
+            raise InvalidInput(
+                f"{paths[0]} does not say which robot it is of (channel /bridge/description); "
+                "record while the bridge runs"
+            )
+        began_ns = self._index.began_ns
+        times_s = [(key.log_time_ns - began_ns) / 1e9 for key in self._index.keys]
+        self._part = part.of(times_s, str(paths[0]))
+        self.shots = [_shot(self._index.keys[i], times_s[i], paths[0]) for i in self._part]
+
+    @property
+    def name(self) -> str:
+        return self._name
+
+    @property
+    def cut(self) -> str:
+        """Why it ends early; empty where it is whole."""
+        return self._index.cut
+
+    def describe(self) -> RobotDescription:
+        assert self._index.description is not None
+        robot = description_from_proto(self._index.description)
+        had_body = robot.can_move or robot.recorded
+        return replace(
+            robot, can_move=False, can_pick=False, can_place=False, simulated=False,
+            recorded=had_body,
+        )  # fmt: skip
+
+    def read(self, index: int) -> Picture:
+        key = self._index.keys[self._part[index]]
+        assert key.color is not None
+        assert key.depth is not None
+        color = self._index.message(key.color, CompressedImage)
+        depth = self._index.message(key.depth, RawImage)
+        try:
+            message = join_frame(key.head, color, depth)
+            frame = frame_from_proto(message)
+        except HeliosError as error:
+            raise InvalidInput(
+                f"keyframe {key.head.id.seq} of {self._name}: {error.message}"
+            ) from (error)
+        return Picture(frame.color, frame.depth_m, frame.camera, frame.T_world_base, message)
+
+    def contexts_before(self, index: int) -> Sequence[pb.SearchContext]:
+        here = self._part[index]
+        before = self._part[index - 1] if index else -1
+        return [s.context for s in self._index.contexts if before < s.before <= here]
+
+    def state_after(self, index: int) -> pb.RobotState:
+        """The last one before the next keyframe, in that keyframe's world. `index` -1: before the
+        first."""
+        known = self._index.states
+        here = self._part[0] if index < 0 else self._part[index] + 1
+        out = pb.RobotState()
+        then = next((known[i] for i in range(here, -1, -1) if i in known), None)
+        if then is not None:
+            out.CopyFrom(then)
+        id = self._index.keys[self._part[max(index, 0)]].head.id
+        out.robot_boot_id, out.world_epoch = id.robot_boot_id, id.world_epoch
+        return out
+
+
+def _shot(key: Key, time_s: float, path: Path) -> Shot:
+    try:
+        T_world_cam = pose_from_proto(key.head.T_world_cam, "T_world_cam")
+    except HeliosError as error:
+        raise InvalidInput(f"keyframe {key.head.id.seq} of {path}: {error.message}") from error
+    stamp = key.head.stamp
+    return Shot(time_s, stamp.seconds * 1_000_000_000 + stamp.nanos, T_world_cam)

@@ -1,0 +1,112 @@
+"""Messages of `sensor_msgs` as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from helios_core.codec.images import MAX_PIXELS, decode_image
+from helios_core.errors import InvalidInput
+from helios_core.geometry import Pinhole
+from numpy.typing import NDArray
+
+COMPRESSED_DEPTH_HEADER = 12  # bytes before the PNG in the format "compressedDepth"
+_TO_RGB = {
+    "rgb8": (3, None), "bgr8": (3, cv2.COLOR_BGR2RGB), "rgba8": (4, cv2.COLOR_RGBA2RGB),
+    "bgra8": (4, cv2.COLOR_BGRA2RGB), "mono8": (1, cv2.COLOR_GRAY2RGB),
+}  # fmt: skip
+_DEPTH = {"16UC1": ("u2", 0.001), "mono16": ("u2", 0.001), "32FC1": ("f4", 1.0)}
+
+
+def stamp_ns(header: Any) -> int:
+    """Of a `std_msgs/Header`."""
+    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+
+
+def color_of(message: Any, is_compressed: bool, what: str) -> NDArray[np.uint8]:
+    """RGB [h, w, 3]."""
+    if is_compressed:
+        image = CompressedImage(data=bytes(message.data), format=str(message.format))
+        bgr = decode_image(image, cv2.IMREAD_COLOR, what)
+        return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
+    if message.encoding not in _TO_RGB:
+        raise InvalidInput(f"{what} has encoding {message.encoding!r}; wanted {', '.join(_TO_RGB)}")
+    channels, conversion = _TO_RGB[message.encoding]
+    pixels = _pixels(message, np.dtype("u1"), channels, what)
+    rgb = pixels if conversion is None else cv2.cvtColor(pixels, conversion)
+    return rgb.astype(np.uint8, copy=False)
+
+
+def depth_of(message: Any, is_compressed: bool, what: str) -> NDArray[np.float32]:
+    """Metres [h, w]; 0 is invalid."""
+    if is_compressed:
+        data = bytes(message.data)
+        at = COMPRESSED_DEPTH_HEADER if "compressedDepth" in message.format else 0
+        pixels = decode_image(
+            CompressedImage(data=data[at:], format="png"), cv2.IMREAD_UNCHANGED, what
+        )
+        if pixels.dtype != np.uint16 or pixels.ndim != 2:
+            raise InvalidInput(f"{what} decodes to {pixels.dtype}; wanted a PNG of 16 bit")
+        return pixels.astype(np.float32) * np.float32(0.001)
+    if message.encoding not in _DEPTH:
+        raise InvalidInput(f"{what} has encoding {message.encoding!r}; wanted {', '.join(_DEPTH)}")
+    kind, metres = _DEPTH[message.encoding]
+    order = ">" if message.is_bigendian else "<"
+    pixels = _pixels(message, np.dtype(order + kind), 1, what).astype(np.float32)
+    return np.where(np.isfinite(pixels) & (pixels > 0), pixels * np.float32(metres), np.float32(0))
+
+
+def _pixels(message: Any, dtype: np.dtype, channels: int, what: str) -> NDArray:
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    row = width * channels * dtype.itemsize
+    data = np.asarray(message.data).view(np.uint8)
+    if not 0 < width * height <= MAX_PIXELS or step < row or data.size != step * height:
+        raise InvalidInput(
+            f"{what} is {width}x{height} with step {step} and {data.size} bytes; wanted "
+            f"{row} bytes a row at least"
+        )
+    cut = np.ascontiguousarray(data.reshape(height, step)[:, :row]).view(dtype)
+    return cut.reshape((height, width, channels) if channels > 1 else (height, width))
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Of a `sensor_msgs/CameraInfo`: what the images are made straight with."""
+
+    camera: Pinhole
+    distortion: NDArray[np.float64]  # OpenCV's coefficients; empty: none
+
+    @classmethod
+    def of(cls, info: Any, what: str) -> Lens:
+        """Raises InvalidInput when it is no calibration of a pinhole."""
+        K = [float(v) for v in (info.k if hasattr(info, "k") else info.K)]
+        d = np.array(info.d if hasattr(info, "d") else info.D, float)
+        width, height = int(info.width), int(info.height)
+        if not (np.isfinite(K).all() and K[0] > 0 and K[4] > 0 and width > 0 and height > 0):
+            raise InvalidInput(f"{what} is no calibration: K is {K}, the size {width}x{height}")
+        distorted = bool(np.abs(d).max(initial=0) > 1e-9)
+        known = ("plumb_bob", "rational_polynomial", "")
+        if distorted and info.distortion_model not in known:
+            raise InvalidInput(
+                f"{what} has the distortion model {info.distortion_model!r}; record rectified "
+                "images"
+            )
+        camera = Pinhole(K[0], K[4], K[2], K[5], width, height)
+        return cls(camera, d if distorted else np.empty(0))
+
+    def straight(
+        self, color: NDArray[np.uint8], depth_m: NDArray[np.float32]
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """Both images as a pinhole would have taken them; the nearest depth, never a mean."""
+        if not self.distortion.size:
+            return color, depth_m
+        size = (self.camera.width, self.camera.height)
+        K = self.camera.matrix
+        x, y = cv2.initUndistortRectifyMap(K, self.distortion, np.eye(3), K, size, cv2.CV_32FC1)
+        return (
+            cv2.remap(color, x, y, cv2.INTER_LINEAR).astype(np.uint8, copy=False),
+            cv2.remap(depth_m, x, y, cv2.INTER_NEAREST).astype(np.float32, copy=False),
+        )

@@ -1,0 +1,1 @@
+"""Writes all that goes over the bus into MCAP files."""

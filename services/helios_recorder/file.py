@@ -1,0 +1,119 @@
+"""One MCAP file that is being written: chunks, indexes, schemas, and a disk that may be full."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from functools import cache
+from pathlib import Path
+
+from google.protobuf.message import Message
+from helios_core.recording import PROFILE
+from mcap.writer import CompressionType, Writer
+from mcap_protobuf.schema import build_file_descriptor_set
+
+from helios_recorder.entries import Entry
+from helios_recorder.settings import MB, Settings
+
+COMPRESSION = {
+    "zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE,
+}  # fmt: skip
+
+
+class DiskFull(Exception):
+    """There is no room for more; says so in one sentence."""
+
+
+class RecordingFile:
+    """Made with its folder. All calls but the constructor may raise OSError, and from then on only
+    `abandon` makes sense."""
+
+    def __init__(self, path: Path, settings: Settings) -> None:
+        """Raises OSError, and DiskFull where too little is free."""
+        self.path, self._settings = path, settings
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _check_room(path.parent, settings)
+        self._stream = path.open("xb")
+        self._writer = Writer(
+            self._stream,
+            chunk_size=int(settings.chunk_mb * MB),
+            compression=COMPRESSION[settings.compression],
+        )
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._began_s = self._flushed_s = self._synced_s = time.monotonic()
+        self._sequence = 0
+        self._writer.start(profile=PROFILE)
+        self._stream.flush()
+
+    def write(self, entry: Entry, log_time_ns: int, publish_time_ns: int) -> None:
+        """Add to the present chunk."""
+        channel = self._channels.get(entry.channel)
+        if channel is None:
+            channel = self._register(entry)
+        self._sequence = (self._sequence + 1) % 2**32
+        self._writer.add_message(
+            channel, log_time_ns, entry.message.SerializeToString(), publish_time_ns,
+            self._sequence,
+        )  # fmt: skip
+
+    def tend(self) -> None:
+        """Write out the chunk when it is time. Raises DiskFull where little is left."""
+        now_s = time.monotonic()
+        if now_s - self._flushed_s < self._settings.flush_s:
+            return
+        self._flushed_s = now_s
+        self._writer.flush()
+        if now_s - self._synced_s >= self._settings.sync_s:
+            self._synced_s = now_s
+            os.fdatasync(self._stream.fileno())
+        _check_room(self.path.parent, self._settings)
+
+    @property
+    def bytes(self) -> int:
+        """Written so far."""
+        return self._stream.tell()
+
+    @property
+    def is_over(self) -> bool:
+        """Large or old enough to be followed by the next."""
+        age_min = (time.monotonic() - self._began_s) / 60
+        return self.bytes >= self._settings.rotate_mb * MB or age_min >= self._settings.rotate_min
+
+    def finish(self) -> None:
+        """Write the indexes and close."""
+        self._writer.finish()
+        self._stream.flush()
+        os.fsync(self._stream.fileno())
+        self._stream.close()
+
+    def abandon(self) -> None:
+        """Close without another word; whole chunks stay readable."""
+        try:
+            self._stream.close()
+        except OSError:  # what was not written yet cannot be
+            self._stream.raw.close()
+
+    def _register(self, entry: Entry) -> int:
+        kind = type(entry.message)
+        name = kind.DESCRIPTOR.full_name
+        if name not in self._schemas:
+            self._schemas[name] = self._writer.register_schema(name, "protobuf", _schema(kind))
+        channel = self._writer.register_channel(entry.channel, "protobuf", self._schemas[name])
+        self._channels[entry.channel] = channel
+        return channel
+
+
+@cache
+def _schema(kind: type[Message]) -> bytes:
+    """Its FileDescriptorSet, all that it imports included."""
+    return build_file_descriptor_set(kind).SerializeToString()
+
+
+def _check_room(folder: Path, settings: Settings) -> None:
+    free = shutil.disk_usage(folder).free
+    if free < settings.min_free_mb * MB:
+        raise DiskFull(
+            f"{folder} has {free / MB:.0f} MB left and {settings.min_free_mb:g} MB are kept free"
+        )

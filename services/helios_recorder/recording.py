@@ -1,0 +1,153 @@
+"""The thread that writes: from the inbox into one file after the other.
+
+Whatever goes wrong with the disk stops the recording, is said, and is tried again; messages that
+come meanwhile are dropped and counted.
+"""
+
+from __future__ import annotations
+
+import errno
+import logging
+import threading
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+
+from google.protobuf.message import Message
+from helios_core.errors import HeliosError
+from helios_core.health import Health
+from helios_core.recording import SUFFIX
+
+from helios_recorder.entries import Entries, Entry
+from helios_recorder.file import DiskFull, RecordingFile
+from helios_recorder.inbox import Inbox, Item
+from helios_recorder.settings import MB, Settings
+
+log = logging.getLogger(__name__)
+
+IDLE_S = 0.2
+CLOSE_WITHIN_S = 1.5
+
+
+class Recording:
+    """See the module. `retained` channels are repeated at the start of every file."""
+
+    def __init__(self, settings: Settings, health: Health, retained: frozenset[str]) -> None:
+        self._settings, self._health, self._retained = settings, health, retained
+        self.inbox = Inbox(settings.queue_mb * MB)
+        self._entries = Entries(settings.jpeg_quality)
+        self._last: dict[str, tuple[Message, int]] = {}  # of the retained channels
+        self._file: RecordingFile | None = None
+        self._trouble = ""
+        self._again_s = 0.0  # when the disk is tried again
+        self._files = 0
+        self._dropped = self._told_dropped = 0
+        self._stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
+        self._thread = threading.Thread(target=self._run, name="write", daemon=True)
+        self._thread.start()
+
+    def put(self, channel: str, message: Message, droppable: bool, counter: str) -> None:
+        """Take a message in, or count it as dropped. Never waits."""
+        if not self.inbox.put(channel, message, droppable):
+            self._health.count(counter)
+            self._dropped += 1
+
+    @property
+    def path(self) -> Path | None:
+        """Of the file that is being written."""
+        return self._file.path if self._file else None
+
+    def close(self) -> None:
+        """Write what waits, within a second and a half, and end the file."""
+        self.inbox.close()
+        self._thread.join(CLOSE_WITHIN_S)
+
+    def _run(self) -> None:
+        while not self.inbox.closed:
+            item = self.inbox.take(IDLE_S)
+            try:
+                self._step(item)
+            except (OSError, DiskFull) as error:
+                self._stop(error)
+            except Exception:  # a message of ours that cannot be written must not end the others
+                log.exception("%s could not be recorded", item.channel if item else "nothing")
+                self._health.count("unrecordable_messages")
+        if self._file is not None:
+            try:
+                self._file.finish()
+            except OSError as error:
+                self._stop(error)
+
+    def _step(self, item: Item | None) -> None:
+        if item is not None and item.channel in self._retained:
+            self._last[item.channel] = (item.message, item.log_time_ns)
+        file = self._current(item)
+        if file is None:
+            if item is not None:
+                self._health.count("dropped_while_stopped")
+            return
+        if item is not None:
+            self._write(file, item)
+        file.tend()
+        self._health.set("file_mb", round(file.bytes / MB, 3))
+        self._health.set("queue_mb", round(self.inbox.bytes / MB, 3))
+        self._health.set("writer_cpu_s", round(time.thread_time(), 3))
+        if self._dropped != self._told_dropped:
+            self._tell(file)
+
+    def _current(self, item: Item | None) -> RecordingFile | None:
+        """The file to write to; None while the disk takes nothing."""
+        if self._file is not None and self._file.is_over:
+            self._file.finish()
+            self._file = None
+        if self._file is None and time.monotonic() >= self._again_s:
+            self._file = RecordingFile(self._next_path(), self._settings)
+            self._trouble = ""
+            self._health.set("files", self._files)
+            self._tell(self._file)
+            self._repeat(self._file, item)
+        return self._file
+
+    def _next_path(self) -> Path:
+        while True:
+            path = self._settings.out / f"{self._stamp}-{self._files:03d}{SUFFIX}"
+            self._files += 1
+            if not path.exists():
+                return path
+
+    def _tell(self, file: RecordingFile) -> None:
+        self._told_dropped = self._dropped
+        lost = f"; {self._told_dropped} messages were dropped" if self._told_dropped else ""
+        self._health.ready(f"recording to {file.path}{lost}")
+
+    def _repeat(self, file: RecordingFile, item: Item | None) -> None:
+        """What is still true, so that each file stands alone."""
+        for channel, (message, log_time_ns) in self._last.items():
+            if item is None or channel != item.channel:
+                now_ns = log_time_ns if item is None else item.log_time_ns
+                file.write(Entry(channel, message), now_ns, log_time_ns)
+
+    def _write(self, file: RecordingFile, item: Item) -> None:
+        try:
+            entries = list(self._entries.of(item.channel, item.message, item.log_time_ns))
+        except HeliosError as error:
+            self._health.count("unrecordable_messages")
+            log.warning("%s: %s", item.channel, error.message)
+            return
+        for entry in entries:
+            file.write(entry, item.log_time_ns, item.log_time_ns)
+        self._health.count("messages")
+
+    def _stop(self, error: OSError | DiskFull) -> None:
+        """Say why, and let go of the file."""
+        self._again_s = time.monotonic() + self._settings.retry_s
+        if self._file is not None:
+            self._file.abandon()
+            self._file = None
+        full = isinstance(error, DiskFull) or error.errno in (errno.ENOSPC, errno.EDQUOT)
+        why = "the disk is full" if full else "the disk cannot be written"
+        said = f"the recording stopped: {why} ({error}); make room in {self._settings.out}"
+        if said != self._trouble:
+            log.error("%s", said)
+        self._trouble = said
+        self._health.degraded(said)

@@ -1,0 +1,97 @@
+"""The recorder's shell: hears every topic, keeps nobody waiting, counts what it could not keep.
+
+Streams are read through a queue too, not through a ring of one: the handlers only put messages
+into the inbox. Frames that did not even reach it are known by the gaps in their numbers.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+from typing import cast
+
+from google.protobuf.message import Message
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.health import Health
+from helios_core.recording import channel_of
+from helios_core.topics import (
+    ANY_STATUS,
+    FRAME,
+    KEYFRAME,
+    PREVIEW,
+    TOPICS,
+    QoS,
+    Topic,
+    status_topic,
+)
+
+from helios_recorder.recording import Recording
+from helios_recorder.settings import Settings
+
+DROPPABLE = frozenset({FRAME.name, PREVIEW.name})
+LARGEST_GAP = 1000  # numbers that leap further were not lost: the bridge started again
+
+
+class RecorderService:
+    """See the module."""
+
+    def __init__(self, bus: Bus, settings: Settings, health: Health) -> None:
+        self._health = health
+        self._gaps = Gaps()
+        health.waiting("opening the recording")
+        for counter in ("dropped_frames", "dropped_messages", "missed_frames"):
+            health.set(counter, 0)
+        retained = frozenset(channel_of(t) for t in TOPICS if t.qos is QoS.RETAINED)
+        self.recording = Recording(settings, health, retained)
+        for topic in TOPICS:
+            self._subscribe(bus, topic)
+        bus.subscribe(ANY_STATUS, self._on_status)
+
+    def close(self) -> None:
+        """Ends the file."""
+        self.recording.close()
+
+    def _subscribe(self, bus: Bus, topic: Topic) -> None:
+        channel, droppable = channel_of(topic), topic.name in DROPPABLE
+        heard = replace(topic, qos=QoS.NEVER_DROP) if topic.qos is QoS.LATEST_WINS else topic
+        is_frame = topic in (FRAME, KEYFRAME)
+
+        def keep(message: Message) -> None:
+            if is_frame:
+                frame = cast(pb.Frame, message)
+                self._health.set("missed_frames", self._gaps.add(frame.id))
+            self._put(channel, message, droppable)
+
+        bus.subscribe(heard, keep)
+
+    def _on_status(self, status: pb.ServiceStatus) -> None:
+        self._put(channel_of(status_topic(status.service)), status, False)
+
+    def _put(self, channel: str, message: Message, droppable: bool) -> None:
+        is_frame = channel in (channel_of(FRAME), channel_of(KEYFRAME))
+        counter = "dropped_frames" if is_frame else "dropped_messages"
+        self.recording.put(channel, message, droppable, counter)
+
+
+class Gaps:
+    """Counts frames that never came. Thread-safe: streams and keyframes come by two threads."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._epoch: tuple[str, int] | None = None
+        self._first = self._last = self._came = self._before = 0
+
+    def add(self, id: pb.FrameId) -> int:
+        """How many are missing so far, this one counted as come."""
+        epoch = (id.robot_boot_id, id.world_epoch)
+        with self._lock:
+            if epoch != self._epoch or abs(id.seq - self._last) > LARGEST_GAP:
+                self._before += self._missing()
+                self._epoch, self._first, self._last, self._came = epoch, id.seq, id.seq, 0
+            self._first, self._last = min(self._first, id.seq), max(self._last, id.seq)
+            self._came += 1
+            return self._before + self._missing()
+
+    def _missing(self) -> int:
+        return max(0, self._last - self._first + 1 - self._came) if self._epoch else 0
