@@ -10,10 +10,20 @@ from helios_core.errors import HeliosError, Unavailable
 from helios_core.health import Health
 from helios_core.service import run_service
 
-from helios_detector.backend import DetectorOptions, open_detector, open_scorer
+from helios_detector.backend import DetectorOptions, ScorerBackend, open_detector, open_scorer
+from helios_detector.scorer import furniture_names
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings
 from helios_detector.truth import BusTruth
+
+
+def landmarks_of(setting: str, scorer: ScorerBackend) -> tuple[str, ...]:
+    """The names that a setting asks for: auto, none, or names by comma."""
+    if setting == "auto":
+        return furniture_names() if scorer.reads_names else ()
+    if setting == "none":
+        return ()
+    return tuple(name.strip() for name in setting.split(",") if name.strip())
 
 
 class Hosted:

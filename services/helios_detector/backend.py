@@ -195,6 +195,10 @@ def open_scorer(spec: str, options: DetectorOptions | None = None) -> ScorerBack
         from helios_detector.scorer import LexicalScorer
 
         return LexicalScorer()
+    if spec == "minilm":
+        from helios_detector.minilm import MiniLmScorer
+
+        return MiniLmScorer(options.threads)
     if kind == "transformers" and argument:
         from helios_detector.hf.runtime import Placement
         from helios_detector.hf.scorer import HfScorer
@@ -204,6 +208,6 @@ def open_scorer(spec: str, options: DetectorOptions | None = None) -> ScorerBack
     for entry in entry_points(group=SCORER_ENTRY_POINTS, name=kind):
         return entry.load()(argument, options)
     raise InvalidInput(
-        f"there is no scorer {spec!r} in this build; set lexical or transformers:ID; a package can "
-        f"add one by an entry point of the group {SCORER_ENTRY_POINTS}"
+        f"there is no scorer {spec!r} in this build; set lexical, minilm or transformers:ID; a "
+        f"package can add one by an entry point of the group {SCORER_ENTRY_POINTS}"
     )

@@ -85,6 +85,12 @@ def load_affinity() -> Affinity:
 
 
 @cache
+def furniture_names() -> tuple[str, ...]:
+    """Furniture on which things are usual: what tells where one is."""
+    return tuple(sorted({place for row in load_affinity().hosts.values() for place in row}))
+
+
+@cache
 def household_names() -> frozenset[str]:
     """Every name of a thing, a piece of furniture or a room in our tables."""
     affinity = load_affinity()
@@ -102,10 +108,22 @@ def names_in(prompt: str) -> tuple[str, ...]:
     return tuple(out)
 
 
+def combined(relations: Sequence[float], weights: Sequence[float]) -> float:
+    """One score, 0.05 to 1, of how each seen thing relates to what is sought.
+
+    `weights` are the detector's scores.
+    """
+    weighted = [r * w for r, w in zip(relations, weights, strict=True)]
+    mean = sum(weighted) / sum(weights)
+    strength = STRONGEST_SHARE * max(weighted) + (1 - STRONGEST_SHARE) * mean
+    return FLOOR + (1 - FLOOR) * min(1.0, strength)
+
+
 class LexicalScorer(ScorerBackend):
     """Scores names against names. Says so in its name."""
 
     name = "lexical"
+    reads_names = True
 
     def __init__(self) -> None:
         self._affinity = load_affinity()
@@ -120,12 +138,9 @@ class LexicalScorer(ScorerBackend):
         if not seen or not sought:
             return PRIOR
         relations = [
-            s.score * max(self._affinity.relation(s.class_name, name) for name in sought)
-            for s in seen
+            max(self._affinity.relation(s.class_name, name) for name in sought) for s in seen
         ]
-        mean = sum(relations) / sum(s.score for s in seen)
-        strength = STRONGEST_SHARE * max(relations) + (1 - STRONGEST_SHARE) * mean
-        return FLOOR + (1 - FLOOR) * min(1.0, strength)
+        return combined(relations, [s.score for s in seen])
 
     def warm_up(self) -> None:
         names_in("")

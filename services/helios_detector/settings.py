@@ -29,8 +29,13 @@ class Settings(ServiceSettings):
     )
     scorer: str = Field(
         default="lexical",
-        description="how images are scored against prompts: lexical, or transformers:ID of a "
-        "BLIP-2, CLIP or SigLIP",
+        description="how images are scored against prompts: lexical, minilm, or transformers:ID "
+        "of a BLIP-2, CLIP or SigLIP",
+    )
+    landmarks: str = Field(
+        default="auto",
+        description="what transformers detectors look for besides, to tell the place to a scorer "
+        "of names: auto (furniture, if the scorer reads names), none, or names by comma",
     )
     score_head: str = Field(
         default="itc", description="of BLIP-2: itc (contrastive, the paper's) or itm (matching)"
