@@ -1,0 +1,51 @@
+"""Where the hand goes, worked out beforehand: to look, and to put a thing down."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from helios_core.geometry import Matrix
+
+PLACE_PITCHES_RAD = tuple(math.radians(d) for d in (70, 55, 40, 25))  # down; steepest first
+FINGERTIPS_M = 0.12  # ahead of the hand's frame
+HELD_BELOW_M = 0.05  # what a held thing hangs below the fingertips, as far as one can know
+TILT_RANGE_RAD = (-0.4, 1.4)
+WRIST_BEHIND_HAND_M = 0.196
+ARM_M = 0.72  # shoulder to wrist, a little short of straight
+
+
+def pitched(yaw_rad: float, down_rad: float) -> Matrix:
+    """Rotation [3, 3] of a hand (x forward, z up) that heads `yaw_rad` and points down."""
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    heading = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    c, s = math.cos(down_rad), math.sin(down_rad)
+    return heading @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def looking_pose(forward_m: float, above_body_m: float, tilt_rad: float) -> Matrix:
+    """T_flat_hand [4, 4]: ahead of and above the body's middle, tilted down."""
+    out = np.eye(4)
+    out[:3, :3] = pitched(0.0, tilt_rad)
+    out[:3, 3] = [forward_m, 0.0, above_body_m]
+    return out
+
+
+def placing_poses(point_m: Matrix, shoulder_m: Matrix, clearance_m: float) -> tuple[Matrix, Matrix]:
+    """(above, release): poses [4, 4] of the hand that let what it holds end on a point.
+
+    All in one frame with z up. The hand comes from the shoulder's side, as steeply as the arm is
+    long for; where it is too short for any, as flat as it can.
+    """
+    yaw_rad = math.atan2(point_m[1] - shoulder_m[1], point_m[0] - shoulder_m[0])
+    tips = np.add(point_m, (0.0, 0.0, HELD_BELOW_M))
+    above, release = np.eye(4), np.eye(4)
+    for down_rad in PLACE_PITCHES_RAD:
+        release[:3, :3] = pitched(yaw_rad, down_rad)
+        release[:3, 3] = tips - FINGERTIPS_M * release[:3, 0]
+        above = release.copy()
+        above[2, 3] += clearance_m
+        wrists = [T[:3, 3] - WRIST_BEHIND_HAND_M * T[:3, 0] for T in (above, release)]
+        if all(np.linalg.norm(wrist - shoulder_m) <= ARM_M for wrist in wrists):
+            break
+    return above, release

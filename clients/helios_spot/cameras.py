@@ -1,0 +1,139 @@
+"""Spot's cameras as pinhole cameras that stand upright, and depth on the pixels of colour.
+
+The body's cameras are fisheyes (Kannala-Brandt), and the two in front are mounted on their side;
+newer hands have Brown-Conrady lenses. Maps and detectors get a pinhole image whose top is up: the
+optical axis stays, so depth along it stays too.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from helios_core.errors import InvalidInput
+from helios_core.geometry import Matrix, Pinhole
+from numpy.typing import NDArray
+
+SMALL_ROLL_RAD = math.radians(2)
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Intrinsics as the robot tells them; `distortion` as OpenCV counts its coefficients."""
+
+    camera: Pinhole
+    fisheye: bool = False
+    distortion: tuple[float, ...] = ()
+
+    @property
+    def plain(self) -> bool:
+        """Whether it is a pinhole already."""
+        return not any(self.distortion) and not self.fisheye
+
+
+@dataclass(frozen=True)
+class Mount:
+    """An upright pinhole camera in the place of a real one.
+
+    `T_cam_upright` turns the upright camera's axes into the real one's, about the optical axis.
+    """
+
+    lens: Lens
+    camera: Pinhole
+    T_cam_upright: Matrix
+    maps: tuple[NDArray[np.float32], NDArray[np.float32]] | None  # None: nothing to do
+
+
+def lens_of(source: Any) -> Lens:
+    """Of an ImageSource. Raises InvalidInput for a camera without a model."""
+    kind = source.WhichOneof("camera_models")
+    if kind is None:
+        raise InvalidInput(f"the robot tells no intrinsics of {source.name}; choose another camera")
+    k = getattr(source, kind).intrinsics
+    base = k if kind == "pinhole" else k.pinhole_intrinsics
+    camera = Pinhole(
+        base.focal_length.x, base.focal_length.y, base.principal_point.x, base.principal_point.y,
+        source.cols, source.rows,
+    )  # fmt: skip
+    if kind == "pinhole_brown_conrady":
+        return Lens(camera, distortion=(k.k1, k.k2, k.p1, k.p2, k.k3))
+    if kind == "kannala_brandt":
+        return Lens(camera, fisheye=True, distortion=(k.k1, k.k2, k.k3, k.k4))
+    return Lens(camera)
+
+
+def roll_to_upright(T_world_cam: Matrix) -> float:
+    """Angle about the optical axis by which the camera must turn so that its image stands upright.
+
+    0 where it looks straight up or down.
+    """
+    up = T_world_cam[:3, :3].T @ [0.0, 0.0, 1.0]  # world's up in the camera; the image's is -y
+    if math.hypot(up[0], up[1]) < 1e-3:
+        return 0.0
+    return math.atan2(up[0], -up[1])
+
+
+def mounted(lens: Lens, roll_rad: float) -> Mount:
+    """The upright camera of a lens whose image must turn by `roll_rad`."""
+    k = lens.camera
+    if abs(roll_rad) < SMALL_ROLL_RAD:
+        if lens.plain:
+            return Mount(lens, k, np.eye(4), None)
+        roll_rad = 0.0
+    sideways = abs(math.sin(roll_rad)) > math.sin(math.pi / 4)
+    width, height = (k.height, k.width) if sideways else (k.width, k.height)
+    upright = Pinhole(k.fx, k.fx, (width - 1) / 2, (height - 1) / 2, width, height)
+    T = np.eye(4)
+    c, s = math.cos(roll_rad), math.sin(roll_rad)
+    T[:2, :2] = [[c, -s], [s, c]]
+    R = np.ascontiguousarray(T[:3, :3].T)
+    D = np.array(lens.distortion or (0.0,) * 4, np.float64)
+    make = cv2.fisheye.initUndistortRectifyMap if lens.fisheye else cv2.initUndistortRectifyMap
+    maps = make(k.matrix, D, R, upright.matrix, (width, height), cv2.CV_32FC1)
+    return Mount(lens, upright, T, (maps[0].astype(np.float32), maps[1].astype(np.float32)))
+
+
+def straighten(
+    mount: Mount, color: NDArray[np.uint8], depth_m: NDArray[np.float32]
+) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Colour [h, w, 3] and depth [h, w] of the real camera as the upright one sees them."""
+    if mount.maps is None:
+        return color, depth_m
+    rgb = cv2.remap(color, *mount.maps, cv2.INTER_LINEAR)
+    depth = cv2.remap(depth_m, *mount.maps, cv2.INTER_NEAREST, borderValue=0.0)
+    return rgb.astype(np.uint8, copy=False), depth.astype(np.float32, copy=False)
+
+
+def registered(
+    depth_m: NDArray[np.float32], depth_camera: Pinhole, T_color_depth: Matrix, color: Pinhole
+) -> NDArray[np.float32]:
+    """Depth [h, w] of one pinhole camera as another at `T_color_depth` sees it; nearest wins.
+
+    A pixel of a coarse depth image covers as many of the finer colour image; 0 where none falls.
+    """
+    v, u = np.nonzero(depth_m > 0)
+    z = depth_m[v, u].astype(np.float64)
+    points = np.stack(
+        [
+            (u - depth_camera.cx) / depth_camera.fx * z,
+            (v - depth_camera.cy) / depth_camera.fy * z,
+            z,
+        ]
+    )
+    x, y, z = T_color_depth[:3, :3] @ points + T_color_depth[:3, 3:]
+    front = z > 1e-3
+    x, y, z = x[front], y[front], z[front]
+    column = np.rint(x / z * color.fx + color.cx).astype(np.int64)
+    row = np.rint(y / z * color.fy + color.cy).astype(np.int64)
+    out = np.full((color.height, color.width), np.inf, np.float32)
+    width = max(1, math.ceil(color.fx / depth_camera.fx))
+    for dr in range(-(width // 2), (width + 1) // 2):
+        for dc in range(-(width // 2), (width + 1) // 2):
+            r, c = row + dr, column + dc
+            inside = (r >= 0) & (r < color.height) & (c >= 0) & (c < color.width)
+            np.minimum.at(out, (r[inside], c[inside]), z[inside].astype(np.float32))
+    out[np.isinf(out)] = 0.0
+    return out

@@ -1,0 +1,75 @@
+"""Depth from a colour image, where the hand's sensor has none: shiny, dark, or too near.
+
+An estimator is any callable `(color [h, w, 3] RGB, camera: Pinhole) -> depth_m [h, w]`, metric and
+along the optical axis; it comes from outside by `package:callable`.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from helios_core.errors import InvalidInput, Unavailable
+from helios_core.geometry import Pinhole
+from numpy.typing import NDArray
+
+DepthEstimator = Callable[[NDArray[np.uint8], Pinhole], NDArray[np.float32]]
+
+LEAST_OVERLAP = 500  # pixels that both know, to bring the estimate to the sensor's scale
+SCALES = (0.5, 2.0)  # beyond these the two do not see the same thing
+
+
+def load_estimator(name: str) -> DepthEstimator:
+    """Raises InvalidInput when there is none of that name."""
+    module, _, attribute = name.partition(":")
+    if not attribute:
+        raise InvalidInput(
+            "estimated depth needs an estimator; set HELIOS_SPOT_DEPTH_ESTIMATOR to "
+            "package:callable, (colour, Pinhole) -> metres, or HELIOS_SPOT_DEPTH to sensor"
+            + (f" (it is {name!r})" if name else "")
+        )
+    try:
+        found: Any = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        raise InvalidInput(
+            f"depth estimator {name!r} cannot be loaded ({error}); install what it needs"
+        ) from error
+    if not callable(found):
+        raise InvalidInput(f"depth estimator {name!r} is no callable")
+    estimator: Any = found
+    return estimator
+
+
+def estimated(
+    estimator: DepthEstimator, color: NDArray[np.uint8], camera: Pinhole
+) -> NDArray[np.float32]:
+    """What the estimator says, checked. Raises Unavailable when it failed or gave no such image."""
+    try:
+        depth_m = np.asarray(estimator(color, camera), np.float32)
+    except Exception as error:  # anybody's code
+        raise Unavailable(
+            f"the depth estimator failed ({type(error).__name__}: {error}); set HELIOS_SPOT_DEPTH "
+            "to sensor to go on without"
+        ) from error
+    if depth_m.shape != color.shape[:2]:
+        raise Unavailable(
+            f"the depth estimator gave {depth_m.shape} for an image of {color.shape[:2]}; "
+            "wanted one depth a pixel"
+        )
+    return np.where(np.isfinite(depth_m) & (depth_m > 0), depth_m, np.float32(0))
+
+
+def filled(sensor_m: NDArray[np.float32], estimate_m: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The sensor's depth [h, w]; where it is 0 the estimate, brought to the sensor's scale.
+
+    Where the two disagree beyond `SCALES`, the estimate is not used at all.
+    """
+    both = (sensor_m > 0) & (estimate_m > 0)
+    scale = 1.0
+    if np.count_nonzero(both) >= LEAST_OVERLAP:
+        scale = float(np.median(sensor_m[both] / estimate_m[both]))
+        if not SCALES[0] <= scale <= SCALES[1]:
+            return sensor_m
+    return np.where(sensor_m > 0, sensor_m, estimate_m * np.float32(scale)).astype(np.float32)

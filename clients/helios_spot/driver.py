@@ -1,0 +1,245 @@
+"""Spot as a RobotDriver: connects when it is described, and gets up at the first action.
+
+An action that fails is a result. Trouble that a person has to mend (lease, e-stop, motors, link)
+is raised as a typed error. Either way the robot stands still before `act` returns, or its command
+ends by itself within `command_s`.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import OrderedDict
+from dataclasses import replace
+
+from helios_core.bus import Bus
+from helios_core.errors import HeliosError
+from helios_core.robot import (
+    Action,
+    ActionResult,
+    Capture,
+    Forward,
+    Pick,
+    Place,
+    RobotDriver,
+    Tilt,
+    Turn,
+)
+from helios_core.types import RobotDescription, RobotState
+
+from helios_spot.arm import TILT_RANGE_RAD, looking_pose
+from helios_spot.control import Control
+from helios_spot.frames import NOMINAL_BODY_HEIGHT_M, tilt_of
+from helios_spot.halt import Halt, Halted
+from helios_spot.hand import Hand
+from helios_spot.images import Eyes
+from helios_spot.link import Link
+from helios_spot.motion import CannotDo, Motion
+from helios_spot.settings import SpotSettings
+from helios_spot.waypoints import Waypoint, between, goal_of
+
+log = logging.getLogger(__name__)
+
+REMEMBERED = 256
+PLANNER = "planner"
+
+
+class SpotDriver(RobotDriver):
+    """See the module. `bus`: where it sees the planner come and go."""
+
+    def __init__(
+        self, bus: Bus | None = None, address: str = "", settings: SpotSettings | None = None
+    ) -> None:
+        """address: of the robot; goes before the settings'. Raises InvalidInput: wrong settings."""
+        self._s = settings or SpotSettings.read(address)
+        self._halt = Halt()
+        self._link = Link(self._s)
+        self._eyes = Eyes(self._link)
+        self._motion = Motion(self._link, self._halt)
+        self._control = Control(self._link, self._motion, self._halt)
+        self._hand = Hand(self._link, self._eyes, self._motion, self._halt)
+        self._connecting = threading.Lock()
+        self._results: OrderedDict[str, ActionResult] = OrderedDict()
+        self._steps = 0
+        self._tilt_rad = self._s.tilt_rad
+        self._held_as = ""
+        self._trouble = ""
+        self._planner_here = False
+        self._watch = bus.watch(self._on_liveliness) if bus else None
+
+    # --- what it is ---------------------------------------------------------------------------
+    def describe(self) -> RobotDescription:
+        """Connects if need be. Raises Unavailable while the robot is away, InvalidInput for what
+        only a change of settings mends."""
+        with self._connecting:
+            if not self._link.connected:
+                self._link.connect()
+                try:
+                    self._eyes.open()
+                except BaseException:
+                    self._link.close()
+                    raise
+        by_hand = self._s.camera == "hand"
+        fixed_rad = tilt_of(self._eyes.T_body_cam)
+        return RobotDescription(
+            name="Spot",
+            footprint_radius_m=self._s.footprint_radius_m,
+            height_m=self._s.hand_height_m + 0.1 if by_hand else 0.8,
+            camera=self._eyes.mount.camera,
+            camera_height_m=self._s.hand_height_m
+            if by_hand
+            else NOMINAL_BODY_HEIGHT_M + float(self._eyes.T_body_cam[2, 3]),
+            camera_forward_m=self._s.hand_forward_m
+            if by_hand
+            else float(self._eyes.T_body_cam[0, 3]),
+            reach_m=self._s.reach_m,
+            max_depth_m=self._s.max_depth_m,
+            tilt_range_rad=TILT_RANGE_RAD if by_hand else (fixed_rad, fixed_rad),
+        )
+
+    def state(self) -> RobotState:
+        reading = self._link.read()
+        if not reading.holding:
+            self._held_as = ""
+        stopped = self._halt.stopped
+        return RobotState(
+            T_world_base=reading.T_world_base,
+            tilt_rad=self._tilt_rad if self._s.camera == "hand" else tilt_of(self._eyes.T_body_cam),
+            held=(self._held_as or "thing") if reading.holding else "",
+            stopped=bool(stopped),
+            robot_boot_id=self._link.boot_id,
+            message=stopped or self._trouble,
+        )
+
+    def capture(self) -> Capture:
+        return self._eyes.capture(self._link.read())
+
+    # --- what it does -------------------------------------------------------------------------
+    def act(self, action: Action, action_id: str) -> ActionResult:
+        known = self._results.get(action_id)
+        if known is not None:
+            return known
+        self._halt.begin()
+        start: Waypoint | None = None
+        try:
+            start = self._ready()
+            result = self._do(action, start)
+            self._trouble = ""
+        except CannotDo as why:
+            result = ActionResult(False, str(why))
+        except Halted as halted:
+            result = ActionResult(False, halted.reason)
+            self._motion.stop_if_heard()
+            if halted.error is not None:
+                self._fail(action_id, start, halted.error)
+                raise halted.error from None
+        except HeliosError as error:
+            self._fail(action_id, start, error)
+            raise
+        finally:
+            self._halt.end()
+        return self._remember(action_id, start, result)
+
+    def stop(self, reason: str) -> None:
+        self._halt.stop(reason)
+        if self._control.held:  # else it obeys somebody else, or lies on the floor
+            self._motion.stop()
+
+    def clear_stop(self) -> None:
+        self._halt.clear()
+        self._trouble = ""
+
+    def close(self) -> None:
+        if self._watch is not None:
+            self._watch.close()
+        self._halt.stop("the driver has ended")
+        if self._control.held:
+            self._motion.stop_if_heard()
+        self._control.release()
+        self._link.close()
+
+    # --- one action ---------------------------------------------------------------------------
+    def _ready(self) -> Waypoint:
+        """Stand, with the hand raised to look; where the robot stands then."""
+        reading = self._link.read()
+        if self._control.take(reading) and self._s.camera == "hand":
+            self._raise_hand()
+        return Waypoint.of(self._link.read().T_world_base)
+
+    def _do(self, action: Action, start: Waypoint) -> ActionResult:
+        match action:
+            case Forward() | Turn():
+                self._motion.walk(start, goal_of(action, start))
+            case Tilt(angle_rad) if self._s.camera == "hand":
+                low, high = TILT_RANGE_RAD
+                self._tilt_rad = min(max(angle_rad, low), high)
+                self._raise_hand()
+            case Pick(point, class_name):
+                self._pick(point, class_name)
+            case Place(point):
+                self._place(point)
+            case _:
+                pass  # Observe; the body's cameras do not tilt
+        return ActionResult(True)
+
+    def _pick(self, point: tuple[float, float, float], class_name: str) -> None:
+        try:
+            self._hand.grasp(point, class_name)
+            self._held_as = class_name
+        finally:
+            self._put_hand_back()
+
+    def _place(self, point: tuple[float, float, float]) -> None:
+        try:
+            self._hand.place(point)
+            self._held_as = ""
+        finally:
+            self._put_hand_back()
+
+    def _put_hand_back(self) -> None:
+        """After a grasp or a place, failed or not; what stopped them is told, not this."""
+        try:
+            if not self._link.read().holding:
+                self._motion.grip(open=False)
+            if self._s.camera == "hand":
+                self._raise_hand()
+            elif not self._link.read().holding:
+                self._motion.stow()
+        except (CannotDo, HeliosError) as error:
+            log.warning("the hand did not come back: %s", error)
+
+    def _raise_hand(self) -> None:
+        above_m = self._s.hand_height_m - NOMINAL_BODY_HEIGHT_M
+        self._motion.look_from(looking_pose(self._s.hand_forward_m, above_m, self._tilt_rad))
+
+    # --- what came of it ----------------------------------------------------------------------
+    def _fail(self, action_id: str, start: Waypoint | None, error: HeliosError) -> None:
+        """An action that was begun is not begun again under the same id."""
+        self._trouble = error.message
+        self._control.lost(error)
+        if start is not None:
+            heard = self._motion.stop_if_heard()
+            self._remember(action_id, start, ActionResult(False, error.message), measure=heard)
+
+    def _remember(
+        self, action_id: str, start: Waypoint | None, result: ActionResult, measure: bool = True
+    ) -> ActionResult:
+        self._steps += 1
+        moved_m = turned_rad = 0.0
+        if start is not None and measure:
+            try:
+                moved_m, turned_rad = between(start, Waypoint.of(self._link.read().T_world_base))
+            except HeliosError as error:
+                log.warning("how far it came is not known: %s", error.message)
+        result = replace(result, moved_m=moved_m, turned_rad=turned_rad, steps=self._steps)
+        self._results[action_id] = result
+        while len(self._results) > REMEMBERED:
+            self._results.popitem(last=False)
+        return result
+
+    def _on_liveliness(self, service: str, _: str, alive: bool) -> None:
+        if service != PLANNER:
+            return
+        gone, self._planner_here = self._planner_here and not alive, alive
+        if gone and self._halt.cut("the planner went away; the robot stands and waits for it"):
+            log.warning("the planner went away in the middle of an action")

@@ -1,0 +1,108 @@
+"""What Spot refuses, as HELIOS' errors: what came, and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from helios_core.errors import (
+    Conflict,
+    DeadlineExceeded,
+    HeliosError,
+    Internal,
+    InvalidInput,
+    Unavailable,
+)
+
+from helios_spot import api
+
+_SDK_ERRORS: tuple[type[Exception], ...] = (api.exceptions.Error, api.lease.Error)
+
+# The first that fits counts. {host}: the robot; {owner}: who holds its lease; {error}: in its words
+_SENTENCES: tuple[tuple[Any, type[HeliosError], str], ...] = (
+    (api.auth.InvalidLoginError, InvalidInput,
+     "the robot refuses this name and password; mend HELIOS_SPOT_USERNAME and "
+     "HELIOS_SPOT_PASSWORD (or the credentials file), then start again"),
+    (api.auth.TemporarilyLockedOutError, InvalidInput,
+     "the robot has locked this user out after too many wrong passwords; wait some minutes, mend "
+     "the login, then start again"),
+    ((api.exceptions.UnauthenticatedError, api.auth.InvalidTokenError), Unavailable,
+     "the robot does not accept our login any more; restart the bridge to log in anew"),
+    (api.lease.ResourceAlreadyClaimedError, Conflict,
+     "{owner} holds the robot's lease; have it released there (tablet: power menu, release "
+     "control), or set HELIOS_SPOT_LEASE=take"),
+    ((api.exceptions.LeaseUseError, api.lease.NoSuchLease, api.lease.LeaseNotOwnedByWallet,
+      api.lease.LeaseResponseError), Conflict,
+     "{owner} has taken the robot's lease; it obeys them alone until they release it"),
+    (api.power.EstoppedError, Conflict,
+     "an e-stop is pressed; release it on the tablet, or set HELIOS_SPOT_ESTOP=endpoint"),
+    (api.power.KeepaliveMotorsOffError, Conflict,
+     "a keep-alive policy of the robot keeps its motors off; end it on the tablet"),
+    (api.power.ShorePowerConnectedError, Conflict,
+     "the robot hangs on its charging cable; unplug it"),
+    (api.power.BatteryMissingError, Conflict, "the robot has no battery; put one in"),
+    (api.power.FaultedError, Conflict,
+     "a fault keeps the motors off; read and clear it on the tablet"),
+    ((api.power.PowerError, api.power.PowerResponseError, api.exceptions.LicenseError), Conflict,
+     "the motors did not come on ({error}); look at the robot's power menu on the tablet"),
+    (api.robot_command.NotPoweredOnError, Conflict,
+     "the motors are off; switch them on at the tablet, or set HELIOS_SPOT_POWER=on"),
+    (api.robot_command.ExpiredError, DeadlineExceeded,
+     "the robot got the command after its end: the network is too slow, or a clock has jumped; "
+     "the clocks are compared anew, send the action again"),
+    ((api.robot_command.NoTimeSyncError, api.robot_command.TooDistantError,
+      api.time_sync.TimeSyncError), Unavailable,
+     "the robot's clock and ours cannot be brought together; see whether its time-sync service "
+     "runs (tablet: about, services), then try again"),
+    (api.robot_command.BehaviorFaultError, Conflict,
+     "the robot fell or has a behaviour fault; set it upright and clear the fault on the tablet"),
+    (api.robot_command.DockedError, Conflict, "the robot is docked; undock it"),
+    (api.image.UnknownImageSourceError, Unavailable,
+     "a camera of the robot is gone; look at its faults on the tablet"),
+    (api.image.ImageResponseError, Unavailable,
+     "a camera of the robot gives no image now ({error}); try again"),
+    (api.robot.UnregisteredServiceError, Unavailable,
+     "the robot does not offer a service that is needed ({error}); it may still be starting, or "
+     "have no arm"),
+    (api.exceptions.PersistentRpcError, Unavailable,
+     "the robot at {host} cannot be talked to ({error}); check HELIOS_SPOT_HOST, and "
+     "HELIOS_SPOT_CA_FILE if you set it"),
+    ((api.exceptions.RpcError, api.exceptions.ServerError), Unavailable,
+     "no answer from the robot at {host}; check that it is on and the network reaches it. A walk "
+     "ends by itself when it is not renewed"),
+)  # fmt: skip
+
+
+def translate(error: Exception, host: str, doing: str) -> HeliosError:
+    """The typed error for what the SDK raised while `doing` (as in "cannot walk")."""
+    for kinds, kind, sentence in _SENTENCES:
+        if isinstance(error, kinds):
+            said = sentence.format(host=host, owner=_owner(error), error=_short(error))
+            return kind(f"cannot {doing}: {said}")
+    return Internal(f"cannot {doing}: the robot said {_short(error)}")
+
+
+@contextmanager
+def doing(what: str, host: str) -> Iterator[None]:
+    """Raises HeliosError for every error of the SDK."""
+    try:
+        yield
+    except _SDK_ERRORS as error:
+        raise translate(error, host, what) from error
+
+
+def _owner(error: Exception) -> str:
+    response = getattr(error, "response", None)
+    for path in (("lease_owner",), ("lease_use_result", "owner")):
+        found = response
+        for name in path:
+            found = getattr(found, name, None)
+        if name := getattr(found, "client_name", ""):
+            return str(name)
+    return "somebody else"
+
+
+def _short(error: Exception) -> str:
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text[:160]}" if text else type(error).__name__

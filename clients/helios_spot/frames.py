@@ -1,0 +1,66 @@
+"""Poses out of Spot's frame trees, and HELIOS' frames from them.
+
+HELIOS' world is Spot's vision frame, its height counted from the ground that the robot stands on:
+so the floor is at z = 0 after a restart too, and stays there when the vision frame drifts upwards.
+This is right on one storey. The base is the body's place on the ground, with the body's heading.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from helios_core.errors import Internal
+from helios_core.geometry import Matrix, invert, se2_to_se3
+
+from helios_spot import api
+
+VISION, BODY, FLAT_BODY, HAND = "vision", "body", "flat_body", "hand"
+GROUND, WRIST = "gpe", "arm0.link_wr1"
+NOMINAL_BODY_HEIGHT_M = 0.52  # standing; only where the robot tells no ground plane
+
+
+def pose(snapshot: Any, a: str, b: str) -> Matrix:
+    """T_a_b [4, 4] from a FrameTreeSnapshot. Raises Internal when the tree does not join them."""
+    found = api.frame_helpers.get_a_tform_b(snapshot, a, b)
+    if found is None:
+        have = ", ".join(sorted(snapshot.child_to_parent_edge_map)) or "nothing"
+        raise Internal(f"the robot told no pose of {b!r} in {a!r}, only of {have}")
+    return np.asarray(found.to_matrix(), np.float64)
+
+
+def knows(snapshot: Any, frame: str) -> bool:
+    """Whether a frame is in the tree."""
+    return frame in snapshot.child_to_parent_edge_map
+
+
+def ground_height_m(snapshot: Any) -> float:
+    """Height of the ground below the robot in the vision frame."""
+    if knows(snapshot, GROUND):
+        return float(pose(snapshot, VISION, GROUND)[2, 3])
+    return float(pose(snapshot, VISION, BODY)[2, 3]) - NOMINAL_BODY_HEIGHT_M
+
+
+def world_from_vision(ground_m: float) -> Matrix:
+    """T_world_vision [4, 4] where the ground is `ground_m` high in the vision frame."""
+    out = np.eye(4)
+    out[2, 3] = -ground_m
+    return out
+
+
+def base_below_body(T_world_body: Matrix) -> Matrix:
+    """T_world_base [4, 4]: the body's x, y and heading on the floor."""
+    ahead = T_world_body[:2, 0]
+    x_m, y_m = (float(v) for v in T_world_body[:2, 3])
+    return se2_to_se3(x_m, y_m, math.atan2(ahead[1], ahead[0]))
+
+
+def tilt_of(T_world_cam: Matrix) -> float:
+    """How far a camera's optical axis points down, radians."""
+    return math.asin(float(np.clip(-T_world_cam[2, 2], -1.0, 1.0)))
+
+
+def to_vision(point_world_m: tuple[float, float, float], ground_m: float) -> Matrix:
+    """A point of the world [3] in the vision frame."""
+    return (invert(world_from_vision(ground_m)) @ [*point_world_m, 1.0])[:3]

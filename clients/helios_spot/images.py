@@ -1,0 +1,196 @@
+"""Posed RGB-D images from one of Spot's cameras, and the hand's picture for a grasp."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from helios_core.errors import InvalidInput, Unavailable
+from helios_core.geometry import Matrix, Pinhole, invert
+from helios_core.robot import Capture
+from numpy.typing import NDArray
+
+from helios_spot import api
+from helios_spot.cameras import Mount, lens_of, mounted, registered, roll_to_upright, straighten
+from helios_spot.depth import estimated, filled, load_estimator
+from helios_spot.errors import doing
+from helios_spot.frames import BODY, VISION, pose
+from helios_spot.link import Link
+from helios_spot.reading import Reading
+from helios_spot.self_mask import robot_capsules, robot_pixels
+
+log = logging.getLogger(__name__)
+
+HAND_COLOR = "hand_color_image"
+BEYOND_U16 = 65535
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Names of a camera's images: colour, depth on colour's pixels, depth on its own."""
+
+    color: str
+    on_color: str
+    raw: str
+
+
+def sources_of(camera: str) -> Sources:
+    """As every Spot names them."""
+    if camera == "hand":
+        return Sources(HAND_COLOR, "hand_depth_in_hand_color_frame", "hand_depth")
+    return Sources(f"{camera}_fisheye_image", f"{camera}_depth_in_visual_frame", f"{camera}_depth")
+
+
+@dataclass(frozen=True)
+class HandShot:
+    """What a grasp by pixel needs: the image's own camera, pose and frames."""
+
+    response: Any
+    camera: Pinhole
+    T_vision_cam: Matrix
+
+
+class Eyes:
+    """The camera of the settings. Used by one thread."""
+
+    def __init__(self, link: Link) -> None:
+        """Raises InvalidInput when an estimator is wanted and there is none."""
+        self._link, self._s = link, link.settings
+        self._estimator = (
+            None if self._s.depth == "sensor" else load_estimator(self._s.depth_estimator)
+        )
+        self._names = sources_of(self._s.camera)
+        self._depth_name = ""
+        self._mount: Mount | None = None
+        self.T_body_cam: Matrix = np.eye(4)
+
+    @property
+    def mount(self) -> Mount:
+        if self._mount is None:
+            raise Unavailable("the robot's cameras are not known yet; wait for the connection")
+        return self._mount
+
+    def open(self) -> None:
+        """Find the camera. Raises InvalidInput when the robot has none of that name."""
+        with doing("list the robot's cameras", self._link.host):
+            listed = self._link.client("image").list_image_sources(timeout=self._s.rpc_timeout_s)
+        have = {source.name: source for source in listed}
+        names = self._names
+        depth = next((n for n in (names.on_color, names.raw) if n in have), "")
+        if names.color not in have or not (depth or self._s.depth == "estimate"):
+            missing = names.color if names.color not in have else names.on_color
+            raise InvalidInput(
+                f"the robot has no image {missing!r}, only {', '.join(sorted(have)) or 'none'}; "
+                "set HELIOS_SPOT_CAMERA to a camera that it has"
+            )
+        self._depth_name = depth
+        (shot,) = self._ask([self._color_request(names.color)])
+        tree = shot.shot.transforms_snapshot
+        self.T_body_cam = pose(tree, BODY, shot.shot.frame_name_image_sensor)
+        roll_rad = 0.0  # the hand's camera is upright whenever the hand is
+        if self._s.camera != "hand":
+            roll_rad = math.radians(round(math.degrees(roll_to_upright(self.T_body_cam))))
+        self._mount = mounted(lens_of(shot.source), roll_rad)
+
+    def capture(self, reading: Reading) -> Capture:
+        """The newest image; the robot's own pixels have depth 0."""
+        mount = self.mount
+        requests = [self._color_request(self._names.color)]
+        if self._s.depth != "estimate":
+            requests.append(
+                api.image.build_image_request(
+                    self._depth_name, image_format=api.image_pb2.Image.FORMAT_RAW
+                )
+            )
+        shots = self._ask(requests)
+        shot = shots[0].shot
+        T_vision_cam = pose(shot.transforms_snapshot, VISION, shot.frame_name_image_sensor)
+        raw_depth = np.zeros((mount.lens.camera.height, mount.lens.camera.width), np.float32)
+        if len(shots) == 2:
+            raw_depth = self._depth_on_color(shots[1], T_vision_cam, mount)
+        color, depth_m = straighten(mount, decode_color(shot.image), raw_depth)
+        depth_m = np.where(
+            (depth_m >= self._s.min_depth_m) & (depth_m <= self._s.max_depth_m), depth_m, 0
+        ).astype(np.float32)
+        if self._estimator is not None:
+            guess_m = estimated(self._estimator, color, mount.camera)
+            guess_m[guess_m > self._s.max_depth_m] = 0.0
+            depth_m = guess_m if self._s.depth == "estimate" else filled(depth_m, guess_m)
+        T_vision_body = pose(shot.transforms_snapshot, VISION, BODY)
+        T_vision_upright = T_vision_cam @ mount.T_cam_upright
+        capsules = robot_capsules(
+            reading.joints_rad, reading.T_body_wrist, reading.T_body_hand, reading.holding
+        )
+        own = robot_pixels(capsules, invert(T_vision_body) @ T_vision_upright, mount.camera)
+        depth_m[own] = 0.0
+        return Capture(
+            stamp_ns=shot.acquisition_time.ToNanoseconds(),
+            color=color,
+            depth_m=depth_m,
+            camera=mount.camera,
+            T_world_cam=reading.T_world_vision @ T_vision_upright,
+            T_world_base=reading.T_world_base,
+        )
+
+    def hand_shot(self) -> HandShot:
+        """The hand's picture as the robot took it. Raises InvalidInput without a pinhole camera."""
+        (response,) = self._ask([self._color_request(HAND_COLOR)])
+        camera = lens_of(response.source)
+        if response.source.WhichOneof("camera_models") != "pinhole":
+            raise InvalidInput("the hand's camera has no pinhole model; a grasp by pixel needs one")
+        shot = response.shot
+        T_vision_cam = pose(shot.transforms_snapshot, VISION, shot.frame_name_image_sensor)
+        return HandShot(response, camera.camera, T_vision_cam)
+
+    def _ask(self, requests: list[Any]) -> Any:
+        with doing("take an image", self._link.host):
+            return self._link.client("image").get_image(requests, timeout=self._s.rpc_timeout_s)
+
+    def _color_request(self, name: str) -> Any:
+        pixel = api.image_pb2.Image
+        return api.image.build_image_request(
+            name, quality_percent=self._s.jpeg_quality, image_format=pixel.FORMAT_JPEG,
+            pixel_format=pixel.PIXEL_FORMAT_RGB_U8 if name == HAND_COLOR else None,
+        )  # fmt: skip
+
+    def _depth_on_color(
+        self, response: Any, T_vision_color: Matrix, mount: Mount
+    ) -> NDArray[np.float32]:
+        depth_m = decode_depth(response)
+        if response.source.name == self._names.on_color:
+            return depth_m
+        shot = response.shot
+        T_vision_depth = pose(shot.transforms_snapshot, VISION, shot.frame_name_image_sensor)
+        return registered(
+            depth_m, lens_of(response.source).camera, invert(T_vision_color) @ T_vision_depth,
+            mount.lens.camera,
+        )  # fmt: skip
+
+
+def decode_color(image: Any) -> NDArray[np.uint8]:
+    """RGB [h, w, 3]; a grey image has three equal channels. Raises Unavailable for a broken one."""
+    data = np.frombuffer(image.data, np.uint8)
+    if image.format == image.FORMAT_RAW:
+        channels = max(1, data.size // max(image.rows * image.cols, 1))
+        pixels = data[: image.rows * image.cols * channels].reshape(
+            image.rows, image.cols, channels
+        )
+        return np.ascontiguousarray(np.broadcast_to(pixels[..., :3], (*pixels.shape[:2], 3)))
+    bgr = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    if bgr is None or bgr.shape[:2] != (image.rows, image.cols):
+        raise Unavailable("the robot sent a broken colour image; try again")
+    return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
+
+
+def decode_depth(response: Any) -> NDArray[np.float32]:
+    """Metres [h, w]; 0 is invalid. Raises Unavailable for a broken image."""
+    image, scale = response.shot.image, response.source.depth_scale
+    values = np.frombuffer(image.data, "<u2")
+    if values.size != image.rows * image.cols or scale <= 0:
+        raise Unavailable("the robot sent a broken depth image; try again")
+    values = np.where(values == BEYOND_U16, 0, values).reshape(image.rows, image.cols)
+    return (values / scale).astype(np.float32)

@@ -1,0 +1,123 @@
+"""The line to the robot: login, clocks, and one client per service, every call with an end."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from typing import Any
+
+from helios_core.errors import Unavailable
+
+from helios_spot import api
+from helios_spot.errors import doing, translate
+from helios_spot.reading import Reading, reading_of
+from helios_spot.settings import SpotSettings
+
+log = logging.getLogger(__name__)
+
+CLIENT_NAME = "helios"
+CLOSE_WITHIN_S = 1.5
+
+
+class Link:
+    """Thread-safe once connected. Every call raises HeliosError and ends within its time-out."""
+
+    def __init__(self, settings: SpotSettings) -> None:
+        self.settings = settings
+        self.host = settings.host
+        self._login = settings.login()
+        self._robot: Any = None
+        self.boot_id = ""
+
+    @property
+    def connected(self) -> bool:
+        return self._robot is not None
+
+    def connect(self) -> None:
+        """Log in and bring the clocks together. Nothing moves. Again after a failure."""
+        s = self.settings
+        # The SDK waits half a minute for every answer, and without end for some: a robot that
+        # walks cannot wait so long.
+        api.channel_common.DEFAULT_RPC_TIMEOUT = s.rpc_timeout_s
+        sdk = api.client.create_standard_sdk(
+            CLIENT_NAME, cert_resource_glob=str(s.ca_file) if s.ca_file else None
+        )
+        robot = sdk.create_robot(s.host)
+        robot.update_secure_channel_port(s.port)
+        try:
+            with doing("log in", s.host):
+                robot.authenticate(*self._login, timeout=s.rpc_timeout_s)
+            with doing("read the robot's clock", s.host):
+                robot.time_sync.wait_for_sync(timeout_sec=s.time_sync_s)
+            with doing("ask who it is", s.host):
+                serial = robot.get_cached_robot_id(timeout=s.rpc_timeout_s).serial_number
+                leases = robot.ensure_client("lease").list_leases(timeout=s.rpc_timeout_s)
+        except BaseException:
+            _close(robot)
+            raise
+        epochs = [r.lease.epoch for r in leases if r.resource == "body"]
+        self.boot_id = "-".join(filter(None, (serial, *epochs)))  # the epoch is new at every boot
+        self._robot = robot
+
+    def client(self, name: str) -> Any:
+        """A service's client. Raises Unavailable before `connect`."""
+        with doing(f"find the service {name}", self.host):
+            return self.robot.ensure_client(name)
+
+    @property
+    def robot(self) -> Any:
+        if self._robot is None:
+            raise Unavailable(f"the robot at {self.host} is not connected yet; wait")
+        return self._robot
+
+    def read(self) -> Reading:
+        """How the robot is now."""
+        with doing("read the robot's state", self.host):
+            state = self.client("robot-state").get_robot_state(timeout=self.settings.rpc_timeout_s)
+        return reading_of(state)
+
+    def command(self, command: Any, what: str, end_s: float | None = None) -> int:
+        """Send a robot command; its id. end_s: from now on, when a motion ends by itself."""
+        end = None if end_s is None else time.time() + end_s
+        try:
+            return self.client("robot-command").robot_command(
+                command, end_time_secs=end, timeout=self.settings.rpc_timeout_s
+            )
+        except api.robot_command.ExpiredError as error:
+            self._compare_clocks()
+            raise translate(error, self.host, what) from error
+        except (api.exceptions.Error, api.lease.Error) as error:
+            raise translate(error, self.host, what) from error
+
+    def feedback(self, command_id: int, what: str) -> Any:
+        """What has become of a robot command."""
+        with doing(what, self.host):
+            client = self.client("robot-command")
+            return client.robot_command_feedback(
+                command_id, timeout=self.settings.rpc_timeout_s
+            ).feedback
+
+    def close(self) -> None:
+        """Let go of the connection."""
+        robot, self._robot = self._robot, None
+        if robot is not None:
+            _close(robot)
+
+    def _compare_clocks(self) -> None:
+        try:
+            self.robot.time_sync.endpoint.get_new_estimate()
+        except Exception as error:  # the command's own error is the one to tell
+            log.warning("the clocks could not be compared: %s", error)
+
+
+def _close(robot: Any) -> None:
+    """The SDK joins threads that may wait for the network; that must hold up nobody."""
+
+    def close() -> None:
+        robot._shutdown()
+        robot.shutdown()
+
+    thread = threading.Thread(target=close, name="close link", daemon=True)
+    thread.start()
+    thread.join(CLOSE_WITHIN_S)

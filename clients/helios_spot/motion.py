@@ -1,0 +1,196 @@
+"""Standing, walking and moving the arm: sent, watched, and ended for any reason to halt.
+
+A walk is on a short leash: its command ends after `command_s` and is renewed four times in that
+time. Whatever goes away (this program, the network, the computer), the robot then stands still.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from typing import Any
+
+import numpy as np
+from helios_core.errors import DeadlineExceeded, HeliosError
+from helios_core.geometry import Matrix
+
+from helios_spot import api
+from helios_spot.frames import FLAT_BODY, VISION
+from helios_spot.halt import Halt, Halted
+from helios_spot.link import Link
+from helios_spot.waypoints import Waypoint, between, reached, time_allowed_s
+
+log = logging.getLogger(__name__)
+
+POLL_S = 0.05
+STAND_S = 12.0
+PROGRESS_M, PROGRESS_RAD = 0.02, 0.02  # less than this is standing still
+MOST_ARM_S = 20.0
+
+
+class CannotDo(Exception):
+    """The robot tried and did not manage; one sentence."""
+
+
+class Motion:
+    """One robot's legs and arm. Used by one thread, `stop` by any."""
+
+    def __init__(self, link: Link, halt: Halt) -> None:
+        self._link, self._halt, self._s = link, halt, link.settings
+        self._build = api.robot_command.RobotCommandBuilder
+
+    def stop(self) -> None:
+        """Stand still at once, where it is. Raises HeliosError when the robot does not hear."""
+        self._link.command(self._build.stop_command(), "stop")
+
+    def stop_if_heard(self) -> bool:
+        """As stop; if it was not heard, the robot stops by itself when its command ends."""
+        try:
+            self.stop()
+        except HeliosError as error:
+            log.warning("the robot did not take the stop: %s", error.message)
+            return False
+        return True
+
+    def stand(self) -> None:
+        """Get up. Raises CannotDo."""
+        done = api.basic_command_pb2.StandCommand.Feedback.STATUS_IS_STANDING
+        id = self._send(self._build.synchro_stand_command(), "stand up")
+        end = time.monotonic() + STAND_S
+        while time.monotonic() < end:
+            mobility = self._feedback(id, "stand up").mobility_command_feedback
+            if mobility.stand_feedback.status == done:
+                return
+            self._halt.rest(POLL_S)
+        raise CannotDo(f"the robot did not stand within {STAND_S:g} s; look at it")
+
+    def walk(self, start: Waypoint, goal: Waypoint) -> None:
+        """To a waypoint, at bounded speed. Raises CannotDo when something is in the way."""
+        stopped = api.basic_command_pb2.SE2TrajectoryCommand.Feedback.STATUS_STOPPED
+        command = self._build.synchro_se2_trajectory_point_command(
+            goal.x_m, goal.y_m, goal.yaw_rad, VISION, params=self._mobility()
+        )
+        end = time.monotonic() + time_allowed_s(start, goal, self._s.speed_m_s, self._s.turn_rad_s)
+        renew_s, last, last_s = 0.0, start, time.monotonic()
+        id = 0
+        while time.monotonic() < end:
+            if time.monotonic() >= renew_s:
+                renew_s = time.monotonic() + self._s.command_s / 4
+                id = self._send(command, "walk", self._s.command_s)
+            at_end = self._trajectory(id).status == stopped
+            here = Waypoint.of(self._link.read().T_world_base)
+            if at_end and reached(goal, here):
+                return
+            moved_m, turned_rad = between(last, here)
+            if moved_m > PROGRESS_M or abs(turned_rad) > PROGRESS_RAD:
+                last, last_s = here, time.monotonic()
+            elif time.monotonic() - last_s > self._s.blocked_s:
+                break
+            self._halt.rest(POLL_S)
+        self.stop()
+        moved_m, _ = between(start, Waypoint.of(self._link.read().T_world_base))
+        raise CannotDo(f"blocked after {moved_m:.2f} m; look, and go another way")
+
+    def hand_to(self, T_frame_hand: Matrix, frame: str, from_m: float, what: str) -> None:
+        """Bring the hand to a pose in a frame. from_m: how far it is away, for the time it takes.
+
+        Raises CannotDo.
+        """
+        m = api.math_helpers.SE3Pose.from_matrix(np.asarray(T_frame_hand))
+        seconds = max(1.0, from_m / self._s.arm_m_s)
+        command = self._build.arm_pose_command_from_pose(m.to_proto(), frame, seconds=seconds)
+        cartesian = command.synchronized_command.arm_command.arm_cartesian_command
+        cartesian.max_linear_velocity.value = self._s.arm_m_s
+        cartesian.max_angular_velocity.value = self._s.arm_rad_s
+        self._arm(command, what)
+
+    def look_from(self, T_flat_hand: Matrix) -> None:
+        """Hold the hand in a pose on the body, also while it walks."""
+        self.hand_to(T_flat_hand, FLAT_BODY, 1.0, "raise the hand to look")
+
+    def gaze(self, point_vision_m: Matrix) -> None:
+        """Turn the opened hand towards a point of the vision frame."""
+        x, y, z = (float(v) for v in point_vision_m)
+        command = self._build.arm_gaze_command(
+            x, y, z, VISION, build_on_command=self._build.claw_gripper_open_command(),
+            max_linear_vel=self._s.arm_m_s, max_angular_vel=self._s.arm_rad_s,
+        )  # fmt: skip
+        self._arm(command, "look at it with the hand")
+
+    def grip(self, open: bool) -> None:
+        """Open or close the claw."""
+        build = self._build
+        command = build.claw_gripper_open_command() if open else build.claw_gripper_close_command()
+        self._send(command, "move the gripper")
+
+    def stow(self) -> None:
+        """Fold the arm. Raises CannotDo."""
+        self._arm(self._build.arm_stow_command(), "stow the arm")
+
+    def _arm(self, command: Any, what: str) -> None:
+        id = self._send(command, what)
+        end = time.monotonic() + MOST_ARM_S
+        while time.monotonic() < end:
+            done = arm_done(self._feedback(id, what).arm_command_feedback)
+            if done is not None:
+                if done:
+                    return
+                raise CannotDo(f"the arm could not {what}: it stalled; try from another place")
+            self._halt.rest(POLL_S)
+        raise CannotDo(f"the arm could not {what} within {MOST_ARM_S:g} s; try another place")
+
+    def _send(self, command: Any, what: str, end_s: float | None = None) -> int:
+        """A stop that came while the command was under way is sent once more after it."""
+        self._halt.check()
+        id = self._link.command(command, what, end_s)
+        try:
+            self._halt.check()
+        except Halted:
+            self.stop_if_heard()
+            raise
+        return id
+
+    def _feedback(self, id: int, what: str) -> Any:
+        return self._link.feedback(id, what).synchronized_feedback
+
+    def _trajectory(self, id: int) -> Any:
+        mobility = self._feedback(id, "walk").mobility_command_feedback
+        if mobility.status == api.basic_command_pb2.RobotCommandFeedbackStatus.STATUS_ROBOT_FROZEN:
+            raise DeadlineExceeded("cannot walk: the robot is frozen; look at it")
+        return mobility.se2_trajectory_feedback
+
+    def _mobility(self) -> Any:
+        params = self._build.mobility_params()
+        limit = params.vel_limit
+        speed, turn = self._s.speed_m_s, self._s.turn_rad_s
+        limit.max_vel.linear.x = limit.max_vel.linear.y = speed
+        limit.max_vel.angular = turn
+        limit.min_vel.linear.x = limit.min_vel.linear.y = -speed
+        limit.min_vel.angular = -turn
+        params.obstacle_params.obstacle_avoidance_padding = self._s.obstacle_padding_m
+        return params
+
+
+def arm_done(feedback: Any) -> bool | None:
+    """Of an arm's feedback: True when there, False when it stalled or was cut off, else None."""
+    kind = feedback.WhichOneof("feedback")
+    if kind is None:
+        return None
+    a, status = api.arm_command_pb2, getattr(feedback, kind).status
+    cartesian = a.ArmCartesianCommand.Feedback
+    gaze, named = a.GazeCommand.Feedback, a.NamedArmPositionsCommand.Feedback
+    there = {
+        "arm_cartesian_feedback": (cartesian.STATUS_TRAJECTORY_COMPLETE,),
+        "arm_gaze_feedback": (gaze.STATUS_TRAJECTORY_COMPLETE,),
+        "named_arm_position_feedback": (named.STATUS_COMPLETE,),
+    }
+    stuck = {
+        "arm_cartesian_feedback": (
+            cartesian.STATUS_TRAJECTORY_STALLED, cartesian.STATUS_TRAJECTORY_CANCELLED,
+        ),
+        "arm_gaze_feedback": (gaze.STATUS_TOOL_TRAJECTORY_STALLED,),
+        "named_arm_position_feedback": (named.STATUS_STALLED_HOLDING_ITEM,),
+    }  # fmt: skip
+    if status in there.get(kind, ()):
+        return True
+    return False if status in stuck.get(kind, ()) else None

@@ -1,0 +1,143 @@
+"""Spot does a whole task: driver over the real services, detector, maps and planner."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+pytest.importorskip("bosdyn.client", reason="pip install 'helios-ovmm[spot]'")
+
+from helios_bridge.service import BridgeService
+from helios_bridge.settings import Settings as BridgeSettings
+from helios_core import proto as pb
+from helios_core.errors import InvalidInput
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import GET_TASK, SUBMIT, TASK
+from helios_core.types import Detection, Frame, SearchContext
+from helios_detector.backend import DetectorBackend, Findings, Seen, open_scorer
+from helios_detector.service import DetectorService
+from helios_map2d.service import Map2DService
+from helios_map2d.settings import Settings as Map2DSettings
+from helios_objectmap.service import ObjectMapService
+from helios_objectmap.settings import ObjectMapSettings
+from helios_planner.service import PlannerService
+from helios_planner.settings import Settings as PlannerSettings
+from helios_spot.driver import SpotDriver
+from helios_spot.settings import SpotSettings
+from pydantic import SecretStr
+
+from tests.fake_spot.rooms import tea_room
+from tests.fake_spot.server import PASSWORD, USER, FakeSpot
+from tests.fake_spot.world import World
+
+TASK_S = 240.0
+HUES = {"mug": (0, 8), "bench": (55, 75), "table": (110, 125)}  # as OpenCV counts them
+
+
+class ColourDetector(DetectorBackend):
+    """Finds coloured shapes: everything of a hue, in one piece, is a thing of that class."""
+
+    name = "colours"
+
+    def vocabulary(self) -> tuple[str, ...]:
+        return tuple(HUES)
+
+    def refused(self, context: SearchContext) -> Mapping[str, str]:
+        return {c.name: f"{c.name} has no colour" for c in context.classes if c.name not in HUES}
+
+    def detect(self, frame: Frame, context: SearchContext) -> Findings:
+        if self.refused(context):
+            raise InvalidInput("a class without a colour")
+        hsv = cv2.cvtColor(frame.color, cv2.COLOR_RGB2HSV)
+        found: list[Detection] = []
+        for wanted in context.classes:
+            low, high = HUES[wanted.name]
+            mask = cv2.inRange(hsv, np.array([low, 150, 60]), np.array([high, 255, 255]))
+            mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+            count, labels, stats, _ = cv2.connectedComponentsWithStats(mask)
+            for k in range(1, count):
+                x, y, w, h, area = (int(v) for v in stats[k])
+                if area >= 25:
+                    found.append(Detection(wanted.name, 0.9, (x, y, x + w, y + h), labels == k))
+        seen = tuple(Seen(d.class_name, d.score) for d in found)
+        return Findings(tuple(found), seen)
+
+    def warm_up(self) -> None:
+        """It is warm."""
+
+    def close(self) -> None:
+        """It holds nothing."""
+
+
+class House:
+    """Every service on one memory bus, in lockstep, with Spot behind the bridge."""
+
+    def __init__(self, folder: Path) -> None:
+        self.fake = FakeSpot(folder, World(*tea_room(), hurry=8.0, skew_s=40.0))
+        self._hub = MemoryHub()
+        self._bus = MemoryBus(self._hub)
+        self.ended = threading.Event()
+        self._bus.subscribe(TASK, self._on_task)
+        self._map2d = Map2DService(self._new_bus(), Map2DSettings(), Health())
+        self._objects = ObjectMapService(self._new_bus(), ObjectMapSettings(), Health())
+        self._objects.warm_up()
+        self._detector = DetectorService(
+            self._new_bus(), ColourDetector(), open_scorer("lexical"), Health()
+        )
+        settings = SpotSettings(
+            host="127.0.0.1", port=self.fake.port, ca_file=self.fake.ca_file,
+            username=USER, password=SecretStr(PASSWORD), speed_m_s=0.5,
+        )  # fmt: skip
+        bus = self._new_bus()
+        self.driver = SpotDriver(bus, settings=settings)
+        self.bridge = BridgeService(
+            bus, self.driver, BridgeSettings(stream_hz=0, lockstep=True), Health()
+        )
+        self._planner = PlannerService(
+            self._new_bus(), PlannerSettings(state_dir=folder / "tasks"), Health()
+        )
+
+    def run(self, instruction: str) -> pb.Task:
+        task = self._bus.call(SUBMIT, pb.SubmitRequest(instruction=instruction), 30)
+        assert self.ended.wait(TASK_S), "the task did not end"
+        return self._bus.call(GET_TASK, pb.TaskRequest(id=task.id), 10)
+
+    def close(self) -> None:
+        self._planner.close()
+        self._detector.close()
+        self.bridge.close()
+        self.fake.close()
+
+    def _new_bus(self) -> MemoryBus:
+        return MemoryBus(self._hub)
+
+    def _on_task(self, task: pb.Task) -> None:
+        if task.state in ("succeeded", "failed", "cancelled"):
+            self.ended.set()
+
+
+@pytest.fixture
+def house(tmp_path: Path) -> Iterator[House]:
+    house = House(tmp_path)
+    yield house
+    house.close()
+
+
+def test_spot_carries_the_mug_from_the_table_to_the_bench(house: House) -> None:
+    task = house.run("Move the mug from the table to the bench")
+    assert task.state == "succeeded", task.message
+    world = house.fake.world
+    low, high = world.fixed["bench"].bounds
+    x, y, z = world.things["mug"].center
+    assert low[0] <= x <= high[0]
+    assert low[1] <= y <= high[1]
+    assert abs(z - 0.06 - high[2]) < 0.01  # it stands on the bench
+    assert world.bumps == 0
+    assert world.fastest <= 0.5
+    assert not world.moving

@@ -1,0 +1,6 @@
+"""A Spot made of arithmetic that speaks the real services: the SDK talks to it unmodified.
+
+    python -m tests.fake_spot --folder /tmp/spot     # prints the settings to reach it with
+
+What it proves and what it does not: docs/spot.md.
+"""

@@ -1,0 +1,87 @@
+"""A fake Spot with a driver at it, as tests want them."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from helios_core.bus import Bus
+from helios_core.robot import Action, ActionResult
+from helios_spot.driver import SpotDriver
+from helios_spot.settings import SpotSettings
+from pydantic import SecretStr
+
+from tests.fake_spot.rooms import tea_room
+from tests.fake_spot.server import PASSWORD, USER, FakeSpot
+from tests.fake_spot.world import World
+from tests.support import wait_until
+
+
+class Stage:
+    """Ends all that it made. `hurry`: how many times as fast as told the robot walks."""
+
+    def __init__(self, folder: Path, hurry: float = 8.0, skew_s: float = 0.0, **fake: Any) -> None:
+        self.fake = FakeSpot(folder, World(*tea_room(), hurry=hurry, skew_s=skew_s), **fake)
+        self.world = self.fake.world
+        self._drivers: list[SpotDriver] = []
+        self._number = 0
+
+    def settings(self, **more: Any) -> SpotSettings:
+        values = {
+            "host": "127.0.0.1", "port": self.fake.port, "ca_file": self.fake.ca_file,
+            "username": USER, "password": SecretStr(PASSWORD), "rpc_timeout_s": 1.0, **more,
+        }  # fmt: skip
+        return SpotSettings(**values)
+
+    def driver(self, bus: Bus | None = None, connect: bool = True, **settings: Any) -> SpotDriver:
+        out = SpotDriver(bus, settings=self.settings(**settings))
+        self._drivers.append(out)
+        if connect:
+            out.describe()
+        return out
+
+    def act(self, driver: SpotDriver, action: Action) -> ActionResult:
+        """Under an id of its own."""
+        self._number += 1
+        return driver.act(action, f"action-{self._number}")
+
+    def during(self, driver: SpotDriver, action: Action, do: Callable[[], object]) -> Outcome:
+        """Begin an action in a thread, do something once the robot moves, wait for its end."""
+        out = Outcome(self, driver, action)
+        wait_until(lambda: self.world.moving, 10, "the robot moves")
+        do()
+        return out
+
+    def standing_still(self) -> bool:
+        with self.world.lock:
+            return not self.world.moving
+
+    def close(self) -> None:
+        self.fake.wire.mend()
+        for driver in self._drivers:
+            driver.close()
+        self.fake.close()
+
+
+class Outcome:
+    """What an action in a thread comes to."""
+
+    def __init__(self, stage: Stage, driver: SpotDriver, action: Action) -> None:
+        self.result: ActionResult | None = None
+        self.error: Exception | None = None
+
+        def run() -> None:
+            try:
+                self.result = stage.act(driver, action)
+            except Exception as error:
+                self.error = error
+
+        self._thread = threading.Thread(target=run, daemon=True)
+        self._thread.start()
+
+    def wait(self, within_s: float = 20.0) -> Outcome:
+        self._thread.join(within_s)
+        assert not self._thread.is_alive(), f"the action hung for {within_s:g} s"
+        return self
