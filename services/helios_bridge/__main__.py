@@ -6,7 +6,7 @@ import sys
 import threading
 
 from helios_core.bus import Bus
-from helios_core.errors import InvalidInput, Unavailable
+from helios_core.errors import HeliosError, Unavailable
 from helios_core.health import Health
 from helios_core.service import run_service
 
@@ -31,7 +31,7 @@ class Hosted:
                     health.waiting(f"the robot cannot be reached: {error.message}")
                     self._ending.wait(0.3)
                     continue
-                except InvalidInput as error:
+                except HeliosError as error:  # trying again would not help
                     health.degraded(error.message)
                     return
                 self._service = service

@@ -39,7 +39,9 @@ class GazePoint:
 
     def T_world_cam(self, robot: RobotDescription) -> Matrix:
         """Camera pose [4, 4] there."""
-        return camera_on_base(self.pose.T_world_base, robot.camera_height_m, self.tilt_rad)
+        return camera_on_base(
+            self.pose.T_world_base, robot.camera_height_m, self.tilt_rad, robot.camera_forward_m
+        )
 
 
 def outline_of(candidate: ObjectInstance) -> NDArray[np.float64]:
@@ -60,8 +62,10 @@ def outline_mask(ground: GroundMap, outline_m: NDArray[np.float64]) -> NDArray[n
 
 
 def tilt_towards(distance_m: float, height_m: float, robot: RobotDescription) -> float:
-    """Tilt that centres a point at that distance and height, within the head's range."""
-    tilt = math.atan2(robot.camera_height_m - height_m, max(distance_m, 0.05))
+    """Tilt that centres a point ahead of the base at that distance and height, within the head's
+    range."""
+    ahead_m = max(distance_m - robot.camera_forward_m, 0.05)
+    tilt = math.atan2(robot.camera_height_m - height_m, ahead_m)
     low, high = robot.tilt_range_rad
     return float(np.clip(tilt, low, high))
 

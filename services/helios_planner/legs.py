@@ -193,7 +193,9 @@ class Legs:
         pose = self.body.pose()
         self.turn_to(pose.yaw_rad + pose.bearing_rad(unknown))
         away_m = self.body.pose().distance_m(unknown)
-        self.tilt(math.atan2(self.body.description.camera_height_m, max(away_m, 0.1)))
+        robot = self.body.description
+        ahead_m = max(away_m - robot.camera_forward_m, 0.1)
+        self.tilt(math.atan2(robot.camera_height_m, ahead_m))
         return True
 
     # --- turning and looking -------------------------------------------------------------------
@@ -246,7 +248,8 @@ class Legs:
         """Tilt at which the ground at the rim is at the image's lower edge."""
         robot = self.body.description
         # A little within the rim: the image's lower edge is straight, the rim is round.
-        rim = math.atan2(robot.camera_height_m, 0.8 * robot.footprint_radius_m)
+        rim_m = 0.8 * robot.footprint_radius_m - robot.camera_forward_m
+        rim = math.atan2(robot.camera_height_m, rim_m)
         return float(np.clip(rim - robot.camera.vfov_rad / 2, *robot.tilt_range_rad))
 
     def _near_ground_unknown(self) -> bool:

@@ -119,6 +119,7 @@ class RobotDescription:
     camera_height_m: float
     reach_m: float  # horizontal, base centre to object centre
     max_depth_m: float
+    camera_forward_m: float = 0.0  # ahead of the base's centre
     min_forward_m: float = 0.1
     max_forward_m: float = 1.0
     min_turn_rad: float = float(np.deg2rad(5))
