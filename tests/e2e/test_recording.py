@@ -1,0 +1,263 @@
+"""A task is recorded; what is replayed of it builds the same maps, to the last bit."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from helios_bridge.service import BridgeService
+from helios_bridge.settings import Settings as BridgeSettings
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.codec import action_to_proto
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.robot import Observe
+from helios_core.topics import ACT, GAUSSIANS, LEASE, OBJECTS, ROBOT_STATE, SNAPSHOT
+from helios_eval.house import House
+from helios_eval.judging import episode_for
+from helios_eval.play import make_world
+from helios_eval.spec import EpisodeSpec
+from helios_map2d.service import Map2DService
+from helios_map2d.settings import Settings as Map2DSettings
+from helios_objectmap.service import ObjectMapService
+from helios_objectmap.settings import ObjectMapSettings
+from helios_recorder.service import RecorderService
+from helios_recorder.settings import Settings
+from helios_replay import ReplayDriver
+from helios_replay.answers import RecordedDetector
+from helios_replay.source import open_source
+from helios_sim.home import PRESETS, generate_home
+from helios_sim.thread import WorldThread
+
+from tests.support import free_port, wait_until
+
+SEED = 1
+MOST_STEPS = 400
+CALL_S = 60.0
+RERUN = os.environ.get("HELIOS_TEST_RERUN") or shutil.which("rerun")
+
+
+@dataclass(frozen=True)
+class Maps:
+    """All that two runs are compared by."""
+
+    snapshot: pb.MapSnapshot
+    gaussians: pb.GaussiansReply
+    objects: pb.ObjectsReply
+
+    @classmethod
+    def of(cls, bus: Bus) -> Maps:
+        return cls(
+            bus.call(SNAPSHOT, pb.SnapshotRequest(layers=True), CALL_S),
+            bus.call(GAUSSIANS, pb.GaussiansRequest(), CALL_S),
+            bus.call(OBJECTS, pb.ObjectsRequest(), CALL_S),
+        )
+
+
+@dataclass(frozen=True)
+class Done:
+    """A recorded task, and the maps at its end."""
+
+    folder: Path
+    maps: Maps
+    task: pb.Task
+    metrics: dict[str, float]
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> Done:
+    """A whole pick-and-place in one process, recorded."""
+    folder = tmp_path_factory.mktemp("recorded")
+    settings = {"max_steps": MOST_STEPS}
+    spec = EpisodeSpec("ovmm", "helios", "ground-truth", "demo-v1", SEED, None, settings)
+    home = generate_home(SEED, PRESETS[spec.preset])
+    world, health = WorldThread(lambda: make_world(spec, home)), Health()
+    try:
+        with House(world, "helios", None, SEED, {}) as house:
+            chosen = Settings(out=folder, min_free_mb=0)
+            recorder = RecorderService(house.bus(), chosen, health)
+            task = house.run(episode_for("ovmm", home, SEED).instruction, MOST_STEPS, 250)
+            maps = Maps.of(house.bus())
+            recorder.close()
+    finally:
+        world.close()
+    return Done(folder, maps, task, health.metrics())
+
+
+def play(folder: Path, rate: float = 0.0, limit: int = 0) -> Maps:
+    """All of a recording through fresh services, in lockstep."""
+    hub = MemoryHub()
+    bus, bridge_bus = MemoryBus(hub), MemoryBus(hub)
+    Map2DService(MemoryBus(hub), Map2DSettings(), Health())
+    ObjectMapService(MemoryBus(hub), ObjectMapSettings(), Health()).warm_up()
+    RecordedDetector(MemoryBus(hub), folder, Health())
+    driver = ReplayDriver(folder, bus=bridge_bus, contexts=True, rate=rate, limit=limit)
+    chosen = BridgeSettings(stream_hz=0, lockstep=True, lease_s=1e5, autoplay=False)
+    bridge = BridgeService(bridge_bus, driver, chosen, Health(), first_number=0)
+    states: list[pb.RobotState] = []
+    bus.subscribe(ROBOT_STATE, states.append)
+    bridge.start()
+    token = bus.call(LEASE, pb.LeaseRequest(holder="test", take=True), CALL_S).token
+    while not states[-1].finished:
+        request = pb.ActionRequest(
+            action_id=str(len(states)), lease_token=token, time_remaining_s=CALL_S,
+            action=action_to_proto(Observe()),
+        )  # fmt: skip
+        bus.call(ACT, request, CALL_S)
+    bridge.close()
+    return Maps.of(bus)
+
+
+def test_the_recorded_task_was_a_whole_one(done: Done) -> None:
+    assert (done.task.state, done.task.phase) == ("succeeded", "place")
+    assert done.metrics["dropped_frames"] == done.metrics["dropped_messages"] == 0
+    assert done.metrics["missed_frames"] == 0
+    assert done.maps.gaussians.count > 1000
+
+
+def test_a_replay_gives_the_same_maps_and_objects_to_the_last_bit(done: Done) -> None:
+    assert play(done.folder) == done.maps
+
+
+def test_waiting_changes_nothing(done: Done) -> None:
+    """At a rate, the replay only waits."""
+    source = open_source(done.folder)
+    first_s = source.shots[20].time_s - source.shots[0].time_s
+    assert play(done.folder, rate=first_s / 1.5, limit=20) == play(done.folder, limit=20)
+
+
+@pytest.mark.skipif(RERUN is None, reason="the command `rerun` (pip install rerun-sdk) is not here")
+def test_rerun_opens_it(done: Done, tmp_path: Path) -> None:
+    assert RERUN is not None
+    (path,) = done.folder.glob("*.mcap")
+    out = tmp_path / "recording.rrd"
+    told = subprocess.run(
+        [RERUN, "mcap", "convert", str(path), "-o", str(out)],
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert told.returncode == 0, told.stderr
+    assert out.stat().st_size > path.stat().st_size / 2
+    for entity in ("/camera/keyframe/color", "/camera/keyframe/depth", "/tf", "/planner/task"):
+        assert entity in told.stderr
+
+
+# --- as processes ---------------------------------------------------------------------------------
+@dataclass
+class Up:
+    """`helios up --record` with the simulated robot."""
+
+    port: int
+    state: Path
+
+    def services(self) -> dict[str, dict[str, Any]]:
+        try:
+            told = json.loads((self.state / "supervisor.json").read_text())
+        except (OSError, ValueError):
+            return {}
+        return {s["name"]: s for s in told["services"]} if told["ready"] else {}
+
+    @property
+    def recordings(self) -> list[Path]:
+        return sorted((self.state / "recordings").glob("*.mcap"))
+
+
+def helios(*args: str, timeout_s: float = 200) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "helios_client", *args], capture_output=True, text=True,
+        timeout=timeout_s, check=False,
+    )  # fmt: skip
+
+
+def keyframes_of(path: Path) -> int:
+    """Whole ones, in a file that may be written at this moment."""
+    from helios_core.errors import InvalidInput
+
+    try:
+        return len(open_source(path).shots)
+    except InvalidInput:
+        return 0
+
+
+@pytest.fixture(scope="module")
+def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+    state, port = tmp_path_factory.mktemp("up"), free_port()
+    log = (state / "up.log").open("wb")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "helios_client", "up", "--record", "--seed", str(SEED),
+         "--port", str(port), "--state", str(state)],
+        stdout=log, stderr=subprocess.STDOUT, env=os.environ | {"MUJOCO_GL": "egl"},
+    )  # fmt: skip
+    up = Up(port, state)
+    try:
+        wait_until(up.services, 120, "all services are ready")
+        yield up
+    finally:
+        process.terminate()
+        process.wait(20)
+        log.close()
+
+
+def test_what_a_killed_recorder_has_written_is_replayed(up: Up, tmp_path: Path) -> None:
+    """Twice, and both times the same; the recorder is back meanwhile, with a new file."""
+    before = up.services()["recorder"]
+    assert before["state"] == "ready"
+    assert "recording to" in before["reason"]
+    task = httpx.post(
+        f"http://127.0.0.1:{up.port}/v1/tasks", json={"instruction": "Find the sofa"}, timeout=20
+    )
+    assert task.status_code == 202, task.text
+    wait_until(lambda: keyframes_of(up.recordings[0]) >= 4, 60, "some keyframes are on the disk")
+    os.kill(before["pid"], signal.SIGKILL)
+
+    def is_back() -> bool:
+        now = up.services().get("recorder", {})
+        return now.get("state") == "ready" and now["pid"] != before["pid"]
+
+    wait_until(is_back, 30, "the recorder is back")
+    wait_until(lambda: len(up.recordings) == 2, 30, "it writes a new file")
+    found: list[tuple[str, np.ndarray]] = []
+    for name, rate in (("fast", "0"), ("paced", "1000")):
+        out = tmp_path / name
+        done = helios("replay", str(up.recordings[0]), "--out", str(out), "--rate", rate)
+        assert done.returncode == 0, done.stderr
+        assert "cut off" in done.stdout
+        summary = json.loads((out / "summary.json").read_text())
+        assert summary["keyframes"] == summary["frames"] >= 4
+        with np.load(out / "occupancy.npz") as arrays:
+            found.append(((out / "objects.json").read_text(), arrays["occupancy"]))
+    assert found[0][0] == found[1][0]
+    np.testing.assert_array_equal(found[0][1], found[1][1])
+
+
+def test_a_recorder_may_come_from_outside(up: Up, tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "helios_client", "record", "--out", str(tmp_path),
+         "--port", str(up.port), "--state", str(up.state)],
+    )  # fmt: skip
+    try:
+        wait_until(lambda: list(tmp_path.glob("*.mcap")), 30, "it records")
+        wait_until(
+            lambda: next(tmp_path.glob("*.mcap")).stat().st_size > 20_000, 30, "there is something"
+        )
+    finally:
+        process.terminate()
+        assert process.wait(10) == 0
+
+
+def test_without_anything_to_record_it_says_so(tmp_path: Path) -> None:
+    done = helios("record", "--out", str(tmp_path), "--state", str(tmp_path))
+    assert done.returncode == 1
+    assert "--router" in done.stderr
+    assert done.stderr.count("\n") == 1

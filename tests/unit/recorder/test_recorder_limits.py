@@ -1,0 +1,126 @@
+"""What a recorder does when it gets too much, and when there is no room."""
+
+from __future__ import annotations
+
+import errno
+import itertools
+from pathlib import Path
+
+import pytest
+from helios_core import proto as pb
+from helios_core.topics import FRAME, KEYFRAME
+from helios_recorder import file as file_module
+from helios_recorder.inbox import Inbox
+from helios_recorder.recording import Recording
+from helios_recorder.service import Gaps
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.support import wait_until
+from tests.unit.recorder.recorder_bus import Recorded, frame
+
+
+def test_a_full_inbox_drops_streams_first_and_never_waits() -> None:
+    inbox = Inbox(limit_bytes=10 * frame(0).ByteSize())
+    streams = [inbox.put("/s", frame(0, keyframe=False), droppable=True) for _ in range(20)]
+    keyframes = [inbox.put("/k", frame(0), droppable=False) for _ in range(20)]
+    assert sum(streams) == 5
+    assert sum(keyframes) == 4 or sum(keyframes) == 5
+    assert not inbox.put("/k", frame(0), droppable=False)
+
+
+def test_log_times_rise_strictly() -> None:
+    inbox = Inbox(1e6)
+    for _ in range(200):
+        inbox.put("/t", pb.Empty(), droppable=False)
+    times = [item.log_time_ns for _ in range(200) if (item := inbox.take(0))]
+    assert len(times) == 200
+    assert all(b > a for a, b in itertools.pairwise(times))
+
+
+def test_what_is_dropped_is_counted_and_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gate_is_shut = True
+    step = Recording._step
+
+    def slow(self: Recording, item: object) -> None:
+        wait_until(lambda: not gate_is_shut, 20, "the disk wakes up")
+        step(self, item)  # pyright: ignore[reportArgumentType]
+
+    monkeypatch.setattr(Recording, "_step", slow)
+    recorded = Recorded(tmp_path, queue_mb=10 * frame(0).ByteSize() / 1e6)
+    for seq in range(30):
+        recorded.bus.publish(FRAME, frame(seq, keyframe=False))
+    recorded.bus.publish(KEYFRAME, frame(30))
+    gate_is_shut = False
+    wait_until(lambda: "dropped" in recorded.health.state[1], 20, "it says so")
+    recorded.close()
+    metrics = recorded.health.metrics()
+    assert 20 <= metrics["dropped_frames"] <= 26
+    assert metrics["missed_frames"] == 0
+    assert metrics["messages"] == 31 - metrics["dropped_frames"]
+
+
+@given(st.lists(st.integers(0, 60), min_size=1, unique=True))
+def test_gaps_count_the_numbers_that_did_not_come(numbers: list[int]) -> None:
+    """In whatever order two threads bring them."""
+    gaps = Gaps()
+    missing = 0
+    for seq in numbers:
+        missing = gaps.add(pb.FrameId(robot_boot_id="b", seq=seq))
+    assert missing == max(numbers) - min(numbers) + 1 - len(numbers)
+
+
+def test_a_bridge_that_starts_again_loses_no_frames() -> None:
+    gaps = Gaps()
+    for seq in (1, 2, 4, 1_000_000, 1_000_001):
+        missing = gaps.add(pb.FrameId(robot_boot_id="b", seq=seq))
+    assert missing == 1
+
+
+def test_a_full_disk_is_said_and_the_recording_goes_on_when_there_is_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full = False
+    check = file_module._check_room
+
+    def room(*args: object) -> None:
+        if full:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        check(*args)  # pyright: ignore[reportArgumentType]
+
+    monkeypatch.setattr(file_module, "_check_room", room)
+    recorded = Recorded(tmp_path, flush_s=0.01, retry_s=0.1)
+    recorded.tour(2)
+    wait_until(lambda: recorded.health.state[0] == "ready", 20, "it records")
+    full = True
+    wait_until(lambda: recorded.health.state[0] == "degraded", 20, "the full disk is said")
+    said = recorded.health.state[1]
+    assert "the disk is full" in said
+    assert str(tmp_path) in said
+    recorded.look(2)  # keeps nobody waiting
+    wait_until(
+        lambda: recorded.health.metrics().get("dropped_while_stopped", 0) >= 2, 20, "it is counted"
+    )
+    full = False
+    wait_until(lambda: recorded.health.state[0] == "ready", 20, "it records again")
+    recorded.look(3)
+    recorded.close()
+    assert len(list(tmp_path.glob("*.mcap"))) >= 2
+
+
+def test_too_little_room_at_the_start_is_said(tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path, min_free_mb=1e12)
+    wait_until(lambda: recorded.health.state[0] == "degraded", 20, "it is said")
+    recorded.close()
+    assert "kept free" in recorded.health.state[1]
+    assert list(tmp_path.glob("*.mcap")) == []
+
+
+def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    recorded = Recorded(tmp_path / "file" / "recordings")
+    wait_until(lambda: recorded.health.state[0] == "degraded", 20, "it is said")
+    recorded.close()
+    assert "cannot be written" in recorded.health.state[1]

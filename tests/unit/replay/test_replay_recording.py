@@ -1,0 +1,296 @@
+"""A recording as a source, and files that are cut, foreign or made to do harm."""
+
+from __future__ import annotations
+
+import contextlib
+import struct
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import lz4.frame
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.codec import frame_from_proto
+from helios_core.errors import HeliosError, InvalidInput
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.recording import KEYFRAME_CHANNELS
+from helios_core.robot import EndOfRecording, Observe
+from helios_core.topics import CONTEXT, ROBOT_STATE
+from helios_replay import ReplayDriver
+from helios_replay.mcap_file import LARGEST_CHUNK, McapFile
+from helios_replay.recording import Recording
+from helios_replay.source import Part, open_source
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.writer import CompressionType, Writer
+
+from tests.support import wait_until
+from tests.unit.recorder.recorder_bus import Recorded, context, description
+
+
+def record(folder: Path, frames: int = 4, **chosen: float | str) -> tuple[Path, list[pb.Frame]]:
+    """(the file, the keyframes in it)"""
+    recorded = Recorded(folder, **chosen)
+    sent = recorded.tour(frames)
+    recorded.close()
+    (path,) = folder.glob("*.mcap")
+    return path, sent
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[pb.Frame]]:
+    return record(tmp_path_factory.mktemp("recording"), chunk_mb=0.02)
+
+
+def test_keyframes_come_as_they_were_sent(recording: tuple[Path, list[pb.Frame]]) -> None:
+    path, sent = recording
+    source = open_source(path)
+    assert len(source.shots) == len(sent)
+    for i, message in enumerate(sent):
+        picture = source.read(i)
+        assert picture.recorded == message
+        np.testing.assert_array_equal(picture.color, frame_from_proto(message).color)
+        assert source.shots[i].stamp_ns == frame_from_proto(message).stamp_ns
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
+def test_however_it_is_packed(compression: str, tmp_path: Path) -> None:
+    path, sent = record(tmp_path, compression=compression)
+    assert open_source(path).read(2).recorded == sent[2]
+
+
+def test_the_robot_is_the_recorded_one_and_cannot_act(
+    recording: tuple[Path, list[pb.Frame]],
+) -> None:
+    robot = open_source(recording[0]).describe()
+    assert (robot.name, robot.footprint_radius_m) == ("tiny", description().footprint_radius_m)
+    assert (robot.can_move, robot.can_pick, robot.can_place) == (False, False, False)
+    assert robot.recorded
+    driver = ReplayDriver(recording[0])
+    assert driver.state().robot_boot_id == "boot"
+    driver.capture()
+    assert driver.state().robot_boot_id == "boot"
+
+
+def test_searches_and_what_was_held_come_with_their_keyframes(tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path)
+    recorded.robot()
+    recorded.bus.publish(CONTEXT, context("one"))
+    recorded.look(0, "one")
+    recorded.bus.publish(ROBOT_STATE, pb.RobotState(held="cup"))
+    recorded.look(1, "two")  # answered with a search that the recorder hears of later
+    recorded.bus.publish(CONTEXT, context("two"))
+    recorded.look(2, "two")
+    recorded.close()
+    source = Recording(sorted(tmp_path.glob("*.mcap")), Part())
+    assert [[c.id for c in source.contexts_before(i)] for i in range(3)] == [["one"], ["two"], []]
+    assert [source.state_after(i).held for i in range(-1, 3)] == ["", "cup", "cup", "cup"]
+    part = Recording(sorted(tmp_path.glob("*.mcap")), Part(from_s=source.shots[2].time_s))
+    assert [c.id for c in part.contexts_before(0)] == ["one", "two"]
+
+
+def test_the_driver_begins_the_searches_on_the_bus(
+    recording: tuple[Path, list[pb.Frame]],
+) -> None:
+    bus = MemoryBus(MemoryHub())
+    heard: list[str] = []
+    bus.subscribe(CONTEXT, lambda message: heard.append(message.id))
+    ReplayDriver(recording[0], bus=bus).capture()
+    assert heard == []
+    ReplayDriver(recording[0], bus=bus, contexts=True).capture()
+    assert heard == [context().id]
+
+
+def test_parts_of_it(recording: tuple[Path, list[pb.Frame]]) -> None:
+    path, sent = recording
+    times_s = [shot.time_s for shot in open_source(path).shots]
+    part = open_source(path, Part(from_s=times_s[1], to_s=times_s[2]))
+    assert [part.read(i).recorded for i in range(len(part.shots))] == sent[1:3]
+    assert len(open_source(path, Part(limit=2)).shots) == 2
+    with pytest.raises(InvalidInput, match="no frame from 1e"):
+        open_source(path, Part(from_s=1e9))
+
+
+def test_a_rate_only_waits(recording: tuple[Path, list[pb.Frame]], tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path)
+    recorded.tour(1)
+    time.sleep(0.3)  # the time that the replay has to take, too
+    recorded.look(1)
+    recorded.close()
+    fast, slow = ReplayDriver(tmp_path), ReplayDriver(tmp_path, rate=1.0)
+    began = time.monotonic()
+    first = [fast.capture().recorded for _ in range(2)]
+    assert first == [slow.capture().recorded for _ in range(2)]
+    assert time.monotonic() - began >= 0.29
+    slow.close()
+    with pytest.raises(EndOfRecording):
+        slow.capture()
+
+
+def test_several_files_are_one_recording(tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path, rotate_mb=0.03, flush_s=0.001)
+    recorded.robot()
+    recorded.bus.publish(CONTEXT, context())
+    sent: list[pb.Frame] = []
+    while len(list(tmp_path.glob("*.mcap"))) < 3:
+        sent.append(recorded.look(len(sent)))
+        wait_until(lambda: recorded.service.recording.inbox.bytes == 0, 20, "it is written")
+    recorded.close()
+    source = open_source(tmp_path)
+    assert [source.read(i).recorded for i in range(len(source.shots))] == sent
+    assert sum(len(source.contexts_before(i)) for i in range(len(sent))) == 1
+
+
+# --- files that are not whole ---------------------------------------------------------------------
+@settings(max_examples=40, deadline=None)
+@given(share=st.floats(0, 1))
+def test_a_cut_file_plays_up_to_where_it_is_whole(
+    share: float, recording: tuple[Path, list[pb.Frame]],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:  # fmt: skip
+    path, sent = recording
+    data = path.read_bytes()
+    cut = tmp_path_factory.getbasetemp() / "cut.mcap"
+    cut.write_bytes(data[: int(share * len(data))])
+    try:
+        source = open_source(cut)
+    except InvalidInput:
+        return  # nothing whole is left
+    came = [source.read(i).recorded for i in range(len(source.shots))]
+    assert came == sent[: len(came)]
+    assert came
+    assert len(came) == len(sent) or getattr(source, "cut", "")
+
+
+def test_nearly_all_of_a_cut_file_is_read(
+    recording: tuple[Path, list[pb.Frame]], tmp_path: Path
+) -> None:
+    path, sent = recording
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(path.read_bytes()[: int(path.stat().st_size * 0.75)])
+    assert len(open_source(cut).shots) >= len(sent) // 2
+
+
+@settings(max_examples=150, deadline=None)
+@given(at=st.floats(0, 1), junk=st.binary(min_size=1, max_size=12))
+def test_no_bytes_do_harm(
+    at: float, junk: bytes, recording: tuple[Path, list[pb.Frame]],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:  # fmt: skip
+    data = bytearray(recording[0].read_bytes())
+    start = int(at * (len(data) - len(junk)))
+    data[start : start + len(junk)] = junk
+    path = tmp_path_factory.getbasetemp() / "junk.mcap"
+    path.write_bytes(bytes(data))
+    with contextlib.suppress(HeliosError):
+        source = open_source(path)
+        for i in range(len(source.shots)):
+            source.read(i)
+
+
+def written(path: Path, write: Callable[[Writer], None]) -> Path:
+    with path.open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.NONE)
+        writer.start()
+        write(writer)
+        writer.finish()
+    return path
+
+
+def foreign(writer: Writer) -> None:
+    schema = writer.register_schema("std_msgs/String", "jsonschema", b"{}")
+    channel = writer.register_channel("/chatter", "json", schema)
+    writer.add_message(channel, 1, b"{}", 1)
+
+
+def of_ros(writer: Writer) -> None:
+    schema = writer.register_schema("sensor_msgs/msg/Image", "ros2msg", b"")
+    channel = writer.register_channel("/camera", "cdr", schema)
+    writer.add_message(channel, 1, b"", 1)
+
+
+def no_description(writer: Writer) -> None:
+    from tests.unit.recorder.recorder_bus import frame
+
+    names = {KEYFRAME_CHANNELS.head: "helios.v1.Frame",
+             KEYFRAME_CHANNELS.color: "foxglove.CompressedImage",
+             KEYFRAME_CHANNELS.depth: "foxglove.RawImage"}  # fmt: skip
+    data = frame(0).SerializeToString()
+    for topic, name in names.items():
+        schema = writer.register_schema(name, "protobuf", b"")
+        writer.add_message(writer.register_channel(topic, "protobuf", schema), 1, data, 1)
+
+
+def no_pixels(writer: Writer) -> None:
+    schema = writer.register_schema("helios.v1.Frame", "protobuf", b"")
+    channel = writer.register_channel(KEYFRAME_CHANNELS.head, "protobuf", schema)
+    writer.add_message(channel, 1, b"", 1)
+
+
+def no_protobuf(writer: Writer) -> None:
+    schema = writer.register_schema("helios.v1.Frame", "protobuf", b"")
+    channel = writer.register_channel(KEYFRAME_CHANNELS.head, "protobuf", schema)
+    writer.add_message(channel, 1, b"\xff\xff\xff", 1)
+
+
+def nothing(_: Writer) -> None:
+    pass
+
+
+@pytest.mark.parametrize(
+    ("write", "words"),
+    [(foreign, "/chatter"), (of_ros, "ROS 2 bag"), (no_description, "which robot"),
+     (no_pixels, "pixels"), (no_protobuf, "helios.v1.Frame"), (nothing, "empty")],
+)  # fmt: skip
+def test_what_cannot_be_played_is_said_in_one_sentence(
+    write: Callable[[Writer], None], words: str, tmp_path: Path
+) -> None:
+    path = written(tmp_path / "x.mcap", write)
+    with pytest.raises(InvalidInput, match=words) as error:
+        open_source(path)
+    assert "\n" not in error.value.message
+    assert str(path) in error.value.message
+
+
+@pytest.mark.parametrize("data", [b"", b"not an mcap at all", b"\x89MCAP0\r\n"])
+def test_what_is_no_mcap_is_said(data: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "x.mcap"
+    path.write_bytes(data)
+    with pytest.raises(InvalidInput, match=r"no MCAP|no keyframe"):
+        open_source(path)
+
+
+def chunk(claimed: int, packed: bytes, compression: bytes) -> bytes:
+    body = struct.pack("<QQQI", 0, 0, claimed, 0)
+    body += struct.pack("<I", len(compression)) + compression
+    body += struct.pack("<Q", len(packed)) + packed
+    return b"\x89MCAP0\r\n" + struct.pack("<BQ", 0x06, len(body)) + body
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"\x89MCAP0\r\n" + struct.pack("<BQ", 0x03, 2**63),
+        b"\x89MCAP0\r\n" + struct.pack("<BQ", 0x06, 2**64 - 1) + b"x" * 100,
+        chunk(2**62, b"x", b"zstd"),
+        chunk(100, lz4.frame.compress(bytes(50_000_000)), b"lz4"),
+        chunk(LARGEST_CHUNK + 1, b"", b"lz4"),
+        chunk(10, b"0123456789", b"bzip2"),
+        chunk(10, b"0123456789", b""),
+    ],
+)
+def test_a_size_is_not_believed(data: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "x.mcap"
+    path.write_bytes(data)
+    file = McapFile(path)
+    assert list(file.walk()) == []
+    assert file.cut
+    with pytest.raises(InvalidInput, match="no keyframe"):
+        open_source(path)
+
+
+def test_it_observes_and_nothing_else(recording: tuple[Path, list[pb.Frame]]) -> None:
+    driver = ReplayDriver(recording[0])
+    assert driver.act(Observe(), "a").succeeded

@@ -1,0 +1,213 @@
+"""ROS 2 bags: images, calibration, and where the camera was."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from helios_core.errors import InvalidInput
+from helios_core.geometry import R_BODY_CAM, camera_on_base, quaternion_from_rotation, se2_to_se3
+from helios_replay import ReplayDriver
+from helios_replay.ros_poses import slerp
+from helios_replay.source import Part, open_source
+
+pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+HEIGHT, WIDTH, HEIGHT_M = 48, 64, 1.2
+SHOTS = 4
+
+
+def make(name: str, **fields: Any) -> Any:
+    """A message by its type's name."""
+    return STORE.types[name](**fields)
+
+
+def header(ns: int, frame: str) -> Any:
+    stamp = make("builtin_interfaces/msg/Time", sec=ns // 10**9, nanosec=ns % 10**9)
+    return make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
+
+
+def vector(kind: str, T: np.ndarray) -> Any:
+    return make(f"geometry_msgs/msg/{kind}", **dict(zip("xyz", T[:3, 3], strict=True)))
+
+
+def transform(ns: int, parent: str, child: str, T: np.ndarray) -> Any:
+    x, y, z, w = quaternion_from_rotation(T[:3, :3])
+    return make(
+        "geometry_msgs/msg/TransformStamped", header=header(ns, parent), child_frame_id=child,
+        transform=make(
+            "geometry_msgs/msg/Transform",
+            translation=vector("Vector3", T),
+            rotation=make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w),
+        ),
+    )  # fmt: skip
+
+
+def pose(ns: int, T: np.ndarray) -> Any:
+    x, y, z, w = quaternion_from_rotation(T[:3, :3])
+    return make(
+        "geometry_msgs/msg/PoseStamped", header=header(ns, "map"),
+        pose=make(
+            "geometry_msgs/msg/Pose",
+            position=vector("Point", T),
+            orientation=make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w),
+        ),
+    )  # fmt: skip
+
+
+def image(ns: int, pixels: np.ndarray, encoding: str) -> Any:
+    return make(
+        "sensor_msgs/msg/Image", header=header(ns, "optical"), height=HEIGHT, width=WIDTH,
+        encoding=encoding, is_bigendian=0, step=pixels.nbytes // HEIGHT,
+        data=np.frombuffer(pixels.tobytes(), np.uint8),
+    )  # fmt: skip
+
+
+def compressed(ns: int, data: bytes, form: str) -> Any:
+    return make(
+        "sensor_msgs/msg/CompressedImage", header=header(ns, "optical"), format=form,
+        data=np.frombuffer(data, np.uint8),
+    )  # fmt: skip
+
+
+def info(ns: int, distortion: list[float]) -> Any:
+    region = make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0,
+                  do_rectify=False)  # fmt: skip
+    return make(
+        "sensor_msgs/msg/CameraInfo", header=header(ns, "optical"), height=HEIGHT, width=WIDTH,
+        distortion_model="plumb_bob", d=np.array(distortion),
+        k=np.array([60, 0, 32, 0, 60, 24, 0, 0, 1], float), r=np.eye(3).ravel(),
+        p=np.zeros(12), binning_x=0, binning_y=0, roi=region,
+    )  # fmt: skip
+
+
+def stamp(k: int) -> int:
+    return 5_000_000_000 + k * 100_000_000
+
+
+def base(k: float) -> np.ndarray:
+    return se2_to_se3(0.2 * k, 0.1, 0.1 * k)
+
+
+def write_bag(
+    path: Path, *, packed: bool = False, pose_topic: bool = False, tf: bool = True,
+    distortion: list[float] | None = None, plugin: StoragePlugin = StoragePlugin.SQLITE3,
+    second_camera: bool = False,
+) -> Path:  # fmt: skip
+    """Four shots while the base drives an arc; tf at 50 ms before and after each image."""
+    depth_mm = np.full((HEIGHT, WIDTH), 2000, np.uint16)
+    blue = np.full((HEIGHT, WIDTH, 3), (250, 10, 10), np.uint8)
+    T_base_cam = camera_on_base(np.eye(4), HEIGHT_M, 0.0)
+    with Writer(path, version=9, storage_plugin=plugin) as writer:
+        topics: dict[str, Any] = {}
+
+        def write(topic: str, ns: int, message: Any) -> None:
+            kind = message.__msgtype__
+            if topic not in topics:
+                topics[topic] = writer.add_connection(topic, kind, typestore=STORE)
+            writer.write(topics[topic], ns, STORE.serialize_cdr(message, kind))
+
+        if tf:
+            static = transform(stamp(0), "base_link", "optical", T_base_cam)
+            write("/tf_static", stamp(0), make("tf2_msgs/msg/TFMessage", transforms=[static]))
+        for k in range(SHOTS):
+            ns = stamp(k)
+            write("/cam/color/camera_info", ns, info(ns, distortion or [0.0] * 5))
+            if tf:
+                for half in (-0.5, 0.5):
+                    at = ns + round(half * 1e8)
+                    moved = transform(at, "map", "base_link", base(k + half))
+                    write("/tf", at, make("tf2_msgs/msg/TFMessage", transforms=[moved]))
+            if pose_topic:
+                write("/slam/pose", ns, pose(ns, base(k) @ T_base_cam))
+            if packed:
+                jpeg = cv2.imencode(".jpg", blue)[1].tobytes()
+                png = bytes(12) + cv2.imencode(".png", depth_mm)[1].tobytes()
+                write("/cam/color/compressed", ns, compressed(ns, jpeg, "bgr8; jpeg"))
+                write("/cam/depth/compressedDepth", ns + 3_000_000,
+                      compressed(ns + 3_000_000, png, "16UC1; compressedDepth"))  # fmt: skip
+            else:
+                write("/cam/color/image_raw", ns, image(ns, blue, "bgr8"))
+                write("/cam/depth/image_raw", ns + 3_000_000,
+                      image(ns + 3_000_000, depth_mm, "16UC1"))  # fmt: skip
+            if second_camera:
+                write("/rear/color/image_raw", ns, image(ns, blue, "bgr8"))
+    return path
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("plugin", list(StoragePlugin))
+def test_images_and_tf_of_a_bag(packed: bool, plugin: StoragePlugin, tmp_path: Path) -> None:
+    driver = ReplayDriver(write_bag(tmp_path / "bag", packed=packed, plugin=plugin))
+    captures = [driver.capture() for _ in range(SHOTS)]
+    assert driver.state().finished
+    for k, capture in enumerate(captures):
+        assert capture.stamp_ns == stamp(k)
+        assert capture.color[5, 5, 2] > 200 > 60 > capture.color[5, 5, 0]
+        assert float(capture.depth_m[3, 3]) == pytest.approx(2.0)
+        wanted = base(k) @ camera_on_base(np.eye(4), HEIGHT_M, 0.0)
+        np.testing.assert_allclose(capture.T_world_cam, wanted, atol=2e-3)  # half way on a chord
+        assert (capture.camera.fx, capture.camera.width) == (60, WIDTH)
+
+
+def test_a_topic_of_poses_instead_of_tf(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "bag", tf=False, pose_topic=True)
+    source = open_source(path, Part(topics="pose=/slam/pose"))
+    assert source.shots[1].T_world_cam[:3, 3] == pytest.approx([0.2, 0.1, HEIGHT_M])
+    assert source.shots[0].T_world_cam[:3, :3] == pytest.approx(R_BODY_CAM)
+    with pytest.raises(InvalidInput, match="neither tf nor"):
+        open_source(path)
+
+
+def test_lenses_are_made_straight(tmp_path: Path) -> None:
+    source = open_source(write_bag(tmp_path / "bag", distortion=[-0.3, 0.1, 0.0, 0.0, 0.0]))
+    picture = source.read(0)
+    assert picture.depth_m.shape == (HEIGHT, WIDTH)
+    assert set(np.unique(picture.depth_m)) <= {np.float32(0.0), np.float32(2000) * np.float32(1e-3)}
+
+
+def test_what_is_not_clear_is_asked_for(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "bag", second_camera=True)
+    with pytest.raises(InvalidInput, match=r"--topics color=") as error:
+        open_source(path)
+    assert "/rear/color/image_raw" in error.value.message
+    named = open_source(path, Part(topics="color=/cam/color/image_raw"))
+    assert len(named.shots) == SHOTS
+
+
+@pytest.mark.parametrize(
+    ("topics", "words"),
+    [
+        ("colour=/x", "colour=/x"),
+        ("color", "wanted NAME=/topic"),
+        ("depth=/nowhere", "depth=/nowhere"),
+        ("world=mars", "mars"),
+    ],
+)
+def test_wrong_topics_are_said(topics: str, words: str, tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "bag")
+    with pytest.raises(InvalidInput, match=words) as error:
+        open_source(path, Part(topics=topics))
+    assert "\n" not in error.value.message
+
+
+def test_a_broken_bag_is_said(tmp_path: Path) -> None:
+    (tmp_path / "metadata.yaml").write_text("nonsense: [")
+    with pytest.raises(InvalidInput, match="no ROS bag") as error:
+        open_source(tmp_path)
+    assert "\n" not in error.value.message
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_rotations_are_met_half_way(share: float) -> None:
+    a, b = np.array([0, 0, 0, 1.0]), np.array([0, 0, math.sin(0.4), math.cos(0.4)])
+    half = 0.4 * share
+    np.testing.assert_allclose(slerp(a, b, share), [0, 0, math.sin(half), math.cos(half)])
+    np.testing.assert_allclose(np.abs(slerp(a, -b, share)), np.abs(slerp(a, b, share)))
