@@ -101,6 +101,8 @@ def run_service(
         stopped.set()
         if service is not None:
             service.close()
+        if reporter.is_alive():
+            reporter.join(0.3)  # in the middle of a report the bus must not go away
         bus.close()
 
 

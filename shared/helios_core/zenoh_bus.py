@@ -43,6 +43,7 @@ SERVE_THREADS = 4  # of each method, started when needed
 ERROR_ENCODING = "application/protobuf;helios.v1.Error"
 RETAINED_HEARTBEAT_S = 0.5  # a late joiner that missed the last message learns of it by then
 DISCOVERY_S = 0.25  # how long a method that nobody serves is looked for
+READERS_END_WITHIN_S = 0.3
 LEASE_MS = 2000  # a frozen peer is given up after this
 
 
@@ -80,6 +81,7 @@ class ZenohBus(Bus):
                 f"no router at {router}; start one with `python -m helios_core.router` ({error})"
             ) from error
         self._pools: list[ThreadPoolExecutor] = []
+        self._readers: list[threading.Thread] = []
         self._publishers: dict[str, zenoh.Publisher | ext.AdvancedPublisher] = {}
         self._mine: list[_Declared] = []
         self._lock = threading.Lock()
@@ -116,6 +118,7 @@ class ZenohBus(Bus):
 
         thread = threading.Thread(target=read, name=f"read {topic.name}", daemon=True)
         thread.start()
+        self._readers.append(thread)
         return self._keep(subscriber.undeclare)
 
     def serve(self, method: Method[Req, Rep], handler: Callable[[Req], Rep]) -> Registration:
@@ -209,6 +212,11 @@ class ZenohBus(Bus):
         for declared in reversed(self._mine):
             declared.close()
         self._session.close()  # without it the process hangs at exit
+        # A thread that is still in the library when the interpreter ends aborts the process.
+        deadline = time.monotonic() + READERS_END_WITHIN_S
+        for reader in self._readers:
+            if reader is not threading.current_thread():
+                reader.join(max(0.0, deadline - time.monotonic()))
 
     def _publisher(self, topic: Topic) -> zenoh.Publisher | ext.AdvancedPublisher:
         with self._lock:
