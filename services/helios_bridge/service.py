@@ -46,6 +46,7 @@ from helios_core.types import Frame, FrameId, RobotState
 
 from helios_bridge.acks import AckBook
 from helios_bridge.actions import ActionLog
+from helios_bridge.depth import with_estimated_depth
 from helios_bridge.lease import Lease
 from helios_bridge.settings import Settings
 
@@ -243,6 +244,8 @@ class BridgeService:
             T_world_cam=c.T_world_cam,
             T_world_base=c.T_world_base,
         )
+        if self._settings.depth == "estimated":
+            frame = with_estimated_depth(frame, self._bus, self._settings.depth_timeout_s)
         self._bus.publish(topic, frame_to_proto(frame))
 
     # --- threads ------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Literal
 
 from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field
@@ -35,6 +36,12 @@ class Settings(ServiceSettings):
     contexts: bool = Field(
         default=False, description="a replay begins the recorded searches by itself"
     )
+    depth: Literal["sensor", "estimated"] = Field(
+        default="sensor",
+        description="where depth comes from: sensor, or estimated by the detector from colour (its "
+        "setting depth), for robots without usable depth",
+    )
+    depth_timeout_s: float = Field(default=30.0, gt=0, description="longest wait for that depth")
     stream_hz: float = Field(
         default=2.0, ge=0, le=60, description="frames a second while standing; 0: off"
     )

@@ -18,8 +18,10 @@ from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
 
+import numpy as np
 from helios_core.errors import InvalidInput
 from helios_core.types import Detection, Embedding, Frame, SearchContext
+from numpy.typing import NDArray
 
 from helios_detector.truth import TruthSource
 
@@ -133,6 +135,40 @@ class ScorerBackend(ABC):
 
 
 @dataclass(frozen=True)
+class DepthEstimate:
+    """Depth of one image from its colour."""
+
+    depth_m: NDArray[np.float32]  # [h, w] along the optical axis; 0 is invalid
+    focal_px: float  # by which it was scaled
+
+
+class DepthBackend(ABC):
+    """Makes depth of colour. Calls may come from several threads at once."""
+
+    name: str
+
+    @abstractmethod
+    def estimate(self, color: NDArray[np.uint8], focal_px: float | None) -> DepthEstimate:
+        """`focal_px` is the calibrated one. Raises InvalidInput when it is needed and missing."""
+
+    @abstractmethod
+    def warm_up(self) -> None:
+        """Make the first frame as fast as the others. Raises Unavailable when it cannot work."""
+
+    @abstractmethod
+    def unload(self) -> None:
+        """Free the memory of its model; the next call loads it again."""
+
+    @abstractmethod
+    def accelerator_mb(self) -> float:
+        """Peak of the accelerator's memory since the last call; 0 without one."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Free what it holds. Idempotent."""
+
+
+@dataclass(frozen=True)
 class DetectorOptions:
     """What a back end may need besides its own argument."""
 
@@ -145,6 +181,7 @@ class DetectorOptions:
     device: str = "auto"  # of transformers models: auto, cpu, cuda, cuda:N, mps
     precision: str = "auto"  # auto: half on cuda; float32, float16, bfloat16
     masks: str = "depth"  # from boxes: by depth, or transformers:ID of a SAM 2
+    by_similarity: bool = False  # a fixed vocabulary stands in with its most similar name
     score_head: str = "itc"  # of BLIP-2: itc (the paper's) or itm
     landmarks: tuple[str, ...] = ()  # an open vocabulary looks for these too, to tell the place
 
@@ -169,7 +206,7 @@ def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
     if kind == "onnx" and argument:
         from helios_detector.yolox import YoloxDetector
 
-        return YoloxDetector(Path(argument), threads=options.threads)
+        return YoloxDetector(Path(argument), options.threads, options.by_similarity)
     if kind == "transformers" and argument:
         from helios_detector.hf.detector import HfDetector
         from helios_detector.hf.runtime import Placement
@@ -211,3 +248,15 @@ def open_scorer(spec: str, options: DetectorOptions | None = None) -> ScorerBack
         f"there is no scorer {spec!r} in this build; set lexical, minilm or transformers:ID; a "
         f"package can add one by an entry point of the group {SCORER_ENTRY_POINTS}"
     )
+
+
+def open_depth(spec: str, options: DetectorOptions, focal: str) -> DepthBackend | None:
+    """None for `none`. Raises InvalidInput (wrong setting) or Unavailable."""
+    if spec == "none":
+        return None
+    if spec.startswith("transformers:"):
+        from helios_detector.hf.depth import HfDepth
+        from helios_detector.hf.runtime import Placement
+
+        return HfDepth(spec, Placement(options.device, options.precision, options.threads), focal)
+    raise InvalidInput(f"there is no depth model {spec!r}; set none or transformers:ID")

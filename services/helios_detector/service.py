@@ -8,9 +8,11 @@ known. No lock is held while a back end works or the bus is used.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 
 import cv2
@@ -23,6 +25,7 @@ from helios_core.codec import (
     observation_to_proto,
 )
 from helios_core.codec.frames import detection_to_proto
+from helios_core.codec.images import color_array
 from helios_core.errors import (
     DeadlineExceeded,
     HeliosError,
@@ -34,6 +37,7 @@ from helios_core.health import Health
 from helios_core.topics import (
     CONTEXT,
     EMBED_TEXT,
+    ESTIMATE_DEPTH,
     FRAME,
     KEYFRAME,
     OBSERVATION,
@@ -42,7 +46,15 @@ from helios_core.topics import (
 )
 from helios_core.types import Frame, Observation, SearchContext
 
-from helios_detector.backend import DetectorBackend, Findings, Judgement, ScorerBackend
+from helios_detector.backend import (
+    DepthBackend,
+    DetectorBackend,
+    Findings,
+    Judgement,
+    ScorerBackend,
+)
+from helios_detector.depth_wire import depth_to_proto, focal_of
+from helios_detector.memory import resident_mb
 
 log = logging.getLogger(__name__)
 
@@ -60,11 +72,13 @@ class DetectorService:
         scorer: ScorerBackend,
         health: Health,
         preview_quality: int = 80,
+        depth: DepthBackend | None = None,
     ) -> None:
         self._bus, self._health = bus, health
-        self._detector, self._scorer = detector, scorer
+        self._detector, self._scorer, self._depth = detector, scorer, depth
         self._preview_quality = preview_quality
-        self._lock = threading.Lock()  # guards the five below
+        self._lock = threading.Lock()  # guards the seven below
+        self._used_s, self._unloaded = time.monotonic(), False
         self._context: SearchContext | None = None
         self._refused: dict[str, str] = {}
         self._held: pb.Frame | None = None
@@ -74,12 +88,30 @@ class DetectorService:
         bus.subscribe(CONTEXT, self.on_context)
         bus.serve(VOCABULARY, self.vocabulary)
         bus.serve(EMBED_TEXT, self.embed_text)
+        bus.serve(ESTIMATE_DEPTH, self.estimate_depth)
         bus.subscribe(KEYFRAME, self.on_keyframe)
         bus.subscribe(FRAME, self.on_frame)
 
     def close(self) -> None:
-        self._detector.close()
-        self._scorer.close()
+        for model in self._models:
+            model.close()
+
+    @property
+    def _models(self) -> list[DetectorBackend | ScorerBackend | DepthBackend]:
+        return [m for m in (self._detector, self._scorer, self._depth) if m is not None]
+
+    def unload_if_idle(self, after_s: float) -> None:
+        """Free the models' memory when nothing was asked of them for that long."""
+        with self._lock:
+            idle = self._working == 0 and time.monotonic() - self._used_s > after_s
+            if not idle or self._unloaded:
+                return
+            self._unloaded = True
+        for model in self._models:
+            model.unload()
+        self._health.count("unloads")
+        self._health.set("memory_mb", resident_mb())
+        log.info("models unloaded after %g s without work; the next frame loads them", after_s)
 
     # --- what comes in ------------------------------------------------------------------------
     def vocabulary(self, _: pb.Empty) -> pb.VocabularyReply:
@@ -150,6 +182,7 @@ class DetectorService:
             out.detect_ms = (detected - began) * 1e3
             self._health.sample("detect_ms", out.detect_ms)
             self._health.sample("score_ms", (time.perf_counter() - detected) * 1e3)
+            self._measure()
             self._health.count("keyframes_answered")
             self._bus.publish(OBSERVATION, out)
             self._publish_preview(message, frame, findings)
@@ -159,8 +192,8 @@ class DetectorService:
             self._refuse("keyframes_failed", message, error)
             trouble = f"the last keyframe could not be answered: {error.message}"
         finally:
+            self._done()
             with self._lock:
-                self._working -= 1
                 self._trouble = trouble
             self._tell_health()
 
@@ -180,8 +213,29 @@ class DetectorService:
         except HeliosError as error:
             self._refuse("previews_refused", message, error)
         finally:
-            with self._lock:
-                self._working -= 1
+            self._done()
+
+    def estimate_depth(self, request: pb.DepthRequest) -> pb.DepthReply:
+        """Depth of a colour image, for robots that have none (the bridge asks)."""
+        if self._depth is None:
+            raise InvalidInput(
+                "this detector makes no depth; set its depth to transformers:ID, or the bridge's "
+                "depth to sensor"
+            )
+        began = time.perf_counter()
+        color = color_array(
+            request.raw_color if request.HasField("raw_color") else None,
+            request.compressed_color if request.HasField("compressed_color") else None,
+        )
+        focal_px = focal_of(request, color.shape[1])
+        with self._work():
+            made = self._depth.estimate(color, focal_px)
+        self._measure()
+        out = depth_to_proto(made, self._depth.name)
+        out.estimate_ms = (time.perf_counter() - began) * 1e3
+        self._health.sample("depth_ms", out.estimate_ms)
+        self._health.count("depths_estimated")
+        return out
 
     # --- what goes out ------------------------------------------------------------------------
     def _detect(self, frame: Frame, context: SearchContext) -> Findings:
@@ -202,6 +256,27 @@ class DetectorService:
                     f"{self._detector.name} failed ({type(error).__name__}: {error}); see its log"
                 ) from error
         raise AssertionError("not reached")
+
+    @contextlib.contextmanager
+    def _work(self) -> Iterator[None]:
+        """Counts as work, so that no model is unloaded meanwhile."""
+        with self._lock:
+            self._working += 1
+        try:
+            yield
+        finally:
+            self._done()
+
+    def _done(self) -> None:
+        with self._lock:
+            self._working -= 1
+            self._used_s, self._unloaded = time.monotonic(), False
+
+    def _measure(self) -> None:
+        self._health.set("memory_mb", resident_mb())
+        peak = max(model.accelerator_mb() for model in self._models)
+        if peak > 0:
+            self._health.sample("accelerator_mb", peak)
 
     def _judge(self, frame: Frame, findings: Findings, context: SearchContext) -> Judgement:
         try:

@@ -20,6 +20,22 @@ class Settings(ServiceSettings):
         default="depth",
         description="from boxes of transformers: depth, or transformers:ID of a SAM 2",
     )
+    depth: str = Field(
+        default="none",
+        description="depth from colour, for robots without usable depth: none, or transformers:ID "
+        "of a Depth Pro or a metric Depth Anything",
+    )
+    depth_focal: str = Field(
+        default="calibrated", description="what scales that depth: calibrated, or own (Depth Pro)"
+    )
+    unload_after_s: float = Field(
+        default=0.0, ge=0, description="models leave the memory after this without work; 0: never"
+    )
+    by_similarity: bool = Field(
+        default=False,
+        description="a class that onnx does not know is found as the most similar one that it "
+        "knows, by the text model of the scorer minilm",
+    )
     device: str = Field(
         default="auto", description="of transformers models: auto, cpu, cuda, cuda:N, mps"
     )
@@ -54,5 +70,5 @@ class Settings(ServiceSettings):
     )
     preview_quality: int = Field(80, ge=1, le=100, description="JPEG quality of previews, percent")
     retry_s: float = Field(
-        2.0, gt=0, description="pause before a model that cannot load is retried"
+        2.0, gt=0, description="pause before a model that cannot load is retried; doubles to 60 s"
     )

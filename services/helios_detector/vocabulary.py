@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib import resources
@@ -116,25 +116,31 @@ def open_wanted(context: SearchContext) -> tuple[Wanted, ...]:
 
 
 def fixed_wanted(
-    context: SearchContext, vocabulary: tuple[str, ...]
+    context: SearchContext,
+    vocabulary: tuple[str, ...],
+    similar: Callable[[str], str | None] | None = None,  # the most similar of the vocabulary
 ) -> tuple[tuple[Wanted, ...], Mapping[str, str]]:
     """(what can be found, class name -> why it cannot). A detector's name serves one asked class.
 
-    Exact names are served first, then synonyms and kinds, then neighbours.
+    Exact names are served first, then synonyms and kinds, then neighbours, then similar ones.
     """
     known = {normalised(n): n for n in vocabulary}
     classes = merged(context)
     taken: dict[str, str] = {}
     got: dict[str, frozenset[str]] = {}
-    ways = (
+    ways: list[Callable[[SearchClass], frozenset[str]]] = [
         lambda c: frozenset({normalised(c.name)}),
         lambda c: accepts(c.name, c.synonyms),
         lambda c: neighbours(c.name),
-    )
+    ]
+    if similar is not None:
+        ways.append(lambda c: frozenset(filter(None, [similar(c.name)])))
     for way in ways:
         for c in classes:
+            if c.name in got:
+                continue
             names = (way(c) & known.keys()) - taken.keys()
-            if names and c.name not in got:
+            if names:
                 got[c.name] = names
                 taken.update(dict.fromkeys(names, c.name))
     refused: dict[str, str] = {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import cv2
@@ -60,9 +60,9 @@ def decode(
 class YoloxDetector(DetectorBackend):
     """A YOLOX model of the COCO classes on the CPU."""
 
-    def __init__(self, path: Path, threads: int = 1) -> None:
-        """Raises Unavailable when the file or onnxruntime is missing, InvalidInput for a file that
-        is no such model."""
+    def __init__(self, path: Path, threads: int = 1, by_similarity: bool = False) -> None:
+        """Raises Unavailable when the file, onnxruntime or the text model is missing, InvalidInput
+        for a file that is no such model."""
         if not path.is_file():
             raise Unavailable(
                 f"the model file {path} is not there; put a YOLOX model (ONNX, 80 COCO classes) "
@@ -99,12 +99,17 @@ class YoloxDetector(DetectorBackend):
         self._size = (int(shape[2]), int(shape[3]))
         self._input = wanted.name
         self.name = f"onnx:{path.name}"
+        self._similar: Callable[[str], str | None] | None = None
+        if by_similarity:
+            from helios_detector.similar import NearestName
+
+            self._similar = NearestName(COCO_NAMES, threads)
 
     def vocabulary(self) -> tuple[str, ...]:
         return COCO_NAMES
 
     def refused(self, context: SearchContext) -> Mapping[str, str]:
-        return fixed_wanted(context, COCO_NAMES)[1]
+        return fixed_wanted(context, COCO_NAMES, self._similar)[1]
 
     def warm_up(self) -> None:
         self._run(np.full((*self._size, 3), PAD_GREY, np.uint8))
@@ -113,7 +118,7 @@ class YoloxDetector(DetectorBackend):
         """The session is freed with this object."""
 
     def detect(self, frame: Frame, context: SearchContext) -> Findings:
-        wanted, refused = fixed_wanted(context, COCO_NAMES)
+        wanted, refused = fixed_wanted(context, COCO_NAMES, self._similar)
         refuse_unknown(refused)
         boxes, scores = self._run(frame.color)
         detections: list[Detection] = []

@@ -14,7 +14,7 @@ from helios_core.errors import InvalidInput, Unavailable
 from numpy.typing import NDArray
 
 from helios_detector.hf.faults import EXTRA, load_fault, out_of_memory, run_fault
-from helios_detector.hf.memory import accelerator_mb, free_mb, weights_mb
+from helios_detector.memory import accelerator_mb, free_mb, weights_mb
 
 PRECISIONS = ("auto", "float32", "float16", "bfloat16")
 SCHEME = "transformers:"

@@ -211,6 +211,47 @@ def _blip2() -> tuple[Any, Any]:
     return model, processor
 
 
+def _depth_pro(own_focal: bool = True) -> tuple[Any, Any]:
+    vit = {"model_type": "dinov2", "hidden_size": 16, "num_hidden_layers": 4,
+           "num_attention_heads": 2, "intermediate_size": 32, "image_size": 16, "patch_size": 4,
+           "mlp_ratio": 2, "layerscale_value": 1.0}  # fmt: skip
+    config = hf.DepthProConfig(
+        fusion_hidden_size=16, patch_size=16, initializer_range=0.2,
+        intermediate_hook_ids=[1, 0], intermediate_feature_dims=[8, 8],
+        scaled_images_ratios=[0.5, 1.0], scaled_images_overlap_ratios=[0.5, 0.2],
+        scaled_images_feature_dims=[16, 16], merge_padding_value=1,
+        use_batch_norm_in_fusion_residual=False, use_bias_in_fusion_residual=True,
+        use_fov_model=own_focal, num_fov_head_layers=2,
+        image_model_config=vit, patch_model_config=vit, fov_model_config=vit,
+    )  # fmt: skip
+    images = hf.DepthProImageProcessor(size={"height": 32, "width": 32})
+    model = hf.DepthProForDepthEstimation(config)
+    with torch.no_grad():
+        model.head.layers[-2].weight.mul_(0.001)
+        model.head.layers[-2].bias.fill_(0.5)  # an inverse depth that is not cut at 0
+        if own_focal:
+            model.fov_model.head.layers[-1].bias.fill_(60.0)  # degrees
+    return model, images
+
+
+def _depth_anything(metric: bool) -> tuple[Any, Any]:
+    backbone = hf.Dinov2Config(
+        hidden_size=16, num_hidden_layers=2, num_attention_heads=2, mlp_ratio=2, image_size=28,
+        patch_size=14, out_features=["stage1", "stage2"], reshape_hidden_states=False,
+        apply_layernorm=True,
+    )  # fmt: skip
+    config = hf.DepthAnythingConfig(
+        backbone_config=backbone, reassemble_hidden_size=16, patch_size=14,
+        reassemble_factors=[2, 1], neck_hidden_sizes=[8, 8], fusion_hidden_size=8,
+        head_hidden_size=8,
+        depth_estimation_type="metric" if metric else "relative", max_depth=20,
+    )  # fmt: skip
+    images = hf.DPTImageProcessor(
+        size={"height": 56, "width": 56}, keep_aspect_ratio=True, ensure_multiple_of=14
+    )
+    return hf.DepthAnythingForDepthEstimation(config), images
+
+
 FAMILIES: dict[str, Callable[[], tuple[Any, Any]]] = {
     "owlvit": lambda: _owl("owlvit"),
     "owlv2": lambda: _owl("owlv2"),
@@ -223,6 +264,10 @@ FAMILIES: dict[str, Callable[[], tuple[Any, Any]]] = {
     "siglip": lambda: _siglip("siglip"),
     "siglip2": lambda: _siglip("siglip2"),
     "blip-2": _blip2,
+    "depth-pro": _depth_pro,
+    "depth-pro without focal": lambda: _depth_pro(False),
+    "depth-anything": lambda: _depth_anything(True),
+    "depth-anything relative": lambda: _depth_anything(False),
 }
 
 

@@ -1,0 +1,157 @@
+"""Depth from colour, on tiny models with random weights: metres, focal lengths, the bus."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tiny_models
+import torch
+from detector_scene import CAMERA, SceneTruth, frame_of
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from helios_bridge.depth import with_estimated_depth
+from helios_core import proto as pb
+from helios_core.codec import frame_from_proto, frame_to_proto
+from helios_core.errors import HeliosError, InvalidInput, Unavailable
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import ESTIMATE_DEPTH
+from helios_detector.backend import DetectorOptions, open_depth
+from helios_detector.ground_truth import GroundTruthDetector
+from helios_detector.hf.depth import HfDepth
+from helios_detector.hf.runtime import Placement, need_library, picture
+from helios_detector.scorer import LexicalScorer
+from helios_detector.service import DetectorService
+
+hf = need_library()
+CPU = Placement("cpu", "float32")
+COLOR = np.random.default_rng(0).integers(0, 256, (200, 320, 3), np.uint8)
+KINDS = ("depth-pro", "depth-pro without focal", "depth-anything", "depth-anything relative")
+
+
+@pytest.fixture(scope="module")
+def models(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    root = tmp_path_factory.mktemp("models")
+    return {kind: tiny_models.write(kind, root / kind.replace(" ", "-")) for kind in KINDS}
+
+
+def opened(folder: Path, focal: str = "calibrated", placement: Placement = CPU) -> HfDepth:
+    return HfDepth(f"transformers:{folder}", placement, focal)
+
+
+def library_answer(folder: Path, color: np.ndarray) -> dict:
+    processor = hf.AutoImageProcessor.from_pretrained(folder)
+    model = hf.AutoModelForDepthEstimation.from_pretrained(folder).eval()
+    with torch.inference_mode():
+        out = model(**processor(images=picture(color), return_tensors="pt"))
+        return processor.post_process_depth_estimation(out, target_sizes=[color.shape[:2]])[0]
+
+
+def test_with_its_own_focal_length_depth_pro_is_the_librarys(models: dict[str, Path]):
+    wanted = library_answer(models["depth-pro"], COLOR)
+    for made in (
+        opened(models["depth-pro"], "own").estimate(COLOR, 300.0),
+        opened(models["depth-pro"]).estimate(COLOR, None),
+    ):
+        assert made.focal_px == pytest.approx(float(wanted["focal_length"]), rel=1e-4)
+        np.testing.assert_allclose(made.depth_m, wanted["predicted_depth"].numpy(), rtol=1e-3)
+
+
+def test_metres_grow_with_the_calibrated_focal_length(models: dict[str, Path]):
+    """depth = focal / (width * inverse depth)."""
+    for kind in ("depth-pro", "depth-pro without focal"):
+        depth = opened(models[kind])
+        near, far = depth.estimate(COLOR, 250.0), depth.estimate(COLOR, 500.0)
+        assert (near.focal_px, far.focal_px) == (250.0, 500.0)
+        assert (near.depth_m > 0).all()
+        np.testing.assert_allclose(far.depth_m, 2 * near.depth_m, rtol=1e-3)
+
+
+def test_a_metric_depth_anything_gives_its_metres_as_they_are(models: dict[str, Path]):
+    wanted = library_answer(models["depth-anything"], COLOR)["predicted_depth"].numpy()
+    made = opened(models["depth-anything"]).estimate(COLOR, 300.0)
+    assert made.focal_px == 300.0
+    np.testing.assert_allclose(made.depth_m, wanted, rtol=1e-4)
+
+
+@pytest.mark.parametrize("precision", ["bfloat16", "float16"])
+@pytest.mark.parametrize("kind", ["depth-pro", "depth-anything"])
+def test_half_precision_changes_little(kind: str, precision: str, models: dict[str, Path]):
+    exact = opened(models[kind]).estimate(COLOR, 300.0).depth_m
+    depth = opened(models[kind], placement=Placement("cpu", precision))
+    depth.warm_up()
+    np.testing.assert_allclose(depth.estimate(COLOR, 300.0).depth_m, exact, rtol=0.1)
+
+
+def test_a_model_without_metres_is_refused(models: dict[str, Path], tmp_path: Path):
+    with pytest.raises(InvalidInput, match="gives no metres; set depth to a Depth Pro"):
+        opened(models["depth-anything relative"])
+    with pytest.raises(InvalidInput, match="gives no metres"):
+        opened(tiny_models.write("clip", tmp_path))
+
+
+def test_a_focal_length_that_nobody_knows_is_said(models: dict[str, Path]):
+    for kind in ("depth-anything", "depth-pro without focal"):
+        with pytest.raises(InvalidInput, match=r"came without a calibration.*send K"):
+            opened(models[kind]).estimate(COLOR, None)
+        with pytest.raises(InvalidInput, match="guesses no focal length; set it to calibrated"):
+            opened(models[kind], "own")
+
+
+def test_settings_open_a_depth_model_or_none(models: dict[str, Path]):
+    assert open_depth("none", DetectorOptions(), "calibrated") is None
+    with pytest.raises(InvalidInput, match="set none or transformers:ID"):
+        open_depth("stereo", DetectorOptions(), "calibrated")
+    with pytest.raises(InvalidInput, match="depth_focal is 'guess'"):
+        opened(models["depth-pro"], "guess")
+
+
+@pytest.fixture
+def bus(models: dict[str, Path]) -> MemoryBus:
+    hub = MemoryHub()
+    depth = open_depth(
+        f"transformers:{models['depth-pro']}", DetectorOptions(device="cpu"), "calibrated"
+    )
+    DetectorService(
+        MemoryBus(hub), GroundTruthDetector(SceneTruth()), LexicalScorer(), Health(), depth=depth
+    )
+    return MemoryBus(hub)
+
+
+def test_the_bridge_fills_a_frame_before_it_is_published(bus: MemoryBus, models: dict[str, Path]):
+    blind = frame_of()
+    filled = with_estimated_depth(blind, bus, 20.0)
+    assert filled.camera == CAMERA
+    wanted = opened(models["depth-pro"]).estimate(blind.color, CAMERA.fx).depth_m
+    np.testing.assert_allclose(filled.depth_m, wanted, atol=6e-4)  # millimetres on the wire
+    frame_from_proto(frame_to_proto(filled))  # a frame like any other
+
+
+def test_without_a_calibration_the_reply_says_its_own_focal_length(bus: MemoryBus):
+    good, png = cv2.imencode(".png", COLOR[..., ::-1])
+    assert good
+    request = pb.DepthRequest()
+    request.compressed_color.format, request.compressed_color.data = "png", png.tobytes()
+    reply = bus.call(ESTIMATE_DEPTH, request, 20.0)
+    assert reply.focal_px == pytest.approx(160 / np.tan(np.deg2rad(30)), rel=0.4)  # about 60 deg
+    assert (reply.raw_depth.width, reply.raw_depth.height) == (320, 200)
+
+
+def test_bad_requests_are_refused(bus: MemoryBus):
+    with pytest.raises(InvalidInput, match="no colour image"):
+        bus.call(ESTIMATE_DEPTH, pb.DepthRequest(), 5.0)
+    request = pb.DepthRequest(
+        raw_color=frame_to_proto(frame_of()).raw_color,
+        calibration=CameraCalibration(K=[float("nan")] * 9),
+    )
+    with pytest.raises(InvalidInput, match="send 9 numbers"):
+        bus.call(ESTIMATE_DEPTH, request, 5.0)
+
+
+def test_a_detector_without_depth_says_what_to_set():
+    hub = MemoryHub()
+    with pytest.raises(Unavailable):
+        with_estimated_depth(frame_of(), MemoryBus(hub), 0.1)
+    DetectorService(MemoryBus(hub), GroundTruthDetector(SceneTruth()), LexicalScorer(), Health())
+    with pytest.raises(HeliosError, match="makes no depth; set its depth to transformers:ID"):
+        with_estimated_depth(frame_of(), MemoryBus(hub), 5.0)
