@@ -96,15 +96,19 @@ def mounted(lens: Lens, roll_rad: float) -> Mount:
     return Mount(lens, upright, T, (maps[0].astype(np.float32), maps[1].astype(np.float32)))
 
 
-def straighten(
-    mount: Mount, color: NDArray[np.uint8], depth_m: NDArray[np.float32]
-) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """Colour [h, w, 3] and depth [h, w] of the real camera as the upright one sees them."""
+def straight_color(mount: Mount, color: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Colour [h, w, 3] of the real camera as the upright one sees it."""
     if mount.maps is None:
-        return color, depth_m
-    rgb = cv2.remap(color, *mount.maps, cv2.INTER_LINEAR)
-    depth = cv2.remap(depth_m, *mount.maps, cv2.INTER_NEAREST, borderValue=0.0)
-    return rgb.astype(np.uint8, copy=False), depth.astype(np.float32, copy=False)
+        return color
+    return cv2.remap(color, *mount.maps, cv2.INTER_LINEAR).astype(np.uint8, copy=False)
+
+
+def straight_depth(mount: Mount, depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Depth [h, w] on the real camera's pixels as the upright one sees it; 0 beyond its image."""
+    if mount.maps is None:
+        return depth_m
+    out = cv2.remap(depth_m, *mount.maps, cv2.INTER_NEAREST, borderValue=0.0)
+    return out.astype(np.float32, copy=False)
 
 
 def registered(

@@ -15,7 +15,15 @@ from helios_core.robot import Capture
 from numpy.typing import NDArray
 
 from helios_spot import api
-from helios_spot.cameras import Mount, lens_of, mounted, registered, roll_to_upright, straighten
+from helios_spot.cameras import (
+    Mount,
+    lens_of,
+    mounted,
+    registered,
+    roll_to_upright,
+    straight_color,
+    straight_depth,
+)
 from helios_spot.depth import estimated, filled, load_estimator
 from helios_spot.errors import doing
 from helios_spot.frames import BODY, VISION, pose
@@ -109,19 +117,18 @@ class Eyes:
         shots = self._ask(requests)
         shot = shots[0].shot
         T_vision_cam = pose(shot.transforms_snapshot, VISION, shot.frame_name_image_sensor)
-        raw_depth = np.zeros((mount.lens.camera.height, mount.lens.camera.width), np.float32)
+        T_vision_upright = T_vision_cam @ mount.T_cam_upright
+        color = straight_color(mount, decode_color(shot.image))
+        depth_m = np.zeros(color.shape[:2], np.float32)
         if len(shots) == 2:
-            raw_depth = self._depth_on_color(shots[1], T_vision_cam, mount)
-        color, depth_m = straighten(mount, decode_color(shot.image), raw_depth)
-        depth_m = np.where(
-            (depth_m >= self._s.min_depth_m) & (depth_m <= self._s.max_depth_m), depth_m, 0
-        ).astype(np.float32)
+            depth_m = self._depth(shots[1], T_vision_upright)
+        sure = (depth_m >= self._s.min_depth_m) & (depth_m <= self._s.max_depth_m)
+        depth_m = np.where(sure, depth_m, np.float32(0))
         if self._estimator is not None:
             guess_m = estimated(self._estimator, color, mount.camera)
             guess_m[guess_m > self._s.max_depth_m] = 0.0
             depth_m = guess_m if self._s.depth == "estimate" else filled(depth_m, guess_m)
         T_vision_body = pose(shot.transforms_snapshot, VISION, BODY)
-        T_vision_upright = T_vision_cam @ mount.T_cam_upright
         capsules = robot_capsules(
             reading.joints_rad, reading.T_body_wrist, reading.T_body_hand, reading.holding
         )
@@ -157,18 +164,17 @@ class Eyes:
             pixel_format=pixel.PIXEL_FORMAT_RGB_U8 if name == HAND_COLOR else None,
         )  # fmt: skip
 
-    def _depth_on_color(
-        self, response: Any, T_vision_color: Matrix, mount: Mount
-    ) -> NDArray[np.float32]:
+    def _depth(self, response: Any, T_vision_upright: Matrix) -> NDArray[np.float32]:
+        """Metres on the upright camera's pixels, from either kind of depth image."""
         depth_m = decode_depth(response)
         if response.source.name == self._names.on_color:
-            return depth_m
+            return straight_depth(self.mount, depth_m)
         shot = response.shot
         T_vision_depth = pose(shot.transforms_snapshot, VISION, shot.frame_name_image_sensor)
+        T_upright_depth = invert(T_vision_upright) @ T_vision_depth
         return registered(
-            depth_m, lens_of(response.source).camera, invert(T_vision_color) @ T_vision_depth,
-            mount.lens.camera,
-        )  # fmt: skip
+            depth_m, lens_of(response.source).camera, T_upright_depth, self.mount.camera
+        )
 
 
 def decode_color(image: Any) -> NDArray[np.uint8]:

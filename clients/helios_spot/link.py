@@ -106,7 +106,8 @@ class Link:
 
     def _compare_clocks(self) -> None:
         try:
-            self.robot.time_sync.endpoint.get_new_estimate()
+            for _ in range(2):  # an exchange tells of the one before it
+                self.robot.time_sync.endpoint.get_new_estimate()
         except Exception as error:  # the command's own error is the one to tell
             log.warning("the clocks could not be compared: %s", error)
 

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from helios_core.geometry import Matrix, Pinhole
 from numpy.typing import NDArray
@@ -66,7 +67,7 @@ def robot_capsules(
 
 
 def robot_pixels(capsules: list[Capsule], T_body_cam: Matrix, camera: Pinhole) -> NDArray[np.bool_]:
-    """Pixels [h, w] whose ray meets one of the capsules.
+    """Pixels [h, w] whose ray meets one of the capsules, and those next to them.
 
     A capsule that holds the camera itself hides nothing: the camera looks out of it.
     """
@@ -82,8 +83,10 @@ def robot_pixels(capsules: list[Capsule], T_body_cam: Matrix, camera: Pinhole) -
     for capsule in capsules:
         if _distance_m(eye, capsule) > capsule.radius_m:
             hit |= _nearest_m(eye, rays, capsule) <= capsule.radius_m
-    grown = np.repeat(np.repeat(hit, STRIDE, 0), STRIDE, 1)
-    return grown[: camera.height, : camera.width]
+    # What is met between two rays belongs to one of them, so each counts for all around it.
+    wide = cv2.dilate(hit.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    fine = np.repeat(np.repeat(wide, STRIDE, 0), STRIDE, 1)
+    return fine[: camera.height, : camera.width]
 
 
 def _distance_m(point: Point, capsule: Capsule) -> float:

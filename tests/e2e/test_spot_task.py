@@ -84,7 +84,7 @@ class House:
         self._bus = MemoryBus(self._hub)
         self.ended = threading.Event()
         self._bus.subscribe(TASK, self._on_task)
-        self._map2d = Map2DService(self._new_bus(), Map2DSettings(), Health())
+        self._map2d = Map2DService(self._new_bus(), Map2DSettings.load([]), Health())
         self._objects = ObjectMapService(self._new_bus(), ObjectMapSettings(), Health())
         self._objects.warm_up()
         self._detector = DetectorService(

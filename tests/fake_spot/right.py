@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Any
 
@@ -36,7 +37,7 @@ class Leases(pb.servicer("LeaseService")):
     def AcquireLease(self, request: Any, _: Any) -> Any:
         reply = pb.lease.AcquireLeaseResponse()
         with self._w.lock:
-            if self._w.lease_owner:
+            if self._w.lease_owner and not self._w.lease_is_stale:
                 reply.status = reply.STATUS_RESOURCE_ALREADY_CLAIMED
                 reply.lease_owner.client_name = self._w.lease_owner
             else:
@@ -78,6 +79,7 @@ class Leases(pb.servicer("LeaseService")):
         with self._w.lock:
             self._w.halt("the lease was taken")
             self._grant(pb.lease.TakeLeaseResponse(), owner)
+            self._w.retained_s = math.inf  # a tablet keeps it
 
     def free(self) -> None:
         """That somebody releases it."""

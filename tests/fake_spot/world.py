@@ -93,6 +93,11 @@ class World:
         self.step()
         return self.walk is not None
 
+    @property
+    def lease_is_stale(self) -> bool:
+        """Whether its holder has been silent too long; then anybody may have it."""
+        return time.monotonic() - self.retained_s > LEASE_STALE_S
+
     # --- motion -------------------------------------------------------------------------------
     def step(self) -> None:
         with self.lock:
@@ -110,7 +115,7 @@ class World:
         assert self.walk is not None
         if time.time() > self.walk.end_s:
             self.halt("the command ended")
-        elif not self.lease_owner or time.monotonic() - self.retained_s > LEASE_STALE_S:
+        elif not self.lease_owner or self.lease_is_stale:
             self.halt("the lease went stale")
 
     def _advance(self, dt: float) -> None:

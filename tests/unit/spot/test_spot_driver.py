@@ -1,0 +1,188 @@
+"""The driver at the fake robot when all is well: poses, units, images, actions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from helios_core.errors import InvalidInput
+from helios_core.geometry import Pinhole, is_rigid, lift_pixels, yaw_of
+from helios_core.robot import Capture, Forward, Observe, Pick, Place, Tilt, Turn
+from helios_spot.frames import tilt_of
+from numpy.typing import NDArray
+
+from tests.fake_spot.scene import Shape
+from tests.fake_spot.senses import Images
+from tests.unit.spot.conftest import Staging
+from tests.unit.spot.spot_stage import Stage
+
+MUG_M = (2.16, 0.6, 0.76)
+
+
+def off_surfaces_m(capture: Capture, shapes: dict[str, Shape]) -> NDArray[np.float64]:
+    """How far each point that the image shows lies from the nearest box or cylinder's bounds."""
+    points = lift_pixels(capture.depth_m, capture.camera, capture.T_world_cam)
+    points = points[capture.depth_m > 0]
+    best = np.full(len(points), np.inf)
+    for shape in shapes.values():
+        low, high = shape.bounds
+        outside = np.maximum(np.maximum(low - points, points - high), 0)
+        best = np.minimum(best, np.linalg.norm(outside, axis=1))
+    return best
+
+
+# --- what it is -----------------------------------------------------------------------------------
+def test_it_tells_what_it_is_before_anything_moves(stage: Stage) -> None:
+    driver = stage.driver()
+    told = driver.describe()
+    assert told.name == "Spot"
+    assert told.camera.width == 320  # as the robot's source says, not as somebody wrote down
+    assert told.camera_forward_m == 0.5
+    assert told.can_move
+    assert not stage.world.motors
+    assert not stage.world.lease_owner
+    assert driver.state().robot_boot_id == "fake-BD-00000001-fake-boot-1"
+
+
+def test_the_base_stands_on_the_floor_where_the_robot_stands(stage: Stage) -> None:
+    driver = stage.driver()
+    stage.world.x, stage.world.y, stage.world.yaw = 0.7, -0.4, 1.1
+    base = driver.state().T_world_base
+    assert is_rigid(base)
+    assert base[:3, 3] == pytest.approx([0.7, -0.4, 0.0], abs=1e-6)
+    assert yaw_of(base) == pytest.approx(1.1, abs=1e-6)
+
+
+# --- images ---------------------------------------------------------------------------------------
+def test_every_pixel_of_the_hand_lies_on_a_surface_of_the_room(stage: Stage) -> None:
+    driver = stage.driver()
+    stage.act(driver, Turn(0.3))
+    capture = driver.capture()
+    assert capture.color.shape == (240, 320, 3)
+    assert (capture.depth_m > 0).mean() > 0.5
+    assert off_surfaces_m(capture, stage.world.shapes).max() < 0.01
+    floor = lift_pixels(capture.depth_m, capture.camera, capture.T_world_cam)[..., 2]
+    assert np.nanmin(floor) == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_fisheye_on_its_side_gives_an_upright_pinhole_image_on_the_same_surfaces(
+    stage: Stage,
+) -> None:
+    driver = stage.driver(camera="frontleft")
+    capture = driver.capture()
+    told = driver.describe()
+    assert told.camera == capture.camera
+    assert capture.camera.height > capture.camera.width
+    assert abs(capture.T_world_cam[2, 0]) < 0.05  # level
+    assert told.tilt_range_rad == pytest.approx((0.5, 0.5), abs=0.02)
+    assert (capture.depth_m > 0).mean() > 0.2
+    off_m = off_surfaces_m(capture, stage.world.shapes)
+    assert np.quantile(off_m, 0.95) < 0.03  # registered from a coarser camera beside it
+    assert (capture.color[..., 0] == capture.color[..., 2]).all()  # grey
+
+
+def test_the_arm_in_front_of_a_body_camera_is_not_on_the_map(stage: Stage) -> None:
+    driver = stage.driver(camera="frontleft", depth="sensor", min_depth_m=0.05)
+    stage.world.T_flat_hand[:3, 3] = [0.75, 0.0, -0.1]  # low, across the view
+    capture = driver.capture()
+    assert off_surfaces_m(capture, stage.world.shapes).max() < 0.15  # nothing floats in the room
+    raw = unmasked_points(stage, "frontleft_depth")
+    assert raw.min() < 0.4  # and yet the camera does see the arm
+
+
+def unmasked_points(stage: Stage, name: str) -> NDArray[np.float32]:
+    """Depth of a source as the robot sends it, where there is any."""
+    images: Images = stage.fake.images
+    source = images.sources[name]
+    from tests.fake_spot.body import Arm
+    from tests.fake_spot.scene import look
+
+    T = stage.world.T_world_body
+    shapes = stage.world.shapes | Arm(stage.world.T_flat_hand).shapes(T)
+    depth = look(shapes, T @ source.T_parent_cam, source.rays).depth_m
+    return depth[depth > 0]
+
+
+def flat_estimate(color: NDArray[np.uint8], camera: Pinhole) -> NDArray[np.float32]:
+    """An estimator for tests: everything is 2 m away."""
+    return np.full((camera.height, camera.width), 2.0, np.float32)
+
+
+def test_depth_comes_from_an_estimator_where_it_is_asked_for(stage: Stage) -> None:
+    del stage.fake.images.sources["hand_depth_in_hand_color_frame"]
+    with pytest.raises(InvalidInput, match="hand_depth_in_hand_color_frame"):
+        stage.driver()
+    driver = stage.driver(depth="estimate", depth_estimator=f"{__name__}:flat_estimate")
+    depth_m = driver.capture().depth_m
+    assert set(np.unique(depth_m)) <= {np.float32(0.0), np.float32(2.0)}
+    assert (depth_m > 0).any()
+
+
+def test_an_estimator_that_is_wanted_and_not_named_is_a_wrong_setting(stage: Stage) -> None:
+    with pytest.raises(InvalidInput, match="HELIOS_SPOT_DEPTH_ESTIMATOR"):
+        stage.driver(depth="fill")
+
+
+# --- actions --------------------------------------------------------------------------------------
+def test_the_first_action_makes_it_stand_with_the_hand_raised(stage: Stage) -> None:
+    driver = stage.driver()
+    assert stage.act(driver, Observe()).succeeded
+    assert stage.world.standing
+    capture = driver.capture()
+    assert tilt_of(capture.T_world_cam) == pytest.approx(0.52, abs=1e-3)
+    assert capture.T_world_cam[2, 3] == pytest.approx(1.15, abs=0.05)
+
+
+def test_walks_and_turns_are_as_long_as_asked_and_as_slow_as_allowed(staging: Staging) -> None:
+    stage = staging(hurry=4.0)
+    driver = stage.driver(speed_m_s=0.4)
+    forward = stage.act(driver, Forward(0.6))
+    assert forward.succeeded
+    assert forward.moved_m == pytest.approx(0.6, abs=0.05)
+    for angle_rad in (0.5, -0.3):
+        turn = stage.act(driver, Turn(angle_rad))
+        assert turn.turned_rad == pytest.approx(angle_rad, abs=0.06)
+        assert turn.moved_m < 0.05
+    assert stage.world.fastest == pytest.approx(0.4)
+    assert stage.act(driver, Observe()).steps == 4
+
+
+def test_the_same_action_id_is_done_once(stage: Stage) -> None:
+    driver = stage.driver()
+    first = driver.act(Forward(0.5), "one")
+    assert driver.act(Forward(0.5), "one") == first
+    assert math.hypot(stage.world.x, stage.world.y) == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize("tilt_rad", [-0.3, 0.0, 0.9])
+def test_tilt_is_absolute_and_positive_looks_down(stage: Stage, tilt_rad: float) -> None:
+    driver = stage.driver()
+    assert stage.act(driver, Tilt(tilt_rad)).succeeded
+    assert tilt_of(driver.capture().T_world_cam) == pytest.approx(tilt_rad, abs=1e-3)
+    assert driver.state().tilt_rad == pytest.approx(tilt_rad)
+    stage.act(driver, Forward(0.3))
+    assert tilt_of(driver.capture().T_world_cam) == pytest.approx(tilt_rad, abs=1e-3)
+
+
+def test_pick_and_place_carry_the_mug_to_a_height(stage: Stage) -> None:
+    driver = stage.driver()
+    stage.world.x, stage.world.y = 1.3, 0.6
+    assert stage.act(driver, Pick(MUG_M, "mug")).succeeded
+    assert driver.state().held == "mug"
+    stage.world.x, stage.world.y, stage.world.yaw = 0.6, -1.0, -math.pi / 2
+    held = driver.capture()
+    assert off_surfaces_m(held, stage.world.shapes).max() < 0.01  # the mug in the hand is no thing
+    placed = stage.act(driver, Place((0.6, -1.8, 0.51)))
+    assert placed.succeeded, placed.reason
+    assert driver.state().held == ""
+    assert stage.world.things["mug"].center == pytest.approx((0.6, -1.8, 0.56), abs=0.02)
+
+
+def test_a_mug_is_grasped_from_a_body_camera_too(stage: Stage) -> None:
+    driver = stage.driver(camera="frontleft")
+    stage.world.x, stage.world.y = 1.3, 0.6
+    assert stage.act(driver, Pick(MUG_M, "mug")).succeeded
+    assert not stage.world.stowed  # it carries it
+    stage.act(driver, Place((2.2, 0.5, 0.71)))
+    assert stage.world.stowed  # out of the camera's way again
