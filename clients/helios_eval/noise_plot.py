@@ -70,8 +70,8 @@ def draw(table: ViewTable, path: Path) -> None:
     _by_angle(table, views)
     figure.suptitle(
         f"{table.name} @ {table.digest}, level {table.level:g}: scale confuse "
-        f"{table.file.scale.confuse:g}, miss {table.file.scale.miss:g}, "
-        f"false {table.file.scale.false:g}",
+        f"{table.file.scale.confuse:g}, second {table.file.scale.second:g}, "
+        f"miss {table.file.scale.miss:g}, false {table.file.scale.false:g}",
         fontsize=18,
     )
     figure.savefig(path)

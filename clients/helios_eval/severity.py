@@ -39,7 +39,7 @@ WANTED = {"find_object": 21.9 / 57.5, "pick": 19.3 / 56.5}
 class Factors:
     """On the scales of a table."""
 
-    confuse: float
+    names: float  # wrong and second ones
     false: float
     miss: float
 
@@ -47,15 +47,15 @@ class Factors:
     def of(cls, text: str) -> Factors:
         """From "2:1:0.6". Raises InvalidInput for anything else."""
         try:
-            confuse, false, miss = map(float, text.split(":"))
+            names, false, miss = map(float, text.split(":"))
         except ValueError:
             raise InvalidInput(
-                f"{text!r} are no factors; wanted CONFUSE:FALSE:MISS as in 2:1:0.6"
+                f"{text!r} are no factors; wanted NAMES:FALSE:MISS as in 2:1:0.6"
             ) from None
-        return cls(confuse, false, miss)
+        return cls(names, false, miss)
 
     def __str__(self) -> str:
-        return f"{self.confuse:g}:{self.false:g}:{self.miss:g}"
+        return f"{self.names:g}:{self.false:g}:{self.miss:g}"
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,10 @@ def kept(
 
 def scaled_table(text: str, factors: Factors) -> str:
     """The table's text with its scales times the factors. Raises InvalidInput where it has none."""
-    for name, by in asdict(factors).items():
+    f = factors
+    for name, by in (
+        ("confuse", f.names), ("second", f.names), ("false", f.false), ("miss", f.miss),
+    ):  # fmt: skip
         pattern = re.compile(rf"^({name} = )([0-9.]+)", re.MULTILINE)
         text, count = pattern.subn(lambda m, by=by: f"{m[1]}{float(m[2]) * by:.6g}", text, 1)
         if count != 1:
@@ -140,7 +143,7 @@ def show(found: Sequence[Kept], wanted: Mapping[str, float], console: Console) -
 def main() -> int:
     parser = argparse.ArgumentParser(prog="helios-severity", description=__doc__)
     parser.add_argument("--table", default="ovmm-v1", help="noise table that is shipped")
-    parser.add_argument("--factors", default="1:1:1", help="on its scales: CONFUSE:FALSE:MISS,...")
+    parser.add_argument("--factors", default="1:1:1", help="on its scales: NAMES:FALSE:MISS,...")
     parser.add_argument("--preset", default="ovmm-v1", help="kind of homes")
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--seed0", type=int, default=0, help="first home")

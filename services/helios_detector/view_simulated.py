@@ -148,7 +148,7 @@ def named(
         first, second = (other, table.score("confused", u["score"], pixels)), class_name
     else:
         first, second = (class_name, table.score("true", u["score"], pixels)), other
-    if u["twice"] >= table.rate(table.file.confusion.duplicate, table.file.scale.confuse):
+    if u["twice"] >= table.second(true):
         return (first,)
     return first, (second, table.score("confused", u["twice score"], pixels))
 

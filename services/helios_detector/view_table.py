@@ -4,7 +4,8 @@ Every entry is explained in `noise_tables/ovmm-v1.toml`. Each rate is
 
     min(1, level · scale · rate of the file)
 
-with the level a setting and the scale of the kind of error an entry of the file.
+with the level a setting and the scale of the kind of error an entry of the file. Wrong names stand
+below `confusion.most` instead of 1: a class remains the most likely name of its things.
 """
 
 from __future__ import annotations
@@ -58,6 +59,7 @@ class Persistence(_Part):
 
 class Scale(_Part):
     confuse: float = Field(ge=0)
+    second: float = Field(ge=0)
     miss: float = Field(ge=0)
     false: float = Field(ge=0)
 
@@ -132,7 +134,7 @@ class Group(_Part):
 class Confusion(_Part):
     group: tuple[Group, ...] = ()
     row: dict[Name, dict[Name, Probability]] = Field(default={})
-    duplicate: Probability
+    most: Probability
 
     @field_validator("group")
     @classmethod
@@ -254,7 +256,14 @@ class ViewTable:
     def confuse(self, class_name: str) -> float:
         """Probability that a reported thing has another's name; the name normalised."""
         row = self.rows.get(class_name)
-        return self.rate(row.total, self.file.scale.confuse) if row else 0.0
+        if row is None:
+            return 0.0
+        return min(self.file.confusion.most, self.rate(row.total, self.file.scale.confuse))
+
+    def second(self, class_name: str) -> float:
+        """Probability that it is reported under a second name as well; the name normalised."""
+        row = self.rows.get(class_name)
+        return self.rate(row.total, self.file.scale.second) if row else 0.0
 
     def false(self, structure: bool, is_object: bool) -> float:
         """Probability that one cell of a surface shows one class that was asked for."""

@@ -21,7 +21,11 @@ from hypothesis import strategies as st
 
 _loaded = load_noise("ovmm-v1")
 assert isinstance(_loaded, ViewTable)
-TABLE: ViewTable = _loaded
+# Far from every end of a rate, so that the claims hold whatever the shipped scales are.
+_MILD = _loaded.file.scale.model_copy(
+    update={"confuse": 0.5, "second": 0.5, "miss": 1.0, "false": 1.0}
+)
+TABLE: ViewTable = replace(_loaded, file=_loaded.file.model_copy(update={"scale": _MILD}))
 CORRELATIONS = (0.0, None, 1.0)
 KEYS = [key_of(f"thing {n}") for n in range(3000)]
 PURPOSE = keys_of(("miss",))
@@ -66,8 +70,7 @@ def test_correlation_does_not_change_how_often_things_are_missed_confused_or_dou
     assert about(sum(not v.names for v in found), miss, len(found))
     reported = [v.names for v in found if v.names]
     assert about(sum(n[0][0] != "mug" for n in reported), table.confuse("mug"), len(reported))
-    twice = table.file.confusion.duplicate
-    assert about(sum(len(n) == 2 for n in reported), twice, len(reported))
+    assert about(sum(len(n) == 2 for n in reported), table.second("mug"), len(reported))
 
 
 @pytest.mark.parametrize("correlated", CORRELATIONS)
@@ -77,7 +80,7 @@ def test_each_look_alike_is_named_as_often_as_its_row_says(correlated):
     table = replace(table, file=table.file.model_copy(update={"miss": never}))
     got = Counter(v.names[0][0] for v in look(table, seen_thing("bowl"), at(10)))
     for name, probability in TABLE.file.confusion.rows()["bowl"].items():
-        assert about(got[name], probability, len(KEYS)), name
+        assert about(got[name], probability * table.file.scale.confuse, len(KEYS)), name
 
 
 @pytest.mark.parametrize("correlated", CORRELATIONS)
@@ -165,21 +168,27 @@ def test_rates_grow_with_the_level_and_what_is_missed_at_a_low_level_is_at_a_hig
 
 
 @pytest.mark.parametrize(
-    ("kind", "rate"),
+    ("kind", "rate", "most"),
     [
-        ("miss", lambda t: float(t.miss(["mug"], np.array([3000]), np.array([1.0]))[0])),
-        ("confuse", lambda t: t.confuse("mug")),
-        ("false", lambda t: t.false(structure=True, is_object=True)),
+        ("miss", lambda t: float(t.miss(["mug"], np.array([3000]), np.array([1.0]))[0]), 1.0),
+        ("confuse", lambda t: t.confuse("mug"), TABLE.file.confusion.most),
+        ("second", lambda t: t.second("mug"), 1.0),
+        ("false", lambda t: t.false(structure=True, is_object=True), 1.0),
     ],
 )
-def test_each_kind_of_error_has_one_scale_clipped_at_certainty(kind, rate):
+def test_each_kind_of_error_has_one_scale_with_an_end(kind, rate, most):
     def scaled(by: float) -> ViewTable:
         scale = TABLE.file.scale.model_copy(update={kind: by})
         return replace(TABLE, file=TABLE.file.model_copy(update={"scale": scale}))
 
     assert rate(scaled(0.5)) == pytest.approx(0.5 * rate(scaled(1.0)))
     assert rate(scaled(0.0)) == 0
-    assert rate(scaled(1e9)) == 1
+    assert rate(scaled(1e9)) == most
+
+
+def test_a_class_remains_the_likeliest_name_of_its_things():
+    for name in TABLE.rows:
+        assert TABLE.scaled(10).confuse(name) < 0.5
 
 
 def test_small_and_far_things_are_missed_more_often():
