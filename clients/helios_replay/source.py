@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 from helios_core import proto as pb
-from helios_core.errors import InvalidInput
+from helios_core.errors import InvalidInput, Unavailable
 from helios_core.geometry import Matrix, Pinhole
 from helios_core.types import RobotDescription
 from numpy.typing import NDArray
@@ -125,10 +125,16 @@ class Images:
 
 
 def open_source(path: Path, part: Part | None = None) -> Source:
-    """By what lies there. Raises InvalidInput in one sentence when it cannot be played."""
+    """By what lies there. Raises InvalidInput in one sentence when it cannot be played, and
+    Unavailable without the library that it takes."""
     part = part or Part()
     if is_recording(path):
-        from helios_replay.recording import Recording
+        try:
+            from helios_replay.recording import Recording
+        except ImportError as error:
+            raise Unavailable(
+                f"a recording needs the library mcap ({error}); pip install 'helios-ovmm[recorder]'"
+            ) from error
 
         return Recording(mcap_files(path), part)
     if _is_bag(path):

@@ -22,10 +22,9 @@ from helios_core.recording import (
     STREAM_CHANNELS,
     TRANSFORMS,
     channel_of,
-    head_of,
     split_frame,
 )
-from helios_core.topics import DECISION, OBSERVATION, PREVIEW, TASK
+from helios_core.topics import DECISION, PREVIEW, TASK
 
 ORANGE = (1.0, 0.55, 0.0, 1.0)
 
@@ -47,7 +46,6 @@ class Entries:
         self._kinds: dict[str, Callable[[Message, int], Iterator[Entry]]] = {
             KEYFRAME_CHANNELS.head: self._frame,
             STREAM_CHANNELS.head: self._frame,
-            channel_of(OBSERVATION): self._observation,
             channel_of(PREVIEW): self._preview,
             channel_of(TASK): self._task,
             channel_of(DECISION): self._decision,
@@ -75,15 +73,6 @@ class Entries:
         yield Entry(CALIBRATION, _calibration(message))
         yield Entry(TRANSFORMS, _transform(message.T_world_base, "base", message.stamp))
         yield Entry(TRANSFORMS, _transform(message.T_world_cam, "camera", message.stamp))
-
-    def _observation(self, message: Message, _: int) -> Iterator[Entry]:
-        assert isinstance(message, pb.Observation)
-        out = pb.Observation()
-        head = head_of(message.frame)
-        message.frame.Clear()  # this message is ours: spares copying its pixels
-        out.CopyFrom(message)
-        out.frame.CopyFrom(head)
-        yield Entry(channel_of(OBSERVATION), out)
 
     def _preview(self, message: Message, log_time_ns: int) -> Iterator[Entry]:
         assert isinstance(message, pb.Preview)

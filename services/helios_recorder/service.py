@@ -14,7 +14,7 @@ from google.protobuf.message import Message
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.health import Health
-from helios_core.recording import channel_of
+from helios_core.recording import channel_of, head_of
 from helios_core.topics import (
     ANY_STATUS,
     FRAME,
@@ -61,6 +61,9 @@ class RecorderService:
             if is_frame:
                 frame = cast(pb.Frame, message)
                 self._health.set("missed_frames", self._gaps.add(frame.id))
+            if isinstance(message, pb.Observation):  # its pixels are recorded as the keyframe's
+                head = head_of(message.frame)
+                message.frame.CopyFrom(head)
             self._put(channel, message, droppable)
 
         bus.subscribe(heard, keep)

@@ -21,6 +21,7 @@ from helios_bridge.settings import Settings as BridgeSettings
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import action_to_proto
+from helios_core.grids import decode_snapshot
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Observe
@@ -80,8 +81,7 @@ class Done:
 def done(tmp_path_factory: pytest.TempPathFactory) -> Done:
     """A whole pick-and-place in one process, recorded."""
     folder = tmp_path_factory.mktemp("recorded")
-    settings = {"max_steps": MOST_STEPS}
-    spec = EpisodeSpec("ovmm", "helios", "ground-truth", "demo-v1", SEED, None, settings)
+    spec = EpisodeSpec("ovmm", "helios", "ground-truth", "demo-v1", SEED, None)
     home = generate_home(SEED, PRESETS[spec.preset])
     world, health = WorldThread(lambda: make_world(spec, home)), Health()
     try:
@@ -100,7 +100,7 @@ def play(folder: Path, rate: float = 0.0, limit: int = 0) -> Maps:
     """All of a recording through fresh services, in lockstep."""
     hub = MemoryHub()
     bus, bridge_bus = MemoryBus(hub), MemoryBus(hub)
-    Map2DService(MemoryBus(hub), Map2DSettings(), Health())
+    Map2DService(MemoryBus(hub), Map2DSettings.load([]), Health())
     ObjectMapService(MemoryBus(hub), ObjectMapSettings(), Health()).warm_up()
     RecordedDetector(MemoryBus(hub), folder, Health())
     driver = ReplayDriver(folder, bus=bridge_bus, contexts=True, rate=rate, limit=limit)
@@ -136,6 +136,24 @@ def test_waiting_changes_nothing(done: Done) -> None:
     source = open_source(done.folder)
     first_s = source.shots[20].time_s - source.shots[0].time_s
     assert play(done.folder, rate=first_s / 1.5, limit=20) == play(done.folder, limit=20)
+
+
+def test_the_replay_command_gives_them_too(done: Done, tmp_path: Path) -> None:
+    """As processes, over the router."""
+    told = helios("replay", str(done.folder), "--out", str(tmp_path))
+    assert told.returncode == 0, told.stderr
+    found = {o["id"]: o for o in json.loads((tmp_path / "objects.json").read_text())}
+    assert set(found) == {o.id for o in done.maps.objects.objects}
+    for o in done.maps.objects.objects:
+        same = found[o.id]
+        assert same["center_m"] == [o.center_m.x, o.center_m.y, o.center_m.z]
+        assert (same["score"], same["uncertainty"]) == (o.score, o.uncertainty)
+        assert (same["views"], same["gaussians"]) == (o.views, o.gaussians)
+        assert same["probabilities"] == dict(o.probabilities)
+    with np.load(tmp_path / "occupancy.npz") as arrays:
+        live = decode_snapshot(done.maps.snapshot)
+        np.testing.assert_array_equal(arrays["occupancy"], live.occupancy)
+        np.testing.assert_array_equal(arrays["explored"], live.explored)
 
 
 @pytest.mark.skipif(RERUN is None, reason="the command `rerun` (pip install rerun-sdk) is not here")

@@ -1,0 +1,63 @@
+"""What a replay seeks, and with what, by its flags; where a recorder finds its robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from helios_client.board import ServiceRow, is_ready
+from helios_client.replay_words import default_detector, what_to_seek
+from helios_client.stack import RECORDED, Stack
+from helios_client.wrong_use import WrongUse
+
+TAPE, FOLDER = Path("tour.mcap"), Path("folder")
+
+
+def test_a_recording_needs_no_words() -> None:
+    assert what_to_seek(TAPE, None, "", None) == (None, RECORDED)
+    assert what_to_seek(TAPE, None, "", "onnx:x") == (None, "onnx:x")
+    context, detector = what_to_seek(TAPE, "cup", "cup=0.3", "onnx:x")
+    assert context is not None
+    assert (context.classes[0].threshold, detector) == (0.3, "onnx:x")
+
+
+@pytest.mark.parametrize(
+    ("source", "classes", "thresholds", "detector"),
+    [
+        (FOLDER, None, "", "onnx:x"),
+        (FOLDER, "cup", "", None),
+        (TAPE, "cup", "", None),
+        (TAPE, "cup", "", RECORDED),
+        (TAPE, None, "cup=0.3", None),
+    ],
+)
+def test_what_is_missing_is_asked_for(
+    source: Path, classes: str | None, thresholds: str, detector: str | None
+) -> None:
+    with pytest.raises(WrongUse):
+        what_to_seek(source, classes, thresholds, detector)
+
+
+def test_detectors_that_need_not_be_named() -> None:
+    assert default_detector("sim", None) == "simulated"
+    assert default_detector("replay", TAPE) == RECORDED
+    with pytest.raises(WrongUse):
+        default_detector("replay", FOLDER)
+
+
+def test_a_replay_and_a_recorder_are_called_so(tmp_path: Path) -> None:
+    stack = Stack(
+        "replay", 7447, tmp_path, detector=RECORDED, source=TAPE, from_s=2.0, to_s=5.0, rate=1.0,
+        record=tmp_path / "out",
+    )  # fmt: skip
+    specs = {spec.name: " ".join(spec.argv) for spec in stack.specs()}
+    assert "--from-s 2.0 --to-s 5.0 --rate 1.0" in specs["bridge"]
+    assert "--contexts" in specs["bridge"]
+    assert "-m helios_replay " in specs["detector"]
+    assert f"--out {tmp_path / 'out'}" in specs["recorder"]
+
+
+def test_a_recorder_in_trouble_keeps_no_robot_from_being_ready() -> None:
+    rows = [ServiceRow("bridge", "ready", "", 0, 1), ServiceRow("recorder", "degraded", "", 0, 2)]
+    assert is_ready(rows)
+    assert not is_ready([ServiceRow("bridge", "degraded", "", 0, 1)])

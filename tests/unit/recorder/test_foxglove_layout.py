@@ -1,0 +1,58 @@
+"""The layout shows channels that are recorded, in panels that are laid out."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from helios_core.recording import (
+    ANNOTATIONS,
+    CALIBRATION,
+    KEYFRAME_CHANNELS,
+    LOG,
+    STREAM_CHANNELS,
+    TRANSFORMS,
+    channel_of,
+)
+from helios_core.topics import TOPICS
+
+LAYOUT = json.loads(
+    (Path(__file__).resolve().parents[3] / "deploy/foxglove-layout.json").read_text()
+)
+RECORDED = {channel_of(t) for t in TOPICS} | {ANNOTATIONS, CALIBRATION, LOG, TRANSFORMS}
+for channels in (KEYFRAME_CHANNELS, STREAM_CHANNELS):
+    RECORDED |= {channels.color, channels.depth}
+
+
+def panels(layout: Any) -> Iterator[str]:
+    if isinstance(layout, str):
+        yield layout
+    else:
+        yield from panels(layout["first"])
+        yield from panels(layout["second"])
+
+
+def words(value: Any) -> Iterator[str]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield key
+            yield from words(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from words(inner)
+    elif isinstance(value, str):
+        yield value
+
+
+def test_every_panel_is_laid_out_once() -> None:
+    shown = list(panels(LAYOUT["layout"]))
+    assert sorted(shown) == sorted(LAYOUT["configById"])
+
+
+def test_every_channel_of_it_is_recorded() -> None:
+    named = {m.group() for w in words(LAYOUT["configById"]) if (m := re.match(r"/[\w/]+", w))}
+    assert named
+    assert named <= RECORDED
