@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from helios_core.errors import InvalidInput
 
 MAX_PIXELS = 16_000_000  # an image above this is refused before it is decoded
+FARTHEST_DEPTH_M = 1000.0  # beyond it a pixel counts as without depth: no sensor sees so far
 _BYTES_PER_PIXEL = {"rgb8": 3, "bgr8": 3, "16UC1": 2, "32FC1": 4}
 _JPEG_SIZES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
@@ -92,14 +93,14 @@ def color_array(raw: RawImage | None, compressed: CompressedImage | None) -> NDA
 
 
 def depth_array(raw: RawImage | None, compressed: CompressedImage | None) -> NDArray[np.float32]:
-    """Depth [h, w] in metres; NaN, infinite and negative values become 0, which is invalid."""
+    """Depth [h, w] in metres; NaN, negative and absurdly far values become 0: invalid."""
     if raw is not None:
         pixels = raw_image_array(raw, "the depth image")
         if raw.encoding == "16UC1":
             return pixels.astype(np.float32) * np.float32(0.001)
         if raw.encoding != "32FC1":
             raise InvalidInput(f"the depth image has encoding {raw.encoding}; send 16UC1 or 32FC1")
-        good = np.isfinite(pixels) & (pixels > 0)
+        good = (pixels > 0) & (pixels <= FARTHEST_DEPTH_M)  # NaN is neither
         return np.where(good, pixels, np.float32(0)).astype(np.float32, copy=False)
     if compressed is not None:
         pixels = decode_image(compressed, cv2.IMREAD_UNCHANGED, "the depth image")

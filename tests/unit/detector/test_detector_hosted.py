@@ -1,0 +1,249 @@
+"""From settings to a service: ready only when the models work, and what it says until then."""
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tiny_models
+from detector_scene import SceneTruth, context_of, frame_of
+from helios_core import proto as pb
+from helios_core.codec import context_to_proto, frame_to_proto
+from helios_core.errors import HeliosError, InvalidInput, Unavailable
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, VOCABULARY
+from helios_core.types import Role, SearchClass, SearchContext
+from helios_detector import hosted
+from helios_detector.backend import DetectorBackend, Findings
+from helios_detector.ground_truth import GroundTruthDetector
+from helios_detector.hosted import Hosted, Models, landmarks_of, open_models
+from helios_detector.scorer import LexicalScorer, furniture_names
+from helios_detector.service import DetectorService
+from helios_detector.settings import Settings
+from helios_detector.vocabulary import fixed_wanted
+
+from tests.support import wait_until
+
+
+def settings(**kwargs: Any) -> Settings:
+    values: dict[str, Any] = {"retry_s": 0.01} | kwargs
+    return Settings(**values)
+
+
+@pytest.fixture(scope="module")
+def owl(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tiny_models.write("owlv2", tmp_path_factory.mktemp("owl"))
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tiny_models.write("clip", tmp_path_factory.mktemp("clip"))
+
+
+def test_models_of_a_folder_become_a_ready_service_that_answers(owl: Path, clip: Path):
+    hub, health, seen = MemoryHub(), Health(), []
+    bus = MemoryBus(hub)
+    bus.subscribe(OBSERVATION, seen.append)
+    bus.publish(
+        CONTEXT,
+        context_to_proto(
+            SearchContext("c", context_of("mug", threshold=0.01).classes, {"pick": "a mug"})
+        ),
+    )
+    service = Hosted(
+        MemoryBus(hub), health,
+        settings(detector=f"transformers:{owl}", scorer=f"transformers:{clip}", device="cpu"),
+    )  # fmt: skip
+    wait_until(lambda: health.state[0] == "ready", 30, "ready")
+    bus.publish(KEYFRAME, frame_to_proto(frame_of()))
+    assert len(seen) == 1
+    assert seen[0].detections
+    assert seen[0].detector == f"transformers:{owl}"
+    assert seen[0].image_embedding.rows == 1
+    metrics = health.metrics()
+    assert metrics["memory_mb"] > 50
+    assert metrics["detect_ms_median"] > 0
+    assert metrics["score_ms_median"] > 0
+    service.close()
+
+
+def test_until_the_model_is_there_it_waits_and_says_for_what(owl: Path, tmp_path: Path):
+    health, link = Health(), tmp_path / "model"
+    service = Hosted(MemoryBus(MemoryHub()), health, settings(detector=f"transformers:{link}"))
+    wait_until(lambda: "is not there; put config.json" in health.state[1], 10, "the reason")
+    assert health.state[0] == "waiting"
+    link.symlink_to(owl)
+    wait_until(lambda: health.state[0] == "ready", 30, "ready")
+    service.close()
+
+
+def test_a_wrong_setting_is_said_once_and_not_tried_again():
+    health = Health()
+    service = Hosted(MemoryBus(MemoryHub()), health, settings(scorer="oracle"))
+    wait_until(lambda: health.state[0] == "degraded", 10, "degraded")
+    assert "there is no scorer 'oracle'" in health.state[1]
+    service.close()
+
+
+def test_a_model_that_fails_in_its_warm_up_is_never_ready(monkeypatch: pytest.MonkeyPatch):
+    class Starved(GroundTruthDetector):
+        def warm_up(self) -> None:
+            raise Unavailable("there is too little memory for a/b; use a smaller model")
+
+    truth, health, opened = SceneTruth(), Health(), []
+
+    def open_starved(s: Settings, source) -> Models:
+        opened.append(s)
+        return Models(Starved(truth), LexicalScorer(), None)
+
+    monkeypatch.setattr(hosted, "open_models", open_starved)
+    service = Hosted(MemoryBus(MemoryHub()), health, settings())
+    wait_until(lambda: len(opened) > 2, 10, "three tries")  # tried again
+    wait_until(lambda: "too little memory for a/b" in health.state[1], 10, "the reason")
+    assert health.state[0] == "waiting"
+    service.close()
+
+
+class Counting(GroundTruthDetector):
+    unloads = 0
+
+    def unload(self) -> None:
+        self.unloads += 1
+
+
+def test_models_are_unloaded_once_when_idle_and_never_while_they_work(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    truth, health, hub = SceneTruth(), Health(), MemoryHub()
+    detector, clock = Counting(truth), [0.0]
+    monkeypatch.setattr("helios_detector.service.time.monotonic", lambda: clock[0])
+    service = DetectorService(MemoryBus(hub), detector, LexicalScorer(), health)
+    bus = MemoryBus(hub)
+    bus.publish(CONTEXT, context_to_proto(context_of("mug")))
+    clock[0] = 9.0
+    service.unload_if_idle(10.0)
+    assert detector.unloads == 0
+    clock[0] = 11.0
+    service.unload_if_idle(10.0)
+    service.unload_if_idle(10.0)
+    assert detector.unloads == 1
+    bus.publish(KEYFRAME, frame_to_proto(truth.frame()))
+    service.unload_if_idle(10.0)
+    assert detector.unloads == 1  # it has just worked
+    clock[0] = 30.0
+    with service._work():
+        service.unload_if_idle(10.0)
+    assert detector.unloads == 1
+    assert health.metrics()["unloads"] == 1
+
+
+class Slow(DetectorBackend):
+    """Works until it is let go."""
+
+    name = "slow"
+
+    def __init__(self) -> None:
+        self.begun, self.go = threading.Event(), threading.Event()
+        self.frames: list[int] = []
+
+    def vocabulary(self) -> None:
+        return None
+
+    def refused(self, context):
+        return {}
+
+    def detect(self, frame, context) -> Findings:
+        self.frames.append(frame.id.seq)
+        self.begun.set()
+        assert self.go.wait(10)
+        return Findings((), ())
+
+    def warm_up(self) -> None:
+        """Always warm."""
+
+    def close(self) -> None:
+        """Holds nothing."""
+
+
+def test_stream_frames_that_come_meanwhile_are_skipped_and_keyframes_are_answered():
+    detector, health, truth = Slow(), Health(), SceneTruth()
+    service = DetectorService(MemoryBus(MemoryHub()), detector, LexicalScorer(), health)
+    service.on_context(context_to_proto(context_of("mug")))
+    first = threading.Thread(
+        target=service.on_frame, args=(frame_to_proto(truth.frame(seq=1)),), daemon=True
+    )
+    first.start()
+    assert detector.begun.wait(10)
+    for seq in (2, 3):
+        service.on_frame(frame_to_proto(truth.frame(seq=seq)))
+    keyframe = threading.Thread(
+        target=service.on_keyframe, args=(frame_to_proto(truth.frame(seq=4)),), daemon=True
+    )
+    keyframe.start()
+    detector.go.set()
+    first.join(10)
+    keyframe.join(10)
+    assert detector.frames == [1, 4]
+    assert health.metrics()["previews_skipped"] == 2
+    assert health.metrics()["keyframes_answered"] == 1
+
+
+def test_landmarks_are_furniture_for_a_scorer_of_names():
+    assert landmarks_of("auto", LexicalScorer()) == furniture_names()
+    assert landmarks_of("none", LexicalScorer()) == ()
+    assert landmarks_of("sink, bed ,", LexicalScorer()) == ("sink", "bed")
+
+
+def test_settings_reach_the_models(owl: Path):
+    models = open_models(
+        settings(detector=f"transformers:{owl}", device="cpu", landmarks="sink"), SceneTruth()
+    )
+    findings = models.detector.detect(frame_of(), context_of("mug", threshold=0.01))
+    assert {s.class_name for s in findings.seen} <= {"mug", "sink"}
+    assert models.depth is None
+    with pytest.raises(InvalidInput, match="there is no depth model 'x'"):
+        open_models(settings(detector=f"transformers:{owl}", depth="x"), SceneTruth())
+
+
+def test_a_fixed_vocabulary_stands_in_by_similarity_where_that_is_switched_on():
+    from helios_detector.coco import COCO_NAMES
+    from helios_detector.similar import NearestName
+
+    classes = (
+        SearchClass("settee bench", Role.WATCH, 0.3),
+        SearchClass("cup", Role.OBJECT, 0.3),
+        SearchClass("zeitgeist", Role.OBJECT, 0.3),
+    )
+    context = SearchContext("c", classes)
+    wanted, refused = fixed_wanted(context, COCO_NAMES)
+    assert [w.name for w in wanted] == ["cup"]
+    assert refused.keys() == {"settee bench", "zeitgeist"}
+    wanted, refused = fixed_wanted(context, COCO_NAMES, NearestName(COCO_NAMES))
+    assert {w.name: set(w.names) for w in wanted}["settee bench"] == {"bench"}
+    assert refused.keys() == {"zeitgeist"}
+
+
+def test_the_vocabulary_says_that_any_name_may_be_asked_for(owl: Path):
+    hub = MemoryHub()
+    models = open_models(settings(detector=f"transformers:{owl}", device="cpu"), SceneTruth())
+    DetectorService(MemoryBus(hub), models.detector, models.scorer, Health())
+    reply = MemoryBus(hub).call(VOCABULARY, pb.Empty(), 1.0)
+    assert reply.open
+    assert reply.detector == f"transformers:{owl}"
+
+
+def test_a_scorers_own_fault_is_counted_and_said():
+    class Broken(LexicalScorer):
+        name = "broken"
+
+        def score(self, frame, seen, prompts):
+            raise KeyError("x")
+
+    truth, health, hub = SceneTruth(), Health(), MemoryHub()
+    service = DetectorService(MemoryBus(hub), GroundTruthDetector(truth), Broken(), health)
+    service.on_context(context_to_proto(context_of("mug")))
+    service.on_keyframe(frame_to_proto(truth.frame()))
+    assert health.metrics()["keyframes_failed"] == 1
+    assert "broken failed (KeyError" in health.state[1]
+    assert issubclass(Unavailable, HeliosError)
