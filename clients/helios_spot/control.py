@@ -1,8 +1,9 @@
 """The right to move: e-stop, lease, motors, standing. Taken before the first action, kept, given
 back at the end.
 
-The lease is renewed by a thread of the SDK; when the robot says that somebody else has it, what
-runs is cut short, and it is asked for again before the next action.
+The lease is renewed by a thread of the SDK. When somebody takes it, presses an e-stop or switches
+the motors off while we move, what runs is cut short and the stop is latched: a person stepped in,
+and a person clears it. Then everything is asked for again before the next action.
 """
 
 from __future__ import annotations
@@ -58,7 +59,13 @@ class Control:
         if self._lease is None:
             self._acquire()
         if not reading.motors_on:
-            self._standing = False
+            if self._standing:  # somebody switched them off; they do not come back by themselves
+                gone = Conflict(
+                    "cannot move: the motors were switched off, or an e-stop was pressed; see to "
+                    "the robot"
+                )
+                self.lost(gone)
+                raise gone
             self._power_on()
         if self._standing:
             return False
@@ -93,14 +100,19 @@ class Control:
             log.warning("the lease was not renewed: %s", error)
             return
         if self._lost is None:
-            self._lost = translate(error, self._link.host, "go on")
-            log.error("%s", self._lost.message)
-            self._halt.cut(self._lost.message, self._lost)
+            lost = translate(error, self._link.host, "go on")
+            self._halt.cut(lost.message, lost)
+            self.lost(lost)
 
     def lost(self, error: HeliosError) -> None:
-        """A command was refused: whatever we thought we held must be asked for anew."""
-        if isinstance(error, Conflict):
-            self._lost = self._lost or error
+        """Somebody took the robot from us in the middle of it: a person, who alone lets us go on.
+
+        From any thread.
+        """
+        if self._lost is None:
+            self._lost = error
+            log.error("%s", error.message)
+            self._halt.stop(f"{error.message}; then clear the stop")
 
     def _power_on(self) -> None:
         if self._s.power == "expect":

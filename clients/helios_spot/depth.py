@@ -1,7 +1,7 @@
 """Depth from a colour image, where the hand's sensor has none: shiny, dark, or too near.
 
 An estimator is any callable `(color [h, w, 3] RGB, camera: Pinhole) -> depth_m [h, w]`, metric and
-along the optical axis; it comes from outside by `package:callable`.
+along the optical axis: the detector's (its setting `depth`), or anybody's by `package:callable`.
 """
 
 from __future__ import annotations
@@ -11,23 +11,53 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from helios_core.errors import InvalidInput, Unavailable
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.codec.images import depth_array
+from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.geometry import Pinhole
+from helios_core.topics import ESTIMATE_DEPTH
 from numpy.typing import NDArray
 
 DepthEstimator = Callable[[NDArray[np.uint8], Pinhole], NDArray[np.float32]]
 
+DETECTOR = "detector"
 LEAST_OVERLAP = 500  # pixels that both know, to bring the estimate to the sensor's scale
 SCALES = (0.5, 2.0)  # beyond these the two do not see the same thing
 
 
-def load_estimator(name: str) -> DepthEstimator:
+class DetectorDepth:
+    """Asks the detector over the bus."""
+
+    def __init__(self, bus: Bus, timeout_s: float) -> None:
+        self._bus, self._timeout_s = bus, timeout_s
+
+    def __call__(self, color: NDArray[np.uint8], camera: Pinhole) -> NDArray[np.float32]:
+        """Raises Unavailable or DeadlineExceeded without a detector, InvalidInput when it makes no
+        depth."""
+        height, width = color.shape[:2]
+        request = pb.DepthRequest()
+        image = request.raw_color
+        image.width, image.height, image.step, image.encoding = width, height, 3 * width, "rgb8"
+        image.data = color.tobytes()
+        request.calibration.K.extend(float(k) for k in camera.matrix.ravel())
+        reply = self._bus.call(ESTIMATE_DEPTH, request, self._timeout_s)
+        depth_m = depth_array(reply.raw_depth, None)
+        # The lens is calibrated; a model that took another focal length was off by their ratio.
+        return depth_m * np.float32(camera.fx / reply.focal_px)
+
+
+def load_estimator(name: str, bus: Bus | None, timeout_s: float) -> DepthEstimator:
     """Raises InvalidInput when there is none of that name."""
+    if name == DETECTOR:
+        if bus is None:
+            raise InvalidInput("without a bus no detector can be asked for depth; name a callable")
+        return DetectorDepth(bus, timeout_s)
     module, _, attribute = name.partition(":")
     if not attribute:
         raise InvalidInput(
             "estimated depth needs an estimator; set HELIOS_SPOT_DEPTH_ESTIMATOR to "
-            "package:callable, (colour, Pinhole) -> metres, or HELIOS_SPOT_DEPTH to sensor"
+            "detector or package:callable, or HELIOS_SPOT_DEPTH to sensor"
             + (f" (it is {name!r})" if name else "")
         )
     try:
@@ -48,6 +78,8 @@ def estimated(
     """What the estimator says, checked. Raises Unavailable when it failed or gave no such image."""
     try:
         depth_m = np.asarray(estimator(color, camera), np.float32)
+    except HeliosError:
+        raise
     except Exception as error:  # anybody's code
         raise Unavailable(
             f"the depth estimator failed ({type(error).__name__}: {error}); set HELIOS_SPOT_DEPTH "

@@ -13,7 +13,7 @@ from collections import OrderedDict
 from dataclasses import replace
 
 from helios_core.bus import Bus
-from helios_core.errors import HeliosError
+from helios_core.errors import Conflict, HeliosError
 from helios_core.robot import (
     Action,
     ActionResult,
@@ -45,7 +45,7 @@ PLANNER = "planner"
 
 
 class SpotDriver(RobotDriver):
-    """See the module. `bus`: where it sees the planner come and go."""
+    """See the module. `bus`: where it sees the planner come and go, and asks for depth."""
 
     def __init__(
         self, bus: Bus | None = None, address: str = "", settings: SpotSettings | None = None
@@ -54,7 +54,7 @@ class SpotDriver(RobotDriver):
         self._s = settings or SpotSettings.read(address)
         self._halt = Halt()
         self._link = Link(self._s)
-        self._eyes = Eyes(self._link)
+        self._eyes = Eyes(self._link, bus)
         self._motion = Motion(self._link, self._halt)
         self._control = Control(self._link, self._motion, self._halt)
         self._hand = Hand(self._link, self._eyes, self._motion, self._halt)
@@ -216,8 +216,9 @@ class SpotDriver(RobotDriver):
     def _fail(self, action_id: str, start: Waypoint | None, error: HeliosError) -> None:
         """An action that was begun is not begun again under the same id."""
         self._trouble = error.message
-        self._control.lost(error)
         if start is not None:
+            if isinstance(error, Conflict):
+                self._control.lost(error)
             heard = self._motion.stop_if_heard()
             self._remember(action_id, start, ActionResult(False, error.message), measure=heard)
 

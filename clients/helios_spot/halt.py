@@ -66,10 +66,10 @@ class Halt:
     def check(self) -> None:
         """Raises Halted when there is a reason to."""
         with self._lock:
+            if self._cut is not None:  # it may hold the error, which says more
+                raise self._cut
             if self._stopped:
                 raise Halted(self._stopped)
-            if self._cut is not None:
-                raise self._cut
 
     def rest(self, seconds: float) -> None:
         """Wait; a reason to halt ends it, and is raised."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from helios_core.bus import Bus
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.geometry import Matrix, Pinhole, invert
 from helios_core.robot import Capture
@@ -65,12 +66,12 @@ class HandShot:
 class Eyes:
     """The camera of the settings. Used by one thread."""
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: Link, bus: Bus | None) -> None:
         """Raises InvalidInput when an estimator is wanted and there is none."""
         self._link, self._s = link, link.settings
-        self._estimator = (
-            None if self._s.depth == "sensor" else load_estimator(self._s.depth_estimator)
-        )
+        self._estimator = None
+        if self._s.depth != "sensor":
+            self._estimator = load_estimator(self._s.depth_estimator, bus, self._s.depth_timeout_s)
         self._names = sources_of(self._s.camera)
         self._depth_name = ""
         self._mount: Mount | None = None

@@ -73,8 +73,10 @@ class SpotSettings(ServiceSettings):
         description="fill: an estimator where the sensor has none; estimate: the estimator alone",
     )
     depth_estimator: str = Field(
-        default="", description="package:callable, (colour [h, w, 3], Pinhole) -> metres [h, w]"
+        default="detector",
+        description="the detector (its setting depth), or package:callable (colour, Pinhole) -> m",
     )
+    depth_timeout_s: float = Field(default=15.0, gt=0, description="longest wait for the detector")
 
     hand_forward_m: float = Field(
         default=0.5, description="hand while looking, ahead of the body's middle"

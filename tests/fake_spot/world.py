@@ -162,6 +162,12 @@ class World:
             self.log.append(f"halt: {why}")
         self.walk = None
 
+    def press_estop(self, name: str) -> None:
+        with self.lock:
+            self.estops.add(name)
+            self.motors = self.standing = False
+            self.halt("an e-stop")
+
     # --- gripper ------------------------------------------------------------------------------
     def grasp_along(self, eye: Array, ray: Array) -> str:
         """What a grasp along a ray of the camera comes to: a ManipulationFeedbackState's name."""

@@ -135,11 +135,14 @@ def test_an_estimate_of_something_else_is_not_used() -> None:
 
 
 def test_estimators_are_loaded_by_name_and_refused_with_a_reason() -> None:
-    assert load_estimator("numpy:ones") is np.ones
-    for wrong, why in (("", "DEPTH_ESTIMATOR"), ("nothing:here", "cannot be loaded"),
-                       ("math:pi", "no callable"), ("numpy", "package:callable")):  # fmt: skip
+    assert load_estimator("numpy:ones", None, 1.0) is np.ones
+    refused = {
+        "": "DEPTH_ESTIMATOR", "detector": "without a bus", "nothing:here": "cannot be loaded",
+        "math:pi": "no callable", "numpy": "package:callable",
+    }  # fmt: skip
+    for wrong, why in refused.items():
         with pytest.raises(InvalidInput, match=why):
-            load_estimator(wrong)
+            load_estimator(wrong, None, 1.0)
 
 
 def test_a_faulty_estimator_is_a_typed_error() -> None:

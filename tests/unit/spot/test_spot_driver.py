@@ -6,9 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from helios_core.errors import InvalidInput
+from helios_core import proto as pb
+from helios_core.errors import InvalidInput, Unavailable
 from helios_core.geometry import Pinhole, is_rigid, lift_pixels, yaw_of
+from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Capture, Forward, Observe, Pick, Place, Tilt, Turn
+from helios_core.topics import ESTIMATE_DEPTH
 from helios_spot.frames import tilt_of
 from numpy.typing import NDArray
 
@@ -121,7 +124,30 @@ def test_depth_comes_from_an_estimator_where_it_is_asked_for(stage: Stage) -> No
 
 def test_an_estimator_that_is_wanted_and_not_named_is_a_wrong_setting(stage: Stage) -> None:
     with pytest.raises(InvalidInput, match="HELIOS_SPOT_DEPTH_ESTIMATOR"):
-        stage.driver(depth="fill")
+        stage.driver(depth="fill", depth_estimator="")
+
+
+def test_the_detector_is_asked_for_depth_and_the_arm_stays_masked(stage: Stage) -> None:
+    hub = MemoryHub()
+    asked: list[pb.DepthRequest] = []
+
+    def answer(request: pb.DepthRequest) -> pb.DepthReply:
+        asked.append(request)
+        w, h = request.raw_color.width, request.raw_color.height
+        reply = pb.DepthReply(focal_px=request.calibration.K[0] * 2, model="flat")
+        reply.raw_depth.width, reply.raw_depth.height = w, h
+        reply.raw_depth.step, reply.raw_depth.encoding = 2 * w, "16UC1"
+        reply.raw_depth.data = np.full((h, w), 3000, "<u2").tobytes()
+        return reply
+
+    MemoryBus(hub).serve(ESTIMATE_DEPTH, answer)
+    driver = stage.driver(bus=MemoryBus(hub), camera="frontleft", depth="estimate")
+    stage.world.T_flat_hand[:3, 3] = [0.75, 0.0, -0.1]  # low, across the view
+    capture = driver.capture()
+    assert asked[0].calibration.K[0] == capture.camera.fx
+    assert set(np.unique(capture.depth_m.round(3))) == {np.float32(0.0), np.float32(1.5)}
+    with pytest.raises(Unavailable):
+        stage.driver(bus=MemoryBus(MemoryHub()), depth="fill").capture()
 
 
 # --- actions --------------------------------------------------------------------------------------

@@ -166,12 +166,48 @@ def test_a_hijacked_lease_ends_the_walk_and_names_the_new_owner(staging: Staging
     assert isinstance(outcome.error, Conflict)
     assert "the tablet has taken the robot's lease" in outcome.error.message
     standing(stage)
-    assert "the tablet" in driver.state().message
+    state = driver.state()
+    assert state.stopped
+    assert "the tablet" in state.message
     assert stage.world.lease_owner == "the tablet"
-    with pytest.raises(Conflict, match="the tablet holds"):
-        stage.act(driver, Forward(0.5))
     stage.fake.leases.free()
     stage.world.hurry = 8.0
+    with pytest.raises(Conflict, match="clear the stop"):  # a person stepped in
+        stage.act(driver, Turn(0.3))
+    driver.clear_stop()
+    assert stage.act(driver, Turn(0.3)).succeeded
+
+
+def test_an_e_stop_in_the_middle_of_a_walk_keeps_the_motors_off_until_a_person_clears_it(
+    staging: Staging,
+) -> None:
+    stage = staging(hurry=0.5)
+    driver = stage.driver()
+    stage.act(driver, Observe())
+    outcome = stage.during(
+        driver, Forward(1.0), lambda: stage.world.press_estop("hardware button")
+    ).wait()
+    assert isinstance(outcome.error, Conflict)
+    standing(stage)
+    stage.world.estops.clear()
+    with pytest.raises(Conflict, match="clear the stop"):
+        stage.act(driver, Turn(0.3))
+    assert not stage.world.motors
+    driver.clear_stop()
+    stage.world.hurry = 8.0
+    assert stage.act(driver, Turn(0.3)).succeeded
+
+
+def test_motors_switched_off_between_actions_do_not_come_back_by_themselves(stage: Stage) -> None:
+    driver = stage.driver()
+    stage.act(driver, Observe())
+    with stage.world.lock:
+        stage.world.motors = stage.world.standing = False
+    for _ in range(2):
+        with pytest.raises(Conflict, match="switched off"):
+            stage.act(driver, Turn(0.3))
+    assert not stage.world.motors
+    driver.clear_stop()
     assert stage.act(driver, Turn(0.3)).succeeded
 
 
