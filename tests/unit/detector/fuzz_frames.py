@@ -102,7 +102,8 @@ def float_depth(frame: pb.Frame, rng: random.Random) -> None:
     depth_m = frame_of().depth_m.copy()
     for _ in range(20):
         y, x = rng.randrange(240), rng.randrange(320)
-        depth_m[y : y + 30, x : x + 30] = rng.choice(NUMBERS)
+        with np.errstate(over="ignore"):
+            depth_m[y : y + 30, x : x + 30] = rng.choice(NUMBERS)
     frame.raw_depth.CopyFrom(frame_to_proto(frame_of()).raw_depth)
     frame.raw_depth.encoding, frame.raw_depth.step = "32FC1", 4 * 320
     frame.raw_depth.data = depth_m.astype("<f4").tobytes()
@@ -111,7 +112,7 @@ def float_depth(frame: pb.Frame, rng: random.Random) -> None:
 def calibration(frame: pb.Frame, rng: random.Random) -> None:
     if rng.random() < 0.3:
         del frame.calibration.K[rng.randrange(9) :]
-    elif rng.random() < 0.5:
+    elif len(frame.calibration.K) == 9 and rng.random() < 0.5:
         frame.calibration.K[rng.randrange(9)] = rng.choice(NUMBERS)
     else:
         frame.calibration.width = rng.choice(SIZES)
