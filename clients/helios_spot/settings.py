@@ -94,7 +94,6 @@ class SpotSettings(ServiceSettings):
     place_clearance_m: float = Field(
         default=0.12, gt=0, description="height over the place from which the hand goes down"
     )
-    stow_on_close: bool = Field(default=True, description="fold the arm when the driver ends")
 
     @classmethod
     def read(cls, host: str = "") -> Self:
