@@ -68,12 +68,12 @@ class RecordedDetector:
                 self._retired = [r for r in self._retired if r.after >= here]
             if here is not None:
                 self._retire(here - 1)
-            where = self._index.observations.get(id)
-            if where is None:
+            answer = self._index.observations.get(id)
+            if answer is None:
                 self._refuse(message.id, "no observation of this keyframe was recorded")
                 return
             try:
-                observation = self._index.message(where, pb.Observation)
+                observation = self._index.message(answer.where, pb.Observation)
             except InvalidInput as error:
                 self._refuse(message.id, error.message)
                 return

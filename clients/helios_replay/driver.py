@@ -19,7 +19,7 @@ from helios_core.robot import (
     Observe,
     RobotDriver,
 )
-from helios_core.topics import CONTEXT
+from helios_core.topics import CONTEXT, ROBOT_STATE
 from helios_core.types import RobotDescription, RobotState
 
 from helios_replay.source import Part, open_source
@@ -96,8 +96,7 @@ class ReplayDriver(RobotDriver):
         self._wait_for(index)
         self._next += 1
         if self._bus is not None:
-            for context in self._source.contexts_before(index):
-                self._bus.publish(CONTEXT, context)
+            self._begin(index, self._bus)
         shot, picture = self._source.shots[index], self._source.read(index)
         T_world_base = picture.T_world_base
         if T_world_base is None:
@@ -126,6 +125,17 @@ class ReplayDriver(RobotDriver):
 
     def close(self) -> None:
         self._closed.set()
+
+    def _begin(self, index: int, bus: Bus) -> None:
+        """What the maps had heard before they took up the shot: searches, and what is held. A
+        robot that runs freely has told that it holds nothing any more before its picture is
+        mapped; one in lockstep tells it afterwards, and so does the bridge."""
+        for context in self._source.contexts_before(index):
+            bus.publish(CONTEXT, context)
+        before = self._source.state_after(index - 1)
+        by_then = self._source.state_when_answered(index)
+        if before is not None and by_then is not None and by_then.held != before.held:
+            bus.publish(ROBOT_STATE, by_then)
 
     def _wait_for(self, index: int) -> None:
         """Until it is time for this shot."""

@@ -54,6 +54,15 @@ class Sought:
 
 
 @dataclass(frozen=True)
+class Answer:
+    """What a detector made of a keyframe, and how the robot was by then."""
+
+    where: Where
+    context_id: str
+    state: pb.RobotState | None
+
+
+@dataclass(frozen=True)
 class Retirement:
     """What was taken out of the object map, and after which keyframe (its number; -1: none)."""
 
@@ -70,7 +79,7 @@ class Index:
     keys: list[Key]
     contexts: list[Sought] = field(default_factory=list)
     states: dict[int, pb.RobotState] = field(default_factory=dict)  # keyframes so far -> the last
-    observations: dict[FrameId, Where] = field(default_factory=dict)
+    observations: dict[FrameId, Answer] = field(default_factory=dict)
     previews: dict[FrameId, Where] = field(default_factory=dict)
     retired: list[Retirement] = field(default_factory=list)
     description: pb.RobotDescription | None = None
@@ -101,7 +110,7 @@ def read_index(paths: Sequence[Path]) -> Index:
         reader.drop_broken()
     return Index(
         files, reader.began_ns, reader.keys, _as_needed(reader), reader.states,
-        {id: where for id, (where, _) in reader.observations.items()}, reader.previews,
+        reader.observations, reader.previews,
         _retirements(reader), reader.description,
     )  # fmt: skip
 
@@ -114,7 +123,8 @@ class _Reader:
         self.keys: list[Key] = []
         self.contexts: list[Sought] = []
         self.states: dict[int, pb.RobotState] = {}
-        self.observations: dict[FrameId, tuple[Where, str]] = {}
+        self.state: pb.RobotState | None = None  # the last one
+        self.observations: dict[FrameId, Answer] = {}
         self.previews: dict[FrameId, Where] = {}
         self.retired: list[tuple[pb.Retired, int]] = []  # and how many keyframes had come
         self.description: pb.RobotDescription | None = None
@@ -138,13 +148,13 @@ class _Reader:
                 if not (again and self.contexts[-1].context == context):
                     self.contexts.append(Sought(context, len(self.keys)))
             case (topic, "helios.v1.RobotState") if topic == channel_of(ROBOT_STATE):
-                self.states[len(self.keys)] = _read(pb.RobotState, file, found)
+                self.state = self.states[len(self.keys)] = _read(pb.RobotState, file, found)
             case (topic, "helios.v1.RobotDescription") if topic == channel_of(ROBOT_DESCRIPTION):
                 self.description = _read(pb.RobotDescription, file, found)
             case (topic, "helios.v1.Observation") if topic == channel_of(OBSERVATION):
                 observation = _read(pb.Observation, file, found)
                 id = frame_id_from_proto(observation.frame.id)
-                self.observations[id] = where, observation.context_id
+                self.observations[id] = Answer(where, observation.context_id, self.state)
             case (topic, "helios.v1.Preview") if topic == channel_of(PREVIEW):
                 self.previews[frame_id_from_proto(_read(pb.Preview, file, found).id)] = where
             case (topic, "helios.v1.Retired") if topic == channel_of(RETIRED):
@@ -178,7 +188,7 @@ def _as_needed(reader: _Reader) -> list[Sought]:
     for i, key in enumerate(reader.keys):
         answered = reader.observations.get(frame_id_from_proto(key.head.id))
         if answered is not None:
-            first.setdefault(answered[1], i)
+            first.setdefault(answered.context_id, i)
     out: list[Sought] = []
     latest = len(reader.keys)
     for sought in reversed(reader.contexts):

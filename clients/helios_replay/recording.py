@@ -9,7 +9,7 @@ from pathlib import Path
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from helios_core import proto as pb
-from helios_core.codec import description_from_proto, frame_from_proto
+from helios_core.codec import description_from_proto, frame_from_proto, frame_id_from_proto
 from helios_core.codec.frames import pose_from_proto
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.recording import join_frame
@@ -79,11 +79,21 @@ class Recording:
         first."""
         known = self._index.states
         here = self._part[0] if index < 0 else self._part[index] + 1
-        out = pb.RobotState()
         then = next((known[i] for i in range(here, -1, -1) if i in known), None)
-        if then is not None:
-            out.CopyFrom(then)
-        id = self._index.keys[self._part[max(index, 0)]].head.id
+        return self._in_world(then or pb.RobotState(), max(index, 0))
+
+    def state_when_answered(self, index: int) -> pb.RobotState | None:
+        id = frame_id_from_proto(self._index.keys[self._part[index]].head.id)
+        answer = self._index.observations.get(id)
+        if answer is None or answer.state is None:
+            return None
+        return self._in_world(answer.state, index)
+
+    def _in_world(self, state: pb.RobotState, index: int) -> pb.RobotState:
+        """A copy, of the world that a keyframe is in."""
+        out = pb.RobotState()
+        out.CopyFrom(state)
+        id = self._index.keys[self._part[index]].head.id
         out.robot_boot_id, out.world_epoch = id.robot_boot_id, id.world_epoch
         return out
 

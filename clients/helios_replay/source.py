@@ -64,6 +64,10 @@ class Source(Protocol):
         wrote it down."""
         ...
 
+    def state_when_answered(self, index: int) -> pb.RobotState | None:
+        """How the robot was by the time the detections of the shot came; None where unknown."""
+        ...
+
 
 @dataclass(frozen=True)
 class Part:
@@ -121,6 +125,9 @@ class Images:
         return ()
 
     def state_after(self, index: int) -> pb.RobotState | None:
+        return None
+
+    def state_when_answered(self, index: int) -> pb.RobotState | None:
         return None
 
 

@@ -17,7 +17,7 @@ from helios_core.errors import HeliosError, InvalidInput
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.recording import KEYFRAME_CHANNELS
 from helios_core.robot import EndOfRecording, Observe
-from helios_core.topics import CONTEXT, ROBOT_STATE
+from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, ROBOT_STATE
 from helios_replay import ReplayDriver
 from helios_replay.mcap_file import LARGEST_CHUNK, McapFile
 from helios_replay.recording import Recording
@@ -27,7 +27,7 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
 from tests.support import wait_until
-from tests.unit.recorder.recorder_bus import Recorded, context, description
+from tests.unit.recorder.recorder_bus import CONTEXT_ID, Recorded, context, description, frame
 
 
 def record(folder: Path, frames: int = 4, **chosen: float | str) -> tuple[Path, list[pb.Frame]]:
@@ -101,6 +101,34 @@ def test_the_driver_begins_the_searches_on_the_bus(
     assert heard == []
     ReplayDriver(recording[0], bus=bus, contexts=True).capture()
     assert heard == [context().id]
+
+
+@pytest.mark.parametrize("told_first", [True, False])
+def test_what_is_held_is_known_to_the_maps_when_it_was_then(
+    told_first: bool, tmp_path: Path
+) -> None:
+    """Before the keyframe where the robot told it before the answer came; else after it."""
+    recorded = Recorded(tmp_path)
+    recorded.robot()
+    recorded.bus.publish(CONTEXT, context())
+    recorded.look(0)
+    message, empty = frame(1), pb.RobotState(held="")
+    recorded.bus.publish(ROBOT_STATE, pb.RobotState(held="cup"))
+    recorded.bus.publish(KEYFRAME, message)
+    if told_first:
+        recorded.bus.publish(ROBOT_STATE, empty)
+    recorded.bus.publish(OBSERVATION, pb.Observation(frame=message, context_id=CONTEXT_ID))
+    recorded.bus.publish(ROBOT_STATE, empty)
+    recorded.close()
+    bus = MemoryBus(MemoryHub())
+    heard: list[pb.RobotState] = []
+    bus.subscribe(ROBOT_STATE, heard.append)
+    driver = ReplayDriver(tmp_path, bus=bus, contexts=True)
+    driver.capture()
+    assert driver.state().held == "cup"
+    driver.capture()
+    assert [(s.held, s.robot_boot_id) for s in heard] == ([("", "boot")] if told_first else [])
+    assert driver.state().held == ""
 
 
 def test_parts_of_it(recording: tuple[Path, list[pb.Frame]]) -> None:
@@ -212,8 +240,6 @@ def of_ros(writer: Writer) -> None:
 
 
 def no_description(writer: Writer) -> None:
-    from tests.unit.recorder.recorder_bus import frame
-
     names = {KEYFRAME_CHANNELS.head: "helios.v1.Frame",
              KEYFRAME_CHANNELS.color: "foxglove.CompressedImage",
              KEYFRAME_CHANNELS.depth: "foxglove.RawImage"}  # fmt: skip
