@@ -90,8 +90,9 @@ class World:
 
     @property
     def moving(self) -> bool:
+        """Whether it walks or turns; it stands where a walk has reached its goal."""
         self.step()
-        return self.walk is not None
+        return self.walk is not None and (self.walk.goal is None or not self.at_goal())
 
     @property
     def lease_is_stale(self) -> bool:
