@@ -18,7 +18,7 @@ from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.topics import GET_TASK, SUBMIT, TASK
+from helios_core.topics import CLEAR_STOP, GET_TASK, SUBMIT, TASK
 from helios_core.types import Detection, Frame, SearchContext
 from helios_detector.backend import DetectorBackend, Findings, Seen, open_scorer
 from helios_detector.service import DetectorService
@@ -35,8 +35,10 @@ from pydantic import SecretStr
 from tests.fake_spot.rooms import tea_room
 from tests.fake_spot.server import PASSWORD, USER, FakeSpot
 from tests.fake_spot.world import World
+from tests.support import wait_until
 
 TASK_S = 240.0
+INSTRUCTION = "Move the mug from the table to the bench"
 HUES = {"mug": (0, 8), "bench": (55, 75), "table": (110, 125)}  # as OpenCV counts them
 
 
@@ -103,10 +105,20 @@ class House:
             self._new_bus(), PlannerSettings(state_dir=folder / "tasks"), Health()
         )
 
-    def run(self, instruction: str) -> pb.Task:
-        task = self._bus.call(SUBMIT, pb.SubmitRequest(instruction=instruction), 30)
+    def begin(self, instruction: str) -> str:
+        """Submit; the task's id."""
+        return self._bus.call(SUBMIT, pb.SubmitRequest(instruction=instruction), 30).id
+
+    def task(self, id: str) -> pb.Task:
+        return self._bus.call(GET_TASK, pb.TaskRequest(id=id), 10)
+
+    def end(self, id: str) -> pb.Task:
+        """The task when it has ended."""
         assert self.ended.wait(TASK_S), "the task did not end"
-        return self._bus.call(GET_TASK, pb.TaskRequest(id=task.id), 10)
+        return self.task(id)
+
+    def clear_stop(self) -> None:
+        self._bus.call(CLEAR_STOP, pb.Empty(), 10)
 
     def close(self) -> None:
         self._planner.close()
@@ -130,7 +142,7 @@ def house(tmp_path: Path) -> Iterator[House]:
 
 
 def test_spot_carries_the_mug_from_the_table_to_the_bench(house: House) -> None:
-    task = house.run("Move the mug from the table to the bench")
+    task = house.end(house.begin(INSTRUCTION))
     assert task.state == "succeeded", task.message
     world = house.fake.world
     low, high = world.fixed["bench"].bounds
@@ -141,3 +153,20 @@ def test_spot_carries_the_mug_from_the_table_to_the_bench(house: House) -> None:
     assert world.bumps == 0
     assert world.fastest <= 0.5
     assert not world.moving
+
+
+def test_a_task_pauses_while_the_tablet_has_the_robot_and_goes_on_when_a_person_says_so(
+    house: House,
+) -> None:
+    world = house.fake.world
+    task = house.begin(INSTRUCTION)
+    wait_until(lambda: world.moving, 60, "the robot moves")
+    house.fake.leases.give_to("the tablet")
+    wait_until(lambda: house.task(task).state == "paused", 60, "the task pauses")
+    assert "the tablet has taken the robot's lease" in house.task(task).message
+    assert not world.moving
+    assert world.lease_owner == "the tablet"
+    house.fake.leases.free()
+    house.clear_stop()
+    ended = house.end(task)
+    assert ended.state == "succeeded", ended.message
