@@ -97,9 +97,9 @@ class Hosted:
         """Retries what may come right by itself; None when told to end, or a setting is wrong."""
         s, pause_s = self._settings, self._settings.retry_s
         truth = BusTruth(self._bus, s.truth_timeout_s)
+        self._health.waiting(f"loading {s.detector} and the scorer {s.scorer}")
         while not self._ending.is_set():
             try:
-                self._health.waiting(f"loading {s.detector} and the scorer {s.scorer}")
                 models = open_models(s, truth)
                 models.warm_up()
                 return models

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
 
 MB = 1e6
 
@@ -40,11 +39,16 @@ def accelerator_mb(device: str) -> float | None:
     return peak
 
 
-def weights_mb(source: Any) -> float:
-    """Size of the weight files in a folder; 0 when they are not there yet."""
+def weights_mb(source: str) -> float:
+    """Size of the weight files of a folder or of a cached model id; 0 when they are not there."""
     folder = Path(source)
     if not folder.is_dir():
-        return 0.0
+        from huggingface_hub import try_to_load_from_cache
+
+        config = try_to_load_from_cache(source, "config.json")
+        if not isinstance(config, str):
+            return 0.0
+        folder = Path(config).parent
     files = list(folder.glob("*.safetensors")) or list(folder.glob("*.bin"))
     return sum(f.stat().st_size for f in files) / MB
 

@@ -12,6 +12,7 @@ from helios_detector.backend import DetectorOptions, open_detector
 from helios_detector.hf import runtime
 from helios_detector.hf.faults import load_fault, run_fault
 from helios_detector.hf.runtime import HfModel, Placement, need_library, source_of
+from helios_detector.memory import weights_mb
 from huggingface_hub import errors as hub
 
 
@@ -161,3 +162,32 @@ def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
 def test_a_spec_of_another_form_is_refused(spec: str):
     with pytest.raises(InvalidInput, match="set transformers:<model id or folder>"):
         source_of(spec, "detector")
+
+
+@pytest.fixture
+def cache(owl: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A hub cache that holds one model, on a machine without a network."""
+    snapshot = tmp_path / "models--someone--owl" / "snapshots" / ("0" * 40)
+    snapshot.mkdir(parents=True)
+    copy_of(owl, snapshot)
+    refs = tmp_path / "models--someone--owl" / "refs"
+    refs.mkdir()
+    (refs / "main").write_text("0" * 40)
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path))
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_OFFLINE", True)
+    return tmp_path
+
+
+def test_a_model_id_that_was_loaded_before_works_without_a_network(cache: Path):
+    detector = open_detector("transformers:someone/owl", DetectorOptions(device="cpu"))
+    detector.warm_up()
+    with pytest.raises(Unavailable, match="someone/other is not on this machine"):
+        open_detector("transformers:someone/other", DetectorOptions())
+
+
+def test_the_weights_of_a_cached_id_are_weighed_too(cache: Path, monkeypatch: pytest.MonkeyPatch):
+    assert weights_mb("someone/owl") > 0.01
+    assert weights_mb("someone/other") == 0
+    monkeypatch.setattr(runtime, "free_mb", lambda device: 0.001)
+    with pytest.raises(Unavailable, match="someone/owl has 0 MB of weights and cpu has 0 MB free"):
+        open_detector("transformers:someone/owl", DetectorOptions(device="cpu")).warm_up()
