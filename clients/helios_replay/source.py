@@ -165,8 +165,10 @@ def is_recording(path: Path) -> bool:
 
 
 def mcap_files(path: Path) -> list[Path]:
-    """The files of a recording, in their order."""
-    return sorted(path.glob("*.mcap")) if path.is_dir() else [path]
+    """The files of a recording, in their order; of a folder, those with something in them."""
+    if not path.is_dir():
+        return [path]
+    return sorted(file for file in path.glob("*.mcap") if file.stat().st_size > 0)
 
 
 def _is_bag(path: Path) -> bool:

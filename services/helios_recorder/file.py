@@ -44,8 +44,13 @@ class RecordingFile:
         self._schemas: dict[str, int] = {}
         self._began_s = self._flushed_s = self._synced_s = time.monotonic()
         self._sequence = 0
-        self._writer.start(profile=PROFILE)
-        self._stream.flush()
+        try:
+            self._writer.start(profile=PROFILE)
+            self._stream.flush()
+        except OSError:  # leave no empty file for each time the disk is tried
+            self.abandon()
+            path.unlink(missing_ok=True)
+            raise
 
     def write(self, entry: Entry, log_time_ns: int, publish_time_ns: int) -> None:
         """Add to the present chunk."""

@@ -124,3 +124,28 @@ def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
     wait_until(lambda: recorded.health.state[0] == "degraded", 20, "it is said")
     recorded.close()
     assert "cannot be written" in recorded.health.state[1]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+def test_a_disk_that_takes_nothing_leaves_no_empty_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """/dev/full takes no byte, as a full disk does."""
+    opened = Path.open
+
+    def full(path: Path, mode: str = "r", *args: object) -> object:
+        if path.suffix == ".mcap" and "b" in mode:
+            path.touch()
+            return opened(Path("/dev/full"), "wb")
+        return opened(path, mode, *args)  # pyright: ignore[reportCallIssue, reportArgumentType]
+
+    monkeypatch.setattr(Path, "open", full)
+    recorded = Recorded(tmp_path, retry_s=0.05)
+    wait_until(lambda: recorded.health.state[0] == "degraded", 20, "it is said")
+    recorded.robot()
+    wait_until(
+        lambda: recorded.health.metrics().get("dropped_while_stopped", 0) >= 2, 20, "it is counted"
+    )
+    recorded.close()
+    assert "the disk is full" in recorded.health.state[1]
+    assert list(tmp_path.iterdir()) == []
