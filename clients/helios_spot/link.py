@@ -18,6 +18,7 @@ log = logging.getLogger(__name__)
 
 CLIENT_NAME = "helios"
 CLOSE_WITHIN_S = 1.5
+CLOCK_SLACK_S = 2.0  # between the clocks as they were compared and as they are
 
 
 class Link:
@@ -72,9 +73,19 @@ class Link:
         return self._robot
 
     def read(self) -> Reading:
-        """How the robot is now."""
+        """How the robot is now. Raises Unavailable when its clock has jumped: ends of commands
+        would mean nothing."""
         with doing("read the robot's state", self.host):
             state = self.client("robot-state").get_robot_state(timeout=self.settings.rpc_timeout_s)
+            skew_s = self.robot.time_sync.endpoint.clock_skew.ToNanoseconds() / 1e9
+        told_s = state.kinematic_state.acquisition_timestamp.ToNanoseconds() / 1e9
+        off_s = told_s - skew_s - time.time()
+        if told_s and abs(off_s) > CLOCK_SLACK_S:
+            self._compare_clocks()
+            raise Unavailable(
+                f"the robot's clock or ours has jumped by {off_s:.0f} s; they are compared anew, "
+                "send the action again"
+            )
         return reading_of(state)
 
     def command(self, command: Any, what: str, end_s: float | None = None) -> int:

@@ -64,6 +64,7 @@ class FakeSpot:
         self.leases = Leases(self.world)
         self.images = Images(self.world, dict(sources() if cameras is None else cameras))
         self.clock = TimeSync(self.world)
+        self.commands = Commands(self.world, self.leases)
         services = {
             "AuthService": Auth(self.world, USER, PASSWORD),
             "DirectoryService": Directory(self.world, without),
@@ -74,7 +75,7 @@ class FakeSpot:
             "PowerService": Power(self.world, self.leases),
             "RobotStateService": State(self.world),
             "ImageService": self.images,
-            "RobotCommandService": Commands(self.world, self.leases),
+            "RobotCommandService": self.commands,
             "ManipulationApiService": Manipulation(self.world, self.leases),
         }
         for name, service in services.items():

@@ -6,9 +6,21 @@ import math
 
 import numpy as np
 import pytest
+from helios_core.codec import description_from_proto, description_to_proto
 from helios_core.errors import Internal
-from helios_core.geometry import camera_on_base, invert, is_rigid, se2_to_se3, yaw_of
+from helios_core.geometry import (
+    Pinhole,
+    camera_on_base,
+    invert,
+    is_rigid,
+    project,
+    se2_to_se3,
+    yaw_of,
+)
 from helios_core.robot import Forward, Turn
+from helios_core.types import RobotDescription
+from helios_planner.gaze import GazePoint, tilt_towards
+from helios_planner.grid import Pose2
 from helios_spot.arm import (
     ARM_M,
     FINGERTIPS_M,
@@ -150,3 +162,17 @@ def test_the_hand_comes_as_steeply_as_the_arm_is_long_for() -> None:
             assert np.linalg.norm(wrist) <= ARM_M
     steep, flat = (placing_poses(p, np.zeros(3), 0.12)[1][2, 0] for p in (near, far))
     assert steep < flat < 0
+
+
+def test_the_planner_looks_from_where_the_camera_stands() -> None:
+    camera = Pinhole(100.0, 100.0, 79.5, 59.5, 160, 120)
+    robot = RobotDescription(
+        "Spot", 0.55, 1.25, camera, 1.15, 1.0, 4.0, camera_forward_m=0.5, tilt_range_rad=(-0.4, 1.4)
+    )
+    thing = np.array([1.2, 0.0, 0.75])
+    tilt_rad = tilt_towards(1.2, 0.75, robot)
+    T_world_cam = GazePoint(Pose2(0.0, 0.0, 0.0), tilt_rad, 0.0).T_world_cam(robot)
+    uv, _ = project(thing[None], camera, T_world_cam)
+    np.testing.assert_allclose(uv[0], [camera.cx, camera.cy], atol=1e-6)
+    again = description_from_proto(description_to_proto(robot))
+    assert again.camera_forward_m == 0.5

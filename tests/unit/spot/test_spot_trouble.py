@@ -139,19 +139,46 @@ def test_a_clock_40_s_off_changes_nothing(staging: Staging, skew_s: float) -> No
     assert off_s == pytest.approx(skew_s, abs=5)  # stamps are the robot's
 
 
-def test_a_command_that_comes_after_its_end_is_a_typed_error_and_the_clocks_are_compared_anew(
-    stage: Stage,
+@pytest.mark.parametrize("jump_s", [40.0, -40.0])
+def test_a_clock_that_jumps_while_it_runs_is_noticed_before_anything_moves(
+    stage: Stage, jump_s: float
 ) -> None:
     driver = stage.driver()
     stage.act(driver, Observe())
-    stage.world.skew_s += 40.0  # the robot's clock is set while we run
-    with pytest.raises(DeadlineExceeded, match="after its end"):
+    stage.world.skew_s += jump_s
+    with pytest.raises(Unavailable, match=f"jumped by {jump_s:.0f} s"):
+        stage.act(driver, Forward(0.5))
+    assert stage.world.x == 0.0
+    assert stage.act(driver, Forward(0.5)).succeeded
+
+
+def test_a_clock_that_jumps_in_the_middle_of_a_walk_ends_it(staging: Staging) -> None:
+    stage = staging(hurry=0.5)
+    driver = stage.driver()
+    stage.act(driver, Observe())
+
+    def jump() -> None:
+        stage.world.skew_s -= 40.0  # now the command would end in 41 s
+
+    outcome = stage.during(driver, Forward(1.0), jump).wait()
+    assert isinstance(outcome.error, Unavailable)
+    standing(stage)
+    assert stage.world.x < 0.9
+
+
+def test_a_command_that_comes_after_its_end_is_a_typed_error_and_done_never(stage: Stage) -> None:
+    driver = stage.driver()
+    stage.act(driver, Observe())
+    stage.fake.commands.late_s = 2.0
+    with pytest.raises(DeadlineExceeded, match=r"after its end.*send the action again"):
         driver.act(Forward(0.5), "late")
     standing(stage)
     assert "expired" in stage.world.log
+    stage.fake.commands.late_s = 0.0
     again = driver.act(Forward(0.5), "late")
-    assert not again.succeeded  # never twice under one id
+    assert not again.succeeded  # it was begun: never twice under one id
     assert "after its end" in again.reason
+    assert stage.world.x == 0.0
     assert stage.act(driver, Forward(0.5)).succeeded
 
 
@@ -289,6 +316,28 @@ def test_stop_now_holds_however_often_it_comes_and_from_wherever(staging: Stagin
     with stage.world.lock:
         last_walk_end = max(i for i, what in enumerate(stage.world.log) if "halt" in what)
     assert last_walk_end >= 0
+
+
+def test_stop_now_without_a_link_says_so_and_holds(staging: Staging) -> None:
+    stage = staging(hurry=1.0)
+    driver = stage.driver(command_s=0.6)
+    stage.act(driver, Observe())
+    refused: list[HeliosError] = []
+
+    def cut_and_stop() -> None:
+        stage.fake.wire.cut()
+        try:
+            driver.stop("stop now")
+        except HeliosError as error:
+            refused.append(error)
+
+    outcome = stage.during(driver, Forward(1.0), cut_and_stop).wait()
+    assert outcome.error is not None or not (outcome.result and outcome.result.succeeded)
+    assert isinstance(refused[0], Unavailable)
+    standing(stage)
+    stage.fake.wire.mend()
+    with pytest.raises(Conflict, match="stop now"):
+        stage.act(driver, Turn(0.3))
 
 
 def test_stop_now_before_the_robot_was_ever_asked_to_move_is_kept(stage: Stage) -> None:
