@@ -81,12 +81,12 @@ class HfDetector(DetectorBackend):
         floors = phrases.thresholds[phrases.owner]
         found = self._finder.find(frame.color, phrases.texts, floors)
         scores = phrases.by_class(found.scores)
-        chosen = one_class_each(found.boxes, scores, phrases.thresholds)
-        asked = len(phrases.wanted)
+        asked, limits = len(phrases.wanted), phrases.thresholds
+        # Landmarks take no box from what is asked for: a detection does not depend on the scorer.
+        chosen = one_class_each(found.boxes, scores[:, :asked], limits[:asked])
+        marks = one_class_each(found.boxes, scores[:, asked:], limits[asked:])
         picks = [
-            (i, c, box)
-            for i, c in chosen
-            if c < asked and (box := _clipped(found.boxes[i], frame)) is not None
+            (i, c, box) for i, c in chosen if (box := _clipped(found.boxes[i], frame)) is not None
         ]
         masks = self._masks(frame, found, phrases, picks)
         detections = []
@@ -97,7 +97,8 @@ class HfDetector(DetectorBackend):
                 box = _box_of(mask)
             name = phrases.wanted[c].name
             detections.append(Detection(name, float(scores[i, c]), box, mask))
-        return Findings(tuple(detections), _seen(chosen, scores, phrases))
+        seen = chosen + [(i, asked + c) for i, c in marks]
+        return Findings(tuple(detections), _seen(seen, scores, phrases))
 
     def _masks(
         self, frame: Frame, found: Found, phrases: Phrases, picks: list[tuple[int, int, Box]]

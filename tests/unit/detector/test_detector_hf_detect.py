@@ -148,6 +148,18 @@ def test_landmarks_are_seen_but_never_detected(models: dict[str, Path]):
     assert {s.class_name for s in findings.seen} <= set(names)
 
 
+@pytest.mark.parametrize("family", ["owlv2", "sam3"])
+def test_landmarks_change_no_detection(family: str, models: dict[str, Path]):
+    context = context_of("mug", "bowl", threshold=0.01)
+    spec, names = f"transformers:{models[family]}", ("bed", "sink", "couch", "oven")
+    alone = HfDetector(spec, CPU).detect(frame_of(), context).detections
+    among = HfDetector(spec, CPU, landmarks=names).detect(frame_of(), context).detections
+    assert alone
+    assert [(d.class_name, d.box_xyxy) for d in among] == [
+        (d.class_name, d.box_xyxy) for d in alone
+    ]
+
+
 def test_more_phrases_than_a_text_encoder_takes_go_in_several_passes(models: dict[str, Path]):
     many = [f"thing{i:02d}" for i in range(20)]  # 7 tokens each, 64 in one pass
     finder = TextToBoxes(str(models["grounding-dino"]), "grounding-dino", CPU)

@@ -1,0 +1,66 @@
+"""The detector as a process over the router, with a model of a folder."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import tiny_models
+from detector_scene import context_of, frame_of
+from helios_core import proto as pb
+from helios_core.codec import context_to_proto, frame_to_proto
+from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, status_topic
+from helios_core.zenoh_bus import ZenohBus
+
+from tests.support import free_port, wait_until
+
+
+def test_a_process_says_what_it_waits_for_then_answers_and_ends_when_told(tmp_path: Path):
+    port = free_port()
+    endpoint, model = f"tcp/127.0.0.1:{port}", tmp_path / "model"
+    router = subprocess.Popen(
+        [sys.executable, "-m", "helios_core.router", "--listen", endpoint],
+    )
+    detector = subprocess.Popen(
+        [sys.executable, "-m", "helios_detector", "--router", endpoint, "--device", "cpu",
+         "--detector", f"transformers:{model}", "--retry-s", "0.2"],
+    )  # fmt: skip
+    bus = None
+    try:
+        wait_until(lambda: connects(endpoint), 20, "the router answers")
+        bus = ZenohBus(endpoint, "robot")
+        states: list[pb.ServiceStatus] = []
+        seen: list[pb.Observation] = []
+        bus.subscribe(status_topic("detector"), states.append)
+        bus.subscribe(OBSERVATION, seen.append)
+        wait_until(
+            lambda: any("is not there; put config.json" in s.reason for s in states), 30,
+            "it says what is missing",
+        )  # fmt: skip
+        assert states[-1].state == "waiting"
+        model.symlink_to(tiny_models.write("owlv2", tmp_path / "owl"))
+        wait_until(lambda: states[-1].state == "ready", 60, "the model works")
+        bus.publish(CONTEXT, context_to_proto(context_of("mug", threshold=0.01)))
+        bus.publish(KEYFRAME, frame_to_proto(frame_of()))
+        wait_until(lambda: seen, 20, "the keyframe is answered")
+        assert seen[0].detections
+        wait_until(lambda: states[-1].metrics.get("memory_mb", 0) > 50, 10, "its figures are told")
+        detector.send_signal(signal.SIGTERM)
+        assert detector.wait(10) == 0
+    finally:
+        if bus is not None:
+            bus.close()
+        for process in (detector, router):
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+
+
+def connects(endpoint: str) -> bool:
+    from helios_core.errors import Unavailable
+
+    try:
+        ZenohBus(endpoint, "robot").close()
+    except Unavailable:
+        return False
+    return True
