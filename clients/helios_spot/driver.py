@@ -62,6 +62,7 @@ class SpotDriver(RobotDriver):
         self._results: OrderedDict[str, ActionResult] = OrderedDict()
         self._steps = 0
         self._tilt_rad = self._s.tilt_rad
+        self._hand_raised = False
         self._held_as = ""
         self._trouble = ""
         self._planner_here = False
@@ -162,8 +163,10 @@ class SpotDriver(RobotDriver):
     def _ready(self) -> Waypoint:
         """Stand, with the hand raised to look; where the robot stands then."""
         reading = self._link.read()
-        if self._control.take(reading) and self._s.camera == "hand":
-            self._raise_hand()
+        if self._control.take(reading):
+            self._hand_raised = False
+        if self._s.camera == "hand" and not self._hand_raised:
+            self._raise_hand(self._tilt_rad)
         return Waypoint.of(self._link.read().T_world_base)
 
     def _do(self, action: Action, start: Waypoint) -> ActionResult:
@@ -172,8 +175,7 @@ class SpotDriver(RobotDriver):
                 self._motion.walk(start, goal_of(action, start))
             case Tilt(angle_rad) if self._s.camera == "hand":
                 low, high = TILT_RANGE_RAD
-                self._tilt_rad = min(max(angle_rad, low), high)
-                self._raise_hand()
+                self._raise_hand(min(max(angle_rad, low), high))
             case Pick(point, class_name):
                 self._pick(point, class_name)
             case Place(point):
@@ -202,15 +204,17 @@ class SpotDriver(RobotDriver):
             if not self._link.read().holding:
                 self._motion.grip(open=False)
             if self._s.camera == "hand":
-                self._raise_hand()
+                self._raise_hand(self._tilt_rad)
             elif not self._link.read().holding:
                 self._motion.stow()
         except (CannotDo, HeliosError) as error:
             log.warning("the hand did not come back: %s", error)
 
-    def _raise_hand(self) -> None:
+    def _raise_hand(self, tilt_rad: float) -> None:
         above_m = self._s.hand_height_m - NOMINAL_BODY_HEIGHT_M
-        self._motion.look_from(looking_pose(self._s.hand_forward_m, above_m, self._tilt_rad))
+        self._hand_raised = False  # unless it gets there, the next action tries again
+        self._motion.look_from(looking_pose(self._s.hand_forward_m, above_m, tilt_rad))
+        self._tilt_rad, self._hand_raised = tilt_rad, True
 
     # --- what came of it ----------------------------------------------------------------------
     def _fail(self, action_id: str, start: Waypoint | None, error: HeliosError) -> None:
