@@ -96,7 +96,8 @@ def test_a_port_in_use_is_named_and_nothing_is_left(helios: Helios) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "words"), [("tour.mcap", "no recording"), ("nowhere", "no data set at"), (".", "meta.json")]
+    ("name", "words"),
+    [("tour.mcap", "no recording"), ("nowhere", "no data set at"), (".", "meta.json")],
 )
 def test_a_data_set_that_cannot_be_played_is_said(name: str, words: str, helios: Helios) -> None:
     done = helios(
