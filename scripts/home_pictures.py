@@ -1,4 +1,4 @@
-"""Makes docs/images/homes*.png: ten homes of each preset, and all classes of ovmm-v1.
+"""Makes docs/images/homes-*.png: ten homes of ovmm-v1 and all its classes.
 
 `python scripts/home_pictures.py [--only NAME]` from the repository's root; needs Pillow, which
 reduces the pictures to 256 colours.
@@ -23,7 +23,6 @@ def homes(preset: str) -> Image:
 
 
 PICTURES = {
-    "homes": lambda: homes("demo-v1"),
     "homes-ovmm": lambda: homes("ovmm-v1"),
     "homes-objects": lambda: class_sheet(
         {name: make for name, (make, _) in CATALOGS["ovmm"].objects.items()}, centered=True
