@@ -8,6 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 
 from helios_core import proto as pb
+from helios_core.robot import ActionResult
 
 REMEMBERED = 512
 
@@ -18,6 +19,7 @@ class ActionLog:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._results: OrderedDict[str, Future[pb.ActionResult]] = OrderedDict()
+        self._deeds: OrderedDict[str, ActionResult] = OrderedDict()
 
     def once(self, action_id: str, do: Callable[[], pb.ActionResult]) -> pb.ActionResult:
         """The result of `do`, which is called only if the id is new.
@@ -42,3 +44,13 @@ class ActionLog:
             raise
         mine.set_result(result)
         return result
+
+    def deed(self, action_id: str, do: Callable[[], ActionResult]) -> ActionResult:
+        """What the robot did, by `do` unless it did it before: what comes after a deed may fail,
+        and be asked for again, without moving the robot twice."""
+        done = self._deeds.get(action_id)
+        if done is None:
+            done = self._deeds[action_id] = do()
+            while len(self._deeds) > REMEMBERED:
+                self._deeds.popitem(last=False)
+        return done

@@ -182,7 +182,9 @@ class BridgeService:
             began = time.monotonic()
             self._busy_until_s = deadline_s
             try:
-                done = self._driver.act(action, request.action_id)
+                done = self._actions.deed(
+                    request.action_id, lambda: self._driver.act(action, request.action_id)
+                )
             finally:
                 self._busy_until_s = None
             self._health.sample("act_ms", (time.monotonic() - began) * 1e3)

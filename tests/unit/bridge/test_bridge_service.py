@@ -136,6 +136,26 @@ def test_the_same_action_asked_for_twice_is_done_once() -> None:
     assert len(stage.robot.done) == 1
 
 
+def test_an_action_after_which_the_camera_failed_moves_the_robot_once() -> None:
+    class Blinking(LineRobot):
+        blinks = 1
+
+        def capture(self) -> Capture:
+            if self.blinks:
+                self.blinks -= 1
+                raise Unavailable("the camera is away")
+            return super().capture()
+
+    stage = Stage(Blinking())
+    with pytest.raises(Unavailable, match="camera"):
+        stage.drive("a")
+    result = stage.drive("a")
+    assert result.succeeded
+    assert result.keyframe.seq == stage.keyframes[0].id.seq
+    assert len(stage.robot.done) == 1
+    assert stage.robot.x_m == 0.5
+
+
 def test_without_the_present_lease_nobody_drives() -> None:
     stage = Stage()
     stage.drive("a")
