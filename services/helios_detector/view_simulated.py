@@ -6,7 +6,7 @@ Names repeat from home to home ("mug_3"): give each home a seed of its own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ from helios_detector.view_ghosts import ghosts
 from helios_detector.view_masks import Masked, eroded, leaked, partial
 from helios_detector.view_noise import Views, key_of, keys_of, latent, uniform
 from helios_detector.view_table import ViewTable
-from helios_detector.vocabulary import normalised, open_wanted
+from helios_detector.vocabulary import Wanted, normalised, open_wanted
 
 PURPOSES: tuple[str, ...] = (
     "miss", "confuse", "confuse as", "score", "twice", "twice score", "mask", "cut", "keep",
@@ -70,7 +70,7 @@ class ViewDetector(DetectorBackend):
             if enough and (name not in seen or seen[name].score < score):
                 seen[name] = Seen(name, score)
 
-        for verdict in self.verdicts(frame, truth):
+        for verdict in self.verdicts(frame, truth, wanted):
             masked = None
             for name, score in verdict.names:
                 see(name, score)
@@ -83,12 +83,12 @@ class ViewDetector(DetectorBackend):
             detections.append(detection(g.want.name, g.score, g.box_xyxy, g.crop, shape))
         return Findings(tuple(detections), tuple(seen.values()))
 
-    def verdicts(self, frame: Frame, truth: Truth) -> list[Verdict]:
+    def verdicts(self, frame: Frame, truth: Truth, wanted: tuple[Wanted, ...]) -> list[Verdict]:
         """What the detector makes of everything in view, asked for or not."""
         things = list(visible(truth))
         return verdicts(
             things, self._table, [self._key(t.instance) for t in things],
-            frame.T_world_cam[:3, 3], frame.stamp_ns,
+            frame.T_world_cam[:3, 3], frame.stamp_ns, wanted,
         )  # fmt: skip
 
     def _key(self, instance: TruthInstance) -> int:
@@ -116,6 +116,7 @@ def verdicts(
     keys: list[int],
     eye_m: NDArray[np.float64],
     stamp_ns: int,
+    wanted: Sequence[Wanted] = (),
 ) -> list[Verdict]:
     """What is made of each thing (with its key) seen from the eye [3], world, in metres."""
     if not things:
@@ -125,12 +126,16 @@ def verdicts(
     sectors, cells, distance_m = table.seen_from(eye_m, centers_m, pixels)
     views = Views(np.array(keys, np.uint64), sectors, cells)
     draws = uniform(latent(views, _PURPOSE_KEYS, table.shares, stamp_ns))
+    asked = [f"{what} {normalised(w.name)}" for w in wanted for what in ("as", "as, score")]
+    asked_draws = uniform(latent(views, keys_of(asked), table.shares, stamp_ns))
     classes = [normalised(t.instance.class_name) for t in things]
     missed = draws[:, 0] < table.miss(classes, pixels, distance_m)
     out = []
     for k, thing in enumerate(things):
         u = dict(zip(PURPOSES, draws[k].tolist(), strict=True))
         names = () if missed[k] else named(thing.instance.class_name, thing.pixels, table, u)
+        if names:
+            names += also_named(thing, names, table, wanted, asked_draws[k].reshape(-1, 2))
         out.append(Verdict(thing, names, u))
     return out
 
@@ -151,6 +156,24 @@ def named(
     if u["twice"] >= table.second(true):
         return (first,)
     return first, (second, table.score("confused", u["twice score"], pixels))
+
+
+def also_named(
+    thing: Visible,
+    names: tuple[tuple[str, float], ...],
+    table: ViewTable,
+    wanted: Sequence[Wanted],
+    draws: NDArray[np.float64],
+) -> tuple[tuple[str, float], ...]:
+    """Asked names that nothing about the thing explains, with scores. draws: [wanted, 2]."""
+    known = {normalised(name) for name, _ in names} | {normalised(thing.instance.class_name)}
+    return tuple(
+        (w.name, table.score("confused", u_score, thing.pixels))
+        for w, (u, u_score) in zip(wanted, draws.tolist(), strict=True)
+        if u < table.anything()
+        and w.is_object == thing.instance.graspable
+        and known.isdisjoint(w.names)
+    )
 
 
 def _support(truth: Truth) -> NDArray[np.bool_]:

@@ -135,6 +135,7 @@ class Confusion(_Part):
     group: tuple[Group, ...] = ()
     row: dict[Name, dict[Name, Probability]] = Field(default={})
     most: Probability
+    anything: Probability
 
     @field_validator("group")
     @classmethod
@@ -264,6 +265,10 @@ class ViewTable:
         """Probability that it is reported under a second name as well; the name normalised."""
         row = self.rows.get(class_name)
         return self.rate(row.total, self.file.scale.second) if row else 0.0
+
+    def anything(self) -> float:
+        """Probability that it is also reported under one asked name that is not in its row."""
+        return self.rate(self.file.confusion.anything, self.file.scale.second)
 
     def false(self, structure: bool, is_object: bool) -> float:
         """Probability that one cell of a surface shows one class that was asked for."""

@@ -139,7 +139,7 @@ def test_nothing_changes_when_other_things_enter_the_picture():
         found = []
         for truth, frame in zip((alone, together), frames, strict=True):
             detector = ViewDetector(truth, table, n)
-            verdicts = detector.verdicts(frame, truth.segmentation(frame.stamp_ns))
+            verdicts = detector.verdicts(frame, truth.segmentation(frame.stamp_ns), ())
             named = {v.thing.instance.name: v.names for v in verdicts}
             found.append({k: v for k, v in named.items() if k in ("mug 2", "bowl 3")})
         assert found[0] == found[1]
@@ -292,3 +292,22 @@ def test_the_setting_picks_the_detector_by_the_table():
     assert mine.name == f"simulated:ovmm-v1@{NOISE.digest}"
     assert demo.name.startswith("simulated:demo-v1@")
     assert mine.vocabulary() == demo.vocabulary()
+
+
+def test_any_thing_may_be_taken_for_the_asked_one_and_furniture_never_for_a_thing():
+    truth = NamedTruth()
+    frame = truth.frame(looking(0.7))
+    table = scaled(second=1.0).scaled(1, 1.0)
+    confusion = table.file.confusion.model_copy(update={"anything": 0.3})
+    whole = table.file.mask.model_copy(update={"partial": 0.0, "leak": 0.0})
+    file = table.file.model_copy(update={"confusion": confusion, "mask": whole})
+    table = replace(table, file=file)
+    context = context_of("teddy bear", threshold=0.0)
+    things = [k for k, i in truth.segmentation(frame.stamp_ns).instances.items() if i.graspable]
+    hits = 0
+    for seed in range(60):
+        for found in ViewDetector(truth, table, seed).detect(frame, context).detections:
+            shown = truth.ids[frame.stamp_ns][found.mask]
+            assert np.isin(shown, things).all()
+            hits += 1
+    assert 0.15 * 60 * len(things) < hits < 0.45 * 60 * len(things)
