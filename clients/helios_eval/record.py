@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 from helios_core.errors import InvalidInput
+from helios_sim.objectnav import spl
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 EPISODES = "episodes.jsonl"
@@ -137,9 +138,9 @@ class EpisodeRecord(_Frozen):
     @property
     def spl(self) -> float:
         """Success weighted by path length (object navigation)."""
-        if not self.success or self.shortest_path_m is None:
+        if self.shortest_path_m is None:
             return 0.0
-        return self.shortest_path_m / max(self.path_m, self.shortest_path_m, 1e-9)
+        return spl(self.success, self.path_m, self.shortest_path_m)
 
 
 def append(folder: Path, record: EpisodeRecord) -> None:

@@ -105,7 +105,7 @@ def note(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
     told: dict[str, Any] = asdict(asked) | {
         "out": str(asked.out),
         "noise": asked.noise.model_dump() if asked.noise else None,
-        "command": ["helios", *sys.argv[1:]],
+        "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
         "commit": here,
         "preset_hash": homes.digest_of(asked.preset),
         "noise_hash": asked.noise.digest if asked.noise else None,
