@@ -7,10 +7,9 @@ import threading
 import time
 from pathlib import Path
 
-import numpy as np
 from helios_core.bus import Bus
 from helios_core.errors import InvalidInput
-from helios_core.geometry import Matrix, se2_to_se3
+from helios_core.geometry import base_below_camera
 from helios_core.robot import (
     Action,
     ActionResult,
@@ -23,20 +22,6 @@ from helios_core.topics import CONTEXT, ROBOT_STATE
 from helios_core.types import RobotDescription, RobotState
 
 from helios_replay.source import Part, open_source
-
-STRAIGHT_DOWN = 1e-3  # below this share of horizontal, the optical axis has no heading
-
-
-def base_below_camera(T_world_cam: Matrix) -> Matrix:
-    """T_world_base [4, 4]: the camera's place on the floor, heading where the camera looks.
-
-    A camera that looks straight up or down heads where the top of its image points.
-    """
-    ahead = T_world_cam[:2, 2]  # the optical axis on the ground
-    if np.hypot(*ahead) < STRAIGHT_DOWN:
-        ahead = -T_world_cam[:2, 1]
-    x_m, y_m = (float(v) for v in T_world_cam[:2, 3])
-    return se2_to_se3(x_m, y_m, math.atan2(ahead[1], ahead[0]))
 
 
 class ReplayDriver(RobotDriver):

@@ -17,6 +17,8 @@ Matrix = NDArray[np.float64]
 # Camera axes (OpenCV) seen from a body frame with x forward, y left, z up.
 R_BODY_CAM: Matrix = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
+STRAIGHT_DOWN = 1e-3  # below this share of horizontal, the optical axis has no heading
+
 
 @dataclass(frozen=True)
 class Pinhole:
@@ -82,6 +84,18 @@ def camera_on_base(
     T_base_cam[:3, :3] = tilt @ R_BODY_CAM
     T_base_cam[:3, 3] = [forward_m, 0.0, height_m]
     return T_world_base @ T_base_cam
+
+
+def base_below_camera(T_world_cam: Matrix) -> Matrix:
+    """T_world_base [4, 4]: the camera's place on the floor, heading where the camera looks.
+
+    A camera that looks straight up or down heads where the top of its image points.
+    """
+    ahead = T_world_cam[:2, 2]  # the optical axis on the ground
+    if np.hypot(*ahead) < STRAIGHT_DOWN:
+        ahead = -T_world_cam[:2, 1]
+    x_m, y_m = (float(v) for v in T_world_cam[:2, 3])
+    return se2_to_se3(x_m, y_m, math.atan2(ahead[1], ahead[0]))
 
 
 def is_rigid(T_a_b: Matrix, tolerance: float = 1e-3) -> bool:

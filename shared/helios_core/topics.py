@@ -71,6 +71,7 @@ LEASE = Method("bridge/lease", pb.LeaseRequest, pb.LeaseReply)
 STOP = Method("bridge/stop", pb.StopRequest, pb.Empty)
 CLEAR_STOP = Method("bridge/clear_stop", pb.Empty, pb.Empty)
 GET_STATE = Method("bridge/get_state", pb.Empty, pb.RobotState)
+PUSH = Method("bridge/push", pb.PushRequest, pb.PushReply)
 
 # --- detector -------------------------------------------------------------------------------
 OBSERVATION = Topic("detector/observation", pb.Observation, QoS.NEVER_DROP)
@@ -133,7 +134,7 @@ TOPICS: tuple[Topic, ...] = (
     RETIRED, MAP2D_ACK, CONTEXT, TASK, DECISION, PLAN, SUPERVISOR,
 )  # fmt: skip
 METHODS: tuple[Method, ...] = (
-    ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, VOCABULARY, EMBED_TEXT, ESTIMATE_DEPTH, OBJECTS,
+    ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, PUSH, VOCABULARY, EMBED_TEXT, ESTIMATE_DEPTH, OBJECTS,
     WHAT_IF, RETIRE, GAUSSIANS, RESET_OBJECTS, SNAPSHOT, PICTURE, SIGHT, RESET_MAP2D, SUBMIT,
     GET_TASK, LIST_TASKS, CANCEL, DECISIONS, WORLD_DESCRIBE, WORLD_STATE, WORLD_CAPTURE, WORLD_ACT,
     WORLD_STOP, WORLD_CLEAR_STOP, TRUTH_SEGMENTATION, TRUTH_EPISODE, TRUTH_METRICS,

@@ -10,11 +10,17 @@ import cv2
 import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
-from helios_core.geometry import R_BODY_CAM, camera_on_base, is_rigid, se2_to_se3, yaw_of
+from helios_core.geometry import (
+    R_BODY_CAM,
+    base_below_camera,
+    camera_on_base,
+    is_rigid,
+    se2_to_se3,
+    yaw_of,
+)
 from helios_core.robot import EndOfRecording, Forward, Observe, Pick, Place, Tilt, Turn
 from helios_replay import ReplayDriver
 from helios_replay.dataset import read_dataset, read_image
-from helios_replay.driver import base_below_camera
 from hypothesis import given
 from hypothesis import strategies as st
 

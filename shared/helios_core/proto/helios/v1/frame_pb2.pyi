@@ -147,3 +147,23 @@ class Ack(_message.Message):
     update_ms: float
     context_id: str
     def __init__(self, service: _Optional[str] = ..., part: _Optional[str] = ..., id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., accepted: bool = ..., reason: _Optional[str] = ..., version: _Optional[int] = ..., update_ms: _Optional[float] = ..., context_id: _Optional[str] = ...) -> None: ...
+
+class PushRequest(_message.Message):
+    __slots__ = ("frame", "wait_s", "classes")
+    FRAME_FIELD_NUMBER: _ClassVar[int]
+    WAIT_S_FIELD_NUMBER: _ClassVar[int]
+    CLASSES_FIELD_NUMBER: _ClassVar[int]
+    frame: Frame
+    wait_s: float
+    classes: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, frame: _Optional[_Union[Frame, _Mapping]] = ..., wait_s: _Optional[float] = ..., classes: _Optional[_Iterable[str]] = ...) -> None: ...
+
+class PushReply(_message.Message):
+    __slots__ = ("id", "acks", "unanswered")
+    ID_FIELD_NUMBER: _ClassVar[int]
+    ACKS_FIELD_NUMBER: _ClassVar[int]
+    UNANSWERED_FIELD_NUMBER: _ClassVar[int]
+    id: _common_pb2.FrameId
+    acks: _containers.RepeatedCompositeFieldContainer[Ack]
+    unanswered: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., acks: _Optional[_Iterable[_Union[Ack, _Mapping]]] = ..., unanswered: _Optional[_Iterable[str]] = ...) -> None: ...
