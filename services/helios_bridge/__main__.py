@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import threading
 
@@ -13,6 +14,8 @@ from helios_core.service import run_service
 from helios_bridge.drivers import load_driver
 from helios_bridge.service import BridgeService
 from helios_bridge.settings import Settings
+
+log = logging.getLogger(__name__)
 
 
 class Hosted:
@@ -33,6 +36,10 @@ class Hosted:
                     continue
                 except HeliosError as error:  # trying again would not help
                     health.degraded(error.message)
+                    return
+                except Exception as error:  # of somebody's own driver
+                    log.exception("the driver failed")
+                    health.degraded(f"the driver failed ({type(error).__name__}: {error}); mend it")
                     return
                 self._service = service
                 service.start()

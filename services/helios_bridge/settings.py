@@ -16,7 +16,8 @@ class Settings(ServiceSettings):
     model_config = service_config("bridge")
 
     driver: str = Field(
-        default="sim", description="sim, replay, spot, or package:Class of your own driver"
+        default="sim",
+        description="sim, replay, spot, bus, push, or package:Class of your own driver",
     )
     address: str = Field(
         default="", description="where the robot is, for drivers that reach it over a network"
@@ -35,6 +36,15 @@ class Settings(ServiceSettings):
     )
     contexts: bool = Field(
         default=False, description="a replay begins the recorded searches by itself"
+    )
+    max_depth_m: float = Field(
+        default=5.0, gt=0, le=100, description="of the driver push: depth beyond it is not used"
+    )
+    watch_threshold: float = Field(
+        default=0.25,
+        ge=0,
+        le=1,
+        description="of the driver push: detector confidence from which a class asked for counts",
     )
     depth: Literal["sensor", "estimated"] = Field(
         default="sensor",

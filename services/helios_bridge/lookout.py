@@ -1,0 +1,133 @@
+"""One look: the driver's image becomes a frame with an identity, and goes out.
+
+In lockstep a keyframe is over when the maps have answered it.
+"""
+
+from __future__ import annotations
+
+import time
+import uuid
+
+import numpy as np
+from helios_core.bus import Bus
+from helios_core.codec import frame_id_from_proto, frame_to_proto
+from helios_core.errors import InvalidInput
+from helios_core.geometry import is_rigid
+from helios_core.health import Health
+from helios_core.robot import Capture, EndOfRecording, RobotDriver
+from helios_core.topics import FRAME, KEYFRAME
+from helios_core.types import Frame, FrameId, RobotState
+
+from helios_bridge.acks import AckBook
+from helios_bridge.depth import with_estimated_depth
+from helios_bridge.settings import Settings
+
+
+class Lookout:
+    """Captures, names and publishes frames. Whoever calls it has the driver to himself."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        driver: RobotDriver,
+        settings: Settings,
+        health: Health,
+        acks: AckBook,
+        first_number: int,
+    ) -> None:
+        """first_number: the frames' numbers rise from here."""
+        self._bus, self._driver, self._settings, self._health = bus, driver, settings, health
+        self._acks = acks
+        self._number = first_number
+        self._own_boot_id = uuid.uuid4().hex  # of robots that have none
+        self.last_keyframe = 0
+        self.last_look_s = 0.0  # monotonic
+        self.finished = False  # a recording has come to its end
+
+    def boot_id(self, state: RobotState) -> str:
+        """Of the robot, or of its bridge where the robot tells none."""
+        return state.robot_boot_id or self._own_boot_id
+
+    def look(self, keyframe: bool) -> FrameId:
+        """Capture and publish; in lockstep, until the maps have answered a keyframe.
+
+        Raises EndOfRecording, and what the driver raises.
+        """
+        id = self.take(keyframe)
+        if keyframe and self._settings.lockstep:
+            self._wait_for_maps(id)
+        return id
+
+    def take(self, keyframe: bool) -> FrameId:
+        """Capture and publish. Raises as `look`, and InvalidInput for what is no posed image."""
+        began = time.monotonic()
+        try:
+            capture = self._driver.capture()
+        except EndOfRecording:
+            self.finished = True
+            raise
+        check_capture(capture)
+        state = self._driver.state()
+        self._number += 1
+        if capture.recorded is not None:
+            id = frame_id_from_proto(capture.recorded.id)
+        else:
+            id = FrameId(self.boot_id(state), state.world_epoch, self._number)
+        self._publish(capture, id, keyframe)
+        self.last_look_s = time.monotonic()
+        self._health.sample("capture_ms", (self.last_look_s - began) * 1e3)
+        if keyframe:
+            self.last_keyframe = id.seq
+            self._health.count("keyframes")
+        return id
+
+    def _publish(self, c: Capture, id: FrameId, keyframe: bool) -> None:
+        topic = KEYFRAME if keyframe else FRAME
+        if c.recorded is not None:  # as it was, to the last bit
+            self._bus.publish(topic, c.recorded)
+            return
+        frame = Frame(
+            id=id,
+            stamp_ns=c.stamp_ns,
+            keyframe=keyframe,
+            color=c.color,
+            depth_m=c.depth_m,
+            camera=c.camera,
+            T_world_cam=c.T_world_cam,
+            T_world_base=c.T_world_base,
+        )
+        if self._settings.depth == "estimated":
+            frame = with_estimated_depth(frame, self._bus, self._settings.depth_timeout_s)
+        self._bus.publish(topic, frame_to_proto(frame))
+
+    def _wait_for_maps(self, id: FrameId) -> None:
+        missing = self._acks.wait(id, self._settings.ack_timeout_s)
+        if not missing:
+            self._health.ready()
+            return
+        self._health.count("unanswered_keyframes")
+        self._health.degraded(
+            f"keyframe {id} was not answered by {', '.join(sorted(missing))} "
+            f"within {self._settings.ack_timeout_s:g} s; look at these services"
+        )
+
+
+def check_capture(c: Capture) -> None:
+    """Raises InvalidInput that names what a driver gave and what is wanted."""
+    size = (c.camera.height, c.camera.width)
+    wanted = {
+        "color": (c.color, np.uint8, (*size, 3), "RGB"),
+        "depth_m": (c.depth_m, np.float32, size, "metres along the optical axis, 0 where none"),
+    }
+    for name, (array, dtype, shape, words) in wanted.items():
+        if array.dtype != dtype or array.shape != shape:
+            raise InvalidInput(
+                f"the driver's {name} is {array.dtype} {array.shape}; give {np.dtype(dtype)} "
+                f"{shape}, as the calibration says: {words}"
+            )
+    for name, T in (("T_world_cam", c.T_world_cam), ("T_world_base", c.T_world_base)):
+        if not is_rigid(T):
+            raise InvalidInput(
+                f"the driver's {name} is no rigid transform [4, 4]: {T.tolist()}; give a rotation "
+                "and a position in metres"
+            )

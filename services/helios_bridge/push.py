@@ -1,0 +1,207 @@
+"""Frames from outside: somebody else's camera, one frame a call, each answered by the maps."""
+
+from __future__ import annotations
+
+import threading
+import time
+import uuid
+from collections.abc import Callable, Sequence
+
+from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.codec import context_to_proto, frame_from_proto, frame_id_to_proto
+from helios_core.codec.images import MAX_PIXELS
+from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
+from helios_core.geometry import Pinhole, base_below_camera, se2_to_se3
+from helios_core.robot import Action, ActionResult, Capture, Observe, RobotDriver
+from helios_core.topics import CONTEXT
+from helios_core.types import RobotDescription, RobotState, Role, SearchClass, SearchContext
+
+from helios_bridge.acks import OCCUPANCY, PARTS, AckBook
+from helios_bridge.lookout import Lookout
+
+LONGEST_WAIT_S = 60.0
+LONGEST_TURN_S = 10.0  # that a frame waits for those before it
+MOST_CLASSES, LONGEST_NAME = 64, 64
+NOMINAL_CAMERA = Pinhole(525.0, 525.0, 319.5, 239.5, 640, 480)  # each frame brings its own
+
+
+class PushDriver(RobotDriver):
+    """A camera that somebody else carries: every frame is offered once and captured once."""
+
+    def __init__(self, max_depth_m: float = 5.0) -> None:
+        """max_depth_m: beyond it the maps do not use the depth of the frames."""
+        self._max_depth_m = max_depth_m
+        self._offered: Capture | None = None
+        self._state = RobotState(se2_to_se3(0.0, 0.0, 0.0))
+        self._stopped = ""
+
+    def offer(self, capture: Capture, robot_boot_id: str, world_epoch: int) -> None:
+        """The next frame; boot id and epoch name the world that its poses live in."""
+        self._offered = capture
+        self._state = RobotState(
+            capture.T_world_base, robot_boot_id=robot_boot_id, world_epoch=world_epoch
+        )
+
+    def describe(self) -> RobotDescription:
+        return RobotDescription(
+            name="pushed frames",
+            footprint_radius_m=0.3,
+            height_m=1.0,
+            camera=NOMINAL_CAMERA,
+            camera_height_m=1.0,
+            reach_m=0.0,
+            max_depth_m=self._max_depth_m,
+            can_move=False,
+            can_pick=False,
+            can_place=False,
+        )
+
+    def state(self) -> RobotState:
+        s = self._state
+        return RobotState(
+            s.T_world_base,
+            stopped=bool(self._stopped),
+            world_epoch=s.world_epoch,
+            robot_boot_id=s.robot_boot_id,
+            message=self._stopped,
+        )
+
+    def capture(self) -> Capture:
+        capture, self._offered = self._offered, None
+        if capture is None:
+            raise Unavailable("no frame has come since the last one; send one to POST /v1/frames")
+        return capture
+
+    def act(self, action: Action, action_id: str) -> ActionResult:
+        if self._stopped:
+            return ActionResult(False, f"stopped ({self._stopped}); clear the stop first")
+        if not isinstance(action, Observe):
+            what = type(action).__name__.lower()
+            return ActionResult(False, f"frames come from outside, so nothing here can {what}")
+        return ActionResult(True)
+
+    def stop(self, reason: str) -> None:
+        self._stopped = reason or "stop-now"
+
+    def clear_stop(self) -> None:
+        self._stopped = ""
+
+
+class PushDesk:
+    """Answers `bridge/push`. Frames are taken one at a time, in the order of their coming."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        driver: PushDriver,
+        lookout: Lookout,
+        acks: AckBook,
+        turn: threading.Lock,
+        estimated_depth: bool,
+        threshold: float,
+    ) -> None:
+        """turn: whoever holds it uses the driver. threshold: detector confidence from which what is
+        looked for counts."""
+        self._bus, self._driver, self._lookout, self._acks = bus, driver, lookout, acks
+        self._turn = turn
+        self._estimated_depth, self._threshold = estimated_depth, threshold
+        self._classes: tuple[str, ...] = ()
+        self._sought = threading.Event()  # something is looked for
+        bus.subscribe(CONTEXT, lambda _: self._sought.set())
+
+    def push(self, request: pb.PushRequest, told: Callable[[], None]) -> pb.PushReply:
+        """Make a keyframe of it and wait for the maps' answers. told: called when it is out.
+
+        Raises InvalidInput for a frame that does not hold together, and DeadlineExceeded when
+        those before it take too long.
+        """
+        if not 0 <= request.wait_s <= LONGEST_WAIT_S:  # NaN too
+            raise InvalidInput(f"wait_s is {request.wait_s}; send 0 to {LONGEST_WAIT_S:g} seconds")
+        classes = _names(request.classes)
+        capture = capture_of(request.frame, self._estimated_depth)
+        deadline_s = time.monotonic() + request.wait_s
+        if not self._turn.acquire(timeout=LONGEST_TURN_S):
+            raise DeadlineExceeded(
+                f"the frames before this one took more than {LONGEST_TURN_S:g} s; send slower"
+            )
+        try:
+            self._look_for(classes)
+            world = request.frame.id
+            self._driver.offer(capture, world.robot_boot_id, world.world_epoch)
+            id = self._lookout.take(keyframe=True)
+        finally:
+            self._turn.release()
+        told()
+        wanted = PARTS if self._sought.is_set() else frozenset({OCCUPANCY})
+        left_s = max(0.0, deadline_s - time.monotonic())
+        missing = self._acks.wait(id, left_s, wanted)
+        return pb.PushReply(
+            id=frame_id_to_proto(id), acks=self._acks.answers(id), unanswered=sorted(missing)
+        )
+
+    def _look_for(self, classes: tuple[str, ...]) -> None:
+        if not classes or classes == self._classes:
+            return
+        context = SearchContext(
+            id=f"push-{uuid.uuid4().hex[:8]}",
+            classes=tuple(SearchClass(name, Role.WATCH, self._threshold) for name in classes),
+        )
+        self._bus.publish(CONTEXT, context_to_proto(context))
+        self._classes = classes
+        self._sought.set()
+
+
+def refuse_push(robot: str) -> pb.PushReply:
+    """Of a robot that has a camera of its own. Raises Conflict."""
+    raise Conflict(
+        f"the robot {robot!r} has a camera of its own; frames from outside are taken by "
+        "`helios up --robot push`"
+    )
+
+
+def capture_of(frame: pb.Frame, estimated_depth: bool) -> Capture:
+    """What a driver would have captured. `estimated_depth`: a frame needs none of its own.
+
+    Raises InvalidInput for a frame that does not hold together.
+    """
+    if len(frame.id.robot_boot_id) > LONGEST_NAME:
+        raise InvalidInput(
+            f"robot_boot_id is longer than {LONGEST_NAME} letters; send a shorter one"
+        )
+    whole = pb.Frame()
+    whole.CopyFrom(frame)
+    if estimated_depth and frame.WhichOneof("depth") is None:
+        whole.raw_depth.CopyFrom(_no_depth(frame))
+    below = not frame.HasField("T_world_base")
+    if below:
+        whole.T_world_base.CopyFrom(frame.T_world_cam)  # until that one has been checked
+    f = frame_from_proto(whole)
+    return Capture(
+        stamp_ns=f.stamp_ns,
+        color=f.color,
+        depth_m=f.depth_m,
+        camera=f.camera,
+        T_world_cam=f.T_world_cam,
+        T_world_base=base_below_camera(f.T_world_cam) if below else f.T_world_base,
+    )
+
+
+def _no_depth(frame: pb.Frame) -> RawImage:
+    """A depth image without depth, of the calibrated size."""
+    width, height = frame.calibration.width, frame.calibration.height
+    if width * height > MAX_PIXELS:
+        raise InvalidInput(f"the calibration is of {width}x{height} pixels; send a smaller image")
+    data = bytes(2 * width * height)
+    return RawImage(width=width, height=height, encoding="16UC1", step=2 * width, data=data)
+
+
+def _names(classes: Sequence[str]) -> tuple[str, ...]:
+    names = tuple(dict.fromkeys(" ".join(name.split()) for name in classes))
+    if len(names) > MOST_CLASSES or any(not 0 < len(name) <= LONGEST_NAME for name in names):
+        raise InvalidInput(
+            f"{len(names)} classes came; send at most {MOST_CLASSES}, with names of 1 to "
+            f"{LONGEST_NAME} letters"
+        )
+    return names

@@ -1,0 +1,100 @@
+"""What the bridge says to the author of a driver that is not right yet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helios_bridge.drivers import load_driver
+from helios_bridge.service import BridgeService
+from helios_bridge.settings import Settings
+from helios_core.errors import InvalidInput
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.robot import Capture
+
+from tests.support import wait_until
+from tests.unit.bridge.test_bridge_service import LineRobot, Stage
+
+SOURCE = """
+from helios_core.robot import RobotDriver
+class Unfinished(RobotDriver):
+    def describe(self): ...
+    def state(self): ...
+    def capture(self): ...
+    def act(self, action, action_id): ...
+    def clear_stop(self): ...
+class Demanding(Unfinished):
+    def __init__(self, serial_port): ...
+    def stop(self, reason): ...
+class Other: ...
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("own_robot_of_a_test:Unfinished", "abstract method '?stop"),
+        ("own_robot_of_a_test:Demanding", "serial_port"),
+        ("own_robot_of_a_test:Other", "is no RobotDriver"),
+        ("own_robot_of_a_test:Missing", "Missing"),
+        ("own_robot_with_a_slip:Robot", "SyntaxError"),
+        ("no_such_package:Robot", "no_such_package"),
+        ("robot", "wanted one of sim, replay, spot, push, bus or package:Class"),
+    ],
+)
+def test_a_driver_that_cannot_be_made_is_refused_with_the_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, said: str
+) -> None:
+    (tmp_path / "own_robot_of_a_test.py").write_text(SOURCE)
+    (tmp_path / "own_robot_with_a_slip.py").write_text("class Robot(")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(InvalidInput, match=said):
+        load_driver(Settings(driver=name), MemoryBus(MemoryHub()))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"color": np.zeros((12, 16, 3))}, r"color is float64 \(12, 16, 3\); give uint8"),
+        ({"color": np.zeros((16, 12, 3), np.uint8)}, r"color is uint8 \(16, 12, 3\)"),
+        ({"depth_m": np.zeros((12, 16), np.uint16)}, "depth_m is uint16 .* metres"),
+        ({"depth_m": np.zeros((24, 32), np.float32)}, r"give float32 \(12, 16\)"),
+        ({"T_world_cam": np.eye(3)}, "T_world_cam is no rigid"),
+        ({"T_world_base": np.diag([1.0, 1.0, -1.0, 1.0])}, "T_world_base is no rigid"),
+    ],
+)
+def test_an_image_that_is_none_is_refused_before_it_goes_out(
+    wrong: dict[str, np.ndarray], said: str
+) -> None:
+    class Wrong(LineRobot):
+        def capture(self) -> Capture:
+            return replace(super().capture(), **wrong)
+
+    stage = Stage(Wrong())
+    with pytest.raises(InvalidInput, match=said):
+        stage.drive("a")
+    assert stage.keyframes == []
+
+
+def test_a_fault_in_a_driver_is_said_and_the_stream_goes_on_when_it_is_over() -> None:
+    class Faulty(LineRobot):
+        good = False
+
+        def capture(self) -> Capture:
+            if not self.good:
+                raise ZeroDivisionError("a slip")
+            return super().capture()
+
+    robot, health = Faulty(), Health()
+    bridge = BridgeService(MemoryBus(MemoryHub()), robot, Settings(stream_hz=50), health)
+    bridge.start()
+    try:
+        wait_until(lambda: "ZeroDivisionError: a slip" in health.state[1], 5, "the fault is said")
+        assert health.state[0] == "degraded"
+        robot.good = True
+        wait_until(lambda: health.state[0] == "ready", 5, "the stream goes on")
+    finally:
+        bridge.close()
