@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.types import Role, SearchClass, SearchContext
@@ -34,11 +36,11 @@ def in_vocabulary(instruction: Instruction, vocabulary: pb.VocabularyReply) -> I
     if vocabulary.open:
         return instruction
     known = {name.replace("_", " ").lower(): name for name in vocabulary.names}
-    return Instruction(
-        instruction.kind,
-        _known("object", instruction.object, known, vocabulary.detector),
-        _known("start", instruction.start, known, vocabulary.detector),
-        _known("goal", instruction.goal, known, vocabulary.detector),
+    return replace(
+        instruction,
+        object=_known("object", instruction.object, known, vocabulary.detector),
+        start=_known("start", instruction.start, known, vocabulary.detector),
+        goal=_known("goal", instruction.goal, known, vocabulary.detector),
     )
 
 

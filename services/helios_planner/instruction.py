@@ -1,19 +1,22 @@
 """From what people type to what the planner does, without a language model.
 
-"Move (object) from the (start receptacle) to the (goal receptacle)" and its relatives. A sentence
-is a verb, then phrases that prepositions open. What cannot be read is refused with what was
+"Move (object) from the (start receptacle) to the (goal receptacle)" and its relatives: `clauses`
+reads the sentence, here its phrases are put together. What cannot be read is refused with what was
 understood and what is missing.
 """
 
 from __future__ import annotations
 
 import difflib
-import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from helios_core.errors import InvalidInput
+
+from helios_planner import words as w
+from helios_planner.clauses import Clause, PlacePhrase, clauses_of, noun
+from helios_planner.words import Place, Verb, length_at
 
 LONGEST = 400
 EXAMPLE = '"Move the mug from the coffee table to the kitchen counter"'
@@ -27,82 +30,43 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Instruction:
-    """kind MOVE has object and goal, start if it was said; FIND an object; GO_TO a goal."""
+    """kind MOVE has object and goal, start if it was said; FIND an object; GO_TO a goal. unused:
+    what was said and does not change the task, such as "in the kitchen"."""
 
     kind: Kind
     object: str | None = None
     start: str | None = None
     goal: str | None = None
+    unused: tuple[str, ...] = ()
 
 
-# Where a preposition without another hint points: verbs of putting name the goal ("put it on the
-# table"), verbs of taking the start ("grab the cup on the table").
-_PUT = (
-    "move bring put place set lay carry transport relocate transfer deliver drop shift return leave"
-)
-_TAKE = "take fetch grab get pick collect retrieve remove"
-_FIND = "find locate"
-_TWO_WORDS = {
-    "pick up": "pick", "look for": "find", "search for": "find", "search": "find",
-    "where is": "find", "where are": "find", "put down": "put", "set down": "set",
-    "show me": "find", "hand over": "deliver", "put away": "put", "hand": "deliver",
-}  # fmt: skip
-_GO = "go drive navigate walk head come travel run"
-_KINDS: tuple[tuple[str, str], ...] = (
-    ("put", _PUT), ("take", _TAKE), ("find", _FIND), ("go", _GO)
-)  # fmt: skip
-_VERBS: dict[str, str] = {verb: kind for kind, verbs in _KINDS for verb in verbs.split()}
-
-_START_WORDS = (
-    "out of", "off of", "from on", "from off", "from inside", "from in", "from within",
-    "from the top of",     "from", "off",
-)  # fmt: skip
-_GOAL_WORDS = (
-    "over to", "on to", "in to", "back to", "up to", "down to", "towards", "toward", "to", "into",
-    "onto",
-)  # fmt: skip
-_WEAK_WORDS = ("on top of", "back on", "back in", "down on", "upon", "on", "inside", "in", "at")
-_BELONGS = (
-    r"(?:that|which)(?: is|'s| are)?(?: \w+ing)?|(?:lying|standing|sitting|located|placed|resting)"
-)
-_POLITE = (
-    r"^(?:hey|hi|hello|ok|okay|robot|helios|please|kindly|now|then|just|can you|could you|"
-    r"would you|will you|i want you to|i would like you to|i'd like you to|i need you to|"
-    r"you should|you must|your task is to|try to|let's|go and|go ahead and|help me|"
-    r"help me to)\b[\s,:]*"
-)
-_TAIL = (
-    r"[\s,]*\b(?:please|now|for me|for us|immediately|quickly|carefully|thanks|"
-    r"thank you|right away)$"
-)
-_ARTICLES = (
-    r"^(?:one of the|any of the|all of the|the|a|an|my|your|our|his|her|their|this|that|these|"
-    r"those|some|any)\s+"
-)
-_PRONOUNS = {"it", "them", "that", "this", "one", "something", "anything", "stuff", "thing"}
-_PEOPLE = {"me", "us", "him", "her", "them", "you", "here", "there", "somewhere"}
+class NotRead(InvalidInput):
+    """No sentence was recognised; somebody with more language might."""
 
 
 def parse(text: str) -> Instruction:
     """Read an instruction. Raises InvalidInput: what was understood and what is missing."""
-    words = _cleaned(text)
-    verb, rest = _verb_of(words)
-    if verb is None:
+    if len(text) > LONGEST:
         raise InvalidInput(
-            f"no verb was understood in {_short(text)}; start with move, bring, take, put, fetch, "
-            f"grab, find or go to, for example {EXAMPLE}"
+            f"the instruction has {len(text)} characters; send one sentence of at most {LONGEST}, "
+            f"for example {EXAMPLE}"
         )
-    rest = _joined_clauses(rest)
-    kind = _VERBS[verb]
-    if kind == "go":
-        return _go_to(rest, text)
-    thing, starts, goals = _phrases(rest, weak_is_goal=kind == "put")
-    thing, starts, goals = _clean(thing), [_clean(s) for s in starts], [_clean(g) for g in goals]
-    if verb in ("move", "return") and not thing and len(goals) == 1 and not starts:
-        return _go_to("to " + goals[0], text)
-    if kind == "find" and not goals:
-        return _find(thing, starts, text)
-    return _move(thing, starts, goals, text)
+    words = w.tokens(text)
+    if not words:
+        raise InvalidInput(f"the instruction is empty; send a sentence, for example {EXAMPLE}")
+    if strange := w.strange_letter(text):
+        raise NotRead(
+            f"no verb was understood in {_short(text)}: “{strange[0]}” is a letter of another "
+            f"script ({strange[1]}); write in English, for example {EXAMPLE}"
+        )
+    _refuse_negation(words, text)
+    clauses = clauses_of(words)
+    if not clauses:
+        raise NotRead(_no_verb(words, text))
+    _refuse_conditions(clauses, text)
+    if all(c.verb is Verb.GO for c in clauses):
+        return _go_to(clauses, text)
+    return _Reading(text).of(clauses)
 
 
 def closest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
@@ -113,145 +77,254 @@ def closest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
     return list(dict.fromkeys([*like, *sharing]))[:count]
 
 
-# --- sentences -------------------------------------------------------------------------------
-def _move(thing: str, starts: list[str], goals: list[str], text: str) -> Instruction:
-    missing = []
-    if not thing or thing in _PRONOUNS:
-        missing.append("the object to move")
-    goals_named = [g for g in goals if g]
-    if not goals_named:
-        missing.append("the place to bring it to")
-    elif len(goals_named) == 1 and goals_named[0] in _PEOPLE:
-        missing.append(f"the place to bring it to (“{goals_named[0]}” is no piece of furniture)")
-        goals_named = []
-    for role, named in (("goals", goals_named), ("places to take it from", starts)):
-        if len(named) > 1:
+# --- move and find -----------------------------------------------------------------------------
+@dataclass
+class _Reading:
+    """Clauses as they are put together."""
+
+    text: str
+    things: list[str] = field(default_factory=list)
+    starts: list[str] = field(default_factory=list)
+    goals: list[str] = field(default_factory=list)
+    unused: list[str] = field(default_factory=list)
+    no_goal: str = ""  # why a place that was named is none to put a thing on
+
+    def of(self, clauses: list[Clause]) -> Instruction:
+        for number, clause in enumerate(clauses):
+            if clause.verb is Verb.FIND:
+                self._find(clause)
+            elif clause.verb is Verb.GO:
+                self._go(clause, number)
+            else:
+                self._move(clause)
+            self.unused += clause.asides
+        moved = any(c.verb in (Verb.PUT, Verb.TAKE) for c in clauses)
+        self._check_counts()
+        thing = self.things[0] if self.things else None
+        if not moved and not self.goals:
+            return self._found(thing)
+        if thing is None and len(clauses) == 1 and len(self.goals) == 1 and not self.starts and (
+            clauses[0].verb_words in ("move", "return")
+        ):  # fmt: skip
+            return Instruction(Kind.GO_TO, goal=self.goals[0], unused=tuple(self.unused))
+        return self._moved(thing)
+
+    def _found(self, thing: str | None) -> Instruction:
+        if thing is None:
+            raise InvalidInput(self._understood(["the object to find"]))
+        start = self.starts[0] if self.starts else None
+        self._check_thing(thing, start, None)
+        return Instruction(Kind.FIND, thing, start, unused=tuple(self.unused))
+
+    def _moved(self, thing: str | None) -> Instruction:
+        missing = [] if thing else ["the object to move"]
+        if not self.goals:
+            missing.append("the place to bring it to" + (f" ({self.no_goal})" * bool(self.no_goal)))
+        if missing or thing is None:
+            raise InvalidInput(self._understood(missing))
+        start, goal = self.starts[0] if self.starts else None, self.goals[0]
+        self._check_thing(thing, start, goal)
+        return Instruction(Kind.MOVE, thing, start, goal, tuple(self.unused))
+
+    # --- clauses ---
+    def _move(self, clause: Clause) -> None:
+        self._add_thing(clause.thing)
+        on: list[PlacePhrase] = []
+        goals_before = len(self.goals)
+        for place in self._usable(clause):
+            if place.kind is Place.FROM:
+                self._add(self.starts, place)
+            elif place.kind is Place.TO:
+                self._add_goal(place)
+            elif place.kind is Place.ON:
+                on.append(place)
+        no_goal = len(self.goals) == goals_before and not self.no_goal
+        if on and no_goal and (clause.verb is Verb.PUT or self.starts):
+            self._add_goal(on.pop())
+        for place in on:
+            self._add(self.starts, place)
+
+    def _find(self, clause: Clause) -> None:
+        places = self._usable(clause)
+        sought = [p for p in places if p.kind is Place.FOR]
+        if sought:  # "search the desk for the mug"
+            self._add_thing(list(sought[0].words))
+            if noun(clause.thing):
+                phrase = PlacePhrase(Place.ON, "in", tuple(clause.thing))
+                self._add(self.starts, phrase)
+        else:
+            self._add_thing([t for t in clause.thing if t not in ("is", "are")])
+        for place in places:
+            if place.kind in (Place.ON, Place.FROM):
+                self._add(self.starts, place)
+            elif place.kind is Place.TO:
+                self._add_goal(place)
+
+    def _go(self, clause: Clause, number: int) -> None:
+        """ "Go to the desk and take the mug": where to take it from."""
+        if number:
             raise InvalidInput(
-                f"{_short(text)} names {len(named)} {role} ({', '.join(named)}); name one, for "
+                f"{_short(self.text)} asks for several things at once; submit a task for each"
+            )
+        for place in self._usable(clause, beside=True):
+            self._add(self.starts, place)
+
+    def _usable(self, clause: Clause, beside: bool = False) -> list[PlacePhrase]:
+        """The places of a clause without rooms; a room narrows a place, and is none itself."""
+        usable = []
+        for place in clause.places:
+            if place.kind is Place.BESIDE and not beside:
+                raise InvalidInput(
+                    f"“{place}” cannot be done: a thing is taken from and put on or in a piece of "
+                    f"furniture, not {place.preposition} something; for example {EXAMPLE}"
+                )
+            if tuple(place.name.split()) in w.ROOMS:
+                self.unused.append(str(place))
+                wanted = place.kind is Place.TO or (
+                    place.kind is Place.ON and clause.verb is Verb.PUT
+                )
+                if wanted and not self.goals and len(usable) == 0:
+                    self.no_goal = f"“{place.name}” is a room; name a piece of furniture in it"
+            elif place.kind is Place.FOR and clause.verb is not Verb.FIND:
+                self.unused.append(str(place))
+            else:
+                usable.append(place)
+        if any(p.kind in (Place.TO, Place.ON) for p in usable):
+            self.no_goal = ""
+        return usable
+
+    # --- phrases ---
+    def _add_thing(self, words: list[str]) -> None:
+        words = noun(words)
+        while len(words) > 1 and words[0] in w.PEOPLE:
+            words = noun(words[1:])
+        name = " ".join(words)
+        if not name or name in w.PRONOUNS or name in w.PEOPLE:
+            return
+        name = _one(words, self.text)
+        if name not in self.things:
+            self.things.append(name)
+
+    def _add(self, to: list[str], place: PlacePhrase) -> None:
+        words = place.name.split()
+        if words and place.name not in w.PRONOUNS and place.name not in w.PEOPLE:
+            name = _one(words, self.text)
+            if name not in to:
+                to.append(name)
+
+    def _add_goal(self, place: PlacePhrase) -> None:
+        if place.name in w.PEOPLE:
+            self.no_goal = f"“{place.name}” is no piece of furniture"
+        self._add(self.goals, place)
+
+    # --- refusals ---
+    def _check_counts(self) -> None:
+        for role, named in (
+            ("objects", self.things), ("goals", self.goals), ("places to take it from", self.starts)
+        ):  # fmt: skip
+            if len(named) > 1:
+                raise InvalidInput(
+                    f"{_short(self.text)} names {len(named)} {role} ({', '.join(named)}): several "
+                    f"things at once; name one, and submit a task for each, for example {EXAMPLE}"
+                )
+
+    def _check_thing(self, thing: str, start: str | None, goal: str | None) -> None:
+        if thing in (start, goal):
+            raise InvalidInput(
+                f"understood object “{thing}”, and the same name as a place; missing: a piece of "
+                f"furniture other than the {thing} itself, for example {EXAMPLE}"
+            )
+
+    def _understood(self, missing: list[str]) -> str:
+        parts = [f"object “{t}”" for t in self.things]
+        parts += [f"from “{s}”" for s in self.starts]
+        parts += [f"to “{g}”" for g in self.goals]
+        understood = ", ".join(parts) or "only the verb"
+        return f"understood {understood}; missing: {' and '.join(missing)}; for example {EXAMPLE}"
+
+
+# --- go to -------------------------------------------------------------------------------------
+def _go_to(clauses: list[Clause], text: str) -> Instruction:
+    places, unused = [], [aside for c in clauses for aside in c.asides]
+    for clause in clauses:
+        named = [p for p in clause.places if p.kind is not Place.FOR]
+        if noun(clause.thing) and not named:
+            named = [PlacePhrase(Place.TO, "to", tuple(clause.thing))]
+        rooms = [p for p in named if tuple(p.name.split()) in w.ROOMS]
+        if rooms and len(rooms) < len(named):  # "go to the bed in the bedroom"
+            named = [p for p in named if p not in rooms]
+            unused += map(str, rooms)
+        places += named
+    if len(places) > 1:
+        raise InvalidInput(f"{_short(text)} names more than one place to go to; name one")
+    name = places[0].name if places else ""
+    if not name or name in w.PEOPLE or tuple(name.split()) in w.ROOMS:
+        said = f" (“{name}” is none)" if name else ""
+        raise InvalidInput(
+            f"understood “go to” in {_short(text)}; missing: a piece of furniture to go to{said}, "
+            'for example "go to the sofa"'
+        )
+    return Instruction(Kind.GO_TO, goal=_one(name.split(), text), unused=tuple(unused))
+
+
+# --- refusals ----------------------------------------------------------------------------------
+def _one(words: list[str], text: str) -> str:
+    """The name of one thing. Raises InvalidInput for several of them."""
+    parts: list[list[str]] = [[]]
+    at = 0
+    while at < len(words):
+        between_adjectives = words[at] == w.PAUSE and parts[-1] and parts[-1][-1] in w.ADJECTIVES
+        n = 1 if words[at] == w.PAUSE else length_at(words, at, w.LISTS)
+        if between_adjectives:
+            at += 1
+        elif n:
+            parts.append([])
+            at += n
+        else:
+            parts[-1].append(words[at])
+            at += 1
+    names = [" ".join(noun(p)) for p in parts if noun(p)]
+    count = words[0] if words[0].isdigit() and words[0] != "1" else ""
+    if n := length_at(words, 0, w.MANY):
+        count = " ".join(words[:n])
+    if len(names) != 1 or count:
+        raise InvalidInput(
+            f"{_short(text)} names several things at once ({', '.join(names)}); give one object "
+            "and one place, and submit a task for each"
+        )
+    return names[0]
+
+
+def _refuse_negation(words: list[str], text: str) -> None:
+    for at in range(len(words)):
+        if n := length_at(words, at, w.NEGATIONS):
+            said = " ".join(words[at : at + n])
+            raise InvalidInput(
+                f"{_short(text)} says what is not to be done (“{said}”); say what to do, for "
                 f"example {EXAMPLE}"
             )
-    for what in (thing, *starts, *goals_named):
-        _refuse_lists(what, text)
-    if missing:
-        raise InvalidInput(_understood(thing, starts, goals_named, missing))
-    start = starts[0] if starts and starts[0] else None
-    return Instruction(Kind.MOVE, thing, start, goals_named[0])
 
 
-def _find(thing: str, starts: list[str], text: str) -> Instruction:
-    if not thing or thing in _PRONOUNS:
-        raise InvalidInput(_understood("", starts, [], ["the object to find"]))
-    if len(starts) > 1:
-        raise InvalidInput(f"{_short(text)} names {len(starts)} places to look; name one")
-    _refuse_lists(thing, text)
-    return Instruction(Kind.FIND, thing, starts[0] if starts and starts[0] else None)
+def _refuse_conditions(clauses: list[Clause], text: str) -> None:
+    for clause in clauses:
+        for phrase in (clause.thing, *(p.words for p in clause.places)):
+            for word in phrase:
+                if (word,) in w.CONDITIONS and (word,) not in w.MANY:
+                    raise InvalidInput(
+                        f"{_short(text)} holds a condition (“{word}”), which is not understood; "
+                        f"say what to do now, for example {EXAMPLE}"
+                    )
 
 
-def _go_to(rest: str, text: str) -> Instruction:
-    goal = _clean(re.sub(rf"^(?:{'|'.join(_GOAL_WORDS)}|near|by|next to)\b", "", rest.strip()))
-    if not goal or goal in _PEOPLE:
-        raise InvalidInput(
-            f"understood “go to” in {_short(text)}; missing: a piece of furniture to go to, for "
-            'example "go to the sofa"'
-        )
-    _refuse_lists(goal, text)
-    _, starts, goals = _phrases(goal, weak_is_goal=True)
-    if goals or starts:
-        raise InvalidInput(f"{_short(text)} names more than one place to go to; name one")
-    return Instruction(Kind.GO_TO, goal=goal)
-
-
-def _refuse_lists(what: str, text: str) -> None:
-    parts = re.split(r"\s+(?:and|or|then)\s+|\s*[,;]\s*", what)
-    if len(parts) > 1:
-        raise InvalidInput(
-            f"{_short(text)} names several things at once ({', '.join(p for p in parts if p)}); "
-            "give one object and one place, and submit a task for each"
-        )
-
-
-def _understood(thing: str, starts: list[str], goals: list[str], missing: list[str]) -> str:
-    parts = []
-    if thing and thing not in _PRONOUNS:
-        parts.append(f"object “{thing}”")
-    parts += [f"from “{s}”" for s in starts if s]
-    parts += [f"to “{g}”" for g in goals]
-    understood = ", ".join(parts) or "only the verb"
-    return f"understood {understood}; missing: {' and '.join(missing)}; for example {EXAMPLE}"
-
-
-# --- words -----------------------------------------------------------------------------------
-def _cleaned(text: str) -> str:
-    if len(text) > LONGEST:
-        raise InvalidInput(
-            f"the instruction has {len(text)} characters; send one sentence of at most {LONGEST}, "
-            f"for example {EXAMPLE}"
-        )
-    words = re.sub(r"[\"“”()<>\[\]{}*]", " ", text.lower().replace("_", " ").replace("’", "'"))
-    words = re.sub(r"[.!?;]+(?=\s|$)", " , ", words)
-    words = re.sub(r"\s+", " ", words).strip(" ,:-")
-    if not words:
-        raise InvalidInput(f"the instruction is empty; send a sentence, for example {EXAMPLE}")
-    while (shorter := re.sub(_POLITE, "", words)) != words:
-        words = shorter
-    while (shorter := re.sub(_TAIL, "", words)) != words:
-        words = shorter.strip(" ,")
-    return words
-
-
-def _verb_of(words: str) -> tuple[str | None, str]:
-    for phrase, verb in _TWO_WORDS.items():
-        if re.match(rf"{phrase}\b", words):
-            return verb, words[len(phrase) :].strip()
-    first, _, rest = words.partition(" ")
-    return (first, rest.strip()) if first in _VERBS else (None, words)
-
-
-def _joined_clauses(rest: str) -> str:
-    """ "… and put it on the sofa" says the goal of what went before."""
-    verbs = "|".join(v for v, k in _VERBS.items() if k in ("put", "take"))
-    goal = "|".join((*_GOAL_WORDS, *_WEAK_WORDS))
-    rest = re.sub(
-        rf"[\s,]+(?:and then|and|then|,)?\s*(?:{verbs})\s+(?:it|them|that|this)\s+"
-        rf"(?:down |back |over |away )?(?:{goal})\b",
-        " to ", rest,
-    )  # fmt: skip
-    # "find the mug and take it from the table": what is taken is not moved yet.
-    return re.sub(
-        r"[\s,]+(?:and then|and|then)\s+(?:pick|grab|take)\s+(?:it|them)(?: up)?\b", " ", rest
+def _no_verb(words: list[str], text: str) -> str:
+    language = next((w.FOREIGN[word] for word in words[:4] if word in w.FOREIGN), None)
+    hint = f": it looks like {language}; write in English," if language else ";"
+    return (
+        f"no verb was understood in {_short(text)}{hint} start with move, bring, take, put, fetch, "
+        f"grab, find or go to, for example {EXAMPLE}"
     )
-
-
-def _phrases(rest: str, weak_is_goal: bool) -> tuple[str, list[str], list[str]]:
-    """(object, start phrases, goal phrases)."""
-    groups = (
-        rf"(?P<rel>(?:{_BELONGS})\s+(?:{'|'.join(_WEAK_WORDS)}))",
-        rf"(?P<start>{'|'.join(_START_WORDS)})",
-        rf"(?P<goal>{'|'.join(_GOAL_WORDS)})",
-        rf"(?P<weak>{'|'.join(_WEAK_WORDS)})",
-    )
-    marks = list(re.finditer(rf"(?:^|(?<=\s))(?:{'|'.join(groups)})(?=\s|$)", rest))
-    ends = [m.start() for m in marks[1:]] + [len(rest)] * bool(marks)
-    thing = rest[: marks[0].start()] if marks else rest
-    found = [(m.lastgroup or "", rest[m.end() : end]) for m, end in zip(marks, ends, strict=True)]
-    starts = [p for g, p in found if g in ("start", "rel")]
-    goals = [p for g, p in found if g == "goal"]
-    weak = [p for g, p in found if g == "weak"]
-    if weak and not goals and (weak_is_goal or starts):
-        goals.append(weak.pop())
-    starts += weak
-    return thing, starts, goals
-
-
-def _clean(phrase: str) -> str:
-    phrase = phrase.strip(" ,.:-")
-    phrase = re.sub(r"^(?:me|us|up|over|back|away|down)\s+(?=\w)", "", phrase)
-    while (shorter := re.sub(_ARTICLES, "", phrase)) != phrase:
-        phrase = shorter
-    phrase = re.sub(r"\s+(?:up|over|back|away|down|again|there|and|then)$", "", phrase)
-    return phrase.strip(" ,.:-") if phrase not in ("the", "a", "an", "me", "up") else ""
 
 
 def _short(text: str) -> str:
-    shown = " ".join(text.split())
+    shown = " ".join("".join(c if c.isprintable() else " " for c in text).split())
     return f"“{shown[:80]}…”" if len(shown) > 80 else f"“{shown}”"

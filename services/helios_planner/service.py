@@ -37,7 +37,8 @@ from helios_planner.bus_body import BusBody
 from helios_planner.calls import patiently
 from helios_planner.context import check_able, in_vocabulary, search_context
 from helios_planner.flow import Mission
-from helios_planner.instruction import parse
+from helios_planner.instruction import Instruction
+from helios_planner.language_model import LanguageModel, parse_with_help
 from helios_planner.motion import warm_up
 from helios_planner.settings import Settings
 from helios_planner.store import Store
@@ -48,6 +49,20 @@ from helios_planner.voice import TaskVoice
 log = logging.getLogger(__name__)
 
 VOCABULARY_S = 1.5  # longest wait at submission; the worker asks again with patience
+
+
+def language_model(settings: Settings) -> LanguageModel | None:
+    """The model that the settings name."""
+    s = settings
+    return LanguageModel(s.llm_url, s.llm_model, s.llm_key, s.llm_timeout_s) if s.llm_url else None
+
+
+def waiting_words(instruction: Instruction) -> str:
+    """What a queued task says of itself."""
+    words = "waits for its turn"
+    if instruction.unused:
+        words += f"; not used: {', '.join(f'“{u}”' for u in instruction.unused)}"
+    return words
 
 
 class PlannerService:
@@ -65,6 +80,7 @@ class PlannerService:
         self._ending = threading.Event()
         self._acks = AckBook()
         self._store = Store(settings.state_dir)
+        self._model = language_model(settings)
         self._restore()
         bus.subscribe(ROBOT_DESCRIPTION, self._on_description)
         bus.subscribe(MAP2D_ACK, self._acks.add)
@@ -90,7 +106,7 @@ class PlannerService:
 
     # --- methods -------------------------------------------------------------------------------
     def submit(self, request: pb.SubmitRequest) -> pb.Task:
-        instruction = parse(request.instruction)
+        instruction = parse_with_help(request.instruction, self._model)
         agent = request.agent or self._settings.agent
         agent_named(agent)
         try:
@@ -109,7 +125,7 @@ class PlannerService:
             state=State.QUEUED,
             max_steps=request.max_steps or self._settings.max_steps,
             created_s=time.time(),
-            message="waits for its turn",
+            message=waiting_words(instruction),
             context_id=id,
             agent=agent,
         )

@@ -26,6 +26,18 @@ class Settings(ServiceSettings):
     ] = Field(default="helios", description="who decides, unless a task says so")
     agent_seed: int = Field(default=0, ge=0, description="seed of an agent that draws frontiers")
 
+    llm_url: str = Field(
+        default="",
+        pattern="^(https?://.+)?$",
+        description="an OpenAI-compatible endpoint, up to and with /v1, that helps with sentences "
+        "which are not recognised; empty: none",
+    )
+    llm_model: str = Field(default="default", description="the model's name there")
+    llm_key: str = Field(default="", repr=False, description="its key; better as a variable")
+    llm_timeout_s: float = Field(
+        default=3.0, gt=0, le=30, description="longest wait for its answer at submission"
+    )
+
     # --- Table 3 of the paper ---
     alpha_d: float = Field(
         default=0.001, ge=0, description="weight of a metre in the objective (eq. 8, 10)"

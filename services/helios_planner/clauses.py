@@ -1,0 +1,202 @@
+"""The grammar of instructions: words into clauses.
+
+    instruction = [politeness] clause { joiner clause } [politeness]
+    clause      = verb thing { preposition place }
+    thing       = { determiner } words [ relative ]         "the red mug that is on the desk"
+
+A clause knows its verb and its phrases; what they mean together is decided in `instruction`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from helios_planner import words as w
+from helios_planner.words import Place, Verb, length_at, trimmed
+
+
+@dataclass(frozen=True)
+class PlacePhrase:
+    """ "from the coffee table": what the preposition says, its words, and the place's words."""
+
+    kind: Place
+    preposition: str
+    words: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """The place without determiners; empty for none."""
+        return " ".join(noun(list(self.words)))
+
+    def __str__(self) -> str:
+        return " ".join((self.preposition, *self.words))
+
+
+@dataclass
+class Clause:
+    """A verb and its phrases. `asides` are words that do not change the task."""
+
+    verb: Verb
+    verb_words: str
+    thing: list[str] = field(default_factory=list)
+    places: list[PlacePhrase] = field(default_factory=list)
+    asides: list[str] = field(default_factory=list)
+
+
+def clauses_of(words: list[str]) -> list[Clause]:
+    """The clauses of a sentence; empty where it has no verb that is known."""
+    words = _without_politeness(words)
+    words = _active(_verb_first(words))
+    return [_clause(part) for part in _split(words)] if _verb_at(words, 0)[0] else []
+
+
+def noun(words: list[str]) -> list[str]:
+    """A phrase without pauses and particles at its ends and determiners at its start."""
+    words = trimmed(words)
+    while words and words[-1] in w.PARTICLES:
+        words = trimmed(words[:-1])
+    while words and (words[0] in w.PARTICLES or words[0] == w.PAUSE) and len(words) > 1:
+        words = words[1:]
+    while (n := length_at(words, 0, w.DETERMINERS)) and (n < len(words) or words[0] in _EMPTY):
+        words = words[n:]
+    return words
+
+
+_EMPTY = frozenset(["the", "a", "an", "my", "your", "our"])  # no thing by themselves
+
+
+# --- the order of words ------------------------------------------------------------------------
+def _without_politeness(words: list[str]) -> list[str]:
+    changed = True
+    while changed:
+        changed = False
+        n = length_at(words, 0, w.POLITE)
+        if n and not _is_place(words, 0):
+            words, changed = trimmed(_after_pause(words[n:])), True
+        for n in range(min(4, len(words) - 1), 0, -1):
+            if tuple(words[-n:]) in w.POLITE_END:
+                words, changed = trimmed(words[:-n]), True
+                break
+    return words
+
+
+def _after_pause(words: list[str]) -> list[str]:
+    return words[1:] if words and words[0] == w.PAUSE else words
+
+
+def _is_place(words: list[str], at: int) -> bool:
+    return bool(length_at(words, at, w.PLACES))
+
+
+def _verb_first(words: list[str]) -> list[str]:
+    """ "From the desk, bring the mug to the sofa" and "The mug on the desk: bring it to the sofa"
+    with the verb in front."""
+    if not words or _verb_at(words, 0)[0]:
+        return words
+    for at, word in enumerate(words[:-1]):
+        verb, n = _verb_at(words, at + 1)
+        if word != w.PAUSE or not verb:
+            continue
+        before, verb_words, rest = words[:at], words[at + 1 : at + 1 + n], words[at + 1 + n :]
+        if _is_place(before, 0):
+            return [*verb_words, *rest, *before]
+        if rest and rest[0] in w.PRONOUNS:
+            return [*verb_words, *before, *rest[1:]]
+    return words
+
+
+def _active(words: list[str]) -> list[str]:
+    """ "The mug should be brought to the sofa" and "the mug belongs on the sofa" with a verb in
+    front."""
+    if not words or _verb_at(words, 0)[0]:
+        return words
+    for at in range(1, len(words)):
+        n = length_at(words, at, w.PASSIVES)
+        if n and at + n < len(words) and words[at + n] in w.PARTICIPLES:
+            return [w.PARTICIPLES[words[at + n]], *words[:at], *words[at + n + 1 :]]
+        if (n := length_at(words, at, w.BELONGS)) and _is_place(words, at + n):
+            return ["put", *words[:at], *words[at + n :]]
+    return words
+
+
+# --- verbs -------------------------------------------------------------------------------------
+def _verb_at(words: list[str], at: int) -> tuple[Verb | None, int]:
+    """The verb that starts at a place and the number of its words. "Go" before another verb only
+    leads to it: "go find the mug", "go and get the mug"."""
+    n = length_at(words, at, w.VERBS)
+    if not n:
+        return None, 0
+    verb = w.VERBS[tuple(words[at : at + n])]
+    if verb is Verb.GO:
+        skip = n + length_at(words, at + n, w.JOINERS)
+        inner, m = _verb_at(words, at + skip)
+        if inner:
+            return inner, skip + m
+    return verb, n
+
+
+def _split(words: list[str]) -> list[list[str]]:
+    """Cut before each verb that a joiner or a pause opens; "to" before a verb joins too."""
+    cuts, at = [0], 1
+    while at < len(words):
+        n = 1 if words[at] == w.PAUSE else 0
+        n += length_at(words, at + n, w.JOINERS)
+        if not n and words[at] == "to" and at + 1 < len(words):
+            n = 1
+        while n and (more := length_at(words, at + n, w.POLITE)):
+            n += more
+        if n and _verb_at(words, at + n)[0] and not _is_place(words, at + n):
+            cuts.append(at + n)
+            words = [*words[:at], *[w.PAUSE] * n, *words[at + n :]]
+        at += max(n, 1)
+    return [trimmed(words[a:b]) for a, b in zip(cuts, [*cuts[1:], len(words)], strict=True)]
+
+
+# --- one clause --------------------------------------------------------------------------------
+def _clause(words: list[str]) -> Clause:
+    verb, n = _verb_at(words, 0)
+    assert verb is not None
+    out = Clause(verb, " ".join(words[:n]))
+    at, relative = n, False
+    here: list[str] = out.thing  # where words go now
+    opened: tuple[Place, str] | None = None  # the place phrase that is open
+
+    def close() -> None:
+        nonlocal opened, here
+        if opened is not None:
+            out.places.append(PlacePhrase(*opened, tuple(here)))
+        opened = None
+
+    while at < len(words):
+        nothing_yet = not noun(here)
+        if (n := length_at(words, at, w.ASIDES)) and not nothing_yet:
+            close()
+            end = next((k for k in range(at + n, len(words)) if _is_place(words, k)), len(words))
+            out.asides.append(" ".join(trimmed(words[at:end])))
+            here, at = [], end
+        elif (n := length_at(words, at, w.RELATIVES)) and not nothing_yet and (
+            _leads_to_place(words, at + n)
+        ):  # fmt: skip
+            relative, at = True, at + n
+        elif n := length_at(words, at, w.PLACES):
+            close()
+            kind = w.PLACES[tuple(words[at : at + n])]
+            if relative and kind is Place.ON:
+                kind = Place.FROM
+            opened, relative = (kind, " ".join(words[at : at + n])), False
+            here, at = [], at + n
+        else:
+            here.append(words[at])
+            at += 1
+    close()
+    return out
+
+
+def _leads_to_place(words: list[str], at: int) -> bool:
+    n = 1
+    while n:  # "that is currently standing on"
+        if _is_place(words, at):
+            return True
+        n = length_at(words, at, w.RELATIVES)
+        at += n
+    return False

@@ -1,0 +1,209 @@
+"""Text into words, and the tables of words that instructions are made of.
+
+Nothing here knows a sentence: `clauses` does. Every table is written as people write: phrases
+separated by commas.
+"""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Collection
+from enum import Enum, auto
+
+Phrase = tuple[str, ...]
+PAUSE = ","  # any mark between words
+
+
+class Verb(Enum):
+    """What a verb asks for; it decides what "on the table" means beside it."""
+
+    PUT = auto()  # "put the mug on the table": on names the goal
+    TAKE = auto()  # "take the mug on the table": on names the start
+    FIND = auto()
+    GO = auto()
+
+
+class Place(Enum):
+    """What a preposition says of the place after it."""
+
+    FROM = auto()
+    TO = auto()
+    ON = auto()  # start or goal: the verb decides
+    BESIDE = auto()  # a relation to a thing that the robot cannot bring about
+    FOR = auto()  # "search the desk for the mug"; else for whom
+
+
+def _phrases(text: str) -> tuple[Phrase, ...]:
+    return tuple(tuple(phrase.split()) for phrase in text.split(","))
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+def _table(**rows: str) -> dict[Phrase, str]:
+    return {phrase: name for name, text in rows.items() for phrase in _phrases(text)}
+
+
+VERBS: dict[Phrase, Verb] = {
+    phrase: Verb[name]
+    for phrase, name in _table(
+        PUT="move, bring, put, place, set, lay, carry, transport, relocate, transfer, deliver, "
+        "drop, shift, return, leave, store, stow, pass, give, hand, hand over, put down, set down, "
+        "lay down, put away, drop off, send, insert, stick, rest, stash",
+        TAKE="take, fetch, grab, get, pick, pick up, collect, retrieve, remove, lift, lift up, "
+        "grasp, get hold of, clear",
+        FIND="find, locate, look for, search for, search, seek, spot, look, hunt for, where is, "
+        "where are, where's, wheres, where did i leave, where did i put, show me, show, see, "
+        "do you see, is there, are there, have you seen, check for, tell me where, "
+        "show me where, see where, watch out for, keep an eye out for",
+        GO="go, drive, navigate, walk, head, come, travel, run, roll, go over, come over",
+    ).items()
+}  # fmt: skip
+
+PLACES: dict[Phrase, Place] = {
+    phrase: Place[name]
+    for phrase, name in _table(
+        FROM="from on top of, from the top of, from inside of, from inside, from within, from in, "
+        "from on, from off, from under, from underneath, from beneath, from, out of, off of, off",
+        TO="over to, on to, in to, back to, up to, down to, across to, over onto, back onto, "
+        "back into, towards, toward, to, into, onto",
+        ON="on top of, on the top of, back on, back in, down on, down in, over on, up on, "
+        "over in, upon, atop, on, inside of, inside, within, in, at",
+        BESIDE="next to, close to, in front of, to the left of, to the right of, left of, "
+        "right of, near, beside, by, behind, under, underneath, below, beneath, between, above, "
+        "against, around, opposite",
+        FOR="for",
+    ).items()
+}  # fmt: skip
+
+# Words that open what does not change the task; it is told that it was not used.
+ASIDES = frozenset(_phrases(
+    "with, that has, which has, that have, because, since, so that, so, as soon as possible"
+))  # fmt: skip
+# Words that open a condition: what comes after it would have to be judged, so it is refused.
+CONDITIONS = frozenset(
+    _phrases("if, when, whenever, unless, until, after, before, while, once, every")
+)
+NEGATIONS = frozenset(_phrases("not, don't, dont, never, do not, doesn't, nothing, nowhere"))
+
+# "the mug that is standing on the desk": what is meant by the place that follows is the start.
+RELATIVES = frozenset(_phrases(
+    "that is, that's, thats, that are, that was, that lies, that stands, that sits, which is, "
+    "which are, which was, which lies, which stands, which sits, currently, now, lying, standing, "
+    "sitting, located, placed, resting, hanging, kept, stored, left, lie, lies, stands, sits"
+))  # fmt: skip
+
+JOINERS = frozenset(_phrases("and then, and afterwards, and, then, afterwards, after that"))
+LISTS = frozenset(_phrases("and, or, as well as, plus, then"))
+
+POLITE = frozenset(_phrases(
+    "hey, hi, hello, ok, okay, alright, yes, robot, helios, please, pls, kindly, now, then, just, "
+    "can you, could you, would you, will you, may you, can u, i want you to, i would like you to, "
+    "i'd like you to, i need you to, i want to, you should, you must, your task is to, "
+    "your job is to, task, try to, let's, lets, go ahead and, go and, come and, help me to, "
+    "help me, would you mind, do me a favour and, do me a favor and, be so kind as to, first, "
+    "next, quickly, carefully, good morning, dear"
+))  # fmt: skip
+POLITE_END = frozenset(_phrases(
+    "please, pls, now, right now, for me, for us, immediately, quickly, carefully, gently, slowly, "
+    "thanks, thank you, many thanks, right away, at once, asap, robot, helios, if you can, "
+    "if possible, if you please, when you can, ok, okay, would you, will you, can you, could you, "
+    "today, there, again"
+))  # fmt: skip
+
+DETERMINERS = frozenset(_phrases(
+    "one of the, one of my, any of the, a piece of, a pair of, the, a, an, my, your, our, his, "
+    "her, their, its, this, that, these, those, some, any, one, another, each"
+))  # fmt: skip
+MANY = frozenset(_phrases(
+    "all of the, all the, all of my, all my, all, every, both, both of the, many, several, two, "
+    "three, four, five, six, seven, eight, nine, ten, a few, a couple of, everything, things"
+))  # fmt: skip
+PARTICLES = _words("up over back away down again there here out together off along")
+PRONOUNS = _words("it them that this one something anything stuff thing those these what")
+PEOPLE = _words("me us him her them you myself here there somewhere anywhere home everyone someone")
+ROOMS = frozenset(_phrases(
+    "kitchen, bedroom, living room, livingroom, bathroom, hall, hallway, corridor, office, study, "
+    "garage, garden, dining room, guest room, kids room, kid's room, children's room, basement, "
+    "attic, laundry room, room, house, home, apartment, flat, other room, next room, balcony, "
+    "pantry, entrance, guest bedroom, master bedroom"
+))  # fmt: skip
+ADJECTIVES = _words(
+    "red blue green yellow white black brown grey gray orange pink purple golden silver beige "
+    "dark light bright big large small little tiny huge tall short long round square flat old new "
+    "full dirty clean wooden metal plastic glass ceramic soft heavy broken nice favourite favorite "
+    "left right first second other"
+)
+PARTICIPLES: dict[str, str] = {
+    "moved": "move", "brought": "bring", "put": "put", "placed": "place", "taken": "take",
+    "carried": "carry", "delivered": "deliver", "transported": "transport", "returned": "return",
+    "fetched": "fetch", "set": "set", "laid": "lay", "transferred": "transfer", "found": "find",
+    "relocated": "relocate", "stored": "store",
+}  # fmt: skip
+PASSIVES = frozenset(_phrases(
+    "should be, needs to be, need to be, must be, has to be, have to be, is to be, shall be, to be"
+))  # fmt: skip
+BELONGS = frozenset(_phrases("belongs, should go, goes, has to go, needs to go, must go"))
+
+# Enough of other languages to name them in a refusal.
+FOREIGN: dict[str, str] = {
+    word: language
+    for language, words in {
+        "German": "bewege bringe bring stelle stell lege leg hole hol nimm finde suche fahre gehe "
+        "geh trage wo",
+        "French": "déplace déplacer deplace apporte amène mets met prends prend trouve cherche va",
+        "Spanish": "mueve lleva trae pon coge toma busca encuentra ve",
+        "Italian": "sposta porta metti prendi trova cerca vai",
+        "Portuguese": "mova leve traga coloque pegue encontre procure vá",
+        "Dutch": "verplaats breng zet leg pak vind zoek ga",
+        "Polish": "przenieś przynieś połóż weź znajdź idź",
+        "Turkish": "götür getir koy bul git taşı",
+    }.items()
+    for word in words.split()
+}
+
+_MARKS = dict.fromkeys(map(ord, ".,;:!?…—–|"), f" {PAUSE} ")
+_SPELLED = str.maketrans({"’": "'", "ʼ": "'", "`": "'", "_": " ", "&": " and ", "/": " or "})
+
+
+def tokens(text: str) -> list[str]:
+    """Lower-case words and pauses. Look-alikes of Unicode are made plain (full width, ligatures),
+    what cannot be seen is dropped, symbols count as spaces."""
+    plain = unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", text).lower())
+    plain = plain.translate(_SPELLED).translate(_MARKS)
+    kept = []
+    for c in plain:
+        kind = unicodedata.category(c)
+        if kind in ("Cf", "Mn", "Me"):
+            continue  # zero width, marks on top of letters that have no composed form
+        kept.append(c if c in "'-," or c.isalnum() else " ")
+    words = [w if w == PAUSE else w.strip("'-") for w in "".join(kept).split()]
+    return trimmed([w for w in words if w])
+
+
+def strange_letter(text: str) -> tuple[str, str] | None:
+    """(letter, script) of the first letter that is not Latin, such as a Cyrillic о; or None."""
+    for c in unicodedata.normalize("NFKC", text):
+        if c.isalpha() and c.isprintable():
+            script = unicodedata.name(c, "UNKNOWN").split()[0]
+            if script != "LATIN" and c not in "ªº":
+                return c, {"CJK": "Chinese"}.get(script, script.capitalize())
+    return None
+
+
+def length_at(words: list[str], at: int, phrases: Collection[Phrase]) -> int:
+    """Number of words of the longest phrase that stands at a place; 0 for none."""
+    for n in range(min(6, len(words) - at), 0, -1):
+        if tuple(words[at : at + n]) in phrases:
+            return n
+    return 0
+
+
+def trimmed(words: list[str]) -> list[str]:
+    """Without pauses at the ends, and one pause where several met."""
+    out: list[str] = []
+    for word in words:
+        if word != PAUSE or (out and out[-1] != PAUSE):
+            out.append(word)
+    return out[:-1] if out and out[-1] == PAUSE else out

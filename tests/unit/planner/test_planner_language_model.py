@@ -1,0 +1,135 @@
+"""A language model may help to read a sentence; it decides nothing, and without it all goes on."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+from helios_core.errors import InvalidInput
+from helios_planner.language_model import LanguageModel, parse_with_help
+from helios_planner.settings import Settings
+from pydantic import ValidationError
+
+GERMAN = "bewege die Tasse vom Tisch zum Sofa"
+Reply = Callable[[dict], tuple[int, bytes]]
+
+
+class Endpoint:
+    """A chat-completions server on loopback; `reply` makes (status, body) of a request."""
+
+    def __init__(self) -> None:
+        self.reply: Reply = lambda _: (500, b"")
+        self.heard: list[tuple[str, str, dict]] = []
+        self.hold = threading.Event()
+        self.hold.set()
+        endpoint = self
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_POST(self) -> None:
+                body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+                endpoint.heard.append((self.path, self.headers.get("Authorization", ""), body))
+                endpoint.hold.wait(10)
+                status, answer = endpoint.reply(body)
+                self.send_response(status)
+                self.send_header("Content-Length", str(len(answer)))
+                self.end_headers()
+                self.wfile.write(answer)
+
+            def log_message(self, format: str, *args: object) -> None:
+                return
+
+        self.server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self.url = f"http://127.0.0.1:{self.server.server_port}/v1"
+
+    def model(self, timeout_s: float = 5.0) -> LanguageModel:
+        return LanguageModel(self.url, "tiny", "secret", timeout_s)
+
+
+def says(content: str) -> Reply:
+    answer = {"choices": [{"message": {"role": "assistant", "content": content}}]}
+    return lambda _: (200, json.dumps(answer).encode())
+
+
+@pytest.fixture
+def endpoint() -> Iterator[Endpoint]:
+    endpoint = Endpoint()
+    thread = threading.Thread(target=endpoint.server.serve_forever, args=(0.02,), daemon=True)
+    thread.start()
+    yield endpoint
+    endpoint.hold.set()
+    endpoint.server.shutdown()
+    endpoint.server.server_close()
+
+
+def test_a_sentence_in_another_language_is_read_with_its_help(endpoint: Endpoint) -> None:
+    endpoint.reply = says('Sure: {"sentence": "Move the mug from the table to the sofa"}')
+    got = parse_with_help(GERMAN, endpoint.model())
+    assert (got.kind, got.object, got.start, got.goal) == ("move", "mug", "table", "sofa")
+    path, key, body = endpoint.heard[0]
+    assert (path, key) == ("/v1/chat/completions", "Bearer secret")
+    assert body["model"] == "tiny"
+    assert body["messages"][-1] == {"role": "user", "content": GERMAN}
+
+
+def test_what_the_grammar_reads_or_refuses_for_good_is_never_asked(endpoint: Endpoint) -> None:
+    parse_with_help("move the mug to the sofa", endpoint.model())
+    for text in ("", "move the mug", "move the mug to the sofa and the bed", "x" * 10_000):
+        with pytest.raises(InvalidInput):
+            parse_with_help(text, endpoint.model())
+    assert endpoint.heard == []
+
+
+@pytest.mark.parametrize(
+    ("reply", "why"),
+    [
+        (says('{"missing": "the goal"}'), "it says: the goal"),
+        (says("I cannot do that"), "its answer is not what was asked for"),
+        (says('{"sentence": 7}'), "it has no sentence"),
+        (says("[1, 2]"), "its answer is not what was asked for"),
+        (lambda _: (200, b"<html>"), "its answer is not what was asked for"),
+        (lambda _: (200, b"{}"), "its answer is not what was asked for"),
+        (lambda _: (503, b""), "it answered 503"),
+        (lambda _: (200, b"x" * 100_000), "its answer is too long"),
+    ],
+)
+def test_without_help_the_refusal_stands_and_says_why(
+    endpoint: Endpoint, reply: Reply, why: str
+) -> None:
+    endpoint.reply = reply
+    with pytest.raises(InvalidInput) as refusal:
+        parse_with_help(GERMAN, endpoint.model())
+    assert "it looks like German" in refusal.value.message
+    assert f"the language model tiny did not help: {why}" in refusal.value.message
+
+
+def test_its_sentence_is_read_by_the_same_grammar(endpoint: Endpoint) -> None:
+    endpoint.reply = says('{"sentence": "Move the mug and the bowl to the sofa"}')
+    with pytest.raises(InvalidInput, match=r"several things.*read by the language model tiny"):
+        parse_with_help(GERMAN, endpoint.model())
+
+
+def test_an_endpoint_that_is_slow_is_given_up(endpoint: Endpoint) -> None:
+    endpoint.hold.clear()
+    with pytest.raises(InvalidInput, match=r"no answer within 0\.2 s"):
+        parse_with_help(GERMAN, endpoint.model(timeout_s=0.2))
+
+
+def test_an_endpoint_that_is_away_is_said() -> None:
+    model = LanguageModel("http://127.0.0.1:9/v1", "tiny", "", 1.0)
+    with pytest.raises(InvalidInput, match="it cannot be reached"):
+        parse_with_help(GERMAN, model)
+
+
+def test_without_an_endpoint_the_grammar_alone_decides() -> None:
+    assert Settings().llm_url == ""
+    with pytest.raises(InvalidInput, match="looks like German"):
+        parse_with_help(GERMAN, None)
+
+
+def test_a_key_is_not_shown_and_an_address_without_scheme_is_refused() -> None:
+    assert "hush" not in repr(Settings(llm_key="hush"))
+    with pytest.raises(ValidationError, match="llm_url"):
+        Settings(llm_url="localhost:11434")
