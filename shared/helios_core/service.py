@@ -9,6 +9,7 @@ SIGTERM or SIGINT, or when the process that started it is gone.
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import signal
@@ -25,7 +26,7 @@ from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.settings import ServiceSettings
 from helios_core.signals import on_signals
-from helios_core.topics import status_topic
+from helios_core.topics import settings_method, status_topic
 
 log = logging.getLogger(__name__)
 
@@ -81,12 +82,14 @@ def run_service(
     bus = _connect(settings, stopped)
     if bus is None:
         return 0
+    told_settings = json.dumps(settings.described())
     instance = f"{os.getpid()}-{uuid.uuid4().hex[:6]}"
     reporter = threading.Thread(
         target=_report, args=(bus, name, instance, health, stopped), name="report", daemon=True
     )
     service: Closeable | None = None
     try:
+        bus.serve(settings_method(name), lambda _: pb.SettingsReply(json=told_settings))
         bus.announce(name, instance)
         reporter.start()
         service = build(bus, health)

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from pydantic import Field, ValidationError
+from pydantic_core import to_jsonable_python
 from pydantic_settings import (
     BaseSettings,
     InitSettingsSource,
@@ -58,6 +59,18 @@ class ServiceSettings(BaseSettings):
         return (
             str(cls.model_config.get("env_prefix", "")).removeprefix("HELIOS_").strip("_").lower()
         )
+
+    def described(self) -> dict[str, dict[str, Any]]:
+        """Each setting's value, default and meaning, as JSON has them; secrets are masked."""
+        values = self.model_dump(mode="json")
+        return {
+            name: {
+                "value": values[name],
+                "default": to_jsonable_python(field.get_default(call_default_factory=True)),
+                "description": field.description or "",
+            }
+            for name, field in type(self).model_fields.items()
+        }
 
     @classmethod
     def load(cls, argv: Sequence[str] | None = None) -> Self:

@@ -116,6 +116,12 @@ def status_topic(service: str) -> Topic[pb.ServiceStatus]:
 
 ANY_STATUS = status_topic("*")
 
+
+def settings_method(service: str) -> Method[pb.Empty, pb.SettingsReply]:
+    """What a running service was started with."""
+    return Method(f"{service}/settings", pb.Empty, pb.SettingsReply)
+
+
 # --- the simulated world --------------------------------------------------------------------
 WORLD_DESCRIBE = Method("world/describe", pb.Empty, pb.RobotDescription)
 WORLD_STATE = Method("world/state", pb.Empty, pb.RobotState)

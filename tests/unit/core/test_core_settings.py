@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 from helios_core.settings import ServiceSettings, service_config
-from pydantic import Field
+from pydantic import Field, SecretStr
 
 
 class Settings(ServiceSettings):
@@ -44,3 +45,15 @@ def test_wrong_use_exits_with_2(argv: list[str], capsys: pytest.CaptureFixture[s
 def test_settings_cannot_be_changed() -> None:
     with pytest.raises(Exception, match="frozen"):
         Settings.load([]).cell_m = 1.0  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_a_service_tells_its_settings_with_their_meaning_and_without_secrets() -> None:
+    class Secretive(ServiceSettings):
+        model_config = service_config("secretive")
+
+        speed_m_s: float = Field(default=0.5, description="at most")
+        password: SecretStr = Field(default=SecretStr("swordfish"), description="of the user")
+
+    told = json.dumps(Secretive.load(["--speed-m-s", "0.2"]).described())
+    assert json.loads(told)["speed_m_s"] == {"value": 0.2, "default": 0.5, "description": "at most"}
+    assert "swordfish" not in told
