@@ -54,7 +54,8 @@ VOCABULARY_S = 1.5  # longest wait at submission; the worker asks again with pat
 def language_model(settings: Settings) -> LanguageModel | None:
     """The model that the settings name."""
     s = settings
-    return LanguageModel(s.llm_url, s.llm_model, s.llm_key, s.llm_timeout_s) if s.llm_url else None
+    key = s.llm_key.get_secret_value()
+    return LanguageModel(s.llm_url, s.llm_model, key, s.llm_timeout_s) if s.llm_url else None
 
 
 def waiting_words(instruction: Instruction) -> str:

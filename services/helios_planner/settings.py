@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from helios_core.settings import ServiceSettings, service_config
-from pydantic import Field
+from pydantic import Field, SecretStr
 
 
 class Settings(ServiceSettings):
@@ -33,7 +33,9 @@ class Settings(ServiceSettings):
         "which are not recognised; empty: none",
     )
     llm_model: str = Field(default="default", description="the model's name there")
-    llm_key: str = Field(default="", repr=False, description="its key; better as a variable")
+    llm_key: SecretStr = Field(
+        default=SecretStr(""), description="its key; better as a variable than as a flag"
+    )
     llm_timeout_s: float = Field(
         default=3.0, gt=0, le=30, description="longest wait for its answer at submission"
     )

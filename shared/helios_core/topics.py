@@ -103,6 +103,8 @@ SUBMIT = Method("planner/submit", pb.SubmitRequest, pb.Task)
 GET_TASK = Method("planner/get", pb.TaskRequest, pb.Task)
 LIST_TASKS = Method("planner/list", pb.Empty, pb.TaskList)
 CANCEL = Method("planner/cancel", pb.TaskRequest, pb.Task)
+PAUSE = Method("planner/pause", pb.TaskRequest, pb.Task)
+RESUME = Method("planner/resume", pb.TaskRequest, pb.Task)
 DECISIONS = Method("planner/decisions", pb.TaskRequest, pb.DecisionList)
 
 # --- health ---------------------------------------------------------------------------------
@@ -142,6 +144,6 @@ TOPICS: tuple[Topic, ...] = (
 METHODS: tuple[Method, ...] = (
     ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, PUSH, VOCABULARY, EMBED_TEXT, ESTIMATE_DEPTH, OBJECTS,
     WHAT_IF, RETIRE, GAUSSIANS, RESET_OBJECTS, SNAPSHOT, PICTURE, SIGHT, RESET_MAP2D, SUBMIT,
-    GET_TASK, LIST_TASKS, CANCEL, DECISIONS, WORLD_DESCRIBE, WORLD_STATE, WORLD_CAPTURE, WORLD_ACT,
-    WORLD_STOP, WORLD_CLEAR_STOP, TRUTH_SEGMENTATION, TRUTH_EPISODE, TRUTH_METRICS,
+    GET_TASK, LIST_TASKS, CANCEL, PAUSE, RESUME, DECISIONS, WORLD_DESCRIBE, WORLD_STATE,
+    WORLD_CAPTURE, WORLD_ACT, WORLD_STOP, WORLD_CLEAR_STOP, TRUTH_SEGMENTATION, TRUTH_EPISODE, TRUTH_METRICS,
 )  # fmt: skip

@@ -11,7 +11,7 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_planner.language_model import LanguageModel, parse_with_help
 from helios_planner.settings import Settings
-from pydantic import ValidationError
+from pydantic import SecretStr, ValidationError
 
 GERMAN = "bewege die Tasse vom Tisch zum Sofa"
 Reply = Callable[[dict], tuple[int, bytes]]
@@ -130,6 +130,7 @@ def test_without_an_endpoint_the_grammar_alone_decides() -> None:
 
 
 def test_a_key_is_not_shown_and_an_address_without_scheme_is_refused() -> None:
-    assert "hush" not in repr(Settings(llm_key="hush"))
+    settings = Settings(llm_key=SecretStr("hush"))
+    assert "hush" not in repr(settings) + str(settings.described())
     with pytest.raises(ValidationError, match="llm_url"):
         Settings(llm_url="localhost:11434")

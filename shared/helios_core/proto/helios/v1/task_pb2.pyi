@@ -7,7 +7,7 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Map
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class Task(_message.Message):
-    __slots__ = ("id", "instruction", "state", "phase", "cause", "message", "object", "start", "goal", "kind", "steps", "max_steps", "picks", "created_s", "started_s", "ended_s", "progress", "context_id", "seeking", "agent")
+    __slots__ = ("id", "instruction", "state", "phase", "cause", "message", "object", "start", "goal", "kind", "steps", "max_steps", "picks", "created_s", "started_s", "ended_s", "progress", "context_id", "seeking", "agent", "time_limit_s")
     ID_FIELD_NUMBER: _ClassVar[int]
     INSTRUCTION_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
@@ -28,6 +28,7 @@ class Task(_message.Message):
     CONTEXT_ID_FIELD_NUMBER: _ClassVar[int]
     SEEKING_FIELD_NUMBER: _ClassVar[int]
     AGENT_FIELD_NUMBER: _ClassVar[int]
+    TIME_LIMIT_S_FIELD_NUMBER: _ClassVar[int]
     id: str
     instruction: str
     state: str
@@ -48,23 +49,35 @@ class Task(_message.Message):
     context_id: str
     seeking: str
     agent: str
-    def __init__(self, id: _Optional[str] = ..., instruction: _Optional[str] = ..., state: _Optional[str] = ..., phase: _Optional[str] = ..., cause: _Optional[str] = ..., message: _Optional[str] = ..., object: _Optional[str] = ..., start: _Optional[str] = ..., goal: _Optional[str] = ..., kind: _Optional[str] = ..., steps: _Optional[int] = ..., max_steps: _Optional[int] = ..., picks: _Optional[int] = ..., created_s: _Optional[float] = ..., started_s: _Optional[float] = ..., ended_s: _Optional[float] = ..., progress: _Optional[float] = ..., context_id: _Optional[str] = ..., seeking: _Optional[str] = ..., agent: _Optional[str] = ...) -> None: ...
+    time_limit_s: float
+    def __init__(self, id: _Optional[str] = ..., instruction: _Optional[str] = ..., state: _Optional[str] = ..., phase: _Optional[str] = ..., cause: _Optional[str] = ..., message: _Optional[str] = ..., object: _Optional[str] = ..., start: _Optional[str] = ..., goal: _Optional[str] = ..., kind: _Optional[str] = ..., steps: _Optional[int] = ..., max_steps: _Optional[int] = ..., picks: _Optional[int] = ..., created_s: _Optional[float] = ..., started_s: _Optional[float] = ..., ended_s: _Optional[float] = ..., progress: _Optional[float] = ..., context_id: _Optional[str] = ..., seeking: _Optional[str] = ..., agent: _Optional[str] = ..., time_limit_s: _Optional[float] = ...) -> None: ...
 
 class SubmitRequest(_message.Message):
-    __slots__ = ("instruction", "max_steps", "agent")
+    __slots__ = ("instruction", "max_steps", "agent", "time_limit_s")
     INSTRUCTION_FIELD_NUMBER: _ClassVar[int]
     MAX_STEPS_FIELD_NUMBER: _ClassVar[int]
     AGENT_FIELD_NUMBER: _ClassVar[int]
+    TIME_LIMIT_S_FIELD_NUMBER: _ClassVar[int]
     instruction: str
     max_steps: int
     agent: str
-    def __init__(self, instruction: _Optional[str] = ..., max_steps: _Optional[int] = ..., agent: _Optional[str] = ...) -> None: ...
+    time_limit_s: float
+    def __init__(self, instruction: _Optional[str] = ..., max_steps: _Optional[int] = ..., agent: _Optional[str] = ..., time_limit_s: _Optional[float] = ...) -> None: ...
 
 class TaskRequest(_message.Message):
-    __slots__ = ("id",)
+    __slots__ = ("id", "settings")
+    class SettingsEntry(_message.Message):
+        __slots__ = ("key", "value")
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: str
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[str] = ...) -> None: ...
     ID_FIELD_NUMBER: _ClassVar[int]
+    SETTINGS_FIELD_NUMBER: _ClassVar[int]
     id: str
-    def __init__(self, id: _Optional[str] = ...) -> None: ...
+    settings: _containers.ScalarMap[str, str]
+    def __init__(self, id: _Optional[str] = ..., settings: _Optional[_Mapping[str, str]] = ...) -> None: ...
 
 class TaskList(_message.Message):
     __slots__ = ("tasks",)
@@ -94,7 +107,7 @@ class Candidate(_message.Message):
     def __init__(self, kind: _Optional[str] = ..., name: _Optional[str] = ..., position_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., terms: _Optional[_Mapping[str, float]] = ..., chosen: bool = ...) -> None: ...
 
 class Decision(_message.Message):
-    __slots__ = ("task_id", "index", "phase", "rule", "candidates", "why", "id", "made_s", "settings", "context_id")
+    __slots__ = ("task_id", "index", "phase", "rule", "candidates", "why", "id", "made_s", "settings", "context_id", "do", "memory", "recomputed")
     class SettingsEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -112,6 +125,9 @@ class Decision(_message.Message):
     MADE_S_FIELD_NUMBER: _ClassVar[int]
     SETTINGS_FIELD_NUMBER: _ClassVar[int]
     CONTEXT_ID_FIELD_NUMBER: _ClassVar[int]
+    DO_FIELD_NUMBER: _ClassVar[int]
+    MEMORY_FIELD_NUMBER: _ClassVar[int]
+    RECOMPUTED_FIELD_NUMBER: _ClassVar[int]
     task_id: str
     index: int
     phase: str
@@ -122,7 +138,24 @@ class Decision(_message.Message):
     made_s: float
     settings: _containers.ScalarMap[str, float]
     context_id: str
-    def __init__(self, task_id: _Optional[str] = ..., index: _Optional[int] = ..., phase: _Optional[str] = ..., rule: _Optional[str] = ..., candidates: _Optional[_Iterable[_Union[Candidate, _Mapping]]] = ..., why: _Optional[str] = ..., id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., made_s: _Optional[float] = ..., settings: _Optional[_Mapping[str, float]] = ..., context_id: _Optional[str] = ...) -> None: ...
+    do: str
+    memory: _containers.RepeatedCompositeFieldContainer[Candidate]
+    recomputed: Recomputed
+    def __init__(self, task_id: _Optional[str] = ..., index: _Optional[int] = ..., phase: _Optional[str] = ..., rule: _Optional[str] = ..., candidates: _Optional[_Iterable[_Union[Candidate, _Mapping]]] = ..., why: _Optional[str] = ..., id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., made_s: _Optional[float] = ..., settings: _Optional[_Mapping[str, float]] = ..., context_id: _Optional[str] = ..., do: _Optional[str] = ..., memory: _Optional[_Iterable[_Union[Candidate, _Mapping]]] = ..., recomputed: _Optional[_Union[Recomputed, _Mapping]] = ...) -> None: ...
+
+class Recomputed(_message.Message):
+    __slots__ = ("do", "candidates", "why", "flips", "certain")
+    DO_FIELD_NUMBER: _ClassVar[int]
+    CANDIDATES_FIELD_NUMBER: _ClassVar[int]
+    WHY_FIELD_NUMBER: _ClassVar[int]
+    FLIPS_FIELD_NUMBER: _ClassVar[int]
+    CERTAIN_FIELD_NUMBER: _ClassVar[int]
+    do: str
+    candidates: _containers.RepeatedCompositeFieldContainer[Candidate]
+    why: str
+    flips: bool
+    certain: bool
+    def __init__(self, do: _Optional[str] = ..., candidates: _Optional[_Iterable[_Union[Candidate, _Mapping]]] = ..., why: _Optional[str] = ..., flips: bool = ..., certain: bool = ...) -> None: ...
 
 class DecisionList(_message.Message):
     __slots__ = ("decisions",)
