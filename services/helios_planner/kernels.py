@@ -1,110 +1,160 @@
-"""Numba kernels of the path planner; reached through `fm2` only."""
+"""Numba kernels of the path planner; reached through `fm2`, `motion` and `gaze`."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numba import njit
 
-UNREACHED = np.float32(1e30)
-
-
-@njit(cache=True, inline="always")
-def _eikonal(t, c, width, slowness):
-    """First-order upwind solution of |grad T| = slowness at flat cell c (Sethian)."""
-    a = min(t[c - 1], t[c + 1])
-    b = min(t[c - width], t[c + width])
-    if a > b:
-        a, b = b, a
-    if b - a >= slowness:
-        return a + slowness
-    gap = b - a
-    return np.float32(0.5) * (a + b + np.sqrt(np.float32(2) * slowness * slowness - gap * gap))
+UNREACHED = np.float32(np.inf)
+# Steps of a descent: every direction that a step of at most 3 cells along an axis can take.
+_STEPS = np.array(
+    [(r, c) for r in range(-3, 4) for c in range(-3, 4) if math.gcd(r, c) == 1], np.int64
+)
 
 
 @njit(cache=True)
-def march(speed, sources, arrival, frozen, following, cell_of, head, bucket_width):
-    """Fast marching with a circular bucket queue (Yatziv, Bartesaghi and Sapiro 2006).
+def march(speed, sources, arrival, following, cell_of, head, bucket_width, slowest):
+    """First-order upwind solution of |grad T| = 1 / speed (Sethian 1996), with a circular bucket
+    queue (Yatziv, Bartesaghi and Sapiro 2006) whose buckets are worked until nothing in them falls.
 
     speed: float32 [h, w], 0 blocks, border 0; sources: int64 [k] flat; arrival: float32 [h, w] out,
-    UNREACHED where no way leads; frozen: uint8 [h, w] work; following, cell_of: int32 [5 h w] work;
-    head: int32 [buckets]. The queue is lazy: a cell is queued again when its time falls.
+    UNREACHED where no way leads; following, cell_of: int32 [n] work; head: int32 [a power of two]
+    that spans the greatest slowness. False when n nodes were too few for the queue.
+
+    The order within a bucket does not matter: a cell whose time falls is queued again, so the
+    result is that of an exact heap up to rounding. Entries of a time that fell since are skipped.
     """
-    width = speed.shape[1]
-    f, t, z = speed.ravel(), arrival.ravel(), frozen.ravel()
+    one, width = np.uint32(1), np.uint32(speed.shape[1])  # unsigned: no test for negative indices
+    f, t = speed.ravel(), arrival.ravel()
     t[:] = UNREACHED
-    z[:] = 0
     head[:] = -1
-    buckets = head.shape[0]
+    mask = head.shape[0] - 1
     inverse = np.float32(1) / bucket_width
-    free, top, waiting = np.int32(-1), 0, 0
+    free, top, waiting = np.int32(-1), np.int32(0), 0
     for s in sources:
         t[s] = 0
         cell_of[top], following[top] = s, head[0]
         head[0] = top
-        top += 1
+        top += np.int32(1)
         waiting += 1
-    bucket = 0
+    bucket = np.int32(0)
     while waiting > 0:
-        node = head[bucket % buckets]
+        node = head[bucket & mask]
         if node < 0:
-            bucket += 1
+            bucket += np.int32(1)
             continue
-        head[bucket % buckets] = following[node]
-        c = cell_of[node]
-        following[node] = free
+        c = np.uint32(cell_of[np.uint32(node)])
+        head[bucket & mask] = following[np.uint32(node)]
+        following[np.uint32(node)] = free
         free = node
         waiting -= 1
-        if z[c] != 0:
-            continue
-        z[c] = 1
+        here = t[c]
+        if np.int32(here * inverse) < bucket:
+            continue  # it was worked in an earlier bucket
         for k in range(4):
-            q = c + (1 if k == 0 else -1 if k == 1 else width if k == 2 else -width)
-            if f[q] <= 0 or z[q] != 0:
-                continue
+            if k < 2:
+                q, beyond = (c + one, c + one + one) if k == 0 else (c - one, c - one - one)
+                left, right = q - width, q + width
+            else:
+                q, beyond = (
+                    (c + width, c + width + width) if k == 2 else (c - width, c - width - width)
+                )
+                left, right = q - one, q + one
             old = t[q]
-            new = _eikonal(t, q, width, np.float32(1) / f[q])
-            if new < old:
-                t[q] = new
-                place = max(int(new * inverse), bucket)
-                if old < UNREACHED and int(old * inverse) == place:
-                    continue  # it waits in that bucket already
-                if free >= 0:
-                    node = free
-                    free = following[node]
-                else:
-                    node = top
-                    top += 1
-                cell_of[node] = q
-                following[node] = head[place % buckets]
-                head[place % buckets] = node
-                waiting += 1
+            if old <= here or f[q] <= 0:
+                continue
+            slowness = np.float32(1) / max(f[q], slowest)
+            a = min(here, t[beyond])
+            b = min(t[left], t[right])
+            gap = abs(a - b)
+            if gap >= slowness:
+                new = min(a, b) + slowness
+            else:
+                root = np.sqrt(np.float32(2) * slowness * slowness - gap * gap)
+                new = np.float32(0.5) * (a + b + root)
+            if new >= old:
+                continue
+            t[q] = new
+            place = max(np.int32(new * inverse), bucket)
+            if old < UNREACHED and place != bucket and np.int32(old * inverse) == place:
+                continue  # it waits in that bucket already
+            if free >= 0:
+                node = free
+                free = following[np.uint32(node)]
+            else:
+                if top >= following.shape[0]:
+                    return False
+                node = top
+                top += np.int32(1)
+            cell_of[np.uint32(node)] = q
+            following[np.uint32(node)] = head[place & mask]
+            head[place & mask] = node
+            waiting += 1
+    return True
+
+
+@njit(cache=True)
+def _open_between(arrival, row, column, down, right):
+    """Whether all cells that the step touches were reached: no wall is crossed, no corner cut."""
+    rows, columns = abs(down), abs(right)
+    i = j = 0
+    while i < rows or j < columns:
+        to_row, to_column = (2 * i + 1) * columns, (2 * j + 1) * rows
+        if to_row == to_column:  # through the point where four cells meet
+            beside = arrival[row + (i + 1) * np.sign(down), column + j * np.sign(right)]
+            above = arrival[row + i * np.sign(down), column + (j + 1) * np.sign(right)]
+            if max(beside, above) >= UNREACHED:
+                return False
+        i += to_row <= to_column
+        j += to_column <= to_row
+        if arrival[row + i * np.sign(down), column + j * np.sign(right)] >= UNREACHED:
+            return False
+    return True
+
+
+@njit(cache=True)
+def _slowness(arrival, row, column):
+    """1 / speed of a reached cell: what `march` solved, read backwards; 0 at a source."""
+    here = arrival[row, column]
+    across = here - min(arrival[row, column - 1], arrival[row, column + 1])
+    along = here - min(arrival[row - 1, column], arrival[row + 1, column])
+    return math.hypot(max(across, 0.0), max(along, 0.0))
 
 
 @njit(cache=True)
 def descend(arrival, row, column, out):
-    """Steepest descent over 8 neighbours into out int32 [n, 2]; the number of cells written.
+    """Steepest descent by steps in 32 directions into out int32 [n, 2]; the number of cells.
 
-    A diagonal step is taken only where both cells beside it were reached too, so that no corner
-    is cut. Every cell but a source has a lower 4-neighbour, so the descent ends at a source.
+    Taken is the step whose fall comes nearest to the time that it takes (no step is faster than
+    the front was). Every cell but a source has a lower 4-neighbour, so it ends at a source.
     """
     n = 0
     while n < out.shape[0]:
         out[n, 0], out[n, 1] = row, column
         n += 1
-        here = arrival[row, column]
-        best, best_row, best_column = np.float32(0), -1, -1
-        for dr in range(-1, 2):
-            for dc in range(-1, 2):
-                there = arrival[row + dr, column + dc]
-                if there >= here:
-                    continue
-                fall = here - there
-                if dr != 0 and dc != 0:
-                    if max(arrival[row + dr, column], arrival[row, column + dc]) >= UNREACHED:
-                        continue
-                    fall *= np.float32(0.70710678)
-                if fall > best:
-                    best, best_row, best_column = fall, row + dr, column + dc
+        here, slow = arrival[row, column], _slowness(arrival, row, column)
+        best, best_row, best_column = 0.0, -1, -1
+        for k in range(_STEPS.shape[0]):
+            down, right = _STEPS[k]
+            r, c = row + down, column + right
+            if r < 0 or c < 0 or r >= arrival.shape[0] or c >= arrival.shape[1]:
+                continue
+            fall = here - arrival[r, c]
+            if not fall > 0 or not _open_between(arrival, row, column, down, right):
+                continue
+            pieces = max(abs(down), abs(right))
+            total = 0.5 * (slow + _slowness(arrival, r, c))
+            for k in range(1, pieces):
+                total += _slowness(
+                    arrival,
+                    math.floor(row + down * k / pieces + 0.5),
+                    math.floor(column + right * k / pieces + 0.5),
+                )
+            took = total / pieces * math.hypot(down, right)
+            if fall / took > best:
+                best, best_row, best_column = fall / took, r, c
         if best_row < 0:
             break
         row, column = best_row, best_column

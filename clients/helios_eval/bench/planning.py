@@ -1,40 +1,62 @@
-"""Arrival times and a path by FM², against scikit-fmm on the same speed field."""
+"""Arrival times by FM², against scikit-fmm's first-order scheme on the same speed field."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 import skfmm
-from helios_planner.fm2 import arrival_time, speed_field
+from helios_planner.fm2 import SLOWEST, arrival_time, speed_field
 from numpy.typing import NDArray
 
-from helios_eval.bench.scene import boxes
 from helios_eval.bench.timing import Row, compare
 
-CELL_M = 0.025
+CELLS, CELL_M = 2000, 0.025
+RADIUS_M, SATURATION_M = 0.3, 0.6  # of the robot; clearance beyond it for full speed
+ROOM_M, WALL_M, DOOR_M, AISLE_M = 4.1, 0.15, 1.0, 0.65
+HOMES = ((4, 4), (12, 12))  # rooms: a flat in the middle of the map, a building that fills it
 
 
-def flat(cells: int) -> NDArray[np.bool_]:
-    """Obstacles of the flat in the middle of a map, walls all around."""
-    blocked = np.zeros((cells, cells), bool)
-    for x0, y0, _, x1, y1, _ in boxes():
-        a = (np.array([x0, y0]) / CELL_M + cells / 2).astype(int)
-        b = (np.array([x1, y1]) / CELL_M + cells / 2).astype(int) + 1
-        blocked[max(a[1], 0) : b[1], max(a[0], 0) : b[0]] = True
+def building(rooms: tuple[int, int], seed: int = 0) -> NDArray[np.bool_]:
+    """Obstacles [CELLS, CELLS] of so many rooms in rows and columns, in the middle of the map. A
+    door leads to each neighbour; four pieces of furniture stand about in each room."""
+    rng = np.random.default_rng(seed)
+    n, wall, door = (round(length / CELL_M) for length in (ROOM_M, WALL_M, DOOR_M))
+    aisle = round(AISLE_M / CELL_M)
+    low = [(CELLS - count * n) // 2 for count in rooms]
+    blocked = np.ones((CELLS, CELLS), bool)
+    for i in range(rooms[0]):
+        for j in range(rooms[1]):
+            room = blocked[low[0] + i * n :, low[1] + j * n :][:n, :n]
+            room[wall:, wall:] = False
+            at = rng.integers(wall + door // 2, n - 2 * door, 2)
+            if i:
+                room[:wall, at[0] : at[0] + door] = False
+            if j:
+                room[at[1] : at[1] + door, :wall] = False
+            inner = room[wall + aisle : -aisle, wall + aisle : -aisle]
+            for size in rng.integers(round(0.2 / CELL_M), round(1.2 / CELL_M), (4, 2)):
+                row, column = rng.integers(0, np.array(inner.shape) - size)
+                inner[row : row + size[0], column : column + size[1]] = True
     return blocked
 
 
-def plan_fm2(cells: int = 480) -> Row:
-    blocked = flat(cells)
-    distance = cv2.distanceTransform((~blocked).astype(np.uint8), cv2.DIST_L2, 5) * CELL_M
-    speed = speed_field(distance.astype(np.float32), 0.35, 0.30, 0.5)
+def plan_fm2() -> list[Row]:
+    """One row for each home."""
+    return [_row(rooms) for rooms in HOMES]
+
+
+def _row(rooms: tuple[int, int]) -> Row:
+    blocked = building(rooms)
+    clearance = cv2.distanceTransform((~blocked).astype(np.uint8), cv2.DIST_L2, 5) * CELL_M
+    speed = speed_field(clearance.astype(np.float32), RADIUS_M, RADIUS_M, SATURATION_M)
     goal = np.argwhere(speed == speed.max())[:1]
-    phi = np.ones((cells, cells))
+    speed[~np.isfinite(arrival_time(speed, goal))] = 0  # corners behind furniture
+    phi = np.ones(speed.shape)
     phi[tuple(goal[0])] = -1
-    field = np.ma.MaskedArray(phi, speed == 0)
-    reachable = int(np.isfinite(arrival_time(speed, goal)).sum())
+    phi = np.ma.MaskedArray(phi, speed == 0)
+    speeds = np.maximum(speed, SLOWEST)
     return compare(
-        "plan_fm2", f"{cells}x{cells} cells, {reachable} reachable",
+        "plan_fm2", f"{CELLS}x{CELLS} cells, {np.count_nonzero(speed)} reachable",
         lambda _: arrival_time(speed, goal), "scikit-fmm",
-        lambda _: skfmm.travel_time(field, np.maximum(speed, 0.05)), 7,
+        lambda _: skfmm.travel_time(phi, speeds, order=1), 9,
     )  # fmt: skip

@@ -34,7 +34,8 @@ def main(only: str | None = None, json_path: Path | None = None) -> None:
     for name in [only] if only else ROWS:
         with console.status(f"measuring {name}"):
             module = importlib.import_module(f"helios_eval.bench.{ROWS[name]}")
-            rows.append(getattr(module, name)())
+            measured = getattr(module, name)()
+            rows += measured if isinstance(measured, list) else [measured]
     table = Table(title=f"{machine()} · commit {commit()}")
     for heading in ("name", "size", "ours ms", "peer", "peer ms", "ratio"):
         table.add_column(

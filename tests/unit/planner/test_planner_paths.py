@@ -9,8 +9,10 @@ import math
 import cv2
 import numpy as np
 import pytest
+import skfmm
+from helios_core.errors import InvalidInput
 from helios_core.robot import Forward, Turn
-from helios_planner import fm2, kernels
+from helios_planner import fm2
 from helios_planner.collision import least_clearance_m
 from helios_planner.grid import GroundMap, Pose2
 from helios_planner.motion import (
@@ -80,7 +82,7 @@ def free_places(ground: GroundMap, count: int, seed: int) -> list[tuple[float, f
     return [(float(x), float(y)) for x, y in ground.centres_of(rng.permutation(cells)[:count])]
 
 
-def test_marching_matches_the_exact_heap_within_one_percent() -> None:
+def test_marching_matches_the_exact_heap() -> None:
     rng = np.random.default_rng(0)
     for seed in range(4):
         ground = random_ground(seed, 60)
@@ -92,8 +94,8 @@ def test_marching_matches_the_exact_heap_within_one_percent() -> None:
         exact = heap_marching(speed, source)
         assert (np.isfinite(fast) == np.isfinite(exact)).all()
         known = np.isfinite(exact) & (exact > 5)
-        # The buckets are not sorted within: an error of at most a bucket's width per cell.
-        assert np.max(np.abs(fast[known] - exact[known]) / exact[known]) < 0.01
+        # Both solve the same equations; only rounding to float32 lies between them.
+        assert np.max(np.abs(fast[known] - exact[known]) / exact[known]) < 1e-4
 
 
 @settings(max_examples=40, deadline=None)
@@ -248,9 +250,77 @@ def test_a_descent_never_cuts_a_corner() -> None:
     speed[1:-1, 1:-1] = 1
     speed[5, 1:9] = 0
     arrival = fm2.arrival_time(speed, np.array([[1, 1]]))
-    path = fm2.descend(arrival, (9, 1))
-    for (r0, c0), (r1, c1) in itertools.pairwise(path):
-        assert speed[r0, c1] > 0
-        assert speed[r1, c0] > 0
+    path = fm2.descend(arrival, (9, 1)).astype(float) + 0.5
+    assert least_crossed(speed, path) > 0
     assert np.isinf(arrival[5, 4])
-    assert kernels.UNREACHED > 1e29
+
+
+def least_crossed(field: NDArray[np.float32], path: NDArray[np.float64]) -> float:
+    """Least value of the cells that a path [n, 2] (rows, columns, not rounded) goes through."""
+    dense = np.concatenate([a + (b - a) * np.linspace(0, 1, 200)[:, None]
+                            for a, b in itertools.pairwise(path)])  # fmt: skip
+    cells = np.floor(dense).astype(int)
+    return float(field[cells[:, 0], cells[:, 1]].min())
+
+
+def test_a_front_is_kept_from_the_border() -> None:
+    with pytest.raises(InvalidInput, match="border"):
+        fm2.arrival_time(np.ones((8, 8), np.float32), np.array([[4, 4]]))
+    with pytest.raises(InvalidInput, match="source"):
+        fm2.arrival_time(np.zeros((8, 8), np.float32), np.array([[0, 4]]))
+
+
+def time_along(speed: NDArray[np.float32], path: NDArray[np.float64]) -> float:
+    """Time that a path [n, 2] (rows, columns, not rounded) takes through cells of that speed."""
+    total = 0.0
+    for a, b in itertools.pairwise(path):
+        length = float(np.hypot(*(b - a)))
+        n = max(2, int(length * 20))
+        cells = np.floor(a + (b - a) * ((np.arange(n) + 0.5) / n)[:, None]).astype(int)
+        total += float((1 / speed[cells[:, 0], cells[:, 1]]).mean()) * length
+    return total
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000))
+def test_a_path_takes_at_most_five_percent_longer_than_the_optimum_of_the_same_field(
+    seed: int,
+) -> None:
+    """The optimum: second-order marching by another implementation, on a grid five times as fine.
+    On top of 5 %, a cell's crossing: both ends of a path are cells."""
+    ground = random_ground(seed, 80)
+    places = free_places(ground, 2, seed)
+    if len(places) < 2:
+        return
+    source, start = ((int(r), int(c)) for r, c in ground.cells_of(np.array(places)))
+    distance = cv2.distanceTransform((ground.occupancy == 0).astype(np.uint8), cv2.DIST_L2, 5)
+    speed = fm2.speed_field((distance * CELL_M).astype(np.float32), 0.35, 0.3, 0.3)
+    arrival = fm2.arrival_time(speed, np.array([source]))
+    path = fm2.descend(arrival, start).astype(float) + 0.5
+    if len(path) == 0:
+        return
+    fine, k = np.kron(speed, np.ones((5, 5), np.float32)), 5
+    outside = np.ones(fine.shape)
+    outside[source[0] * k + 2, source[1] * k + 2] = -1
+    exact = skfmm.travel_time(
+        np.ma.MaskedArray(outside, fine == 0), np.maximum(fine, 0.05), dx=1 / k
+    )
+    optimum = float(exact[start[0] * k + 2, start[1] * k + 2])
+    assert least_crossed(speed, path) > 0
+    assert time_along(speed, path) <= 1.05 * optimum + 1 / float(speed[source])
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000))
+def test_pulling_straight_never_lengthens_a_route(seed: int) -> None:
+    ground = random_ground(seed)
+    places = free_places(ground, 2, seed)
+    if len(places) == 2:
+        reached = reach(ground, Pose2(*places[0], 0.0), RULES)
+        route = reached.route_to(places[1])
+        pulled = straightened(route, reached)
+        assert length_m(pulled) <= length_m(route) + 1e-9
+
+
+def length_m(route: NDArray[np.float64]) -> float:
+    return float(np.hypot(*np.diff(route, axis=0).T).sum()) if len(route) > 1 else 0.0
