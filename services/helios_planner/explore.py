@@ -55,15 +55,19 @@ class Search(ABC):
 
     @abstractmethod
     def decide(self) -> Decision:
-        """About what is known: act on one, look at one again, or search on."""
+        """About what is known: act on one, or search on."""
 
     @abstractmethod
     def explore(self) -> bool:
         """One step to learn of more; False when nothing is left."""
 
-    def look_again(self, decision: Decision) -> None:
-        """Take the view that `decide` asked for."""
-        raise NotImplementedError(f"{type(self).__name__} decides to look and cannot")
+    def conclude(self) -> Decision:
+        """Decide and tell: act on one, or search on."""
+        decision = self.decide()
+        if decision.candidates:
+            self.body.tell_decision(decision)
+            self.tell(decision.why)
+        return decision
 
     def settle_for_less(self) -> bool:
         """With nothing left to explore: drop a condition, if there is one to drop."""
@@ -75,16 +79,10 @@ class Search(ABC):
             if round_number:
                 self.next_round()
             while True:
-                decision = self.decide()
-                if decision.candidates:
-                    self.body.tell_decision(decision)
-                    self.tell(decision.why)
+                decision = self.conclude()
                 if decision.do is Do.ACT:
                     self._acted_from = self.body.pose()
                     return self.chosen(decision)
-                if decision.do is Do.LOOK:
-                    self.look_again(decision)
-                    continue
                 more = self.explore() or self.clear_way()
                 if not self.end_waiting() and not more and not self.settle_for_less():
                     break

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from helios_core.types import ObjectInstance
 
 from helios_planner.agents import agent_named
 from helios_planner.body import Body
 from helios_planner.explore import Kit, Search
+from helios_planner.gaze import GazePoint
 from helios_planner.instruction import Instruction, Kind
 from helios_planner.legs import Legs, Outcome
 from helios_planner.look import Looking
@@ -104,19 +108,26 @@ class Mission:
             search.leave(found, out_of_reach=True)
 
     def _show(self, search: Search) -> str:
-        """Find a thing and stand so that it is in sight; it must still be believed from there."""
-        looking = self.kit.looking
+        """Find a thing and stop before it, or as near as a way leads; it must still be believed
+        from there."""
+        looking, near_m = self.kit.looking, max(self.settings.stop_distances_m)
         while True:
             found = search.find()
-            for gaze in looking.views_of(found):
-                purpose = f"show the {search.name}"
-                if looking.go_and_look(found, gaze, purpose) is Outcome.ARRIVED:
-                    break
+            if not self._stand(found, looking.stops_at(found)):
+                x, y, _ = (float(v) for v in found.center_m)
+                if self.kit.legs.clear_way((x, y), near_m):
+                    continue
+                self._stand(found, looking.views_of(found))
             seen = self.kit.belief.from_near(found, search.name, 0.3)
             if seen is not None and seen.score >= self.settings.tau_g:
                 x, y, z = seen.center_m
                 return f"found the {search.name} at ({x:.2f}, {y:.2f}, {z:.2f}) m"
             search.tell(f"from near it does not look like a {search.name}; searching on")
+
+    def _stand(self, found: ObjectInstance, points: Sequence[GazePoint]) -> bool:
+        """Go to the first of these that can be got to; False when none can."""
+        go, purpose = self.kit.looking.go_and_look, f"show the {found.class_name}"
+        return any(go(found, gaze, purpose) is Outcome.ARRIVED for gaze in points)
 
 
 def _words(done: Done) -> str:

@@ -57,6 +57,7 @@ class Looking:
         s = settings
         self._thing_rules = GazeRules(s.view_distances_m, s.view_spacing_m, s.block_height_m)
         self._place_rules = GazeRules(s.gaze_distances_m, s.gaze_spacing_m, s.block_height_m)
+        self._stop_rules = GazeRules(s.stop_distances_m, s.view_spacing_m, s.block_height_m)
         self._looked: list[tuple[NDArray[np.float64], Pose2]] = []  # candidate's middle, from where
         self._views: dict[tuple, BestView | None] = {}
         self._gains: dict[tuple, float] = {}
@@ -70,12 +71,23 @@ class Looking:
         """Gaze points for an extra view that are left, nearest first."""
         return self._left(thing, self._thing_rules, 0.6 * self.settings.view_spacing_m)
 
+    def stops_at(self, thing: ObjectInstance) -> list[GazePoint]:
+        """Where to stop before what was sought, nearest first; looked from already or not."""
+        return self._points(thing, self._stop_rules)
+
     def _left(self, candidate: ObjectInstance, rules: GazeRules, apart_m: float) -> list[GazePoint]:
         done = self._done(candidate)
+        return [
+            g for g in self._points(candidate, rules)
+            if all(d.distance_m(g.pose.xy) >= apart_m for d in done)
+        ]  # fmt: skip
+
+    def _points(self, candidate: ObjectInstance, rules: GazeRules) -> list[GazePoint]:
+        """With the widest margin that leads to any."""
         for level in self.legs.levels:
             points = gaze_points(candidate, self.legs.reach(level), self.body.description, rules)
             if points:
-                return [g for g in points if all(d.distance_m(g.pose.xy) >= apart_m for d in done)]
+                return points
         return []
 
     def _done(self, candidate: ObjectInstance) -> list[Pose2]:

@@ -6,7 +6,7 @@ from abc import abstractmethod
 
 from helios_core.types import ObjectInstance
 
-from helios_planner.decide import Decision, act_or_look
+from helios_planner.decide import Decision, Do, act_or_look
 from helios_planner.explore import Kit, Search
 from helios_planner.look import BestView
 from helios_planner.task import Phase
@@ -39,6 +39,7 @@ class ScoredSearch(Search):
         return True
 
     def decide(self) -> Decision:
+        """Act on one, look at one again, or search on."""
         options = []
         self._views.clear()
         for thing in self.candidates():
@@ -52,7 +53,13 @@ class ScoredSearch(Search):
             options, self.threshold, self.settings.tau_inc, self.kind, self.what, self.anywhere
         )
 
-    def look_again(self, decision: Decision) -> None:
+    def conclude(self) -> Decision:
+        """Looks at candidates again for as long as that is decided."""
+        while (decision := super().conclude()).do is Do.LOOK:
+            self._look_again(decision)
+        return decision
+
+    def _look_again(self, decision: Decision) -> None:
         """Go to the best view of the chosen candidate, unless one becomes sure on the way."""
         view = self._views[decision.chosen.id]
         assert view is not None

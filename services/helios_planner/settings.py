@@ -17,6 +17,12 @@ class Settings(ServiceSettings):
     state_dir: Path = Field(
         default=Path("runs/state/planner"), description="where tasks are kept (SQLite)"
     )
+    keep_tasks: int = Field(
+        default=500, ge=1, description="ended tasks that are remembered; then the oldest goes"
+    )
+    keep_decisions: int = Field(
+        default=2000, ge=1, description="decisions remembered of one task; then the oldest goes"
+    )
     max_steps: int = Field(
         default=1250, ge=1, description="actions a task may take, unless it says so"
     )
@@ -121,12 +127,22 @@ class Settings(ServiceSettings):
         description="contours around an object on which extra views lie",
     )
     view_spacing_m: float = Field(default=0.5, gt=0, description="distance between extra views")
+    stop_distances_m: tuple[float, ...] = Field(
+        default=(0.5, 0.7, 0.85),
+        description="contours around what was to be found on which the robot stops; object "
+        "navigation counts up to 1.0 m",
+    )
     block_height_m: float = Field(
         default=1.25, description="what is higher than this blocks any gaze"
     )
 
     # --- pick and place ---
     reach_spare_m: float = Field(default=0.06, ge=0, description="kept of the robot's reach")
+    place_rule: Literal["flat", "paper"] = Field(
+        default="flat",
+        description="flat: lowered onto a flat free area; paper: dropped above the highest point "
+        "ahead",
+    )
     place_inset_m: float = Field(
         default=0.12, ge=0, description="least distance from a surface's edge"
     )
@@ -137,6 +153,9 @@ class Settings(ServiceSettings):
     )
     place_drop_m: float = Field(
         default=0.01, ge=0, description="height above the surface to let go from"
+    )
+    paper_drop_m: float = Field(
+        default=0.10, ge=0, description="height above the highest point that rule paper drops from"
     )
 
     # --- waiting for others ---

@@ -1,0 +1,43 @@
+"""Finding a thing: how near the robot stops, and what it does when no way leads near."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from helios_planner.flow import Mission
+from helios_planner.grid import Pose2
+from helios_planner.instruction import parse
+from helios_planner.settings import Settings
+from planner_world import Box, FakeWorld, coffee_table, counter, flat, mug
+
+NEAR_M = 1.0  # from the box, where object navigation counts
+
+
+def run(world: FakeWorld, text: str, agent: str = "helios") -> str:
+    return Mission(world, parse(text), Settings(agent=agent)).run()  # pyright: ignore[reportArgumentType]
+
+
+def away_m(world: FakeWorld, id: int) -> float:
+    """From the base to the box of a thing, on the ground."""
+    thing = world.things[id]
+    beyond = abs(thing.center_m[:2] - world.pose().xy) - thing.size_m[:2] / 2
+    return math.hypot(*beyond.clip(0))
+
+
+@pytest.mark.parametrize("agent", ["helios", "trusting"])
+@pytest.mark.parametrize(("id", "name"), [(1, "coffee table"), (2, "counter"), (3, "mug")])
+def test_the_robot_stops_near_enough_for_object_navigation(agent: str, id: int, name: str) -> None:
+    world = flat([coffee_table(), counter(), mug()])
+    assert f"found the {name}" in run(world, f"find the {name}", agent)
+    assert away_m(world, id) <= NEAR_M
+    assert world.contacts == 0
+
+
+@pytest.mark.parametrize("agent", ["helios", "trusting"])
+def test_what_no_way_leads_near_to_is_shown_from_as_near_as_one_does(agent: str) -> None:
+    """A mug in the middle of a wide table."""
+    wide = Box(1.0, 3.9, 4.2, 6.9, 0.5)
+    world = flat([mug(4, x=2.6, y=5.4, z=0.55)], Pose2(1.5, 1.5, 1.2), [wide])
+    assert "found the mug at (2.60, 5.40" in run(world, "find the mug", agent)
+    assert NEAR_M < away_m(world, 4) < 2.2
