@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from helios_detector.backend import DetectorBackend, Findings, Seen
 from helios_detector.box_to_mask import Box, box_to_mask, clip_box
-from helios_detector.boxes import one_class_each
+from helios_detector.boxes import box_of, near_box, one_class_each
 from helios_detector.hf import sam3
 from helios_detector.hf.grounding import SETTING, Found, TextToBoxes
 from helios_detector.hf.phrases import Phrases, phrases_of
@@ -91,10 +91,12 @@ class HfDetector(DetectorBackend):
         masks = self._masks(frame, found, phrases, picks)
         detections = []
         for (i, c, box), mask in zip(picks, masks, strict=True):
+            if found.masks is not None or self._masker:
+                mask = near_box(mask, box)
             if not mask.any():
                 continue  # a thing without a pixel is nothing to a map
             if found.masks is not None or self._masker:
-                box = _box_of(mask)
+                box = box_of(mask)  # it may go beyond the box that it was made of
             name = phrases.wanted[c].name
             detections.append(Detection(name, float(scores[i, c]), box, mask))
         seen = chosen + [(i, asked + c) for i, c in marks]
@@ -120,11 +122,6 @@ def _by_depth(frame: Frame, box: Box, want: Wanted) -> NDArray[np.bool_]:
 def _clipped(box: NDArray[np.float32], frame: Frame) -> Box | None:
     x0, y0, x1, y1 = (float(v) for v in np.nan_to_num(box, posinf=1e6, neginf=-1e6))
     return clip_box((x0, y0, x1, y1), *frame.depth_m.shape)
-
-
-def _box_of(mask: NDArray[np.bool_]) -> Box:
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
 def _seen(

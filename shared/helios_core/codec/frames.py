@@ -184,8 +184,11 @@ def detection_from_proto(detection: pb.Detection, shape: tuple[int, int]) -> Det
         )
     if len(m.bits) != (m.width * m.height + 7) // 8:
         raise InvalidInput(f"a mask of {m.width}x{m.height} came with {len(m.bits)} bytes")
-    if not math.isfinite(detection.score):
-        raise InvalidInput("a detection has a score that is not a number")
+    if not 0 <= detection.score <= 1:  # NaN too
+        raise InvalidInput(
+            f"a detection of {detection.class_name!r} has a score of {detection.score:g}; send a "
+            "number from 0 to 1"
+        )
     bits = np.unpackbits(np.frombuffer(m.bits, np.uint8), count=m.width * m.height)
     mask: NDArray[np.bool_] = np.zeros(shape, bool)
     mask[m.y : m.y + m.height, m.x : m.x + m.width] = bits.reshape(m.height, m.width)

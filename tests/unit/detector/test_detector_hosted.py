@@ -14,10 +14,11 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, VOCABULARY
 from helios_core.types import Role, SearchClass, SearchContext
-from helios_detector import hosted
+from helios_detector import models as models_module
 from helios_detector.backend import DetectorBackend, Findings
 from helios_detector.ground_truth import GroundTruthDetector
-from helios_detector.hosted import Hosted, Models, landmarks_of, open_models
+from helios_detector.hosted import Hosted
+from helios_detector.models import Models, landmarks_of, open_models
 from helios_detector.scorer import LexicalScorer, furniture_names
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings
@@ -97,7 +98,7 @@ def test_a_model_that_fails_in_its_warm_up_is_never_ready(monkeypatch: pytest.Mo
         opened.append(s)
         return Models(Starved(truth), LexicalScorer(), None)
 
-    monkeypatch.setattr(hosted, "open_models", open_starved)
+    monkeypatch.setattr(models_module, "open_models", open_starved)
     service = Hosted(MemoryBus(MemoryHub()), health, settings())
     wait_until(lambda: len(opened) > 2, 10, "three tries")  # tried again
     wait_until(lambda: "too little memory for a/b" in health.state[1], 10, "the reason")
@@ -117,7 +118,7 @@ def test_models_are_unloaded_once_when_idle_and_never_while_they_work(
 ):
     truth, health, hub = SceneTruth(), Health(), MemoryHub()
     detector, clock = Counting(truth), [0.0]
-    monkeypatch.setattr("helios_detector.service.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("helios_detector.workload.time.monotonic", lambda: clock[0])
     service = DetectorService(MemoryBus(hub), detector, LexicalScorer(), health)
     bus = MemoryBus(hub)
     bus.publish(CONTEXT, context_to_proto(context_of("mug")))
@@ -132,7 +133,7 @@ def test_models_are_unloaded_once_when_idle_and_never_while_they_work(
     service.unload_if_idle(10.0)
     assert detector.unloads == 1  # it has just worked
     clock[0] = 30.0
-    with service._work():
+    with service._workload.work():
         service.unload_if_idle(10.0)
     assert detector.unloads == 1
     assert health.metrics()["unloads"] == 1

@@ -1,0 +1,86 @@
+"""What a detector is asked beside frames: its names, embeddings of prompts, depth of an image."""
+
+from __future__ import annotations
+
+import time
+
+from helios_core import proto as pb
+from helios_core.bus import Bus, Registration
+from helios_core.codec import embedding_to_proto
+from helios_core.codec.images import color_array
+from helios_core.errors import InvalidInput
+from helios_core.health import Health
+from helios_core.topics import EMBED_TEXT, ESTIMATE_DEPTH, VOCABULARY
+
+from helios_detector.analysis import Analyst
+from helios_detector.depth_wire import depth_to_proto, focal_of
+from helios_detector.workload import Workload
+
+MOST_PROMPTS = 64
+
+
+class Methods:
+    """Served between `open` and `close`; both may be called again."""
+
+    def __init__(self, bus: Bus, analyst: Analyst, workload: Workload, health: Health) -> None:
+        self._bus, self._analyst, self._workload, self._health = bus, analyst, workload, health
+        self._served: list[Registration] = []
+
+    def open(self) -> None:
+        if not self._served:
+            self._served = [
+                self._bus.serve(VOCABULARY, self.vocabulary),
+                self._bus.serve(EMBED_TEXT, self.embed_text),
+                self._bus.serve(ESTIMATE_DEPTH, self.estimate_depth),
+            ]
+
+    def close(self) -> None:
+        served, self._served = self._served, []
+        for registration in served:
+            registration.close()
+
+    def vocabulary(self, _: pb.Empty) -> pb.VocabularyReply:
+        models = self._analyst.models
+        names = models.detector.vocabulary()
+        return pb.VocabularyReply(
+            open=names is None,
+            names=names or (),
+            detector=models.detector.name,
+            scorer=models.scorer.name,
+        )
+
+    def embed_text(self, request: pb.EmbedTextRequest) -> pb.EmbedTextReply:
+        """Prompts as the scorer sees them, for images that came with earlier observations."""
+        if not 0 < len(request.prompts) <= MOST_PROMPTS:
+            raise InvalidInput(
+                f"{len(request.prompts)} prompts came; send 1 to {MOST_PROMPTS} in one call"
+            )
+        with self._workload.work():
+            made = self._analyst.models.scorer.embed_text(list(request.prompts))
+        return pb.EmbedTextReply(
+            embeddings=[embedding_to_proto(e) for e in made.texts],
+            scale=made.scale,
+            offset=made.offset,
+        )
+
+    def estimate_depth(self, request: pb.DepthRequest) -> pb.DepthReply:
+        """Depth of a colour image, for robots that have none (the bridge asks)."""
+        depth = self._analyst.models.depth
+        if depth is None:
+            raise InvalidInput(
+                "this detector makes no depth; set its depth to transformers:ID, or the bridge's "
+                "depth to sensor"
+            )
+        began = time.perf_counter()
+        color = color_array(
+            request.raw_color if request.HasField("raw_color") else None,
+            request.compressed_color if request.HasField("compressed_color") else None,
+        )
+        focal_px = focal_of(request, color.shape[1])
+        with self._workload.work():
+            made = depth.estimate(color, focal_px)
+        self._analyst.measure()
+        out = depth_to_proto(made, depth.name)
+        out.estimate_ms = self._analyst.timed("depth", began)
+        self._health.count("depths_estimated")
+        return out

@@ -1,0 +1,118 @@
+"""All models of one detector: opened from the settings, loaded until they work, unloaded."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from dataclasses import dataclass, replace
+
+from helios_core.errors import HeliosError, Unavailable
+from helios_core.health import Health
+
+from helios_detector.backend import (
+    DepthBackend,
+    DetectorBackend,
+    DetectorOptions,
+    ScorerBackend,
+    open_depth,
+    open_detector,
+    open_scorer,
+)
+from helios_detector.scorer import furniture_names
+from helios_detector.settings import Settings
+from helios_detector.truth import TruthSource
+
+log = logging.getLogger(__name__)
+
+LONGEST_RETRY_S = 60.0
+
+
+@dataclass(frozen=True)
+class Models:
+    """All back ends of one detector."""
+
+    detector: DetectorBackend
+    scorer: ScorerBackend
+    depth: DepthBackend | None = None
+
+    @property
+    def all(self) -> tuple[DetectorBackend | ScorerBackend | DepthBackend, ...]:
+        return tuple(m for m in (self.detector, self.scorer, self.depth) if m is not None)
+
+    def warm_up(self) -> None:
+        """Raises Unavailable when one cannot work."""
+        for model in self.all:
+            model.warm_up()
+
+    def unload(self) -> None:
+        for model in self.all:
+            model.unload()
+
+    def accelerator_mb(self) -> float:
+        """Peak of the accelerator's memory since the last call; 0 without one."""
+        return max(model.accelerator_mb() for model in self.all)
+
+    def close(self) -> None:
+        for model in self.all:
+            model.close()
+
+
+def landmarks_of(setting: str, scorer: ScorerBackend) -> tuple[str, ...]:
+    """The names that a setting asks for: auto, none, or names by comma."""
+    if setting == "auto":
+        return furniture_names() if scorer.reads_names else ()
+    if setting == "none":
+        return ()
+    return tuple(name.strip() for name in setting.split(",") if name.strip())
+
+
+def open_models(s: Settings, truth: TruthSource | None) -> Models:
+    """Raises InvalidInput (wrong setting) or Unavailable."""
+    options = DetectorOptions(
+        truth=truth,
+        threads=s.threads,
+        noise=s.noise,
+        noise_seed=s.noise_seed,
+        noise_level=s.noise_level,
+        noise_correlation=s.noise_correlation,
+        device=s.device,
+        precision=s.precision,
+        masks=s.masks,
+        score_head=s.score_head,
+        by_similarity=s.by_similarity,
+    )
+    scorer = open_scorer(s.scorer, options)
+    options = replace(options, landmarks=landmarks_of(s.landmarks, scorer))
+    detector = open_detector(s.detector, options)
+    return Models(detector, scorer, open_depth(s.depth, options, s.depth_focal))
+
+
+def load_models(
+    s: Settings, truth: TruthSource | None, health: Health, ending: threading.Event
+) -> Models | None:
+    """Models that work. What may come right by itself is tried again, at doubling pauses.
+
+    None when told to end, or a setting is wrong; `health` says what is missing until then.
+    """
+    pause_s = s.retry_s
+    health.waiting(f"loading {s.detector} and the scorer {s.scorer}")
+    while not ending.is_set():
+        try:
+            models = open_models(s, truth)
+            models.warm_up()
+            return models
+        except Unavailable as error:
+            health.waiting(error.message)
+            ending.wait(pause_s)
+            pause_s = min(2 * pause_s, LONGEST_RETRY_S)
+        except HeliosError as error:
+            health.degraded(error.message)
+            return None
+        except Exception as error:  # an outside package's back end
+            log.exception("%s or %s cannot be loaded", s.detector, s.scorer)
+            health.degraded(
+                f"{s.detector} or {s.scorer} cannot be loaded ({type(error).__name__}: {error}); "
+                "see the detector's log"
+            )
+            return None
+    return None

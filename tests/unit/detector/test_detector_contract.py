@@ -1,0 +1,120 @@
+"""What a back end gives is held to its contract before it is sent."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from detector_scene import SceneTruth, context_of
+from helios_core.codec import context_to_proto, frame_to_proto, observation_from_proto
+from helios_core.errors import Internal, InvalidInput
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION
+from helios_core.types import Detection
+from helios_detector.backend import Findings, Judgement, Seen
+from helios_detector.boxes import box_of, near_box
+from helios_detector.contract import held_findings, held_judgement
+from helios_detector.ground_truth import GroundTruthDetector
+from helios_detector.scorer import LexicalScorer
+from helios_detector.service import DetectorService
+
+SHAPE = (40, 60)
+
+
+def detection(score: float = 0.5, box: tuple[int, int, int, int] = (5, 5, 15, 15)) -> Detection:
+    mask = np.zeros(SHAPE, bool)
+    mask[8:12, 8:12] = True
+    return Detection("mug", score, box, mask)
+
+
+def test_good_findings_pass_as_they_are():
+    good = Findings((detection(0.0), detection(1.0)), (Seen("mug", 0.3),))
+    held, wrong = held_findings(good, SHAPE)
+    assert held is good
+    assert not wrong
+
+
+@pytest.mark.parametrize(("score", "sent"), [(1.7, 1.0), (-0.2, 0.0), (float("inf"), 1.0)])
+def test_a_score_outside_0_to_1_is_cut_to_it_and_counted(score: float, sent: float):
+    held, wrong = held_findings(Findings((detection(score),), (Seen("mug", score),)), SHAPE)
+    assert [d.score for d in held.detections] == [sent]
+    assert [s.score for s in held.seen] == [sent]
+    assert wrong == {"scores_clipped": 2}
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        detection(float("nan")),
+        detection(box=(5, 5, 5, 15)),
+        detection(box=(-1, 5, 15, 15)),
+        detection(box=(5, 5, 61, 15)),
+        replace(detection(), mask=np.zeros((10, 10), bool)),
+        replace(detection(), mask=np.zeros(SHAPE, np.uint8)),
+    ],
+)
+def test_what_fits_no_image_is_left_out_and_counted(bad: Detection):
+    held, wrong = held_findings(Findings((bad, detection()), ()), SHAPE)
+    assert len(held.detections) == 1
+    assert wrong == {"detections_refused": 1}
+
+
+def test_a_box_is_widened_to_its_mask_because_only_what_is_in_it_is_sent():
+    held, wrong = held_findings(Findings((detection(box=(10, 5, 15, 15)),), ()), SHAPE)
+    assert held.detections[0].box_xyxy == (8, 5, 15, 15)
+    assert wrong == {"boxes_widened": 1}
+
+
+def test_a_scorers_numbers_are_cut_and_what_is_none_is_a_fault():
+    held, wrong = held_judgement(Judgement({"pick": 1.5, "place": 0.5}), "x")
+    assert held.scores == {"pick": 1.0, "place": 0.5}
+    assert wrong == {"scores_clipped": 1}
+    with pytest.raises(Internal, match="x gave no number as the score of 'pick'"):
+        held_judgement(Judgement({"pick": float("nan")}), "x")
+
+
+def test_the_service_counts_what_a_foreign_back_end_does_wrong_and_sends_the_rest():
+    class Boasting(GroundTruthDetector):
+        name = "boasting"
+
+        def detect(self, frame, context) -> Findings:
+            found = super().detect(frame, context)
+            louder = tuple(replace(d, score=3.0) for d in found.detections)
+            return Findings(louder, found.seen)
+
+    truth, hub, health, seen = SceneTruth(), MemoryHub(), Health(), []
+    bus = MemoryBus(hub)
+    bus.subscribe(OBSERVATION, seen.append)
+    DetectorService(MemoryBus(hub), Boasting(truth), LexicalScorer(), health)
+    bus.publish(CONTEXT, context_to_proto(context_of("mug")))
+    bus.publish(KEYFRAME, frame_to_proto(truth.frame()))
+    assert [d.score for d in observation_from_proto(seen[0]).detections] == [1.0]
+    assert health.metrics()["scores_clipped"] == 1
+    assert health.metrics()["keyframes_answered"] == 1
+
+
+def test_an_observation_of_a_foreign_process_with_such_a_score_is_refused():
+    truth, hub, seen = SceneTruth(), MemoryHub(), []
+    bus = MemoryBus(hub)
+    bus.subscribe(OBSERVATION, seen.append)
+    DetectorService(MemoryBus(hub), GroundTruthDetector(truth), LexicalScorer(), Health())
+    bus.publish(CONTEXT, context_to_proto(context_of("mug")))
+    bus.publish(KEYFRAME, frame_to_proto(truth.frame()))
+    for score in (1.7, -0.1, float("nan")):
+        seen[0].detections[0].score = score
+        with pytest.raises(InvalidInput, match="send a number from 0 to 1"):
+            observation_from_proto(seen[0])
+
+
+def test_a_mask_may_go_a_little_beyond_its_box_and_specks_elsewhere_are_dropped():
+    mask = np.zeros(SHAPE, bool)
+    mask[10:20, 10:22] = True  # the thing, beyond a box that ends at 20
+    mask[12, 22:58] = True  # what leaked out of it
+    mask[30:33, 50:53] = mask[8, 22] = True  # specks
+    kept = near_box(mask, (10, 10, 20, 20))
+    assert box_of(kept) == (10, 10, 22, 20)
+    assert kept.sum() == 120
+    assert not near_box(mask, (40, 0, 60, 10)).any()
+    assert not near_box(np.zeros(SHAPE, bool), (0, 0, 10, 10)).any()
+    full = np.ones(SHAPE, bool)
+    assert near_box(full, (0, 0, 60, 40)).all()
