@@ -24,6 +24,7 @@ from helios_client.replay_results import Results, collect
 from helios_client.replay_tally import Tally
 from helios_client.stack import Stack, free_port
 from helios_client.supervisor import Supervisor
+from helios_client.wrong_use import WrongUse
 
 CHECK_PERIOD_S = 0.05
 CONNECT_WITHIN_S = 20.0
@@ -170,7 +171,8 @@ def _play(
 def _check(supervisor: Supervisor) -> None:
     for name, ending in supervisor.check():
         said = ending.reason.removeprefix(f"helios-{name}: ")
-        raise HeliosError(f"{name} ended: {said}")
+        kind = WrongUse if ending.usage_error else HeliosError
+        raise kind(f"{name} ended: {said}")
 
 
 def _settle(supervisor: Supervisor, seconds: float) -> None:

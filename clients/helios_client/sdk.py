@@ -5,41 +5,38 @@
         task = helios.wait(task.id, timeout_s=300)
         print(task.state, task.message)
 
-Every call has a deadline. Errors are those of `helios_core.errors`: InvalidInput, Unavailable,
-DeadlineExceeded, Conflict, Internal.
+The same with `await`: `helios_client.sdk_async.AsyncHelios`. Every call has a deadline. Errors are
+those of `helios_core.errors`: InvalidInput, Unavailable, DeadlineExceeded, Conflict, Internal.
 """
 
 from __future__ import annotations
 
-import io
-import json
 import time
 from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
-from typing import Any, Self
-from urllib.parse import quote
+from typing import Any, Self, TypeVar
 
 import httpx
-import numpy as np
-from helios_core.errors import (
-    Conflict,
-    DeadlineExceeded,
-    HeliosError,
-    Internal,
-    InvalidInput,
-    Unavailable,
-)
+from helios_core.errors import DeadlineExceeded, Unavailable
 from numpy.typing import NDArray
 
-from helios_client.tasks import Decision, Event, FoundObject, Task
+from helios_client import calls
+from helios_client.connection import EVENT_RETRY_S, POLL_S, SILENCE_S, Connection
+from helios_client.event_stream import EventParser
+from helios_client.http_errors import lost, refused
+from helios_client.tasks import (
+    Decision,
+    Event,
+    FoundObject,
+    Frontier,
+    MapInfo,
+    RobotAnswer,
+    Status,
+    Task,
+)
+from helios_client.waiting import Waiting
 
-POLL_S = 0.3
-SILENCE_S = 30.0  # a gateway is restarted within seconds
-CONNECT_S = 3.0
-_KINDS: dict[int, type[HeliosError]] = {
-    400: InvalidInput, 404: InvalidInput, 405: InvalidInput, 413: InvalidInput, 422: InvalidInput,
-    409: Conflict, 503: Unavailable, 504: DeadlineExceeded,
-}  # fmt: skip
+T = TypeVar("T")
 
 
 class Helios:
@@ -50,35 +47,31 @@ class Helios:
         base_url: str = "http://127.0.0.1:8080",
         timeout_s: float = 10.0,
         transport: httpx.BaseTransport | None = None,
+        key: str | None = None,
+        robot: str | None = None,
     ) -> None:
-        self._url = base_url.rstrip("/")
-        self._timeout_s = timeout_s
-        self._http = httpx.Client(
-            base_url=self._url,
-            timeout=httpx.Timeout(timeout_s, connect=min(CONNECT_S, timeout_s)),
-            transport=transport,
-            trust_env=False,  # a proxy of the environment is no way to a robot on loopback
-        )
+        """`key`: an API key, where the gateway wants one. `robot`: one of several, by name."""
+        self._to = Connection(base_url, timeout_s, key, robot)
+        self._http = httpx.Client(**self._to.options(), transport=transport)
 
     # --- tasks --------------------------------------------------------------------------------
-    def submit(self, instruction: str, max_steps: int | None = None) -> Task:
+    def submit(
+        self, instruction: str, max_steps: int | None = None, agent: str | None = None
+    ) -> Task:
         """Queue a task. Raises InvalidInput when the instruction cannot be understood."""
-        body: dict[str, Any] = {"instruction": instruction}
-        if max_steps is not None:
-            body["max_steps"] = max_steps
-        return Task.from_json(self._json("POST", "/v1/tasks", body))
+        return self._do(calls.submit(instruction, max_steps, agent))
 
     def task(self, id: str) -> Task:
         """How a task is."""
-        return Task.from_json(self._json("GET", f"/v1/tasks/{quote(id, safe='')}"))
+        return self._do(calls.task(id))
 
-    def tasks(self) -> tuple[Task, ...]:
-        """All tasks, newest first."""
-        return tuple(Task.from_json(t) for t in self._json("GET", "/v1/tasks")["tasks"])
+    def tasks(self, state: str | None = None, limit: int | None = None) -> tuple[Task, ...]:
+        """Tasks, newest first: all, or those in a state."""
+        return self._do(calls.tasks(state, limit))
 
     def cancel(self, id: str) -> Task:
         """Ask a task to end."""
-        return Task.from_json(self._json("POST", f"/v1/tasks/{quote(id, safe='')}/cancel"))
+        return self._do(calls.cancel(id))
 
     def wait(
         self,
@@ -91,93 +84,119 @@ class Helios:
         A gateway that is being restarted is waited for, up to `SILENCE_S`. Raises DeadlineExceeded,
         and Unavailable when nobody answers any more.
         """
-        deadline_s = heard_s = time.monotonic()
-        deadline_s += timeout_s
-        last: Task | None = None
+        waiting = Waiting(id, timeout_s, SILENCE_S)
         while True:
             try:
                 task = self.task(id)
             except (Unavailable, DeadlineExceeded):
-                if time.monotonic() > min(heard_s + SILENCE_S, deadline_s):
+                if waiting.gives_up():
                     raise
             else:
-                heard_s = time.monotonic()
-                if on_update and task != last:
+                if waiting.is_new(task) and on_update:
                     on_update(task)
-                last = task
                 if task.ended:
                     return task
-                if heard_s > deadline_s:
-                    raise DeadlineExceeded(
-                        f"task {id} is still {task.state} after {timeout_s:g} s; wait longer, or "
-                        "cancel it"
-                    )
+                waiting.check(task)
             time.sleep(POLL_S)
 
     def decisions(self, id: str) -> tuple[Decision, ...]:
         """Why the task went as it did, oldest first."""
-        answer = self._json("GET", f"/v1/tasks/{quote(id, safe='')}/decisions")
-        return tuple(Decision.from_json(d) for d in answer["decisions"])
+        return self._do(calls.decisions(id))
 
     # --- maps and robot -----------------------------------------------------------------------
-    def objects(self) -> tuple[FoundObject, ...]:
-        """The instances of the object map."""
-        return tuple(FoundObject.from_json(o) for o in self._json("GET", "/v1/objects")["objects"])
+    def objects(
+        self, class_name: str | None = None, min_score: float | None = None
+    ) -> tuple[FoundObject, ...]:
+        """The instances of the object map: all, or of a class, or from a score Ψ on."""
+        return self._do(calls.objects(class_name, min_score))
+
+    def object(self, id: int) -> FoundObject:
+        """One instance of the object map."""
+        return self._do(calls.found_object(id))
+
+    def map_info(self) -> MapInfo:
+        """The 2D map's size, place and layers."""
+        return self._do(calls.map_info())
 
     def occupancy(self) -> dict[str, NDArray]:
         """The arrays of `/v1/map/occupancy.npz`: `occupancy` int8 (-1 unknown, 0, 100) and more."""
-        return self._arrays("/v1/map/occupancy.npz")
+        return self._do(calls.arrays("occupancy"))
 
     def value_layer(self, layer: str) -> dict[str, NDArray]:
         """The arrays of one value layer: `pick` or `place`."""
-        return self._arrays(f"/v1/map/value/{quote(layer, safe='')}.npz")
+        return self._do(calls.arrays(f"value/{layer}"))
 
     def picture(self, what: str = "occupancy") -> bytes:
         """PNG of the map: `occupancy` or `value/<layer>`."""
-        return self._send("GET", f"/v1/map/{quote(what)}.png").content
+        return self._do(calls.map_file(what, "png"))
 
-    def frontiers(self) -> list[dict[str, Any]]:
+    def map_file(self, what: str, ending: str) -> bytes:
+        """The map as it travels: `occupancy` or `value/<layer>`, as `png` or `npz`."""
+        return self._do(calls.map_file(what, ending))
+
+    def frontiers(self) -> list[Frontier]:
         """The borders of what was seen since the search began."""
-        return self._json("GET", "/v1/map/frontiers")["frontiers"]
+        return self._do(calls.frontiers())
 
     def camera(self) -> bytes:
         """JPEG of what the robot sees now."""
-        return self._send("GET", "/v1/camera.jpg").content
+        return self._do(calls.camera())
 
-    def stop_robot(self, reason: str = "asked for by the Python SDK") -> None:
+    def robot(self) -> RobotAnswer:
+        """How the robot is, and what it is."""
+        return self._do(calls.robot())
+
+    def stop_robot(self, reason: str = "asked for by the Python SDK") -> RobotAnswer:
         """Stop now; latches until `clear_stop`."""
-        self._send("POST", "/v1/robot/stop", {"reason": reason})
+        return self._do(calls.stop_robot(reason))
 
-    def clear_stop(self) -> None:
+    def clear_stop(self) -> RobotAnswer:
         """Allow the robot to move again."""
-        self._send("POST", "/v1/robot/clear-stop")
+        return self._do(calls.clear_stop())
 
     # --- the whole ----------------------------------------------------------------------------
-    def status(self) -> dict[str, Any]:
-        """`{ready, services: [{name, state, reason, restarts, pid}]}`."""
-        return self._json("GET", "/v1/status")
+    def status(self) -> Status:
+        """How every service is."""
+        return self._do(calls.status())
+
+    def settings(self, service: str) -> dict[str, Any]:
+        """The settings that a running service has, by name."""
+        return self._do(calls.service_settings(service))
 
     def ready(self) -> bool:
         """Whether a task submitted now would start; False where nobody answers."""
         try:
-            return self._http.get("/readyz").status_code == httpx.codes.OK
-        except httpx.TransportError:
+            return self.status()["ready"]
+        except (Unavailable, DeadlineExceeded):
             return False
 
-    def events(self, silent_after_s: float = 30.0) -> Iterator[Event]:
-        """What happens, as it happens, without an end.
+    def events(
+        self,
+        types: Iterable[str] = (),
+        task_id: str | None = None,
+        last_id: str = "",
+        silence_s: float = SILENCE_S,
+    ) -> Iterator[Event]:
+        """What happens, as it happens: all of it, or these types, or of one task until it ended.
 
-        Raises DeadlineExceeded after so long a silence (the gateway sends signs of life).
+        A connection that is lost is taken up again where it broke off. Raises Unavailable or
+        DeadlineExceeded after so long a silence (the gateway sends signs of life).
         """
-        timeout = httpx.Timeout(self._timeout_s, read=silent_after_s)
-        try:
-            with self._http.stream("GET", "/v1/events", timeout=timeout) as response:
-                if response.is_error:
-                    response.read()
-                    raise self._error(response)
-                yield from parse_events(response.iter_lines())
-        except httpx.TransportError as error:
-            raise self._lost(error) from error
+        heard_s = time.monotonic()
+        asked = tuple(types)
+        while True:
+            try:
+                for event in self._stream(asked, task_id, last_id, silence_s):
+                    heard_s, last_id = time.monotonic(), event.id or last_id
+                    yield event
+                    if task_id and event.ends_task:
+                        return
+                trouble = Unavailable(f"{self._to.url} ended the stream of events; try again")
+            except (Unavailable, DeadlineExceeded) as error:
+                trouble = error
+            if time.monotonic() - heard_s >= silence_s:
+                raise trouble
+            time.sleep(EVENT_RETRY_S)
 
     def close(self) -> None:
         self._http.close()
@@ -194,59 +213,25 @@ class Helios:
         self.close()
 
     # --- transport ----------------------------------------------------------------------------
-    def _send(self, verb: str, path: str, body: dict[str, Any] | None = None) -> httpx.Response:
+    def _do(self, call: calls.Call[T]) -> T:
         try:
-            response = self._http.request(verb, path, json=body)
+            response = self._http.request(**self._to.request(call))
         except httpx.TransportError as error:
-            raise self._lost(error) from error
-        if response.is_error:
-            raise self._error(response)
-        return response
+            raise lost(error, self._to.url) from error
+        return call.answer(response)
 
-    def _json(self, verb: str, path: str, body: dict[str, Any] | None = None) -> Any:
-        response = self._send(verb, path, body)
+    def _stream(
+        self, types: tuple[str, ...], task_id: str | None, last_id: str, silence_s: float
+    ) -> Iterator[Event]:
+        request = self._to.event_request(types, task_id, last_id, silence_s)
+        parser = EventParser()
         try:
-            return response.json()
-        except ValueError as error:
-            raise Internal(f"{self._url}{path} answered no JSON; is HELIOS there?") from error
-
-    def _arrays(self, path: str) -> dict[str, NDArray]:
-        data = self._send("GET", path).content
-        with np.load(io.BytesIO(data), allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
-
-    def _lost(self, error: httpx.TransportError) -> HeliosError:
-        if isinstance(error, httpx.ConnectError | httpx.ConnectTimeout):
-            return Unavailable(f"nobody answers at {self._url}; start HELIOS with `helios up`")
-        if isinstance(error, httpx.TimeoutException):
-            return DeadlineExceeded(f"{self._url} gave no answer in time; see `helios status`")
-        return Unavailable(f"{self._url} broke off ({error}); try again")
-
-    def _error(self, response: httpx.Response) -> HeliosError:
-        """The typed error that a problem+json answer stands for."""
-        kind = _KINDS.get(response.status_code, Internal)
-        try:
-            detail = response.json()["detail"]
-        except (ValueError, KeyError, TypeError):
-            detail = f"{response.request.url} answered {response.status_code}; is HELIOS there?"
-        return kind(str(detail))
-
-
-def parse_events(lines: Iterable[str]) -> Iterator[Event]:
-    """Server-sent events from their lines; comments and data that is no JSON object are skipped."""
-    fields: dict[str, str] = {}
-    for line in lines:
-        if line:
-            name, _, value = line.partition(":")
-            if name:
-                value = value.removeprefix(" ")
-                joined = name == "data" and "data" in fields
-                fields[name] = f"{fields['data']}\n{value}" if joined else value
-            continue
-        try:
-            data = json.loads(fields.get("data", ""))
-        except ValueError:
-            data = None
-        if isinstance(data, dict):
-            yield Event(fields.get("event", "message"), data, fields.get("id", ""))
-        fields = {}
+            with self._http.stream(**request) as response:
+                if response.is_error:
+                    response.read()
+                    raise refused(response)
+                for line in response.iter_lines():
+                    if event := parser.feed(line):
+                        yield event
+        except httpx.TransportError as error:
+            raise lost(error, self._to.url) from error

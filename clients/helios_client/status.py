@@ -3,38 +3,51 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
-from helios_core.errors import Unavailable
+from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from rich.markup import escape
 from rich.table import Table
 
 from helios_client import state_file
+from helios_client.sdk import Helios
+from helios_client.tasks import Status
 
 _COLORS = {"ready": "green", "starting": "cyan", "waiting": "yellow", "restarting": "yellow"}
 
 
-def find_status(port: int, state_dir: Path | None) -> dict[str, Any]:
-    """`{ready, services: [{name, state, reason, restarts, pid}]}`.
+def find_status(helios: Helios, port: int | None, state_dir: Path | None) -> Status:
+    """`{ready, stopped, services: [{name, state, reason, restarts, pid}]}`.
 
-    The file knows all while the gateway is down; the gateway is asked where services were started
-    in some other way. Raises Unavailable when neither is there.
+    The supervisor's file of `port` knows the services while the gateway is down; whether stop-now
+    is latched only the gateway can say. Raises Unavailable when neither is there, InvalidInput
+    where the gateway refuses.
     """
-    found = state_file.read(state_dir or state_file.default_state_dir(port))
+    found = None
+    if port is not None:
+        found = state_file.read(state_dir or state_file.default_state_dir(port))
+    try:
+        live = helios.status()
+    except InvalidInput:
+        raise
+    except HeliosError as error:
+        if found is not None:
+            return {"ready": found["ready"], "stopped": None, "services": found["services"]}
+        if port is not None and isinstance(error, Unavailable):
+            raise Unavailable(
+                f"no HELIOS runs with port {port} on this machine; start it with `helios up`"
+            ) from error
+        raise
     if found is None:
-        from helios_client.sdk import Helios
-
-        with Helios(f"http://127.0.0.1:{port}", timeout_s=3.0) as helios:
-            try:
-                found = helios.status()
-            except Unavailable as error:
-                raise Unavailable(
-                    f"no HELIOS runs with port {port} on this machine; start it with `helios up`"
-                ) from error
-    return {"ready": found["ready"], "services": found["services"]}
+        return live
+    stopped = live["stopped"]
+    return {
+        "ready": found["ready"] and not stopped,
+        "stopped": stopped,
+        "services": found["services"],
+    }
 
 
-def status_table(found: dict[str, Any]) -> Table:
+def status_table(found: Status) -> Table:
     """One row a service."""
     out = Table("service", "state", "pid", "restarts", "reason")
     for s in found["services"]:

@@ -11,7 +11,8 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 
 from helios_client import state_file
-from helios_client.sdk import POLL_S, Helios
+from helios_client.connection import POLL_S
+from helios_client.sdk import Helios
 from helios_client.tasks import Task
 
 STARTING_S = 60.0
@@ -47,12 +48,18 @@ def wait_while_starting(helios: Helios, port: int, console: Console) -> None:
         time.sleep(POLL_S)
 
 
-def run_task(helios: Helios, instruction: str, timeout_s: float, console: Console) -> Task:
+def run_task(
+    helios: Helios,
+    instruction: str,
+    timeout_s: float,
+    console: Console,
+    agent: str | None = None,
+) -> Task:
     """Submit and wait; interrupting cancels the task.
 
     Without a terminal each change of phase or message is a line. Raises HeliosError.
     """
-    task = helios.submit(instruction)
+    task = helios.submit(instruction, agent=agent)
     try:
         if console.is_terminal:
             return _watch_live(helios, task, timeout_s, console)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import Any, Self
+from typing import Any, Self, TypedDict
 
 ENDED = ("succeeded", "failed", "cancelled")
 
@@ -31,6 +31,7 @@ class Task(_FromJson):
     message: str = ""  # what it does now, or why it ended
     cause: str = ""
     seeking: str = ""
+    agent: str = ""  # helios, trusting …
     kind: str = ""  # move, find, go_to
     object: str = ""
     start: str = ""
@@ -79,6 +80,7 @@ class FoundObject(_FromJson):
     uncertainty: float = 0.0
     views: int = 0
     gaussians: int = 0
+    detection_rate: float = 0.0  # share of its views in which it was detected as its class
     probabilities: dict[str, float] = field(default_factory=dict)
 
     @classmethod
@@ -94,3 +96,83 @@ class Event:
     type: str
     data: dict[str, Any]
     id: str = ""
+
+    @property
+    def ends_task(self) -> bool:
+        """It tells that a task has ended."""
+        return self.type == "task" and self.data.get("state") in ENDED
+
+
+class ServiceAnswer(TypedDict):
+    """How one service is."""
+
+    name: str
+    state: str  # starting, waiting, ready, degraded, stopping, down
+    reason: str
+    restarts: int
+    pid: int | None
+
+
+class Status(TypedDict):
+    """How all services are, and whether a task submitted now would start."""
+
+    ready: bool
+    stopped: bool | None  # stop-now is latched; None: only the gateway knows, and it is away
+    services: list[ServiceAnswer]
+
+
+class Pose(TypedDict):
+    """On the floor of the world."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+class RobotState(TypedDict):
+    """How the robot is now."""
+
+    pose: Pose | None
+    held: str  # class of what is held; empty: nothing
+    moving: bool
+    stopped: bool  # stop-now is latched
+    message: str
+
+
+class RobotAnswer(TypedDict):
+    """The robot; `state` is None until it was heard."""
+
+    connected: bool
+    state: RobotState | None
+    description: dict[str, Any] | None
+
+
+class Frontier(TypedDict):
+    """A border of what was seen since the search began."""
+
+    id: int
+    center_m: list[float]
+    size_m: float
+    reachable: bool
+    values: dict[str, float]  # by value layer
+
+
+class MapLayer(TypedDict):
+    """A value layer and its largest value."""
+
+    name: str
+    max_value: float
+
+
+class MapInfo(TypedDict):
+    """The 2D map without its arrays."""
+
+    version: int
+    cell_m: float
+    origin_m: list[float]  # corner of the lower left cell
+    width_cells: int
+    height_cells: int
+    explored_m2: float
+    layers: list[MapLayer]
+    robot: Pose | None
+    trajectory_m: list[list[float]]

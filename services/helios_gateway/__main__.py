@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+from helios_core.bus import Bus
 from helios_core.errors import HeliosError
 from helios_core.service import run_service
 
@@ -18,8 +19,16 @@ def main() -> int:
     except HeliosError as error:
         print(f"helios-gateway: {error.message}", file=sys.stderr)
         return 1
+
+    def another_bus(robot: str) -> Bus:
+        from helios_core.zenoh_bus import ZenohBus
+
+        return ZenohBus(settings.router, robot)
+
     return run_service(
-        "gateway", settings, lambda bus, health: Gateway(bus, health, settings, listener)
+        "gateway",
+        settings,
+        lambda bus, health: Gateway(bus, health, settings, listener, another_bus),
     )
 
 

@@ -7,16 +7,20 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from fastapi import FastAPI, Request
+from fastapi.middleware.cors import CORSMiddleware
 from fastapi.responses import FileResponse, JSONResponse
 from fastapi.staticfiles import StaticFiles
 from fastapi_offline import FastAPIOffline
-from helios_core.bus import Bus
 
-from helios_gateway.limits import Limits
-from helios_gateway.live import Live
+from helios_gateway.access import session_routes
+from helios_gateway.fleet import Fleet
+from helios_gateway.keys import Keys
+from helios_gateway.limits import Bounds, Limits
 from helios_gateway.metrics import CountRequests, Metrics
-from helios_gateway.problems import Problem, add_problems, problem
-from helios_gateway.routes_health import health_routes
+from helios_gateway.openapi import describe_truly
+from helios_gateway.problems import add_problems, problem
+from helios_gateway.routes_events import event_routes
+from helios_gateway.routes_health import fleet_routes, health_routes, service_routes
 from helios_gateway.routes_map import map_routes
 from helios_gateway.routes_robot import robot_routes
 from helios_gateway.routes_tasks import task_routes
@@ -25,40 +29,49 @@ from helios_gateway.settings import Settings
 log = logging.getLogger(__name__)
 
 STATIC = Path(__file__).parent / "static"
-_PROBLEMS: dict[int | str, dict] = {
-    status: {"model": Problem, "description": words}
-    for status, words in {
-        400: "the request is wrong",
-        404: "there is no such thing",
-        409: "refused in the present state",
-        503: "a service cannot answer now",
-        504: "a service did not answer in time",
-    }.items()
-}
 
 
-def create_app(bus: Bus, live: Live, settings: Settings) -> FastAPI:
-    """The HTTP interface over a bus and what is known from it."""
+def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> FastAPI:
+    """The HTTP interface over the robots' buses and what is known from them."""
     app = FastAPIOffline(
         redoc_url=None,
         title="HELIOS",
         version=_version(),
         description="Language tasks for a robot: submit, watch, understand, stop. "
         "Lengths are metres, angles radians, times seconds; the world is z up. "
-        "Errors are `application/problem+json`.",
+        "Errors are `application/problem+json`. Every address below `/v1` is also there below "
+        "`/v1/robots/NAME`, for one robot of several.",
         swagger_ui_parameters={"validatorUrl": None},
     )
-    metrics = Metrics(live)
+    keys = keys or Keys(settings.keys)
+    app.state.fleet, app.state.keys = fleet, keys
+    metrics = Metrics(fleet)
     add_problems(app)
-    app.add_middleware(Limits, body_limit_bytes=settings.body_limit_bytes)
+    describe_truly(app)
+    bounds = Bounds(
+        settings.body_limit_bytes, settings.body_timeout_s, settings.requests_per_s,
+        settings.max_requests, settings.other_origins,
+    )  # fmt: skip
+    app.add_middleware(Limits, bounds=bounds, keys=keys)
+    if settings.other_origins:
+        app.add_middleware(
+            CORSMiddleware, allow_origins=settings.other_origins, allow_methods=["*"],
+            allow_headers=["authorization", "content-type", "last-event-id", "if-none-match"],
+            expose_headers=["etag", "x-map-version", "x-frame-id"],
+        )  # fmt: skip
     app.add_middleware(CountRequests, metrics=metrics)
-    for routes in (
-        task_routes(bus, live, settings),
-        map_routes(live),
-        robot_routes(bus, live, settings),
-    ):
-        app.include_router(routes, responses=_PROBLEMS)
-    app.include_router(health_routes(live, metrics))
+    app.include_router(fleet_routes())
+    for prefix in ("/v1", "/v1/robots/{robot}"):
+        for routes in (
+            task_routes(prefix, settings),
+            event_routes(prefix, settings),
+            map_routes(prefix),
+            robot_routes(prefix, settings),
+            service_routes(prefix, settings),
+        ):
+            app.include_router(routes, include_in_schema=prefix == "/v1")
+    app.include_router(session_routes())
+    app.include_router(health_routes(metrics))
 
     @app.exception_handler(Exception)
     async def unforeseen(request: Request, error: Exception) -> JSONResponse:

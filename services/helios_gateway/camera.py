@@ -19,6 +19,7 @@ from helios_core.types import FrameId
 from numpy.typing import NDArray
 
 from helios_gateway.boxes import Box, draw_boxes
+from helios_gateway.responses import JPEG, Encoded
 
 POSES_KEPT = 64
 STILL = 2e-3  # a pose whose numbers (m, quaternion) all agree within this is the same
@@ -51,7 +52,7 @@ class Camera:
         self._newest: _Picture | None = None
         self._boxed: _Boxes | None = None
         self._poses: OrderedDict[FrameId, tuple[float, ...]] = OrderedDict()
-        self._made: OrderedDict[tuple[FrameId, FrameId | None], bytes] = OrderedDict()
+        self._made: OrderedDict[tuple[FrameId, FrameId | None], Encoded] = OrderedDict()
 
     def on_frame(self, frame: pb.Frame) -> None:
         """A frame of the stream or a keyframe."""
@@ -73,8 +74,8 @@ class Camera:
         picture = _Picture(frame_id_from_proto(frame.id), self._clock(), frame)
         self._take_boxes(picture, observation.detections)
 
-    def jpeg(self, raw: bool) -> tuple[bytes, FrameId]:
-        """The picture and the frame it shows.
+    def jpeg(self, raw: bool) -> Encoded:
+        """The picture, with the frame that it shows in a header.
 
         Raises Unavailable when no frame has come yet, Internal when it cannot be read.
         """
@@ -89,7 +90,7 @@ class Camera:
                 self._made[key] = self._make(picture, boxes.boxes if boxes else ())
                 while len(self._made) > 4:
                     self._made.popitem(last=False)
-            return self._made[key], picture.id
+            return self._made[key]
 
     def _take_boxes(self, picture: _Picture, detections: Sequence[pb.Detection]) -> None:
         boxes = tuple(
@@ -116,7 +117,7 @@ class Camera:
             return boxed.picture, boxed
         return newest, None
 
-    def _make(self, picture: _Picture, boxes: tuple[Box, ...]) -> bytes:
+    def _make(self, picture: _Picture, boxes: tuple[Box, ...]) -> Encoded:
         try:
             color = _pixels(picture.raw)
         except HeliosError as error:
@@ -125,7 +126,8 @@ class Camera:
         encoded, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, self._quality])
         if not encoded:
             raise Internal("the newest camera picture could not be encoded")
-        return data.tobytes()
+        shown = f"{picture.id.world_epoch}/{picture.id.seq}"
+        return Encoded.of(data.tobytes(), JPEG, x_frame_id=shown)
 
 
 def _pixels(raw: pb.Frame | bytes) -> NDArray[np.uint8]:

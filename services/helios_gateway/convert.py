@@ -63,7 +63,7 @@ def task(message: pb.Task) -> models.Task:
         steps=message.steps, max_steps=message.max_steps, picks=message.picks,
         progress=finite(message.progress), created_s=_time(message.created_s),
         started_s=_time(message.started_s), ended_s=_time(message.ended_s),
-        context_id=message.context_id,
+        context_id=message.context_id, agent=message.agent,
     )  # fmt: skip
 
 

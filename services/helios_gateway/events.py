@@ -7,33 +7,58 @@ longer held, and at the first visit, it gets the newest event of each kind that 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import threading
 import uuid
 from collections import deque
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator, AsyncIterator
 from dataclasses import dataclass
+from functools import cached_property
 
 from helios_core.errors import Unavailable
 from pydantic import BaseModel
 
+RETRY = b"retry: 1000\n\n"
 KEEPALIVE = b": still here\n\n"
 
 
 @dataclass(frozen=True)
 class Event:
-    """One server-sent event."""
+    """Something that happened, or a state that changed. Encoded once for all viewers."""
 
+    id: str  # <boot of the gateway>-<number>
     number: int
     type: str
-    state_key: str  # what state it tells of; "": none, it is a happening
     data: str  # JSON, one line
+    state_key: str = ""  # what state it tells of; "": none, it is a happening
+    task_id: str = ""  # which task it is about; "": none
+    ends_task: bool = False
 
-    def encode(self, boot: str) -> bytes:
-        return f"id: {boot}-{self.number}\nevent: {self.type}\ndata: {self.data}\n\n".encode()
+    @cached_property
+    def as_sse(self) -> bytes:
+        id = f"id: {self.id}\n" if self.id else ""
+        return f"{id}event: {self.type}\ndata: {self.data}\n\n".encode()
+
+    @cached_property
+    def as_json(self) -> str:
+        return f'{{"id":"{self.id}","type":"{self.type}","data":{self.data}}}'
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which events a viewer wants: empty is all."""
+
+    types: frozenset[str] = frozenset()
+    task_id: str = ""
+
+    def __call__(self, event: Event) -> bool:
+        if self.types and event.type not in self.types:
+            return False
+        return not self.task_id or event.task_id == self.task_id
 
 
 class EventHub:
-    """Thread-safe. `publish` from any thread; `stream` on an event loop."""
+    """Thread-safe. `publish` from any thread; `watch` on an event loop."""
 
     def __init__(self, backlog: int, max_viewers: int, keepalive_s: float) -> None:
         self._boot = uuid.uuid4().hex[:8]
@@ -52,12 +77,20 @@ class EventHub:
         with self._lock:
             return len(self._viewers)
 
-    def publish(self, type: str, data: BaseModel, state_key: str = "") -> None:
+    def publish(
+        self,
+        type: str,
+        data: BaseModel,
+        state_key: str = "",
+        task_id: str = "",
+        ends_task: bool = False,
+    ) -> None:
         """Tell everybody. `state_key` names the state whose newest event newcomers are given."""
         text = data.model_dump_json()  # one line; what is not finite becomes null
         with self._lock:
             self._number += 1
-            event = Event(self._number, type, state_key, text)
+            id = f"{self._boot}-{self._number}"
+            event = Event(id, self._number, type, text, state_key, task_id, ends_task)
             self._past.append(event)
             if state_key:
                 self._state.pop(state_key, None)
@@ -72,8 +105,13 @@ class EventHub:
             for viewer in self._viewers:
                 viewer.put(None)
 
-    def stream(self, last_id: str | None) -> AsyncIterator[bytes]:
-        """The bytes of one viewer's stream. Raises Unavailable when there are too many viewers."""
+    def watch(
+        self, last_id: str | None = None, wanted: Wanted = Wanted()
+    ) -> AsyncGenerator[Event | None]:
+        """One viewer's events; None at first, and when nothing happened for a while.
+
+        Raises Unavailable when there are too many viewers.
+        """
         with self._lock:
             if self._closed:
                 raise Unavailable("the gateway is stopping; come back in a moment")
@@ -82,28 +120,29 @@ class EventHub:
                     f"{len(self._viewers)} event streams are open and no more are taken; "
                     "close one, or raise --max-viewers"
                 )
-        return self._told(last_id)
+        return self._told(last_id, wanted)
 
-    async def _told(self, last_id: str | None) -> AsyncIterator[bytes]:
-        viewer = _Viewer(asyncio.get_running_loop(), 2 * self._backlog)
+    async def _told(self, last_id: str | None, wanted: Wanted) -> AsyncGenerator[Event | None]:
+        viewer = _Viewer(asyncio.get_running_loop(), 2 * self._backlog, wanted)
         with self._lock:
             for event in self._missed(last_id):
-                viewer.queue.put_nowait(event)
+                if wanted(event):
+                    viewer.queue.put_nowait(event)
             if self._closed:
                 viewer.queue.put_nowait(None)
             self._viewers.append(viewer)
         try:
-            yield b"retry: 1000\n\n"
+            yield None  # from here on nothing is missed
             while True:
                 try:
                     async with asyncio.timeout(self._keepalive_s):
                         event = await viewer.queue.get()
                 except TimeoutError:
-                    yield KEEPALIVE
+                    yield None
                     continue
                 if event is None:
                     return
-                yield event.encode(self._boot)
+                yield event
         finally:
             with self._lock:
                 self._viewers.remove(viewer)
@@ -120,12 +159,13 @@ class EventHub:
 class _Viewer:
     """One stream's queue. One that falls too far behind is ended, and comes back for the rest."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, depth: int) -> None:
+    def __init__(self, loop: asyncio.AbstractEventLoop, depth: int, wanted: Wanted) -> None:
         self.queue: asyncio.Queue[Event | None] = asyncio.Queue()
-        self._loop = loop
-        self._depth = depth
+        self._loop, self._depth, self._wanted = loop, depth, wanted
 
     def put(self, event: Event | None) -> None:
+        if event is not None and not self._wanted(event):
+            return
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._accept, event)
 
@@ -133,3 +173,12 @@ class _Viewer:
         if self.queue.qsize() > self._depth:
             event = None
         self.queue.put_nowait(event)
+
+
+async def as_sse(events: AsyncGenerator[Event | None]) -> AsyncIterator[bytes]:
+    """The bytes of a stream of server-sent events."""
+    async with contextlib.aclosing(events):
+        if await anext(events, None) is None:
+            yield RETRY
+        async for event in events:
+            yield KEEPALIVE if event is None else event.as_sse

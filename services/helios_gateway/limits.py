@@ -1,46 +1,134 @@
-"""What is refused before a request is looked at: bodies too large, pages of other sites."""
+"""What is refused before a request is looked at: too much, too many, or from a foreign page."""
 
 from __future__ import annotations
 
+import asyncio
+import ipaddress
+from collections.abc import Collection
+from dataclasses import dataclass
 from urllib.parse import urlsplit
 
+from limits import RateLimitItemPerSecond
+from limits.storage import MemoryStorage
+from limits.strategies import FixedWindowRateLimiter
 from starlette.datastructures import Headers
+from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from helios_gateway.access import key_of
+from helios_gateway.keys import Keys
 from helios_gateway.problems import problem
+
+READING = ("GET", "HEAD", "OPTIONS")
+NEVER_LATE = ("/robot/stop",)  # neither counted nor made to wait
+STREAMS = ("/events", "/events/ws")  # counted as viewers, not as requests
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """How much is taken."""
+
+    body_bytes: int
+    body_s: float  # longest time for a body to arrive
+    requests_per_s: int  # of one client
+    requests: int  # at the same time, of all clients
+    origins: tuple[str, ...] = ()  # other sites whose pages may use the interface
 
 
 class Limits:
-    """ASGI middleware. A body above the limit is never held; a browser's request that another
-    site's page makes (its `Origin` is not this host) may not change anything."""
+    """ASGI middleware.
 
-    def __init__(self, app: ASGIApp, body_limit_bytes: int) -> None:
-        self._app = app
-        self._limit = body_limit_bytes
+    A body above the limit is never held. A page of another site (its `Origin` is neither this host
+    nor in the list) may change nothing and open no socket. Where no key is asked for, the host's
+    name must be that of this machine, so that no name of another site can be made to lead here.
+    """
+
+    def __init__(self, app: ASGIApp, bounds: Bounds, keys: Keys) -> None:
+        self._app, self._bounds, self._keys = app, bounds, keys
+        self._rate = RateLimitItemPerSecond(bounds.requests_per_s)
+        self._limiter = FixedWindowRateLimiter(MemoryStorage())
+        self._running = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http" or scope["method"] in ("GET", "HEAD", "OPTIONS"):
+        if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
-        headers = Headers(scope=scope)
-        origin = headers.get("origin")
-        if origin is not None and urlsplit(origin).netloc != headers.get("host"):
-            refusal = problem(
-                403, "forbidden", "Forbidden",
-                f"a page of {origin[:200]} asked; only the dashboard's own page may command",
-            )  # fmt: skip
-            await refusal(scope, receive, send)
+        refusal = self._refusal(scope)
+        if refusal is not None:
+            await _refuse(refusal, scope, receive, send)
             return
-        body = await self._body(receive)
-        if body is None:
+        path: str = scope["path"]
+        counted = not path.endswith((*STREAMS, *NEVER_LATE))
+        if counted and self._running >= self._bounds.requests:
             refusal = problem(
-                413, "too-large", "Content Too Large",
-                f"the body is larger than {self._limit} bytes; send less",
+                503, "busy", "Service Unavailable",
+                f"{self._running} requests are being answered; try again in a second",
+            )  # fmt: skip
+            refusal.headers["retry-after"] = "1"
+            await _refuse(refusal, scope, receive, send)
+            return
+        self._running += counted
+        try:
+            await self._with_body(scope, receive, send)
+        finally:
+            self._running -= counted
+
+    def _refusal(self, scope: Scope) -> JSONResponse | None:
+        headers = Headers(scope=scope)
+        host = headers.get("host", "")
+        if not self._keys.required and not _is_this_machine(host):
+            return problem(
+                403, "forbidden", "Forbidden",
+                f"the host {host[:200]!r} is not this machine; ask localhost, or set up API keys",
+            )  # fmt: skip
+        origin = headers.get("origin")
+        changes = scope["type"] == "websocket" or scope["method"] not in READING
+        if origin is not None and changes and not self._is_own(origin, host):
+            return problem(
+                403, "forbidden", "Forbidden",
+                f"a page of {origin[:200]} asked; only the dashboard's own page may, and those of "
+                "--origins",
+            )  # fmt: skip
+        if scope["path"].endswith(NEVER_LATE):
+            return None
+        key = key_of(scope, self._keys) if self._keys.required else None
+        client = f"key {key.name}" if key else f"host {(scope.get('client') or ('',))[0]}"
+        if self._limiter.hit(self._rate, client):
+            return None
+        out = problem(
+            429, "too-many", "Too Many Requests",
+            f"more than {self._bounds.requests_per_s} requests a second; ask less often, or watch "
+            "/v1/events",
+        )  # fmt: skip
+        out.headers["retry-after"] = "1"
+        return out
+
+    def _is_own(self, origin: str, host: str) -> bool:
+        return urlsplit(origin).netloc == host or origin in self._bounds.origins
+
+    async def _with_body(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "websocket" or scope["method"] in READING:
+            await self._app(scope, receive, send)
+            return
+        try:
+            async with asyncio.timeout(self._bounds.body_s):
+                body = await self._body(receive)
+        except TimeoutError:
+            refusal = problem(
+                408, "late", "Request Timeout",
+                f"the body did not arrive within {self._bounds.body_s:g} s; send it at once",
             )  # fmt: skip
             refusal.headers["connection"] = "close"
             await refusal(scope, receive, send)
             return
-
+        if body is None:
+            refusal = problem(
+                413, "too-large", "Content Too Large",
+                f"the body is larger than {self._bounds.body_bytes} bytes; send less",
+            )  # fmt: skip
+            refusal.headers["connection"] = "close"
+            await refusal(scope, receive, send)
+            return
         pending: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
 
         async def replay() -> Message:
@@ -56,7 +144,30 @@ class Limits:
             if message["type"] != "http.request":
                 return bytes(body)
             body += message.get("body", b"")
-            if len(body) > self._limit:
+            if len(body) > self._bounds.body_bytes:
                 return None
             if not message.get("more_body", False):
                 return bytes(body)
+
+
+async def _refuse(refusal: JSONResponse, scope: Scope, receive: Receive, send: Send) -> None:
+    if scope["type"] == "websocket" and "websocket.http.response" not in _extensions(scope):
+        await send({"type": "websocket.close", "code": 1008, "reason": "refused"})
+        return
+    await refusal(scope, receive, send)
+
+
+def _extensions(scope: Scope) -> Collection[str]:
+    return scope.get("extensions") or {}
+
+
+def _is_this_machine(host: str) -> bool:
+    """A loopback name, or any address in numbers: no name that somebody else may hand out."""
+    name = urlsplit(f"//{host}").hostname or ""
+    if name == "localhost" or name.endswith(".localhost"):
+        return True
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True

@@ -33,6 +33,8 @@ from helios_gateway.settings import Settings
 
 log = logging.getLogger(__name__)
 
+STOPPED = "stop-now is latched: the robot will not move until /v1/robot/clear-stop"
+
 
 class Live:
     """Subscribes to everything a viewer may want to know. Thread-safe.
@@ -88,7 +90,19 @@ class Live:
         )
 
     def status(self) -> models.Status:
-        return models.Status(ready=not self.roster.reasons(), services=self.roster.services())
+        return models.Status(
+            ready=not self.reasons(), stopped=self.stopped, services=self.roster.services()
+        )
+
+    @property
+    def stopped(self) -> bool:
+        """Stop-now is latched, as far as is known."""
+        with self._lock:
+            return self._robot is not None and self._robot.stopped
+
+    def reasons(self) -> list[str]:
+        """Why a task could not start now; empty when it could."""
+        return self.roster.reasons() + ([STOPPED] if self.stopped else [])
 
     def tick(self) -> None:
         """Tell of what has changed since the last time."""
@@ -100,7 +114,9 @@ class Live:
             status = self.status()
             for service in status.services:
                 self._tell_if_new("service", f"service/{service.name}", service)
-            readiness = models.Readiness(ready=status.ready, reasons=self.roster.reasons())
+            readiness = models.Readiness(
+                ready=status.ready, stopped=status.stopped, reasons=self.reasons()
+            )
             self._tell_if_new("ready", "ready", readiness)
 
     def _tell_if_new(
@@ -138,11 +154,11 @@ class Live:
 
     def _on_task(self, message: pb.Task) -> None:
         task = convert.task(message)
-        self.events.publish("task", task, "task")
+        self.events.publish("task", task, "task", task.id, task.ended)
 
     def _on_decision(self, message: pb.Decision) -> None:
-        self.events.publish("decision", convert.decision(message), "decision")
+        self.events.publish("decision", convert.decision(message), "decision", message.task_id)
 
     def _on_plan(self, message: pb.Plan) -> None:
         self.maps.on_plan(message)
-        self.events.publish("plan", convert.plan(message), "plan")
+        self.events.publish("plan", convert.plan(message), "plan", message.task_id)

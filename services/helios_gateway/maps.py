@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable, Hashable
 
 from helios_core import proto as pb
 from helios_core.bus import Bus
@@ -12,6 +13,7 @@ from helios_core.topics import OBJECTS, PICTURE, SNAPSHOT
 
 from helios_gateway import cells, convert, models
 from helios_gateway.problems import NotFound
+from helios_gateway.responses import NPZ, PNG, Encoded
 from helios_gateway.shared_results import SharedResults
 
 
@@ -27,8 +29,9 @@ class Maps:
         self._snapshot: MapView | None = None
         self._views: SharedResults[MapView] = SharedResults(max_age_s)
         self._objects: SharedResults[pb.ObjectsReply] = SharedResults(max_age_s)
-        self._pictures: SharedResults[bytes] = SharedResults(max_age_s)
-        self._files: SharedResults[bytes] = SharedResults(float("inf"))
+        self._pictures: SharedResults[Encoded] = SharedResults(max_age_s)
+        self._lists: SharedResults[Encoded] = SharedResults(max_age_s)
+        self._files: SharedResults[Encoded] = SharedResults(float("inf"))
 
     def on_ack(self, ack: pb.Ack) -> None:
         with self._lock:
@@ -72,40 +75,47 @@ class Maps:
             trajectory_m=convert.pairs(view.trajectory_m.ravel().tolist()),
         )  # fmt: skip
 
-    def frontiers(self) -> models.FrontierList:
-        view = self.view()
-        return models.FrontierList(
-            version=view.version, frontiers=[convert.frontier(f) for f in view.frontiers]
-        )
+    def info_json(self) -> Encoded:
+        """`info` as it is sent."""
+        return self._file("info", self.view(), lambda _: Encoded.json(self.info()))
 
-    def cells(self, layer: str | None) -> tuple[bytes, int]:
-        """`cells.cells_png` and the map's version."""
+    def frontiers_json(self) -> Encoded:
+        """The frontiers as they are sent."""
+
+        def make(view: MapView) -> Encoded:
+            frontiers = [convert.frontier(f) for f in view.frontiers]
+            return Encoded.json(models.FrontierList(version=view.version, frontiers=frontiers))
+
+        return self._file("frontiers", self.view(), make)
+
+    def cells(self, layer: str | None) -> Encoded:
+        """`cells.cells_png`."""
         view = self._with_layer(layer)
-        png = self._files.get(("cells", layer), _state(view), lambda: cells.cells_png(view, layer))
-        return png, view.version
+        return self._file(("cells", layer), view, lambda _: Encoded.of(
+            cells.cells_png(view, layer), PNG, x_map_version=str(view.version)
+        ))  # fmt: skip
 
-    def npz(self, layer: str | None) -> tuple[bytes, int]:
-        """The arrays of occupancy (None) or of a value layer, and the map's version."""
-        view = self._with_layer(layer)
-        data = self._files.get(
-            ("npz", layer),
-            _state(view),
-            lambda: cells.occupancy_npz(view) if layer is None else cells.value_npz(view, layer),
-        )
-        return data, view.version
+    def npz(self, layer: str | None) -> Encoded:
+        """The arrays of occupancy (None) or of a value layer."""
 
-    def picture(self, layer: str, size_px: int) -> bytes:
+        def make(view: MapView) -> Encoded:
+            data = cells.occupancy_npz(view) if layer is None else cells.value_npz(view, layer)
+            return Encoded.of(data, NPZ, x_map_version=str(view.version))
+
+        return self._file(("npz", layer), self._with_layer(layer), make)
+
+    def picture(self, layer: str, size_px: int) -> Encoded:
         """PNG for people, as map2d draws it, with the path and the objects. Raises NotFound."""
         with self._lock:
             path_m = self._path_m
         state = (self._state("map2d"), self._state("objectmap"), path_m)
 
-        def make() -> bytes:
+        def make() -> Encoded:
             request = pb.PictureRequest(
                 layer=layer, size_px=size_px, path_m=path_m, objects=self._marked()
             )
             try:
-                return self._bus.call(PICTURE, request, self._timeout_s).png
+                return Encoded.of(self._bus.call(PICTURE, request, self._timeout_s).png, PNG)
             except InvalidInput as error:
                 raise NotFound(error.message) from error
 
@@ -114,6 +124,21 @@ class Maps:
     def objects(self) -> models.ObjectList:
         """Every instance of the object map."""
         return convert.object_list(self._ask_objects())
+
+    def objects_json(self, class_name: str | None, min_score: float | None) -> Encoded:
+        """The instances of a class (None: of all) with at least a score Ψ, as they are sent."""
+        reply = self._ask_objects()
+
+        def make() -> Encoded:
+            found = convert.object_list(reply)
+            kept = [o for o in found.objects if _fits(o, class_name, min_score)]
+            return Encoded.json(found.model_copy(update={"objects": kept}))
+
+        return self._lists.get((class_name, min_score), id(reply), make)
+
+    def _file(self, key: Hashable, view: MapView, make: Callable[[MapView], Encoded]) -> Encoded:
+        """Made once for this version of the map."""
+        return self._files.get(key, _state(view), lambda: make(view))
 
     def _state(self, service: str) -> int:
         with self._lock:
@@ -164,3 +189,9 @@ class Maps:
 
 def _state(view: MapView) -> tuple[int, str, str]:
     return view.version, str(view.frame_id), view.context_id
+
+
+def _fits(found: models.ObjectInstance, class_name: str | None, min_score: float | None) -> bool:
+    if class_name is not None and found.class_name != class_name:
+        return False
+    return min_score is None or (found.score is not None and found.score >= min_score)

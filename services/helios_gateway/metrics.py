@@ -11,7 +11,7 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_late
 from prometheus_client.registry import Collector
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from helios_gateway.live import Live
+from helios_gateway.fleet import Fleet
 
 BUCKETS_S = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 
@@ -19,7 +19,7 @@ BUCKETS_S = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 class Metrics:
     """One registry per application; nothing is global."""
 
-    def __init__(self, live: Live) -> None:
+    def __init__(self, fleet: Fleet) -> None:
         self.registry = CollectorRegistry()
         self.requests = Counter(
             "helios_http_requests_total", "requests by route and status",
@@ -29,7 +29,7 @@ class Metrics:
             "helios_http_request_seconds", "time to the start of the answer",
             ["method", "route"], buckets=BUCKETS_S, registry=self.registry,
         )  # fmt: skip
-        self.registry.register(_Services(live))
+        self.registry.register(_Services(fleet))
 
     def text(self) -> tuple[bytes, str]:
         """(body, content type)"""
@@ -37,30 +37,39 @@ class Metrics:
 
 
 class _Services(Collector):
-    def __init__(self, live: Live) -> None:
-        self._live = live
+    def __init__(self, fleet: Fleet) -> None:
+        self._fleet = fleet
 
     def collect(self) -> Iterable[Metric]:
-        status = self._live.status()
-        ready = GaugeMetricFamily("helios_ready", "1 where a task would start now")
-        ready.add_metric([], float(status.ready))
-        up = GaugeMetricFamily("helios_service_ready", "1 where it is ready", labels=["service"])
-        restarts = GaugeMetricFamily(
-            "helios_service_restarts", "restarts by the supervisor", labels=["service"]
+        ready = GaugeMetricFamily(
+            "helios_ready", "1 where a task would start now", labels=["robot"]
         )
-        for service in status.services:
-            up.add_metric([service.name], float(service.state == "ready"))
-            restarts.add_metric([service.name], service.restarts)
+        stopped = GaugeMetricFamily(
+            "helios_stopped", "1 where stop-now is latched", labels=["robot"]
+        )
+        up = GaugeMetricFamily(
+            "helios_service_ready", "1 where it is ready", labels=["robot", "service"]
+        )
+        restarts = GaugeMetricFamily(
+            "helios_service_restarts", "restarts by the supervisor", labels=["robot", "service"]
+        )
         figures = GaugeMetricFamily(
             "helios_service_figure", "what a service publishes of itself; the unit is in its name",
-            labels=["service", "name"],
+            labels=["robot", "service", "name"],
         )  # fmt: skip
-        for service, values in self._live.roster.metrics().items():
-            for name, value in values.items():
-                figures.add_metric([service, name], value)
-        viewers = GaugeMetricFamily("helios_event_viewers", "open event streams")
-        viewers.add_metric([], self._live.events.viewers)
-        return [ready, up, restarts, figures, viewers]
+        viewers = GaugeMetricFamily("helios_event_viewers", "open event streams", labels=["robot"])
+        for robot, served in self._fleet.robots.items():
+            status = served.live.status()
+            ready.add_metric([robot], float(status.ready))
+            stopped.add_metric([robot], float(status.stopped))
+            for service in status.services:
+                up.add_metric([robot, service.name], float(service.state == "ready"))
+                restarts.add_metric([robot, service.name], service.restarts)
+            for service, values in served.live.roster.metrics().items():
+                for name, value in values.items():
+                    figures.add_metric([robot, service, name], value)
+            viewers.add_metric([robot], served.live.events.viewers)
+        return [ready, stopped, up, restarts, figures, viewers]
 
 
 class CountRequests:

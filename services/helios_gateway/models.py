@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator
 
 MAX_INSTRUCTION_CHARACTERS = 10_000
 Vector3 = Annotated[list[float | None], Field(description="x, y, z in the world, metres")]
@@ -27,7 +27,16 @@ class TaskRequest(BaseModel):
         description=f"what to do, in words; at most {MAX_INSTRUCTION_CHARACTERS} characters"
     )
     max_steps: int | None = Field(
-        None, ge=1, le=1_000_000, description="steps of the robot allowed; null: the setting"
+        default=None,
+        ge=1,
+        le=1_000_000,
+        description="steps of the robot allowed; null: the setting",
+    )
+
+    agent: str | None = Field(
+        default=None,
+        max_length=100,
+        description="who does it: helios, trusting …; null: the setting",
     )
 
     @field_validator("instruction")
@@ -79,6 +88,11 @@ class Task(BaseModel):
     started_s: float | None = Field(description="seconds since 1970; null: not yet")
     ended_s: float | None = Field(description="seconds since 1970; null: not yet")
     context_id: str = Field(description="the search context it works in")
+    agent: str = Field(description="which agent does it", examples=["helios"])
+
+    @property
+    def ended(self) -> bool:
+        return self.state in ("succeeded", "failed", "cancelled")
 
 
 class TaskList(BaseModel):
@@ -246,12 +260,14 @@ class Service(BaseModel):
 
 class Status(BaseModel):
     ready: bool = Field(description="a task submitted now would start")
+    stopped: bool = Field(description="stop-now is latched; lift it with /v1/robot/clear-stop")
     services: list[Service]
 
 
 class Readiness(BaseModel):
     ready: bool
-    reasons: list[str] = Field(description="one sentence for each service that is not ready")
+    stopped: bool = Field(description="stop-now is latched")
+    reasons: list[str] = Field(description="one sentence for each thing that is in the way")
 
 
 class Healthy(BaseModel):
@@ -280,3 +296,47 @@ class MapChange(BaseModel):
 
     map2d: int
     objects: int
+
+
+class RobotEntry(BaseModel):
+    """One of the robots that this gateway serves."""
+
+    name: str
+    connected: bool = Field(description="its bridge is alive")
+    ready: bool = Field(description="a task submitted to it now would start")
+    stopped: bool = Field(description="stop-now is latched")
+
+
+class RobotList(BaseModel):
+    robots: list[RobotEntry] = Field(description="the first one is meant where none is named")
+
+
+class SettingValue(BaseModel):
+    """One setting of a running service."""
+
+    value: JsonValue
+    default: JsonValue
+    description: str
+
+
+class ServiceSettings(BaseModel):
+    """What a service was started with. Secrets are masked."""
+
+    service: str
+    settings: dict[str, SettingValue]
+
+
+class SessionRequest(BaseModel):
+    """The key to keep."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    key: str = Field(min_length=1, max_length=200)
+
+
+class Session(BaseModel):
+    """Whether keys are asked for, and what the one that came may do."""
+
+    required: bool
+    name: str = Field(description="of the key; empty: none came, or none that is known")
+    scope: Literal["read", "operate", "admin"] | None

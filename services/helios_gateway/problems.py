@@ -34,7 +34,17 @@ class NotFound(InvalidInput):
     """What the address names is not there."""
 
 
+class Unauthorized(InvalidInput):
+    """No key, or one that is not known."""
+
+
+class Forbidden(InvalidInput):
+    """The key does not allow it."""
+
+
 _KINDS[NotFound] = (404, "not-found", "Not found")
+_KINDS[Unauthorized] = (401, "unauthorized", "A key is needed")
+_KINDS[Forbidden] = (403, "forbidden", "Forbidden")
 
 
 class Problem(BaseModel):
@@ -49,6 +59,30 @@ class Problem(BaseModel):
     )
 
 
+_WORDS = {
+    400: "the request is wrong",
+    401: "an API key is needed",
+    403: "the key does not allow it, or a foreign page asked",
+    404: "there is no such thing",
+    408: "the body came too slowly",
+    409: "refused in the present state",
+    413: "the body is too large",
+    429: "too many requests",
+    503: "a service cannot answer now",
+    504: "a service did not answer in time",
+}
+_ANYWHERE = (400, 401, 403, 429, 503, 504)
+_WITH_BODY = (408, 413)
+
+
+def problems(*statuses: int, body: bool = False) -> dict[int | str, dict]:
+    """Of a route, for the interface's description: these statuses, and those that any may have."""
+    return {
+        status: {"model": Problem, "description": _WORDS[status]}
+        for status in sorted({*statuses, *_ANYWHERE, *(_WITH_BODY if body else ())})
+    }
+
+
 def problem(status: int, kind: str, title: str, detail: str) -> JSONResponse:
     """The response for a problem."""
     content = Problem(type=f"helios:{kind}", title=title, status=status, detail=detail)
@@ -58,7 +92,10 @@ def problem(status: int, kind: str, title: str, detail: str) -> JSONResponse:
 def problem_of(error: HeliosError) -> JSONResponse:
     """The response for a typed error; what is not the caller's or the state's fault is a 500."""
     status, kind, title = _KINDS.get(type(error), (500, "internal", "A fault in a service"))
-    return problem(status, kind, title, error.message)
+    out = problem(status, kind, title, error.message)
+    if status == 401:
+        out.headers["www-authenticate"] = "Bearer"
+    return out
 
 
 def add_problems(app: FastAPI) -> None:

@@ -1,28 +1,52 @@
-"""Pictures and files: sent with a tag, so that a viewer that has them is told so."""
+"""What is encoded once and sent to many: with a tag, so that who has it is told so."""
 
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass
 
 from fastapi import Request, Response
+from pydantic import BaseModel
 
 PNG = "image/png"
 JPEG = "image/jpeg"
 NPZ = "application/octet-stream"
+JSON = "application/json"
 
 
-def tagged(request: Request, content: bytes, media_type: str, **headers: str) -> Response:
+@dataclass(frozen=True)
+class Encoded:
+    """Bytes as they are sent, and the tag that names exactly them."""
+
+    content: bytes
+    media_type: str
+    tag: str
+    about: tuple[tuple[str, str], ...] = ()  # further headers
+
+    @classmethod
+    def of(cls, content: bytes, media_type: str, **about: str) -> Encoded:
+        tag = f'"{hashlib.blake2b(content, digest_size=10).hexdigest()}"'
+        headers = tuple((name.replace("_", "-"), value) for name, value in about.items())
+        return cls(content, media_type, tag, headers)
+
+    @classmethod
+    def json(cls, model: BaseModel) -> Encoded:
+        return cls.of(model.model_dump_json(by_alias=True).encode(), JSON)
+
+
+def tagged(request: Request, encoded: Encoded) -> Response:
     """The content, or 304 when the request names the same content."""
-    tag = f'"{hashlib.blake2b(content, digest_size=10).hexdigest()}"'
-    common = {"etag": tag, "cache-control": "no-cache"} | {
-        name.replace("_", "-"): value for name, value in headers.items()
-    }
-    if tag in request.headers.get("if-none-match", ""):
-        return Response(status_code=304, headers=common)
-    return Response(content, media_type=media_type, headers=common)
+    headers = {"etag": encoded.tag, "cache-control": "no-cache", **dict(encoded.about)}
+    asked = request.headers.get("if-none-match", "")
+    if encoded.tag in asked or asked.strip() == "*":
+        return Response(status_code=304, headers=headers)
+    return Response(encoded.content, media_type=encoded.media_type, headers=headers)
+
+
+UNCHANGED: dict[int | str, dict] = {304: {"description": "as the tag in If-None-Match says"}}
 
 
 def content_docs(media_type: str, description: str) -> dict[int | str, dict]:
     """For the interface's description: a response that is no JSON."""
     schema = {"schema": {"type": "string", "format": "binary"}}
-    return {200: {"description": description, "content": {media_type: schema}}}
+    return {200: {"description": description, "content": {media_type: schema}}, **UNCHANGED}

@@ -2,43 +2,107 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Response
+import json
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Request, Response
+from helios_core import proto as pb
+from helios_core.errors import Internal, Unavailable
+from helios_core.topics import settings_method
 
 from helios_gateway import models
-from helios_gateway.live import Live
+from helios_gateway.access import secured
+from helios_gateway.fleet import At, Fleet
+from helios_gateway.keys import Scope
 from helios_gateway.metrics import Metrics
+from helios_gateway.problems import problems
+from helios_gateway.settings import Settings
+
+ServiceName = Annotated[
+    str, Path(max_length=50, pattern="^[a-z][a-z0-9_-]*$", description="as /v1/status lists it")
+]
 
 
-def health_routes(live: Live, metrics: Metrics) -> APIRouter:
-    """`/v1/status`, `/healthz`, `/readyz`, `/metrics`."""
+def health_routes(metrics: Metrics) -> APIRouter:
+    """`/healthz`, `/readyz`, `/metrics`: without a key, but for the figures."""
     routes = APIRouter(tags=["health"])
 
-    @routes.get("/v1/status", summary="Every service")
-    async def status() -> models.Status:
-        return live.status()
-
-    @routes.get("/healthz", summary="Is the gateway itself well?")
+    @routes.get("/healthz", summary="Is the gateway itself well?", responses=problems())
     async def healthz() -> models.Healthy:
         return models.Healthy()
 
     @routes.get(
         "/readyz",
         summary="Would a task start now?",
-        responses={503: {"model": models.Readiness, "description": "no, for these reasons"}},
+        responses=problems()
+        | {503: {"model": models.Readiness, "description": "no, for these reasons"}},
     )
-    async def readyz(response: Response) -> models.Readiness:
-        reasons = live.roster.reasons()
+    async def readyz(request: Request, response: Response) -> models.Readiness:
+        """A latched stop-now is a reason, too."""
+        fleet: Fleet = request.app.state.fleet
+        reasons = fleet.reasons()
+        stopped = any(served.live.stopped for served in fleet.robots.values())
         response.status_code = 503 if reasons else 200
-        return models.Readiness(ready=not reasons, reasons=reasons)
+        return models.Readiness(ready=not reasons, stopped=stopped, reasons=reasons)
 
     @routes.get(
         "/metrics",
         summary="Figures in Prometheus' text form",
         response_class=Response,
-        responses={200: {"content": {"text/plain": {}}}},
+        responses={200: {"content": {"text/plain": {}}}} | problems(),
+        dependencies=secured(Scope.READ),
     )
     async def prometheus() -> Response:
         text, media_type = metrics.text()
         return Response(text, headers={"content-type": media_type})
+
+    return routes
+
+
+def service_routes(prefix: str, settings: Settings) -> APIRouter:
+    """`/status` and `/services/{name}/settings`."""
+    routes = APIRouter(prefix=prefix, tags=["health"], responses=problems())
+
+    @routes.get("/status", summary="Every service", dependencies=secured(Scope.READ))
+    async def status(at: At) -> models.Status:
+        return at.live.status()
+
+    @routes.get(
+        "/services/{name}/settings",
+        summary="The settings of a running service",
+        dependencies=secured(Scope.ADMIN),
+    )
+    def service_settings(at: At, name: ServiceName) -> models.ServiceSettings:
+        """What it was started with, each with its default and what it means."""
+        try:
+            reply = at.bus.call(settings_method(name), pb.Empty(), settings.call_timeout_s)
+        except Unavailable as error:
+            raise Unavailable(
+                f"no service {name!r} tells its settings; /v1/status lists those that run"
+            ) from error
+        try:
+            values = json.loads(reply.json)
+        except ValueError as error:
+            raise Internal(f"{name} told settings that are no JSON") from error
+        return models.ServiceSettings(service=name, settings=values)
+
+    return routes
+
+
+def fleet_routes() -> APIRouter:
+    """`/v1/robots`."""
+    routes = APIRouter(prefix="/v1/robots", tags=["robot"], responses=problems())
+
+    @routes.get("", summary="The robots served here", dependencies=secured(Scope.READ))
+    async def robots(request: Request) -> models.RobotList:
+        """Every address below `/v1` is also there below `/v1/robots/NAME`, for that robot."""
+        fleet: Fleet = request.app.state.fleet
+        return models.RobotList(robots=[
+            models.RobotEntry(
+                name=name, connected=served.live.robot().connected,
+                ready=not served.live.reasons(), stopped=served.live.stopped,
+            )
+            for name, served in fleet.robots.items()
+        ])  # fmt: skip
 
     return routes

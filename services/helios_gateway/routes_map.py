@@ -4,27 +4,44 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Path, Query, Request, Response
 
 from helios_gateway import models
-from helios_gateway.live import Live
-from helios_gateway.responses import JPEG, NPZ, PNG, content_docs, tagged
+from helios_gateway.access import secured
+from helios_gateway.fleet import At
+from helios_gateway.keys import Scope
+from helios_gateway.problems import NotFound, problems
+from helios_gateway.responses import JPEG, NPZ, PNG, UNCHANGED, content_docs, tagged
 
 SizePx = Annotated[int, Query(ge=128, le=4096, description="longer side of the picture, pixels")]
 
 
-def map_routes(live: Live) -> APIRouter:
-    """`/v1/map…`, `/v1/objects` and `/v1/camera.jpg`."""
-    routes = APIRouter(prefix="/v1", tags=["maps and camera"])
-    maps = live.maps
+def map_routes(prefix: str) -> APIRouter:
+    """`/map…`, `/objects…` and `/camera.jpg`."""
+    routes = APIRouter(
+        prefix=prefix,
+        tags=["maps and camera"],
+        responses=problems(),
+        dependencies=secured(Scope.READ),
+    )
 
-    @routes.get("/map", summary="The 2D map's size, place and layers")
-    def info() -> models.MapInfo:
-        return maps.info()
+    @routes.get(
+        "/map",
+        summary="The 2D map's size, place and layers",
+        response_model=models.MapInfo,
+        responses=UNCHANGED,
+    )
+    def info(at: At, request: Request) -> Response:
+        return tagged(request, at.live.maps.info_json())
 
-    @routes.get("/map/frontiers", summary="Borders of what was seen, with their values")
-    def frontiers() -> models.FrontierList:
-        return maps.frontiers()
+    @routes.get(
+        "/map/frontiers",
+        summary="Borders of what was seen, with their values",
+        response_model=models.FrontierList,
+        responses=UNCHANGED,
+    )
+    def frontiers(at: At, request: Request) -> Response:
+        return tagged(request, at.live.maps.frontiers_json())
 
     @routes.get(
         "/map/occupancy.png",
@@ -32,8 +49,8 @@ def map_routes(live: Live) -> APIRouter:
         response_class=Response,
         responses=content_docs(PNG, "a picture for people"),
     )
-    def occupancy_png(request: Request, size_px: SizePx = 900) -> Response:
-        return tagged(request, maps.picture("occupancy", size_px), PNG)
+    def occupancy_png(at: At, request: Request, size_px: SizePx = 900) -> Response:
+        return tagged(request, at.live.maps.picture("occupancy", size_px))
 
     @routes.get(
         "/map/occupancy.npz",
@@ -41,37 +58,36 @@ def map_routes(live: Live) -> APIRouter:
         response_class=Response,
         responses=content_docs(NPZ, "occupancy, explored, top_m, trajectory_m, origin_m, cell_m"),
     )
-    def occupancy_npz(request: Request) -> Response:
+    def occupancy_npz(at: At, request: Request) -> Response:
         """NumPy archive; rows along world y from the origin upwards, columns along x."""
-        data, version = maps.npz(None)
-        return tagged(request, data, NPZ, x_map_version=str(version))
+        return tagged(request, at.live.maps.npz(None))
 
     @routes.get(
         "/map/value/{layer}.png",
         summary="Picture of a value layer",
         response_class=Response,
-        responses=content_docs(PNG, "a picture for people"),
+        responses=content_docs(PNG, "a picture for people") | problems(404),
     )
-    def value_png(request: Request, layer: str, size_px: SizePx = 900) -> Response:
-        return tagged(request, maps.picture(layer, size_px), PNG)
+    def value_png(at: At, request: Request, layer: str, size_px: SizePx = 900) -> Response:
+        return tagged(request, at.live.maps.picture(layer, size_px))
 
     @routes.get(
         "/map/value/{layer}.npz",
         summary="Array of a value layer",
         response_class=Response,
-        responses=content_docs(NPZ, "value, explored, origin_m, cell_m"),
+        responses=content_docs(NPZ, "value, explored, origin_m, cell_m") | problems(404),
     )
-    def value_npz(request: Request, layer: str) -> Response:
-        data, version = maps.npz(layer)
-        return tagged(request, data, NPZ, x_map_version=str(version))
+    def value_npz(at: At, request: Request, layer: str) -> Response:
+        return tagged(request, at.live.maps.npz(layer))
 
     @routes.get(
         "/map/cells.png",
         summary="The map for programs that colour it themselves",
         response_class=Response,
-        responses=content_docs(PNG, "one pixel a cell, north up"),
+        responses=content_docs(PNG, "one pixel a cell, north up") | problems(404),
     )
     def cells(
+        at: At,
         request: Request,
         layer: Annotated[
             str | None, Query(description="a value layer for the blue channel")
@@ -79,12 +95,35 @@ def map_routes(live: Live) -> APIRouter:
     ) -> Response:
         """Red: 0 unknown, 128 free, 255 occupied. Green: 255 where seen since the search began.
         Blue: the layer's value, 255 at the layer's `max_value` (see `/v1/map`)."""
-        data, version = maps.cells(layer)
-        return tagged(request, data, PNG, x_map_version=str(version))
+        return tagged(request, at.live.maps.cells(layer))
 
-    @routes.get("/objects", summary="What is believed to be where", response_model_by_alias=True)
-    def objects() -> models.ObjectList:
-        return maps.objects()
+    @routes.get(
+        "/objects",
+        summary="What is believed to be where",
+        response_model=models.ObjectList,
+        responses=UNCHANGED,
+    )
+    def objects(
+        at: At,
+        request: Request,
+        class_name: Annotated[
+            str | None, Query(alias="class", description="only those of this class")
+        ] = None,
+        min_score: Annotated[
+            float | None,
+            Query(allow_inf_nan=False, description="only those with a score Ψ from this on"),
+        ] = None,
+    ) -> Response:
+        return tagged(request, at.live.maps.objects_json(class_name, min_score))
+
+    @routes.get("/objects/{id}", summary="One object", responses=problems(404))
+    def one_object(
+        at: At, id: Annotated[int, Path(ge=0, lt=2**64, description="as /v1/objects gives it")]
+    ) -> models.ObjectInstance:
+        for found in at.live.maps.objects().objects:
+            if found.id == id:
+                return found
+        raise NotFound(f"there is no object {id}; list them with GET /v1/objects")
 
     @routes.get(
         "/camera.jpg",
@@ -93,10 +132,10 @@ def map_routes(live: Live) -> APIRouter:
         responses=content_docs(JPEG, "colour, with the detector's boxes"),
     )
     def camera(
+        at: At,
         request: Request,
         raw: Annotated[bool, Query(description="without boxes")] = False,
     ) -> Response:
-        data, id = live.camera.jpeg(raw)
-        return tagged(request, data, JPEG, x_frame_id=f"{id.world_epoch}/{id.seq}")
+        return tagged(request, at.live.camera.jpeg(raw))
 
     return routes

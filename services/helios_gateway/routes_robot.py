@@ -7,40 +7,48 @@ import functools
 import anyio.to_thread
 from anyio import CapacityLimiter
 from fastapi import APIRouter
+from google.protobuf.message import Message
 from helios_core import proto as pb
-from helios_core.bus import Bus
-from helios_core.topics import CLEAR_STOP, STOP
+from helios_core.topics import CLEAR_STOP, STOP, Method
 
 from helios_gateway import models
-from helios_gateway.live import Live
+from helios_gateway.access import secured
+from helios_gateway.fleet import At, Served
+from helios_gateway.keys import Scope
+from helios_gateway.problems import problems
 from helios_gateway.settings import Settings
 
 
-def robot_routes(bus: Bus, live: Live, settings: Settings) -> APIRouter:
-    """`/v1/robot…`"""
-    routes = APIRouter(prefix="/v1/robot", tags=["robot"])
+def robot_routes(prefix: str, settings: Settings) -> APIRouter:
+    """`/robot…`"""
+    routes = APIRouter(prefix=f"{prefix}/robot", tags=["robot"], dependencies=secured(Scope.READ))
     own_threads = CapacityLimiter(8)  # stop-now never waits behind other requests' threads
 
-    @routes.get("", summary="How the robot is, and what it is")
-    async def robot() -> models.Robot:
-        return live.robot()
-
-    @routes.post("/stop", summary="Stop now")
-    async def stop(request: models.StopRequest | None = None) -> models.Robot:
-        """Goes to the bridge directly, latches, and refuses every motion until it is cleared."""
-        message = pb.StopRequest(reason=(request or models.StopRequest()).reason)
+    async def told(at: Served, method: Method, message: Message) -> models.Robot:
         await anyio.to_thread.run_sync(
-            functools.partial(bus.call, STOP, message, settings.stop_timeout_s),
+            functools.partial(at.bus.call, method, message, settings.stop_timeout_s),
             limiter=own_threads,
         )
-        return live.robot()
+        return at.live.robot()
 
-    @routes.post("/clear-stop", summary="Lift stop-now")
-    async def clear_stop() -> models.Robot:
-        await anyio.to_thread.run_sync(
-            functools.partial(bus.call, CLEAR_STOP, pb.Empty(), settings.stop_timeout_s),
-            limiter=own_threads,
-        )
-        return live.robot()
+    @routes.get("", summary="How the robot is, and what it is", responses=problems())
+    async def robot(at: At) -> models.Robot:
+        return at.live.robot()
+
+    @routes.post("/stop", summary="Stop now", responses=problems(409, body=True))
+    async def stop(at: At, request: models.StopRequest | None = None) -> models.Robot:
+        """Goes to the bridge directly, latches, and refuses every motion until it is cleared.
+        Any key may stop; requests are not counted."""
+        reason = (request or models.StopRequest()).reason
+        return await told(at, STOP, pb.StopRequest(reason=reason))
+
+    @routes.post(
+        "/clear-stop",
+        summary="Lift stop-now",
+        responses=problems(409, body=True),
+        dependencies=secured(Scope.OPERATE),
+    )
+    async def clear_stop(at: At) -> models.Robot:
+        return await told(at, CLEAR_STOP, pb.Empty())
 
     return routes

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import errno
+import ipaddress
 import logging
 import socket
 import threading
+from collections.abc import Callable
 
 import uvicorn
 from helios_core.bus import Bus
-from helios_core.errors import Unavailable
+from helios_core.errors import InvalidInput, Unavailable
 from helios_core.health import Health
 
 from helios_gateway.app import create_app
+from helios_gateway.fleet import Fleet, Served
+from helios_gateway.keys import Keys
 from helios_gateway.live import Live
 from helios_gateway.settings import Settings
 
 log = logging.getLogger(__name__)
 
+WEBSOCKET_BYTES = 65536  # largest message of a viewer; none is expected
 GRACE_S = 1  # for answers under way when it is told to stop
 
 
@@ -47,41 +52,72 @@ def _cannot_listen(error: OSError, host: str, port: int) -> Unavailable:
     )
 
 
+def check_open(host: str, settings: Settings, keys: Keys) -> None:
+    """Beyond loopback keys are asked for. Raises InvalidInput."""
+    if keys.required or settings.without_keys or ipaddress.ip_address(host).is_loopback:
+        return
+    raise InvalidInput(
+        f"{host} can be reached from other machines, so API keys are needed: make one with helios "
+        "key, and name the file with --keys"
+    )
+
+
 class Gateway:
     """A running gateway; `close` ends it."""
 
     def __init__(
-        self, bus: Bus, health: Health, settings: Settings, listener: socket.socket
+        self,
+        bus: Bus,
+        health: Health,
+        settings: Settings,
+        listener: socket.socket,
+        another_bus: Callable[[str], Bus],
     ) -> None:
+        """`another_bus` gives the bus of a further robot, by name.
+
+        Raises Unavailable (port, router), InvalidInput (keys).
+        """
         host, port = listener.getsockname()[:2]
         try:
             listener.listen(128)  # two processes may bind one port; only one may listen
         except OSError as error:
             raise _cannot_listen(error, host, port) from error
-        self.live = Live(bus, settings)
+        keys = Keys(settings.keys)
+        check_open(host, settings, keys)
+        buses = {settings.robot: bus}
+        buses |= {name: another_bus(name) for name in settings.other_robots}
+        self._others = [one for one in buses.values() if one is not bus]
+        self.fleet = Fleet({
+            name: Served(one, Live(one, settings)) for name, one in buses.items()
+        })  # fmt: skip
         config = uvicorn.Config(
-            create_app(bus, self.live, settings),
+            create_app(self.fleet, settings, keys),
             log_config=None,
             log_level="warning",
             access_log=False,
             server_header=False,
             timeout_graceful_shutdown=GRACE_S,
+            limit_concurrency=settings.max_connections,
+            ws_max_size=WEBSOCKET_BYTES,
         )
         self._server = uvicorn.Server(config)
         self._health = health
         self._thread = threading.Thread(
             target=self._serve, args=(listener,), name="http", daemon=True
         )
-        self.live.start()
+        for served in self.fleet.robots.values():
+            served.live.start()
         self._thread.start()
         address = f"http://{f'[{host}]' if ':' in host else host}:{port}/"
         log.info("dashboard at %s", address)
         health.ready(address)
 
     def close(self) -> None:
-        self.live.close()  # first: an open event stream would hold the server up
+        self.fleet.close()  # first: an open event stream would hold the server up
         self._server.should_exit = True
         self._thread.join(GRACE_S + 0.5)
+        for bus in self._others:
+            bus.close()
 
     def _serve(self, listener: socket.socket) -> None:
         try:

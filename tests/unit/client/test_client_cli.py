@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import socket
 import subprocess
 import sys
@@ -49,7 +51,26 @@ def test_help_does_not_wait_for_heavy_imports(heavy: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", [[], ["up"], ["task"], ["status"], ["replay"], ["bench"], ["doctor"]]
+    "command",
+    [
+        [],
+        ["up"],
+        ["task"],
+        ["tasks"],
+        ["cancel"],
+        ["status"],
+        ["stop"],
+        ["clear-stop"],
+        ["objects"],
+        ["map"],
+        ["map", "export"],
+        ["record"],
+        ["replay"],
+        ["bench"],
+        ["doctor"],
+        ["eval"],
+        ["assets"],
+    ],
 )
 def test_every_command_has_help(command: list[str], helios: Helios) -> None:
     done = helios(*command, "--help")
@@ -67,6 +88,10 @@ def test_every_command_has_help(command: list[str], helios: Helios) -> None:
         ["up", "--robot", "replay", "--detector", "simulated"],
         ["up", "--robot", "my_package:MyRobot"],
         ["replay", "x", "--classes", "cup,,", "--detector", "simulated", "--out", "y"],
+        ["replay", "x", "--classes", "cup", "--detector", "bogus", "--out", "y"],
+        ["up", "--detector", "onnx:"],
+        ["bench", "--only", "nope", "--json", "x.json"],
+        ["map", "paint"],
     ],
 )
 def test_wrong_use_is_one_sentence_and_status_2(args: list[str], helios: Helios) -> None:
@@ -76,8 +101,18 @@ def test_wrong_use_is_one_sentence_and_status_2(args: list[str], helios: Helios)
     assert done.error.count("\n") == 1
 
 
+@pytest.mark.parametrize("args", [[], ["map"], ["assets"]])
+def test_a_group_without_a_command_shows_what_there_is(args: list[str], helios: Helios) -> None:
+    done = helios(*args)
+    assert (done.status, done.out) == (2, "")
+    assert done.error.startswith("Usage: helios")
+
+
 def test_nobody_there_is_one_sentence_and_status_1(helios: Helios) -> None:
-    for args in (["status"], ["task", "move it"]):
+    for args in (
+        ["status"], ["task", "move it"], ["tasks"], ["cancel", "t1"], ["stop"], ["clear-stop"],
+        ["objects"], ["map", "export"],
+    ):  # fmt: skip
         done = helios(*args, "--port", str(free_port()))
         assert (done.status, done.error.count("\n")) == (1, 1)
         assert "helios up" in done.error
@@ -120,3 +155,21 @@ def test_the_doctor_names_what_is_missing_and_how_to_mend_it() -> None:
     assert missing["mujoco"] == "pip install 'helios-ovmm[sim]'"
     assert "apt-get install" in " ".join(missing.values())
     assert set(missing) <= {"mujoco", "EGL", "GL", "OSMesa", "in"}
+
+
+def test_the_shell_completes_commands_and_options(monkeypatch: pytest.MonkeyPatch) -> None:
+    for words, expected in (("helios cl", "clear-stop"), ("helios map ex", "export")):
+        done = subprocess.run(
+            [sys.executable, "-c", "from helios_client.cli import main; main()"],
+            env=os.environ | {
+                "_HELIOS_COMPLETE": "complete_bash", "COMP_WORDS": words,
+                "COMP_CWORD": str(words.count(" ")),
+            },
+            capture_output=True, text=True, check=False, timeout=60,
+        )  # fmt: skip
+        assert expected in done.stdout.split(), done.stderr
+
+
+def test_the_doctor_tells_programs_too(helios: Helios) -> None:
+    done = helios("doctor", "--json", "--port", str(free_port()))
+    assert {"what", "ok", "mend", "optional"} == set(json.loads(done.out)["findings"][0])

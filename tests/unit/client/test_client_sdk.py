@@ -10,7 +10,8 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
-from helios_client.sdk import Helios, parse_events
+from helios_client.event_stream import parse_events
+from helios_client.sdk import Helios
 from helios_client.task_view import panel, run_task
 from helios_client.tasks import Event, Task
 from helios_core.errors import (
@@ -121,8 +122,54 @@ def test_objects_carry_their_class() -> None:
 
 def test_events_are_parsed_and_signs_of_life_skipped() -> None:
     text = ': still here\n\nid: b-1\nevent: task\ndata: {"id": "t1"}\n\nevent: x\ndata: no JSON\n\n'
-    events = helios(lambda _: httpx.Response(200, text=text)).events()
-    assert list(events) == [Event("task", {"id": "t1"}, "b-1")]
+    events = helios(lambda _: httpx.Response(200, text=text)).events(silence_s=0)
+    assert next(events) == Event("task", {"id": "t1"}, "b-1")
+    with pytest.raises(Unavailable, match="ended the stream"):
+        next(events)
+
+
+def test_events_go_on_where_the_connection_broke_off() -> None:
+    def event(number: int) -> str:
+        return f'id: b-{number}\nevent: map\ndata: {{"map2d": {number}}}\n\n'
+
+    answers = iter([
+        httpx.Response(200, text=event(1) + event(2)),
+        httpx.Response(503, json={"detail": "starting"}),
+        httpx.Response(200, text=event(3)),
+    ])  # fmt: skip
+    asked: list[str | None] = []
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        asked.append(request.headers.get("last-event-id"))
+        return next(answers)
+
+    events = helios(answer).events()
+    assert [next(events).data["map2d"] for _ in range(3)] == [1, 2, 3]
+    assert asked == [None, "b-2", "b-2"]
+
+
+def test_events_of_a_task_end_with_it() -> None:
+    text = "".join(
+        f'event: task\ndata: {{"id": "t1", "state": "{state}"}}\n\n'
+        for state in ("running", "succeeded")
+    )
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        assert dict(request.url.params) == {"types": "task", "task_id": "t1"}
+        return httpx.Response(200, text=text)
+
+    events = list(helios(answer).events(types=["task"], task_id="t1"))
+    assert [event.data["state"] for event in events] == ["running", "succeeded"]
+
+
+def test_a_key_and_a_robot_s_name_go_with_every_call() -> None:
+    def answer(request: httpx.Request) -> httpx.Response:
+        assert request.headers["authorization"] == "Bearer secret"
+        assert request.url.path == "/v1/robots/spot/tasks"
+        return httpx.Response(200, json={"tasks": []})
+
+    transport = httpx.MockTransport(answer)
+    assert Helios("http://robot", transport=transport, key="secret", robot="spot").tasks() == ()
 
 
 @given(st.lists(st.text(alphabet=st.characters(exclude_characters="\n\r"))))

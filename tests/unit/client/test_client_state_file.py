@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from helios_client import state_file
+from helios_client.sdk import Helios
 from helios_client.status import find_status
 from helios_core.errors import Unavailable
 
@@ -83,7 +84,9 @@ def test_the_default_directory_is_by_port(monkeypatch: pytest.MonkeyPatch, tmp_p
 
 def test_status_is_known_while_nobody_answers_on_the_port(tmp_path: Path) -> None:
     state_file.write([tmp_path], STATUS | {"address": "http://127.0.0.1:1"})
-    assert find_status(free_port(), tmp_path) == STATUS
-    state_file.remove([tmp_path])
-    with pytest.raises(Unavailable, match="helios up"):
-        find_status(free_port(), tmp_path)
+    port = free_port()
+    with Helios(f"http://127.0.0.1:{port}") as nobody:
+        assert find_status(nobody, port, tmp_path) == STATUS | {"stopped": None}
+        state_file.remove([tmp_path])
+        with pytest.raises(Unavailable, match="helios up"):
+            find_status(nobody, port, tmp_path)

@@ -1,19 +1,16 @@
-"""Makes the helpers beside the tests importable; a backend and a client for every test."""
+"""A backend and a client for every test."""
 
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from fastapi.testclient import TestClient
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_gateway.app import create_app
+from helios_gateway.fleet import Fleet, Served
 from helios_gateway.live import Live
 from helios_gateway.settings import Settings
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from gateway_backend import Backend
+from tests.gateway_backend import Backend
 
 
 @pytest.fixture
@@ -39,6 +36,6 @@ def live(hub: MemoryHub) -> Iterator[Live]:
 
 @pytest.fixture
 def client(hub: MemoryHub, live: Live) -> Iterator[TestClient]:
-    app = create_app(MemoryBus(hub), live, Settings.load([]))
-    with TestClient(app, raise_server_exceptions=False) as client:
+    app = create_app(Fleet({"robot": Served(MemoryBus(hub), live)}), Settings.load([]))
+    with TestClient(app, "http://localhost", raise_server_exceptions=False) as client:
         yield client

@@ -9,13 +9,14 @@ import threading
 from collections.abc import AsyncIterator
 
 import pytest
-from gateway_backend import Backend
 from helios_core import proto as pb
 from helios_core.errors import Unavailable
 from helios_core.topics import TASK
-from helios_gateway.events import KEEPALIVE, EventHub
+from helios_gateway.events import KEEPALIVE, EventHub, as_sse
 from helios_gateway.live import Live
 from helios_gateway.models import Healthy, MapChange, RobotPose
+
+from tests.gateway_backend import Backend
 
 
 def parsed(raw: bytes) -> tuple[str, str, dict]:
@@ -29,7 +30,7 @@ async def take(stream: AsyncIterator[bytes], count: int) -> list[tuple[str, str,
 
 
 async def opened(hub: EventHub, last_id: str | None = None) -> AsyncIterator[bytes]:
-    stream = hub.stream(last_id)
+    stream = as_sse(hub.watch(last_id))
     assert await anext(stream) == b"retry: 1000\n\n"
     return stream
 
@@ -119,11 +120,11 @@ def test_silence_is_broken_and_viewers_are_counted_and_bounded() -> None:
     hub = EventHub(backlog=5, max_viewers=1, keepalive_s=0.01)
 
     async def run() -> None:
-        stream = hub.stream(None)
+        stream = as_sse(hub.watch(None))
         await anext(stream)
         assert await anext(stream) == KEEPALIVE
         with pytest.raises(Unavailable, match="max-viewers"):
-            hub.stream(None)
+            hub.watch(None)
         await stream.aclose()  # pyright: ignore[reportAttributeAccessIssue]
         assert hub.viewers == 0
 
@@ -138,7 +139,7 @@ def test_closing_ends_open_streams_and_refuses_new_ones() -> None:
         hub.close()
         assert [raw async for raw in stream] == []
         with pytest.raises(Unavailable):
-            hub.stream(None)
+            hub.watch(None)
 
     asyncio.run(run())
 
@@ -179,7 +180,7 @@ def test_the_pose_is_told_once_a_tick_and_a_stop_at_once(live: Live, backend: Ba
     assert types_since(live, past) == ["robot"]
     backend.stopped = True
     backend.publish_robot()
-    assert types_since(live, past) == ["robot", "robot"]
+    assert types_since(live, past) == ["robot", "robot", "ready"]
 
 
 def test_a_service_that_goes_is_told_once(live: Live, backend: Backend) -> None:

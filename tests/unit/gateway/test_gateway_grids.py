@@ -6,12 +6,13 @@ import zlib
 
 import numpy as np
 import pytest
-from gateway_backend import snapshot
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.grids import FREE, OCCUPIED, UNKNOWN, decode_snapshot
 from hypothesis import given
 from hypothesis import strategies as st
+
+from tests.gateway_backend import snapshot
 
 
 @given(

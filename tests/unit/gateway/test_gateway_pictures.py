@@ -9,12 +9,13 @@ import threading
 import cv2
 import numpy as np
 from fastapi.testclient import TestClient
-from gateway_backend import Backend
 from helios_core import proto as pb
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, FRAME, KEYFRAME, PREVIEW, SNAPSHOT
 from helios_gateway.boxes import Box, class_color_bgr, draw_boxes
 from helios_gateway.shared_results import SharedResults
+
+from tests.gateway_backend import Backend
 
 
 def image(data: bytes) -> np.ndarray:

@@ -10,13 +10,13 @@ import time
 
 import httpx
 import pytest
-from gateway_backend import Backend
 from helios_core.errors import Unavailable
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_gateway.service import Gateway, bind
 from helios_gateway.settings import Settings
 
+from tests.gateway_backend import Backend
 from tests.support import free_port, wait_until
 
 
@@ -45,7 +45,7 @@ def test_it_serves_streams_events_and_closes_with_streams_open(
     listener = bind("127.0.0.1", 0)
     port = listener.getsockname()[1]
     settings = Settings.load(["--tick-s", "0.05"])
-    gateway = Gateway(MemoryBus(hub), health, settings, listener)
+    gateway = Gateway(MemoryBus(hub), health, settings, listener, lambda name: MemoryBus(hub, name))
     assert health.state == ("ready", f"http://127.0.0.1:{port}/")
     with (
         httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=20) as client,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 from fastapi.testclient import TestClient
-from gateway_backend import Backend
 from helios_core import proto as pb
 from helios_gateway.roster import Roster
+
+from tests.gateway_backend import Backend
 
 
 class Clock:
@@ -86,7 +87,7 @@ def test_the_world_is_listed_only_where_it_is_simulated(roster: Roster) -> None:
 
 
 def test_ready_when_all_five_are(backend: Backend, client: TestClient) -> None:
-    assert client.get("/readyz").json() == {"ready": True, "reasons": []}
+    assert client.get("/readyz").json() == {"ready": True, "stopped": False, "reasons": []}
     backend.report("planner", 4105, "waiting", "waits for the bridge")
     response = client.get("/readyz")
     assert response.status_code == 503
@@ -95,12 +96,23 @@ def test_ready_when_all_five_are(backend: Backend, client: TestClient) -> None:
     assert client.get("/healthz").json() == {"healthy": True}
 
 
+def test_a_latched_stop_is_in_the_way_and_said(backend: Backend, client: TestClient) -> None:
+    client.post("/v1/robot/stop")
+    response = client.get("/readyz")
+    assert (response.status_code, response.json()["stopped"]) == (503, True)
+    assert "clear-stop" in response.json()["reasons"][0]
+    assert client.get("/v1/status").json()["stopped"] is True
+    assert 'helios_stopped{robot="robot"} 1.0' in client.get("/metrics").text
+    client.post("/v1/robot/clear-stop")
+    assert client.get("/readyz").json() == {"ready": True, "stopped": False, "reasons": []}
+
+
 def test_status_names_every_service_with_restarts_and_pid(
     backend: Backend, client: TestClient
 ) -> None:
     backend.supervise(detector=2)
     status = client.get("/v1/status").json()
-    assert set(status) == {"ready", "services"}
+    assert set(status) == {"ready", "stopped", "services"}
     by_name = {s["name"]: s for s in status["services"]}
     assert by_name["detector"] == {
         "name": "detector", "state": "ready", "reason": "", "restarts": 2, "pid": 4102,
@@ -114,8 +126,8 @@ def test_metrics_count_routes_by_pattern(backend: Backend, client: TestClient) -
     text = client.get("/metrics").text
     line = 'helios_http_requests_total{method="GET",route="/v1/tasks/{id}",status="404"} 3.0'
     assert line in text
-    assert 'helios_service_ready{service="map2d"} 1.0' in text
-    assert 'helios_service_figure{name="update_ms_median",service="map2d"} 2.5' in text
+    assert 'helios_service_ready{robot="robot",service="map2d"} 1.0' in text
+    assert 'helios_service_figure{name="update_ms_median",robot="robot",service="map2d"} 2.5' in text
 
 
 def test_the_page_and_the_docs_name_no_other_host(client: TestClient) -> None:

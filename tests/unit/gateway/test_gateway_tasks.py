@@ -7,13 +7,14 @@ import math
 
 import pytest
 from fastapi.testclient import TestClient
-from gateway_backend import Backend
 from helios_core import proto as pb
 from helios_core.errors import Internal
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import GET_TASK, SUBMIT
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+
+from tests.gateway_backend import Backend
 
 INSTRUCTION = "Move the mug from the coffee table to the kitchen counter"
 
@@ -101,7 +102,7 @@ def test_a_body_above_the_limit_is_refused_unread(backend: Backend, client: Test
 def test_another_site_may_not_command(backend: Backend, client: TestClient) -> None:
     other = {"origin": "https://example.org"}
     is_problem(client.post("/v1/robot/clear-stop", headers=other), 403)
-    own = {"origin": "http://testserver"}
+    own = {"origin": "http://localhost"}
     assert client.post("/v1/robot/clear-stop", headers=own).status_code == 200
 
 

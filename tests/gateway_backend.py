@@ -57,6 +57,7 @@ class Backend:
     """`start` brings everything up; tests then change single things."""
 
     def __init__(self, hub: MemoryHub) -> None:
+        self.hub = hub
         self.bus = MemoryBus(hub)
         self.calls: list[str] = []
         self.tasks: dict[str, pb.Task] = {}
@@ -68,7 +69,7 @@ class Backend:
             thing(4, "mug", (6.6, 2.3, 0.80), (0.10, 0.10, 0.11), 0.31, 2),
         ]
         self.pose = (3.1, 2.2, 2.5)
-        self.stopped = False
+        self.stopped, self.stop_reason = False, ""
         self.map_version = 41
         self.seq = 0
 
@@ -82,8 +83,8 @@ class Backend:
         serve(SNAPSHOT, self._snapshot)
         serve(PICTURE, self._picture)
         serve(OBJECTS, self._objects)
-        serve(STOP, lambda _: self._latch(True))
-        serve(CLEAR_STOP, lambda _: self._latch(False))
+        serve(STOP, lambda request: self._latch(True, request.reason))
+        serve(CLEAR_STOP, lambda _: self._latch(False, ""))
         serve(VOCABULARY, lambda _: pb.VocabularyReply(
             open=False, names=["bowl", "coffee table", "kitchen counter", "mug", "sofa"],
             detector="simulated", scorer="words"))  # fmt: skip
@@ -159,6 +160,10 @@ class Backend:
         self.decided.append(made)
         self.bus.publish(DECISION, made)
 
+    def submit(self, instruction: str) -> pb.Task:
+        """As if it had come from elsewhere."""
+        return self._submit(pb.SubmitRequest(instruction=instruction))
+
     def _submit(self, request: pb.SubmitRequest) -> pb.Task:
         self.calls.append("submit")
         words = request.instruction.lower().split()
@@ -193,8 +198,8 @@ class Backend:
         self._get(request)
         return pb.DecisionList(decisions=self.decided)
 
-    def _latch(self, stopped: bool) -> pb.Empty:
-        self.stopped = stopped
+    def _latch(self, stopped: bool, reason: str) -> pb.Empty:
+        self.stopped, self.stop_reason = stopped, reason
         self.publish_robot()
         return pb.Empty()
 

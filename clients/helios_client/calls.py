@@ -1,0 +1,156 @@
+"""Each call of the HTTP interface as a value: what is asked, and how the answer is read.
+
+The synchronous and the asynchronous client send the same calls; nothing here does I/O.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
+from urllib.parse import quote
+
+import httpx
+import numpy as np
+from helios_core.errors import Internal
+from numpy.typing import NDArray
+
+from helios_client.http_errors import refused
+from helios_client.tasks import (
+    Decision,
+    FoundObject,
+    Frontier,
+    MapInfo,
+    RobotAnswer,
+    Status,
+    Task,
+)
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Call(Generic[T]):
+    """One request. `path` is below `/v1`, or below a robot's part of it."""
+
+    verb: str
+    path: str
+    read: Callable[[httpx.Response], T]
+    body: dict[str, Any] | None = None
+    query: Mapping[str, str | int | float] = field(default_factory=dict)
+
+    def answer(self, response: httpx.Response) -> T:
+        """What the response says. Raises the HeliosError that it stands for."""
+        if response.is_error:
+            raise refused(response)
+        return self.read(response)
+
+
+def event_query(types: Iterable[str], task_id: str | None) -> dict[str, str]:
+    """Of `/v1/events`: which events are wanted."""
+    out = {"types": ",".join(types), "task_id": task_id or ""}
+    return {name: value for name, value in out.items() if value}
+
+
+def submit(instruction: str, max_steps: int | None, agent: str | None) -> Call[Task]:
+    asked = {"instruction": instruction, "max_steps": max_steps, "agent": agent}
+    body = {name: value for name, value in asked.items() if value is not None}
+    return Call("POST", "/tasks", lambda r: Task.from_json(_json(r)), body)
+
+
+def task(id: str) -> Call[Task]:
+    return Call("GET", f"/tasks/{_part(id)}", lambda r: Task.from_json(_json(r)))
+
+
+def tasks(state: str | None, limit: int | None) -> Call[tuple[Task, ...]]:
+    asked = {"state": state, "limit": limit}
+    return Call(
+        "GET", "/tasks", lambda r: tuple(Task.from_json(t) for t in _json(r)["tasks"]),
+        query={name: value for name, value in asked.items() if value is not None},
+    )  # fmt: skip
+
+
+def cancel(id: str) -> Call[Task]:
+    return Call("POST", f"/tasks/{_part(id)}/cancel", lambda r: Task.from_json(_json(r)))
+
+
+def decisions(id: str) -> Call[tuple[Decision, ...]]:
+    def read(response: httpx.Response) -> tuple[Decision, ...]:
+        return tuple(Decision.from_json(d) for d in _json(response)["decisions"])
+
+    return Call("GET", f"/tasks/{_part(id)}/decisions", read)
+
+
+def objects(class_name: str | None, min_score: float | None) -> Call[tuple[FoundObject, ...]]:
+    asked = {"class": class_name, "min_score": min_score}
+    return Call(
+        "GET", "/objects", lambda r: tuple(FoundObject.from_json(o) for o in _json(r)["objects"]),
+        query={name: value for name, value in asked.items() if value is not None},
+    )  # fmt: skip
+
+
+def found_object(id: int) -> Call[FoundObject]:
+    return Call("GET", f"/objects/{id}", lambda r: FoundObject.from_json(_json(r)))
+
+
+def map_info() -> Call[MapInfo]:
+    return Call("GET", "/map", _json)
+
+
+def frontiers() -> Call[list[Frontier]]:
+    return Call("GET", "/map/frontiers", lambda r: _json(r)["frontiers"])
+
+
+def arrays(what: str) -> Call[dict[str, NDArray]]:
+    """`what`: `occupancy`, or `value/<layer>`."""
+    return Call("GET", f"/map/{quote(what)}.npz", lambda r: _arrays(r.content))
+
+
+def map_file(what: str, ending: str) -> Call[bytes]:
+    """`what` as above, `ending` png or npz."""
+    return Call("GET", f"/map/{quote(what)}.{ending}", _content)
+
+
+def camera() -> Call[bytes]:
+    return Call("GET", "/camera.jpg", _content)
+
+
+def robot() -> Call[RobotAnswer]:
+    return Call("GET", "/robot", _json)
+
+
+def stop_robot(reason: str) -> Call[RobotAnswer]:
+    return Call("POST", "/robot/stop", _json, {"reason": reason})
+
+
+def clear_stop() -> Call[RobotAnswer]:
+    return Call("POST", "/robot/clear-stop", _json)
+
+
+def status() -> Call[Status]:
+    return Call("GET", "/status", _json)
+
+
+def service_settings(service: str) -> Call[dict[str, Any]]:
+    return Call("GET", f"/services/{_part(service)}/settings", lambda r: _json(r)["settings"])
+
+
+def _part(text: str) -> str:
+    return quote(text, safe="")
+
+
+def _content(response: httpx.Response) -> bytes:
+    return response.content
+
+
+def _json(response: httpx.Response) -> Any:
+    try:
+        return response.json()
+    except ValueError as error:
+        raise Internal(f"{response.request.url} answered no JSON; is HELIOS there?") from error
+
+
+def _arrays(data: bytes) -> dict[str, NDArray]:
+    with np.load(io.BytesIO(data), allow_pickle=False) as file:
+        return {name: file[name] for name in file.files}

@@ -1,0 +1,70 @@
+"""`helios bench`, `eval`, `doctor`: what measures, judges and examines."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from helios_client.options import Json, Port, print_json
+
+app = typer.Typer()
+
+
+@app.command()
+def bench(
+    json_path: Annotated[Path, typer.Option("--json", help="file for the figures")],
+    only: Annotated[str | None, typer.Option(help="one row by its name")] = None,
+) -> None:
+    """Time the services' inner loops against other implementations."""
+    try:
+        from helios_eval.bench import main as run_bench
+        from helios_eval.bench.run import ROWS
+    except ImportError as error:
+        from helios_core.errors import Unavailable
+
+        raise Unavailable(
+            f"the benchmarks cannot be loaded ({error}); pip install 'helios-ovmm[bench]'"
+        ) from error
+    if only is not None and only not in ROWS:
+        from helios_client.wrong_use import WrongUse
+
+        raise WrongUse(f"no row is called {only!r}; wanted one of {', '.join(ROWS)}")
+    run_bench(only, json_path)
+
+
+@app.command(
+    name="eval",
+    add_help_option=False,
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+)
+def evaluate(context: typer.Context) -> None:
+    """Play episodes in simulated homes, judge them by the truth, report: helios eval --help."""
+    try:
+        from helios_eval.command import app as eval_app
+    except ImportError as error:
+        from helios_core.errors import Unavailable
+
+        raise Unavailable(
+            f"the evaluation cannot be loaded ({error}); pip install 'helios-ovmm[all]'"
+        ) from error
+    command = typer.main.get_command(eval_app)
+    code = command.main(context.args, prog_name="helios eval", standalone_mode=False)
+    raise typer.Exit(code if isinstance(code, int) else 0)
+
+
+@app.command()
+def doctor(port: Port = 8080, as_json: Json = False) -> None:
+    """What is missing on this machine, and how to mend it; exit status 1 if something is."""
+    from dataclasses import asdict
+
+    from helios_client.doctor import examine
+
+    findings = examine(port)
+    if as_json:
+        print_json({"findings": [asdict(finding) for finding in findings]})
+    for finding in [] if as_json else findings:
+        mark = "ok     " if finding.ok else "MISSING"
+        print(f"{mark} {finding.what}" + ("" if finding.ok else f": {finding.mend}"))
+    raise typer.Exit(0 if all(f.ok or f.optional for f in findings) else 1)

@@ -1,0 +1,80 @@
+"""`helios status`, `stop`, `clear-stop`: how robot and services are, and stop-now."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from helios_client.options import (
+    Json,
+    Key,
+    Port,
+    RobotName,
+    State,
+    Url,
+    connect,
+    console,
+    print_json,
+)
+
+app = typer.Typer()
+
+
+@app.command()
+def status(
+    port: Port = 8080,
+    url: Url = None,
+    key: Key = None,
+    robot: RobotName = None,
+    state: State = None,
+    as_json: Json = False,
+) -> None:
+    """How every service is, and whether stop-now is latched; works while the gateway is down."""
+    from helios_client.status import find_status, status_table
+
+    with connect(port, url, key, robot, timeout_s=3.0) as helios:
+        found = find_status(helios, port if url is None else None, state)
+    if as_json:
+        print_json(found)
+        return
+    screen = console()
+    screen.print(status_table(found))
+    if found["stopped"]:
+        screen.print("[red]stop-now is latched[/]: the robot will not move; helios clear-stop")
+    screen.print("ready" if found["ready"] else "not ready")
+
+
+@app.command()
+def stop(
+    reason: Annotated[str, typer.Option(help="told to whoever asks")] = "helios stop",
+    port: Port = 8080,
+    url: Url = None,
+    key: Key = None,
+    robot: RobotName = None,
+    as_json: Json = False,
+) -> None:
+    """Stop the robot now; it will not move until helios clear-stop."""
+    with connect(port, url, key, robot) as helios:
+        answer = helios.stop_robot(reason)
+    if as_json:
+        print_json(answer)
+    else:
+        print("stopped; it will not move until: helios clear-stop")
+
+
+@app.command(name="clear-stop")
+def clear_stop(
+    port: Port = 8080,
+    url: Url = None,
+    key: Key = None,
+    robot: RobotName = None,
+    as_json: Json = False,
+) -> None:
+    """Lift stop-now: the robot may move again."""
+    with connect(port, url, key, robot) as helios:
+        answer = helios.clear_stop()
+    if as_json:
+        print_json(answer)
+    else:
+        print("cleared; the robot may move again")

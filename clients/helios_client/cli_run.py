@@ -1,0 +1,139 @@
+"""`helios up`, `record`, `replay`: what starts services."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from helios_client.options import Port, State, console
+
+app = typer.Typer()
+
+
+@app.command()
+def up(
+    robot: Annotated[str, typer.Option(help="sim, replay, spot or package:Class")] = "sim",
+    port: Port = 8080,
+    seed: Annotated[int, typer.Option(help="of the simulated home", min=0)] = 0,
+    preset: Annotated[str, typer.Option(help="kind of the simulated home")] = "demo-v1",
+    furniture: Annotated[
+        str | None,
+        typer.Option(help="of the simulated home: parametric or realistic (helios assets bake)"),
+    ] = None,
+    state: State = None,
+    detector: Annotated[
+        str | None,
+        typer.Option(help="simulated, ground-truth or onnx:FILE  [default: simulated for sim]"),
+    ] = None,
+    source: Annotated[
+        Path | None, typer.Option(help="what --robot replay plays: a recording or data set")
+    ] = None,
+    rate: Annotated[
+        float, typer.Option(help="speed of --robot replay; 0: without waiting", min=0)
+    ] = 1.0,
+    record: Annotated[
+        bool, typer.Option("--record", help="record every topic", envvar="HELIOS_RECORD")
+    ] = False,
+    record_dir: Annotated[
+        Path | None, typer.Option(help="folder of the recordings  [default: STATE/recordings]")
+    ] = None,
+    spot_host: Annotated[
+        str | None, typer.Option(help="of --robot spot; login: HELIOS_SPOT_USERNAME, …_PASSWORD")
+    ] = None,
+    router_port: Annotated[
+        int | None, typer.Option(help="port of the router  [default: a free one]", min=1, max=65535)
+    ] = None,
+    name: Annotated[str, typer.Option(help="the robot's name on the bus")] = "robot",
+) -> None:
+    """Start every service on this machine and keep them running until Ctrl-C."""
+    from helios_client import state_file
+    from helios_client.replay_words import check_detector, default_detector
+    from helios_client.stack import Stack, free_port
+    from helios_client.up import up as run_up
+    from helios_client.wrong_use import WrongUse
+
+    if robot not in ("sim", "replay", "spot") and ":" not in robot:
+        raise WrongUse(f"no robot is called {robot!r}; wanted sim, replay, spot or package:Class")
+    if spot_host is not None and robot != "spot":
+        raise WrongUse("--spot-host goes with --robot spot, and only with it")
+    if detector is None:
+        detector = default_detector(robot, source)
+    check_detector(detector)
+    if furniture not in (None, "parametric", "realistic"):
+        raise WrongUse(f"no furniture is called {furniture!r}; wanted parametric or realistic")
+    if (source is None) is (robot == "replay"):
+        raise WrongUse("--source DATASET goes with --robot replay, and only with it")
+    state_dir = state or state_file.default_state_dir(port)
+    if record and record_dir is None:
+        record_dir = state_dir / "recordings"
+    run_up(
+        Stack(
+            robot=robot, router_port=router_port or free_port(),
+            state_dir=state_dir, name=name, port=port, seed=seed,
+            preset=preset, furniture=furniture, detector=detector, source=source,
+            robot_host=spot_host, rate=rate if robot == "replay" else None, record=record_dir,
+        ),
+        console(),
+    )  # fmt: skip
+
+
+@app.command()
+def record(
+    out: Annotated[Path, typer.Option(help="folder of the recordings")] = Path("recordings"),
+    port: Port = 8080,
+    state: State = None,
+    router: Annotated[
+        str | None, typer.Option(help="tcp/HOST:PORT  [default: that of the running helios up]")
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="the robot's name  [default: that of helios up]")
+    ] = None,
+) -> None:
+    """Record every topic of a running robot into MCAP until Ctrl-C."""
+    from helios_client.record import record as run_record
+
+    run_record(out, port, state, router, name)
+
+
+@app.command()
+def replay(
+    dataset: Annotated[Path, typer.Argument(help="recording (.mcap), data set or ROS bag")],
+    out: Annotated[Path, typer.Option(help="folder for the results")],
+    classes: Annotated[
+        str | None,
+        typer.Option(help='what to look for: "cup,dining table"  [default: what was sought then]'),
+    ] = None,
+    detector: Annotated[
+        str | None, typer.Option(help="onnx:FILE or another  [default: what was found then]")
+    ] = None,
+    thresholds: Annotated[str, typer.Option(help='"cup=0.25,dining table=0.35"')] = "",
+    limit: Annotated[int, typer.Option(help="frames to play; 0: all", min=0)] = 0,
+    from_s: Annotated[float, typer.Option("--from", help="begin there, seconds", min=0)] = 0.0,
+    to_s: Annotated[
+        float | None, typer.Option("--to", help="end there, seconds  [default: its end]", min=0)
+    ] = None,
+    rate: Annotated[
+        float, typer.Option(help="1: as it was recorded, 2: twice as fast, 0: no waiting", min=0)
+    ] = 0.0,
+    free_running: Annotated[
+        bool, typer.Option(help="do not wait for the maps; gives another result each time")
+    ] = False,
+    topics: Annotated[
+        str, typer.Option(help='of a ROS bag: "color=/a,depth=/b,info=/c,pose=/d"')
+    ] = "",
+) -> None:
+    """Play a recording or data set through the services and write what they found."""
+    from helios_client.replay import Pace, ReplayJob
+    from helios_client.replay import replay as run_replay
+    from helios_client.replay_words import check_detector, what_to_seek
+
+    screen = console()
+    context, detector = what_to_seek(dataset, classes, thresholds, detector)
+    check_detector(detector)
+    pace = Pace(limit, from_s, to_s, rate, free_running, topics)
+    results = run_replay(ReplayJob(dataset, context, detector, out, pace), screen)
+    results.write(out)
+    screen.print(results.table())
+    screen.print(f"written to {out}", highlight=False)

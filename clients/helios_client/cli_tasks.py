@@ -1,0 +1,87 @@
+"""`helios task`, `tasks`, `cancel`: what the robot shall do."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated, Literal
+
+import typer
+
+from helios_client.options import Json, Key, Port, RobotName, Url, connect, console, print_json
+
+app = typer.Typer()
+
+TaskState = Literal["queued", "running", "paused", "succeeded", "failed", "cancelled"]
+
+
+@app.command()
+def task(
+    instruction: Annotated[str, typer.Argument(help='such as "Move the mug to the sofa"')],
+    port: Port = 8080,
+    url: Url = None,
+    key: Key = None,
+    robot: RobotName = None,
+    as_json: Json = False,
+    timeout_s: Annotated[float, typer.Option(help="longest wait", min=1.0)] = 3600.0,
+    agent: Annotated[
+        str | None, typer.Option(help="who does it: helios, trusting …  [default: the setting]")
+    ] = None,
+) -> None:
+    """Submit a task and watch it; exit status 0 if it succeeded."""
+    from helios_client.task_view import run_task, wait_while_starting
+
+    with connect(port, url, key, robot) as helios:
+        if url is None:
+            wait_while_starting(helios, port, console(stderr=True))
+        # With --json the live view goes to stderr, so that stdout holds JSON and nothing else.
+        ended = run_task(helios, instruction, timeout_s, console(stderr=as_json), agent)
+    if as_json:
+        print_json(ended.raw)
+    if not ended.succeeded:
+        how = "was cancelled" if ended.state == "cancelled" else ended.state
+        print(f"helios: the task {how}: {ended.message}", file=sys.stderr)
+        raise typer.Exit(1)
+
+
+@app.command()
+def tasks(
+    port: Port = 8080,
+    url: Url = None,
+    key: Key = None,
+    robot: RobotName = None,
+    state: Annotated[TaskState | None, typer.Option(help="only those in this state")] = None,
+    limit: Annotated[int | None, typer.Option(help="at most so many", min=1, max=1000)] = None,
+    as_json: Json = False,
+) -> None:
+    """List tasks, newest first."""
+    from helios_client.lists import task_table
+
+    with connect(port, url, key, robot) as helios:
+        found = helios.tasks(state, limit)
+    if as_json:
+        print_json({"tasks": [one.raw for one in found]})
+    elif found:
+        console().print(task_table(found))
+    else:
+        print("no tasks" + (f" are {state}" if state else " yet"))
+
+
+@app.command()
+def cancel(
+    id: Annotated[str, typer.Argument(help="of the task, or how it begins; see helios tasks")],
+    port: Port = 8080,
+    url: Url = None,
+    key: Key = None,
+    robot: RobotName = None,
+    as_json: Json = False,
+) -> None:
+    """Ask a task to end; the robot comes to rest."""
+    from helios_client.lists import task_by_prefix
+
+    with connect(port, url, key, robot) as helios:
+        ended = helios.cancel(task_by_prefix(helios, id).id)
+    if as_json:
+        print_json(ended.raw)
+    else:
+        what = "ended before" if ended.state in ("succeeded", "failed") else "is being cancelled"
+        print(f"task {ended.id} {'is cancelled' if ended.state == 'cancelled' else what}")

@@ -1,0 +1,52 @@
+"""Where a HELIOS is and how it is asked: what the synchronous and the asynchronous client share."""
+
+from __future__ import annotations
+
+from typing import Any
+from urllib.parse import quote
+
+import httpx
+
+from helios_client.calls import Call, event_query
+
+POLL_S = 0.3
+SILENCE_S = 30.0  # a gateway is restarted within seconds
+EVENT_RETRY_S = 0.5
+CONNECT_S = 3.0
+
+
+class Connection:
+    """Addresses, deadlines and headers; no I/O."""
+
+    def __init__(self, base_url: str, timeout_s: float, key: str | None, robot: str | None) -> None:
+        self.url = base_url.rstrip("/")
+        self._prefix = f"/v1/robots/{quote(robot, safe='')}" if robot else "/v1"
+        self._timeout_s = timeout_s
+        self._headers = {"authorization": f"Bearer {key}"} if key else {}
+
+    def options(self) -> dict[str, Any]:
+        """Of `httpx.Client` and `httpx.AsyncClient`."""
+        return {
+            "base_url": self.url,
+            "headers": self._headers,
+            "timeout": httpx.Timeout(self._timeout_s, connect=min(CONNECT_S, self._timeout_s)),
+            "trust_env": False,  # a proxy of the environment is no way to a robot on loopback
+        }
+
+    def request(self, call: Call[Any]) -> dict[str, Any]:
+        """Of their `request`."""
+        return {
+            "method": call.verb, "url": self._prefix + call.path, "json": call.body,
+            "params": dict(call.query),
+        }  # fmt: skip
+
+    def event_request(
+        self, types: tuple[str, ...], task_id: str | None, last_id: str, silence_s: float
+    ) -> dict[str, Any]:
+        """Of their `stream`."""
+        return {
+            "method": "GET", "url": f"{self._prefix}/events",
+            "params": event_query(types, task_id),
+            "headers": {"last-event-id": last_id} if last_id else {},
+            "timeout": httpx.Timeout(self._timeout_s, read=silence_s),
+        }  # fmt: skip

@@ -1,0 +1,41 @@
+"""Server-sent events from the lines of a stream."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+
+from helios_client.tasks import Event
+
+
+class EventParser:
+    """Fed line by line; comments and data that is no JSON object are skipped."""
+
+    def __init__(self) -> None:
+        self._fields: dict[str, str] = {}
+
+    def feed(self, line: str) -> Event | None:
+        """The event that this line completes."""
+        if line:
+            name, _, value = line.partition(":")
+            if name:
+                value = value.removeprefix(" ")
+                joined = name == "data" and "data" in self._fields
+                self._fields[name] = f"{self._fields['data']}\n{value}" if joined else value
+            return None
+        fields, self._fields = self._fields, {}
+        try:
+            data = json.loads(fields.get("data", ""))
+        except ValueError:
+            return None
+        if not isinstance(data, dict):
+            return None
+        return Event(fields.get("event", "message"), data, fields.get("id", ""))
+
+
+def parse_events(lines: Iterable[str]) -> Iterator[Event]:
+    """All events of these lines."""
+    parser = EventParser()
+    for line in lines:
+        if event := parser.feed(line):
+            yield event

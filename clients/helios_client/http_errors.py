@@ -1,0 +1,38 @@
+"""What goes wrong over HTTP, as the typed errors of `helios_core.errors`."""
+
+from __future__ import annotations
+
+import httpx
+from helios_core.errors import (
+    Conflict,
+    DeadlineExceeded,
+    HeliosError,
+    Internal,
+    InvalidInput,
+    Unavailable,
+)
+
+_KINDS: dict[int, type[HeliosError]] = {
+    400: InvalidInput, 401: InvalidInput, 403: InvalidInput, 404: InvalidInput, 405: InvalidInput,
+    408: DeadlineExceeded, 409: Conflict, 413: InvalidInput, 422: InvalidInput, 429: Unavailable,
+    503: Unavailable, 504: DeadlineExceeded,
+}  # fmt: skip
+
+
+def refused(response: httpx.Response) -> HeliosError:
+    """The typed error that a problem+json answer stands for."""
+    kind = _KINDS.get(response.status_code, Internal)
+    try:
+        detail = response.json()["detail"]
+    except (ValueError, KeyError, TypeError):
+        detail = f"{response.request.url} answered {response.status_code}; is HELIOS there?"
+    return kind(str(detail))
+
+
+def lost(error: httpx.TransportError, url: str) -> HeliosError:
+    """The typed error for an answer that never came from `url`."""
+    if isinstance(error, httpx.ConnectError | httpx.ConnectTimeout):
+        return Unavailable(f"nobody answers at {url}; start HELIOS with `helios up`")
+    if isinstance(error, httpx.TimeoutException):
+        return DeadlineExceeded(f"{url} gave no answer in time; see `helios status`")
+    return Unavailable(f"{url} broke off ({error}); try again")

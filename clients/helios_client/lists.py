@@ -1,0 +1,62 @@
+"""Tables of tasks and objects for people."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from helios_client.sdk import Helios
+from helios_client.tasks import FoundObject, Task
+from helios_client.wrong_use import WrongUse
+
+_COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "running": "cyan"}
+_PLAIN: dict[str, Any] = {"box": None, "pad_edge": False, "header_style": "dim"}
+
+
+def task_table(tasks: Sequence[Task]) -> Table:
+    """One row a task."""
+    out = Table("id", "state", "took", "steps", "instruction", "message", **_PLAIN)
+    for task in tasks:
+        color = _COLORS.get(task.state, "default")
+        out.add_row(
+            task.id, f"[{color}]{task.state}[/]", _took(task), str(task.steps),
+            escape(task.instruction), escape(task.message),
+        )  # fmt: skip
+    return out
+
+
+def object_table(objects: Sequence[FoundObject]) -> Table:
+    """One row an instance: score Ψ, class score S and uncertainty U of eq. 7."""
+    out = Table("id", "class", "Ψ", "S", "U", "views", "centre (m)", "size (m)", **_PLAIN)
+    for found in objects:
+        out.add_row(
+            str(found.id), escape(found.class_name), f"{found.score:.2f}",
+            f"{found.class_score:.2f}", f"{found.uncertainty:.2f}", str(found.views),
+            _metres(found.center_m), _metres(found.size_m),
+        )  # fmt: skip
+    return out
+
+
+def task_by_prefix(helios: Helios, id: str) -> Task:
+    """The task whose id begins so. Raises WrongUse when there is none, or more than one."""
+    fitting = [task for task in helios.tasks() if task.id.startswith(id)]
+    exact = [task for task in fitting if task.id == id]
+    if exact or len(fitting) == 1:
+        return (exact or fitting)[0]
+    if not fitting:
+        raise WrongUse(f"there is no task {id!r}; list them with helios tasks")
+    raise WrongUse(f"{len(fitting)} tasks begin with {id!r}; say more of the id")
+
+
+def _took(task: Task) -> str:
+    if not task.started_s:
+        return "-"
+    return f"{(task.ended_s or time.time()) - task.started_s:.0f} s"
+
+
+def _metres(values: Sequence[float | None]) -> str:
+    return " ".join("-" if v is None else f"{v:.2f}" for v in values)

@@ -1,0 +1,122 @@
+"""API keys: a TOML file of names, scopes and the SHA-256 of each key.
+
+    [[key]]
+    name = "tablet"
+    scope = "operate"
+    sha256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
+
+`helios key` writes such entries. The file is read again when it changes, so taking an entry out
+takes effect at once.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import threading
+import tomllib
+from enum import IntEnum
+from pathlib import Path
+
+from helios_core.errors import InvalidInput
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+log = logging.getLogger(__name__)
+
+
+class Scope(IntEnum):
+    """What a key allows; each holds all before it."""
+
+    READ = 1  # look, and stop the robot
+    OPERATE = 2  # tasks, frames, lift stop-now
+    ADMIN = 3  # settings of the services
+
+
+class Key(BaseModel):
+    """One entry of the file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str = Field(min_length=1)
+    scope: Scope
+    sha256: str = Field(pattern="^[0-9a-f]{64}$")
+
+    @field_validator("scope", mode="before")
+    @classmethod
+    def _by_name(cls, value: object) -> object:
+        names = {scope.name.lower(): scope for scope in Scope}
+        if value not in names:
+            raise ValueError(f"no scope is called {value!r}; wanted {', '.join(names)}")
+        return names[str(value)]
+
+
+class _File(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    key: list[Key] = Field(min_length=1)
+
+
+class Keys:
+    """Thread-safe. Without a file no key is asked for."""
+
+    def __init__(self, file: Path | None) -> None:
+        """Raises InvalidInput for a file that cannot be read."""
+        self._file = file
+        self._lock = threading.Lock()
+        self._seen = (0, 0)
+        self._by_hash: dict[str, Key] = {}
+        if file is not None:
+            self._seen = _stamp(file)
+            self._by_hash = _read(file)
+
+    @property
+    def required(self) -> bool:
+        return self._file is not None
+
+    def find(self, secret: str) -> Key | None:
+        """The entry of a key. Only hashes are compared, so time tells nothing of the key."""
+        self._refresh()
+        digest = hashlib.sha256(secret.encode("utf-8", "replace")).hexdigest()
+        with self._lock:
+            return self._by_hash.get(digest)
+
+    def _refresh(self) -> None:
+        if self._file is None:
+            return
+        try:
+            stamp = _stamp(self._file)
+            with self._lock:
+                if stamp == self._seen:
+                    return
+                self._seen = stamp
+            fresh = _read(self._file)
+        except InvalidInput as error:
+            log.error("the keys of before stay in force: %s", error.message)
+            return
+        with self._lock:
+            self._by_hash = fresh
+        log.info("%d keys read anew", len(fresh))
+
+
+def _stamp(file: Path) -> tuple[int, int]:
+    try:
+        status = file.stat()
+    except OSError as error:
+        raise InvalidInput(
+            f"the keys in {file} cannot be read ({error.strerror}); make some with helios key"
+        ) from error
+    return status.st_mtime_ns, status.st_size
+
+
+def _read(file: Path) -> dict[str, Key]:
+    try:
+        entries = _File.model_validate(tomllib.loads(file.read_text())).key
+    except OSError as error:
+        raise InvalidInput(f"the keys in {file} cannot be read: {error.strerror}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise InvalidInput(f"the keys in {file} are no TOML: {error}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise InvalidInput(f"the keys in {file} are wrong: {where}: {first['msg']}") from error
+    return {entry.sha256: entry for entry in entries}

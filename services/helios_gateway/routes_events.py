@@ -1,0 +1,138 @@
+"""Everything that happens: as server-sent events, and over a WebSocket."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import AsyncGenerator
+from typing import Annotated
+
+import anyio
+import anyio.to_thread
+from fastapi import APIRouter, Header, Query, Request, WebSocket, WebSocketDisconnect
+from fastapi.responses import StreamingResponse
+from helios_core import proto as pb
+from helios_core.errors import HeliosError, InvalidInput
+from helios_core.topics import GET_TASK
+
+from helios_gateway import convert
+from helios_gateway.access import check, secured
+from helios_gateway.events import Event, Wanted, as_sse
+from helios_gateway.fleet import At, Served
+from helios_gateway.keys import Scope
+from helios_gateway.problems import NotFound, problem_of, problems
+from helios_gateway.settings import Settings
+
+TYPES = ("task", "decision", "plan", "robot", "map", "service", "ready")
+
+Types = Annotated[
+    str, Query(max_length=200, description="only these types, commas between; empty: all")
+]
+TaskId = Annotated[
+    str, Query(max_length=100, description="only of this task, until it has ended; empty: all")
+]
+
+
+def event_routes(prefix: str, settings: Settings) -> APIRouter:
+    """`/events` and `/events/ws`."""
+    routes = APIRouter(prefix=prefix, tags=["events"])
+
+    async def watch(
+        at: Served, last_id: str | None, types: str, task_id: str
+    ) -> AsyncGenerator[Event | None]:
+        """Raises InvalidInput, NotFound, Unavailable."""
+        wanted = Wanted(_types(types), task_id)
+        if not task_id:
+            return at.live.events.watch(last_id, wanted)
+        first = await anyio.to_thread.run_sync(_task_event, at, task_id, settings.call_timeout_s)
+        return _until_ended(at.live.events.watch(last_id, wanted), first, wanted)
+
+    @routes.get(
+        "/events",
+        summary="Everything that happens, as server-sent events",
+        response_class=StreamingResponse,
+        responses={200: {"content": {"text/event-stream": {}}}, **problems(404)},
+        dependencies=secured(Scope.READ),
+    )
+    async def events(
+        at: At,
+        request: Request,
+        types: Types = "",
+        task_id: TaskId = "",
+        last_event_id: Annotated[str | None, Header()] = None,
+    ) -> StreamingResponse:
+        """Types: `task`, `decision`, `plan`, `robot` (at most 2 a second while it moves),
+        `map` (numbers that rise when a map changes), `service`, `ready`. The data is JSON, of the
+        same form as the other addresses give. Every event has an id; come back with
+        `Last-Event-ID` to get what was missed. Newcomers are given the present state first.
+
+        The same over a WebSocket: `/v1/events/ws?last_event_id=…`, each message
+        `{"id", "type", "data"}`, an empty text as a sign of life."""
+        return StreamingResponse(
+            as_sse(await watch(at, last_event_id, types, task_id)),
+            media_type="text/event-stream",
+            headers={"cache-control": "no-store", "x-accel-buffering": "no"},
+        )
+
+    @routes.websocket("/events/ws")
+    async def socket(
+        at: At,
+        socket: WebSocket,
+        types: Types = "",
+        task_id: TaskId = "",
+        last_event_id: Annotated[str | None, Query(max_length=100)] = None,
+    ) -> None:
+        try:
+            check(socket, Scope.READ)
+            stream = await watch(at, last_event_id, types, task_id)
+        except HeliosError as error:
+            await socket.send_denial_response(problem_of(error))
+            return
+        await socket.accept()
+        async with contextlib.aclosing(stream), anyio.create_task_group() as group:
+
+            async def leave_when_gone() -> None:
+                while (await socket.receive())["type"] != "websocket.disconnect":
+                    pass  # nothing is expected of a viewer
+                group.cancel_scope.cancel()
+
+            group.start_soon(leave_when_gone)
+            with contextlib.suppress(WebSocketDisconnect):
+                async for event in stream:
+                    await socket.send_text("" if event is None else event.as_json)
+                await socket.close(1001, "no more events")
+            group.cancel_scope.cancel()
+
+    return routes
+
+
+def _types(text: str) -> frozenset[str]:
+    types = frozenset(part.strip() for part in text.split(",") if part.strip())
+    if unknown := sorted(types - set(TYPES)):
+        raise InvalidInput(f"no events are of type {unknown[0][:50]!r}; there are: "
+                           f"{', '.join(TYPES)}")  # fmt: skip
+    return types
+
+
+def _task_event(at: Served, task_id: str, timeout_s: float) -> Event:
+    """How the task is now; not of the stream, so without a number."""
+    try:
+        task = at.bus.call(GET_TASK, pb.TaskRequest(id=task_id), timeout_s)
+    except InvalidInput as error:
+        raise NotFound(error.message) from error
+    model = convert.task(task)
+    return Event("", 0, "task", model.model_dump_json(), task_id=task_id, ends_task=model.ended)
+
+
+async def _until_ended(
+    stream: AsyncGenerator[Event | None], first: Event, wanted: Wanted
+) -> AsyncGenerator[Event | None]:
+    async with contextlib.aclosing(stream):
+        yield await anext(stream)
+        if wanted(first):
+            yield first
+        if first.ends_task:
+            return
+        async for event in stream:
+            yield event
+            if event is not None and event.ends_task:
+                return

@@ -1,0 +1,47 @@
+"""A gateway on a free port over made-up services, for whoever talks HTTP to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_gateway.service import Gateway, bind
+from helios_gateway.settings import Settings
+
+from tests.gateway_backend import Backend
+
+
+@dataclass
+class Served:
+    """What runs."""
+
+    port: int
+    backend: Backend
+    gateway: Gateway
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+
+@contextmanager
+def served(*flags: str, port: int = 0, backend: Backend | None = None) -> Iterator[Served]:
+    """A gateway with these settings; `backend` where it outlives the gateway."""
+    hub = MemoryHub()
+    if backend is None:
+        backend = Backend(hub)
+        backend.start()
+    else:
+        hub = backend.hub
+    listener = bind("127.0.0.1", port)
+    gateway = Gateway(
+        MemoryBus(hub), Health(), Settings.load(["--tick-s", "0.05", *flags]), listener,
+        lambda name: MemoryBus(hub, name),
+    )  # fmt: skip
+    try:
+        yield Served(listener.getsockname()[1], backend, gateway)
+    finally:
+        gateway.close()

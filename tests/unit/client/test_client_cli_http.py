@@ -1,0 +1,118 @@
+"""Commands that speak to a running gateway."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helios_client.cli import run
+
+from tests.gateway_process import Served, served
+
+INSTRUCTION = "move the mug from the coffee table to the kitchen counter"
+
+
+@pytest.fixture
+def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    with served() as house:
+        yield house
+
+
+class Helios:
+    """The command, against one gateway."""
+
+    def __init__(self, house: Served, capsys: pytest.CaptureFixture[str]) -> None:
+        self.house, self._capsys = house, capsys
+        self.error = ""
+
+    def __call__(self, *args: str, status: int = 0) -> str:
+        assert run([*args, "--port", str(self.house.port)]) == status
+        said = self._capsys.readouterr()
+        self.error = said.err
+        return said.out
+
+    def json(self, *args: str) -> dict:
+        return json.loads(self(*args, "--json"))
+
+
+@pytest.fixture
+def helios(house: Served, capsys: pytest.CaptureFixture[str]) -> Helios:
+    return Helios(house, capsys)
+
+
+def test_tasks_are_listed_newest_first_and_by_state(house: Served, helios: Helios) -> None:
+    assert helios("tasks") == "no tasks yet\n"
+    for _ in range(3):
+        house.backend.submit(INSTRUCTION)
+    house.backend.tasks["t1"].state = "succeeded"
+    assert [t["id"] for t in helios.json("tasks")["tasks"]] == ["t3", "t2", "t1"]
+    assert [t["id"] for t in helios.json("tasks", "--state", "succeeded")["tasks"]] == ["t1"]
+    assert [t["id"] for t in helios.json("tasks", "--limit", "1")["tasks"]] == ["t3"]
+    assert "t2" in helios("tasks")
+    helios("tasks", "--state", "asleep", status=2)
+
+
+def test_a_task_is_cancelled_by_its_id_or_how_that_begins(house: Served, helios: Helios) -> None:
+    house.backend.submit(INSTRUCTION)
+    house.backend.submit(INSTRUCTION)
+    assert "t1 is cancelled" in helios("cancel", "t1")
+    helios("cancel", "t", status=2)
+    assert "2 tasks begin" in helios.error
+    helios("cancel", "none", status=2)
+    assert "helios tasks" in helios.error
+    helios("cancel", "t1", status=1)
+    assert "has ended" in helios.error
+
+
+def test_a_stop_latches_is_seen_and_lifted(house: Served, helios: Helios) -> None:
+    assert "helios clear-stop" in helios("stop", "--reason", "a child in the way")
+    assert house.backend.stop_reason == "a child in the way"
+    assert "stop-now is latched" in helios("status")
+    assert (helios.json("status")["ready"], helios.json("status")["stopped"]) == (False, True)
+    assert helios.json("clear-stop")["state"]["stopped"] is False
+    assert helios.json("status")["stopped"] is False
+
+
+def test_objects_are_listed_surest_first_by_class_and_score(helios: Helios) -> None:
+    scores = [o["score"] for o in helios.json("objects")["objects"]]
+    assert scores == sorted(scores, reverse=True)
+    assert [o["class"] for o in helios.json("objects", "--class", "mug")["objects"]] == ["mug"] * 2
+    assert all(o["score"] >= 0.7 for o in helios.json("objects", "--min-score", "0.7")["objects"])
+    assert "coffee table" in helios("objects")
+    assert helios("objects", "--class", "piano") == "no piano is believed\n"
+    helios("objects", "--min-score", "nan", status=1)
+    assert "min_score" in helios.error
+
+
+def test_the_map_is_exported_as_pictures_and_arrays(helios: Helios, tmp_path: Path) -> None:
+    out = tmp_path / "map"
+    files = [Path(path) for path in helios.json("map", "export", "--out", str(out))["files"]]
+    names = {"occupancy", "value-pick", "value-place"}
+    assert {path.name for path in files} == {f"{n}.{e}" for n in names for e in ("png", "npz")}
+    assert (out / "occupancy.png").read_bytes().startswith(b"\x89PNG")
+    with np.load(io.BytesIO((out / "value-pick.npz").read_bytes())) as arrays:
+        assert arrays["value"].shape == (140, 180)
+    assert helios("map", "export", "--out", str(out), "--only", "occupancy").count("\n") == 2
+    helios("map", "export", "--only", "dream", status=2)
+    assert "wanted one of occupancy, pick, place" in helios.error
+    helios("map", "export", "--out", "/dev/null/x", status=1)
+    assert "cannot be written" in helios.error
+
+
+def test_another_robot_is_named(helios: Helios) -> None:
+    assert helios.json("tasks", "--robot", "robot") == {"tasks": []}
+    helios("tasks", "--robot", "spot", status=1)
+    assert "there are: robot" in helios.error
+
+
+def test_every_failure_is_one_sentence(helios: Helios) -> None:
+    for args in (["cancel", "none"], ["tasks", "--robot", "x"], ["map", "export", "--only", "x"]):
+        assert run([*args, "--port", str(helios.house.port)]) in (1, 2)
+        helios.error = helios._capsys.readouterr().err
+        assert helios.error.startswith("helios: ")
+        assert helios.error.count("\n") == 1
