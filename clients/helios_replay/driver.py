@@ -9,7 +9,7 @@ from pathlib import Path
 
 from helios_core.bus import Bus
 from helios_core.errors import InvalidInput
-from helios_core.geometry import base_below_camera
+from helios_core.geometry import base_below_camera, tilt_of
 from helios_core.robot import (
     Action,
     ActionResult,
@@ -50,10 +50,11 @@ class ReplayDriver(RobotDriver):
         self._source = open_source(source, Part(limit, from_s, to_s, topics))
         self._rate, self._bus = rate, bus if contexts else None
         self._next = 0
-        self._T_world_base = base_below_camera(self._source.shots[0].T_world_cam)
+        self._T_world_cam = self._source.shots[0].T_world_cam
+        self._T_world_base = base_below_camera(self._T_world_cam)
         self._began_s: float | None = None  # monotonic, of the first shot
         self._closed = threading.Event()
-        self._stopped = False
+        self._stopped = ""  # why
         self._steps = 0
         self._results: dict[str, ActionResult] = {}
 
@@ -65,9 +66,9 @@ class ReplayDriver(RobotDriver):
         then = self._source.state_after(given - 1)
         return RobotState(
             T_world_base=self._T_world_base,
-            tilt_rad=then.tilt_rad if then else 0.0,
+            tilt_rad=then.tilt_rad if then else tilt_of(self._T_world_cam),
             held=then.held if then else "",
-            stopped=self._stopped,
+            stopped=bool(self._stopped),
             world_epoch=then.world_epoch if then else 0,
             robot_boot_id=then.robot_boot_id if then else "",
             message=f"frame {given} of {total}",
@@ -86,7 +87,7 @@ class ReplayDriver(RobotDriver):
         T_world_base = picture.T_world_base
         if T_world_base is None:
             T_world_base = base_below_camera(shot.T_world_cam)
-        self._T_world_base = T_world_base
+        self._T_world_cam, self._T_world_base = shot.T_world_cam, T_world_base
         return Capture(
             stamp_ns=shot.stamp_ns,
             color=picture.color,
@@ -103,10 +104,10 @@ class ReplayDriver(RobotDriver):
         return self._results[action_id]
 
     def stop(self, reason: str) -> None:
-        self._stopped = True
+        self._stopped = reason or "stop-now"
 
     def clear_stop(self) -> None:
-        self._stopped = False
+        self._stopped = ""
 
     def close(self) -> None:
         self._closed.set()
@@ -133,7 +134,7 @@ class ReplayDriver(RobotDriver):
 
     def _do(self, action: Action) -> ActionResult:
         if self._stopped:
-            return ActionResult(False, "the robot is stopped; clear the stop first")
+            return ActionResult(False, f"stopped ({self._stopped}); clear the stop first")
         if not isinstance(action, Observe):
             return ActionResult(
                 False, f"a recording cannot {type(action).__name__.lower()}; it can only observe"

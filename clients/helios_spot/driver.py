@@ -14,6 +14,7 @@ from dataclasses import replace
 
 from helios_core.bus import Bus
 from helios_core.errors import Conflict, HeliosError
+from helios_core.geometry import tilt_of
 from helios_core.robot import (
     Action,
     ActionResult,
@@ -29,7 +30,7 @@ from helios_core.types import RobotDescription, RobotState
 
 from helios_spot.arm import TILT_RANGE_RAD, looking_pose
 from helios_spot.control import Control
-from helios_spot.frames import NOMINAL_BODY_HEIGHT_M, tilt_of
+from helios_spot.frames import NOMINAL_BODY_HEIGHT_M
 from helios_spot.halt import Halt, Halted
 from helios_spot.hand import Hand
 from helios_spot.images import Eyes

@@ -56,11 +56,6 @@ def base_below_body(T_world_body: Matrix) -> Matrix:
     return se2_to_se3(x_m, y_m, math.atan2(ahead[1], ahead[0]))
 
 
-def tilt_of(T_world_cam: Matrix) -> float:
-    """How far a camera's optical axis points down, radians."""
-    return math.asin(float(np.clip(-T_world_cam[2, 2], -1.0, 1.0)))
-
-
 def to_vision(point_world_m: tuple[float, float, float], ground_m: float) -> Matrix:
     """A point of the world [3] in the vision frame."""
     return (invert(world_from_vision(ground_m)) @ [*point_world_m, 1.0])[:3]

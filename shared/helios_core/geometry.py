@@ -86,6 +86,11 @@ def camera_on_base(
     return T_world_base @ T_base_cam
 
 
+def tilt_of(T_world_cam: Matrix) -> float:
+    """How far down the optical axis points, radians."""
+    return math.asin(min(max(-float(T_world_cam[2, 2]), -1.0), 1.0))
+
+
 def base_below_camera(T_world_cam: Matrix) -> Matrix:
     """T_world_base [4, 4]: the camera's place on the floor, heading where the camera looks.
 

@@ -1,8 +1,9 @@
 """What a robot must offer: subclass `RobotDriver`, then `helios up --robot my_package:MyRobot`.
 
 The bridge hosts one driver, gives frames their identity, keeps the lease and the results of
-actions, and calls the driver from one thread at a time, except for `stop`, which may come from
-another thread while an action runs.
+actions, and calls the driver from one thread at a time, except for `stop`, `clear_stop` and
+`state`, which may come from another thread while an action runs. `python -m helios_contract
+my_package:MyRobot` says whether a driver keeps all that is asked here.
 """
 
 from __future__ import annotations
@@ -100,7 +101,7 @@ class RobotDriver(ABC):
 
     @abstractmethod
     def state(self) -> RobotState:
-        """How the robot is; the bridge fills in epoch and boot id."""
+        """How the robot is; where it has no boot id, the bridge gives it one. From any thread."""
 
     @abstractmethod
     def capture(self) -> Capture:
@@ -112,11 +113,12 @@ class RobotDriver(ABC):
 
     @abstractmethod
     def stop(self, reason: str) -> None:
-        """Stop now and refuse every action until `clear_stop`. May come from any thread."""
+        """Stop now, and until `clear_stop` refuse every action, by a failed result or Conflict that
+        gives the reason. May come from any thread."""
 
     @abstractmethod
     def clear_stop(self) -> None:
-        """Allow actions again."""
+        """Allow actions again. From any thread."""
 
     def close(self) -> None:
         """Let go of the robot."""

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput, Unavailable
-from helios_core.geometry import Pinhole, is_rigid, lift_pixels, yaw_of
+from helios_core.geometry import Pinhole, is_rigid, lift_pixels, tilt_of, yaw_of
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Capture, Forward, Observe, Pick, Place, Tilt, Turn
 from helios_core.topics import ESTIMATE_DEPTH
-from helios_spot.frames import tilt_of
 from numpy.typing import NDArray
 
 from tests.fake_spot.scene import Shape

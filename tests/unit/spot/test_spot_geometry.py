@@ -15,6 +15,7 @@ from helios_core.geometry import (
     is_rigid,
     project,
     se2_to_se3,
+    tilt_of,
     yaw_of,
 )
 from helios_core.robot import Forward, Turn
@@ -34,7 +35,6 @@ from helios_spot.frames import (
     base_below_body,
     ground_height_m,
     pose,
-    tilt_of,
     to_vision,
     world_from_vision,
 )

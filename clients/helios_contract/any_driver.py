@@ -1,0 +1,19 @@
+"""The suite on the driver that was chosen; collected by `python -m helios_contract`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from helios_contract import DriverContract, Rig, chosen
+
+
+class TestDriver(DriverContract):
+    """As named on the command line."""
+
+    @classmethod
+    @contextmanager
+    def stand(cls) -> Iterator[Rig]:
+        assert chosen.rig is not None
+        yield chosen.rig
+        chosen.rig.driver.close()

@@ -1,0 +1,71 @@
+"""A driver on the test stand."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from helios_core.errors import Unavailable
+from helios_core.geometry import Matrix, lift_pixels
+from helios_core.robot import Action, ActionResult, Capture, RobotDriver
+from helios_core.types import RobotDescription
+
+BACK_WITHIN_S = 15.0
+
+
+@dataclass(frozen=True)
+class Rig:
+    """One driver, how far it may move, and how exact it is. The scene before it stays as it is.
+
+    The suite drives `forward_m` ahead a few times and turns on the spot, to the left first.
+    """
+
+    driver: RobotDriver
+    forward_m: float = 0.3  # of one drive; in all the suite drives twice as far
+    turn_rad: float = 0.4
+    tolerance_m: float = 0.05  # of where it says it is after a drive
+    tolerance_rad: float = 0.06
+    depth_tolerance_m: float = 0.05  # of its depth image, at 2 m
+    away: Callable[[], AbstractContextManager[object]] | None = (
+        None  # in it, no robot can be reached
+    )
+
+    @property
+    def robot(self) -> RobotDescription:
+        return self.driver.describe()
+
+    def act(self, action: Action) -> ActionResult:
+        """Under an id of its own."""
+        return self.driver.act(action, uuid.uuid4().hex)
+
+    def pose(self) -> Matrix:
+        """T_world_base [4, 4] as the driver tells it."""
+        return self.driver.state().T_world_base
+
+    def when_back(self) -> Capture:
+        """The first image after the robot was away. Raises Unavailable when there is none."""
+        deadline_s = time.monotonic() + BACK_WITHIN_S
+        while True:
+            try:
+                return self.driver.capture()
+            except Unavailable:
+                if time.monotonic() > deadline_s:
+                    raise
+                time.sleep(0.1)
+
+    def need_motion(self) -> None:
+        """Skips the test for a robot that cannot move."""
+        if not self.robot.can_move:
+            pytest.skip("this robot cannot move")
+
+
+def seen_points(capture: Capture, max_depth_m: float) -> Matrix:
+    """World points [n, 3] of all pixels with depth up to `max_depth_m`."""
+    near = np.where(capture.depth_m <= max_depth_m, capture.depth_m, 0).astype(np.float32)
+    points = lift_pixels(near, capture.camera, capture.T_world_cam).reshape(-1, 3)
+    return points[np.isfinite(points).all(axis=1)]

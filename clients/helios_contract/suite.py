@@ -1,0 +1,45 @@
+"""The whole suite: one class, subclassed once per driver."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, ExitStack
+from typing import ClassVar
+
+import pytest
+
+from helios_contract.describing import Describing
+from helios_contract.hosted import Hosted
+from helios_contract.moving import Moving
+from helios_contract.rig import Rig
+from helios_contract.seeing import Seeing
+from helios_contract.stopping import Stopping
+
+
+class DriverContract(Describing, Seeing, Moving, Stopping, Hosted):
+    """Every claim about one driver. Subclass it, with a name that begins with Test, and say in
+    `stand` how the driver is made; all claims share it."""
+
+    _ending: ClassVar[ExitStack]
+    _rig: ClassVar[Rig]
+
+    @classmethod
+    def stand(cls) -> AbstractContextManager[Rig]:
+        """A context in which the driver is ready; where it ends, the driver is let go of."""
+        raise NotImplementedError("say how the driver is made: def stand(cls), a context of a Rig")
+
+    @classmethod
+    def setup_class(cls) -> None:
+        cls._ending = ExitStack()
+        cls._rig = cls._ending.enter_context(cls.stand())
+
+    @classmethod
+    def teardown_class(cls) -> None:
+        cls._ending.close()
+
+    @pytest.fixture
+    def rig(self) -> Iterator[Rig]:
+        """Each claim begins and ends with a robot that may move."""
+        self._rig.driver.clear_stop()
+        yield self._rig
+        self._rig.driver.clear_stop()

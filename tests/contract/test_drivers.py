@@ -1,0 +1,114 @@
+"""One suite for every robot driver; the suite itself is `helios_contract`, for any driver."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import cv2
+import numpy as np
+import pytest
+from helios_contract import DriverContract, Rig
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.robot import Capture, Forward, Turn
+from helios_examples.room_robot import CAMERA, RoomRobot
+from helios_replay.driver import ReplayDriver
+from helios_sim.driver import SimDriver
+from helios_sim.episode import episode_of
+from helios_sim.home import PRESETS, generate_home
+from helios_sim.service import WorldService
+from helios_sim.thread import WorldThread
+from helios_sim.world import World
+
+
+class TestExample(DriverContract):
+    """The room robot of `helios_examples`."""
+
+    @classmethod
+    @contextmanager
+    def stand(cls) -> Iterator[Rig]:
+        yield Rig(RoomRobot(), tolerance_m=0.01, tolerance_rad=0.01, depth_tolerance_m=0.02)
+
+
+class TestSimulator(DriverContract):
+    """A simulated world behind a bus."""
+
+    @classmethod
+    @contextmanager
+    def stand(cls) -> Iterator[Rig]:
+        home = generate_home(0, PRESETS["demo-v1"])
+        hub = MemoryHub()
+        service = WorldService(
+            MemoryBus(hub), WorldThread(lambda: World(home, episode_of(home, 0))), Health()
+        )
+
+        @contextmanager
+        def away() -> Iterator[None]:
+            servers, hub.servers = hub.servers, {}
+            yield
+            hub.servers = servers
+
+        yield Rig(SimDriver(MemoryBus(hub)), away=away)
+        service.close()
+
+
+class TestReplay(DriverContract):
+    """A data set that the room robot's camera took."""
+
+    @classmethod
+    @contextmanager
+    def stand(cls) -> Iterator[Rig]:
+        with TemporaryDirectory() as folder:
+            record_folder(Path(folder), frames=60)
+            yield Rig(ReplayDriver(Path(folder)), depth_tolerance_m=0.02)
+
+
+class TestSpot(DriverContract):
+    """Spot's driver at a fake Spot that speaks the real gRPC services over TLS."""
+
+    @classmethod
+    @contextmanager
+    def stand(cls) -> Iterator[Rig]:
+        pytest.importorskip("bosdyn.client", reason="pip install 'helios-ovmm[spot]'")
+        from tests.unit.spot.spot_stage import Stage
+
+        with TemporaryDirectory() as folder, closing(Stage(Path(folder))) as stage:
+
+            @contextmanager
+            def away() -> Iterator[None]:
+                stage.fake.wire.cut()
+                yield
+                stage.fake.wire.mend()
+
+            yield Rig(stage.driver(), away=away)
+
+
+def record_folder(folder: Path, frames: int) -> None:
+    """Drive the room robot about and keep what it sees as a data set."""
+    robot = RoomRobot()
+    (folder / "frames").mkdir()
+    header = "frame,t_s,r00,r01,r02,tx,r10,r11,r12,ty,r20,r21,r22,tz"
+    lines = [header, *(_keep(folder, k, _next(robot, k)) for k in range(frames))]
+    (folder / "poses.csv").write_text("\n".join(lines) + "\n")
+    meta = {
+        "width": CAMERA.width, "height": CAMERA.height, "fx": CAMERA.fx, "fy": CAMERA.fy,
+        "cx": CAMERA.cx, "cy": CAMERA.cy, "depth_scale_m": 0.001,
+    }  # fmt: skip
+    (folder / "meta.json").write_text(json.dumps(meta))
+
+
+def _next(robot: RoomRobot, k: int) -> Capture:
+    action = Forward(0.05) if k % 5 == 4 else Turn(0.05 if k % 10 < 5 else -0.05)
+    robot.act(action, str(k))
+    return robot.capture()
+
+
+def _keep(folder: Path, k: int, c: Capture) -> str:
+    depth_mm = np.rint(c.depth_m * 1000).astype(np.uint16)
+    cv2.imwrite(str(folder / f"frames/{k:06d}.jpg"), c.color[..., ::-1])
+    cv2.imwrite(str(folder / f"frames/{k:06d}.png"), depth_mm)
+    return ",".join([str(k), str(k / 10), *(f"{v:.9f}" for v in c.T_world_cam[:3].ravel())])
