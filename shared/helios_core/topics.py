@@ -76,6 +76,7 @@ PUSH = Method("bridge/push", pb.PushRequest, pb.PushReply)
 # --- detector -------------------------------------------------------------------------------
 OBSERVATION = Topic("detector/observation", pb.Observation, QoS.NEVER_DROP)
 PREVIEW = Topic("detector/preview", pb.Preview, QoS.LATEST_WINS)
+CLAIM = Topic("detector/claim", pb.Claim, QoS.NEVER_DROP)  # among replicas of the detector
 VOCABULARY = Method("detector/vocabulary", pb.Empty, pb.VocabularyReply)
 EMBED_TEXT = Method("detector/embed_text", pb.EmbedTextRequest, pb.EmbedTextReply)
 ESTIMATE_DEPTH = Method("detector/estimate_depth", pb.DepthRequest, pb.DepthReply)
@@ -138,12 +139,13 @@ TRUTH_EPISODE = Method("world/episode", pb.Empty, pb.TruthEpisode, truth=True)
 TRUTH_METRICS = Method("world/metrics", pb.Empty, pb.TruthMetrics, truth=True)
 
 TOPICS: tuple[Topic, ...] = (
-    FRAME, KEYFRAME, ROBOT_STATE, ROBOT_DESCRIPTION, OBSERVATION, PREVIEW, OBJECTMAP_ACK,
+    FRAME, KEYFRAME, ROBOT_STATE, ROBOT_DESCRIPTION, OBSERVATION, PREVIEW, CLAIM, OBJECTMAP_ACK,
     RETIRED, MAP2D_ACK, CONTEXT, TASK, DECISION, PLAN, SUPERVISOR,
 )  # fmt: skip
 METHODS: tuple[Method, ...] = (
     ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, PUSH, VOCABULARY, EMBED_TEXT, ESTIMATE_DEPTH, OBJECTS,
     WHAT_IF, RETIRE, GAUSSIANS, RESET_OBJECTS, SNAPSHOT, PICTURE, SIGHT, RESET_MAP2D, SUBMIT,
     GET_TASK, LIST_TASKS, CANCEL, PAUSE, RESUME, DECISIONS, WORLD_DESCRIBE, WORLD_STATE,
-    WORLD_CAPTURE, WORLD_ACT, WORLD_STOP, WORLD_CLEAR_STOP, TRUTH_SEGMENTATION, TRUTH_EPISODE, TRUTH_METRICS,
+    WORLD_CAPTURE, WORLD_ACT, WORLD_STOP, WORLD_CLEAR_STOP, TRUTH_SEGMENTATION,
+    TRUTH_EPISODE, TRUTH_METRICS,
 )  # fmt: skip

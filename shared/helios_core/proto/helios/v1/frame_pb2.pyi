@@ -128,6 +128,16 @@ class Preview(_message.Message):
     detections: _containers.RepeatedCompositeFieldContainer[Detection]
     def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., jpeg: _Optional[bytes] = ..., detections: _Optional[_Iterable[_Union[Detection, _Mapping]]] = ...) -> None: ...
 
+class Claim(_message.Message):
+    __slots__ = ("id", "instance", "answered")
+    ID_FIELD_NUMBER: _ClassVar[int]
+    INSTANCE_FIELD_NUMBER: _ClassVar[int]
+    ANSWERED_FIELD_NUMBER: _ClassVar[int]
+    id: _common_pb2.FrameId
+    instance: str
+    answered: bool
+    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., instance: _Optional[str] = ..., answered: bool = ...) -> None: ...
+
 class Ack(_message.Message):
     __slots__ = ("service", "part", "id", "accepted", "reason", "version", "update_ms", "context_id")
     SERVICE_FIELD_NUMBER: _ClassVar[int]
