@@ -13,6 +13,11 @@ from enum import StrEnum
 
 from helios_core.types import ObjectInstance
 
+from helios_planner import sentences
+from helios_planner.candidate import Candidate
+
+BEST_VIEW = "best view (eq. 11)"
+
 
 class Do(StrEnum):
     """What a decision says to do."""
@@ -26,19 +31,9 @@ class Do(StrEnum):
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """One option with its terms. kind: object, receptacle, frontier or gaze."""
-
-    kind: str
-    name: str
-    position_m: tuple[float, float, float]
-    terms: dict[str, float]
-    id: int = 0
-
-
-@dataclass(frozen=True)
 class Decision:
-    """What was decided, among what, why. `winner` is an index into candidates, or None."""
+    """What was decided, among what, why. `winner` is an index into candidates, or None; settings
+    are the values that the rule used, memory what it remembered of earlier steps (eq. 8, 9)."""
 
     rule: str
     do: Do
@@ -46,6 +41,7 @@ class Decision:
     winner: int | None
     why: str
     settings: dict[str, float] = field(default_factory=dict)
+    memory: tuple[Candidate, ...] = ()
 
     @property
     def chosen(self) -> Candidate:
@@ -118,14 +114,11 @@ def act_or_look(
         for t in things
     )  # fmt: skip
     rule = f"{what} (eq. 7, 11)"
-    settings = {"threshold": threshold, "tau_inc": tau_inc}
+    settings = {"threshold": threshold, "tau_inc": tau_inc, "anywhere": float(anywhere)}
     sure = [k for k, t in enumerate(things) if t.score >= threshold and (anywhere or t.in_place)]
     if sure:
         k = max(sure, key=lambda k: (things[k].in_place, things[k].score, -things[k].distance_m))
-        why = (
-            f"{what} the {candidates[k].name}: its score {things[k].score:.2f} is at least "
-            f"{threshold:.2f} after {things[k].instance.views} views"
-        )
+        why = sentences.act(what, candidates[k], threshold, len(sure))
         return Decision(rule, Do.ACT, candidates, k, why, settings)
     worth: list[tuple[float, int]] = []
     for k, t in enumerate(things):
@@ -133,19 +126,10 @@ def act_or_look(
         if after is not None and after >= min(threshold, t.score + tau_inc):  # below eq. 11
             worth.append((after, k))
     if worth:
-        after, k = max(worth, key=lambda pair: (pair[0], -pair[1]))
-        why = (
-            f"look again at the {candidates[k].name}: one more view could raise its score from "
-            f"{things[k].score:.2f} to {after:.2f}"
-        )
+        _, k = max(worth, key=lambda pair: (pair[0], -pair[1]))
+        why = sentences.look(candidates[k], threshold, tau_inc)
         return Decision(rule, Do.LOOK, candidates, k, why, settings)
-    elsewhere = 0 if anywhere else sum(not t.in_place for t in things)
-    if not things:
-        why = f"search on: no candidate to {what} yet"
-    elif elsewhere == len(things):
-        why = f"search on: {elsewhere} candidates to {what} are remembered, none is in its place"
-    else:
-        why = f"search on: no candidate to {what} reaches {threshold:.2f} and no view would help"
+    why = sentences.search_on(what, candidates, threshold, tau_inc, anywhere)
     return Decision(rule, Do.SEARCH_ON, candidates, None, why, settings)
 
 
@@ -159,8 +143,8 @@ def best_view(
         for k, (s, xy) in enumerate(zip(scores, poses, strict=True))
     )  # fmt: skip
     k = best_of(candidates)
-    why = f"of {len(scores)} views, this one would raise the score most, to {scores[k]:.2f}"
-    return Decision("best view (eq. 11)", Do.LOOK, candidates, k, why)
+    why = sentences.best_view(instance.class_name, instance.score, candidates, k)
+    return Decision(BEST_VIEW, Do.LOOK, candidates, k, why)
 
 
 def best_of(candidates: Sequence[Candidate]) -> int:

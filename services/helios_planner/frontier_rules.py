@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from helios_planner import sentences
 from helios_planner.decide import Candidate, Decision, Do, FrontierOption, best_of
 
 FrontierRule = Callable[[Sequence[FrontierOption], str, np.random.Generator], Decision]
@@ -20,10 +21,7 @@ def highest_value(
     if not candidates:
         return _nothing(rule)
     k = best_of(candidates)
-    why = (
-        f"explore {candidates[k].name}: its {layer} value {frontiers[k].value:.2f} is the highest "
-        f"of {len(candidates)}, {frontiers[k].distance_m:.1f} m away"
-    )
+    why = sentences.highest_frontier(candidates, k, layer)
     return Decision(rule, Do.GO_TO_FRONTIER, candidates, k, why)
 
 
@@ -33,10 +31,7 @@ def nearest(frontiers: Sequence[FrontierOption], layer: str, _: np.random.Genera
     if not candidates:
         return _nothing("nearest frontier")
     k = best_of(candidates)
-    why = (
-        f"explore {candidates[k].name}: {frontiers[k].distance_m:.1f} m away, the nearest of "
-        f"{len(candidates)}"
-    )
+    why = sentences.nearest_frontier(candidates, k)
     return Decision("nearest frontier", Do.GO_TO_FRONTIER, candidates, k, why)
 
 
@@ -46,7 +41,7 @@ def drawn(frontiers: Sequence[FrontierOption], layer: str, rng: np.random.Genera
     if not candidates:
         return _nothing("random frontier")
     k = int(rng.integers(len(candidates)))
-    why = f"explore {candidates[k].name}: drawn among {len(candidates)}"
+    why = sentences.drawn_frontier(candidates, k)
     return Decision("random frontier", Do.GO_TO_FRONTIER, candidates, k, why)
 
 
@@ -59,4 +54,4 @@ def _listed(frontiers: Sequence[FrontierOption], totals: Sequence[float]) -> tup
 
 
 def _nothing(rule: str) -> Decision:
-    return Decision(rule, Do.NOTHING_LEFT, (), None, "no frontier is left to explore")
+    return Decision(rule, Do.NOTHING_LEFT, (), None, sentences.nothing_left(receptacles=False))

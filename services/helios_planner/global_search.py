@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from helios_planner import sentences
 from helios_planner.decide import (
     Candidate,
     Decision,
@@ -14,11 +15,15 @@ from helios_planner.decide import (
     position_of,
 )
 from helios_planner.objective import (
+    ChosenFrontier,
+    FirstSeen,
     SearchMemory,
     candidate_value,
     frontier_scale,
     frontier_value,
 )
+
+BY_OBJECTIVE, RECEPTACLES_FIRST = "global search (eq. 8-10)", "receptacles first"
 
 SearchRule = Callable[
     [Sequence[ReceptacleOption], Sequence[FrontierOption], SearchMemory, float], Decision
@@ -32,25 +37,17 @@ def by_objective(
     alpha_d: float,
 ) -> Decision:
     """Candidate start receptacles and frontiers by one objective (eq. 10)."""
-    rule = "global search (eq. 8-10)"
     candidates, settings = _weighed(receptacles, frontiers, memory, alpha_d)
+    remembered = as_candidates(memory)
     if not candidates:
-        return _nothing(rule, settings)
+        why = sentences.nothing_left(receptacles=True)
+        return Decision(BY_OBJECTIVE, Do.NOTHING_LEFT, (), None, why, settings, remembered)
     k = best_of(candidates)
-    best, count = candidates[k].terms, len(candidates)
     if candidates[k].kind == "receptacle":
-        why = (
-            f"search the {candidates[k].name}: class score {best['class_score']:.2f} times gain "
-            f"{best['information_gain']:.2f} at {best['distance_m']:.1f} m gives "
-            f"{best['total']:.3f}, the best of {count}"
-        )
-        return Decision(rule, Do.SEARCH_RECEPTACLE, candidates, k, why, settings)
-    why = (
-        f"explore {candidates[k].name}: value {best['value']:.2f} times "
-        f"{best['frontier_scale']:.2f} at {best['distance_m']:.1f} m gives {best['total']:.3f}, "
-        f"the best of {count}"
-    )
-    return Decision(rule, Do.GO_TO_FRONTIER, candidates, k, why, settings)
+        do, why = Do.SEARCH_RECEPTACLE, sentences.search_receptacle(candidates, k, alpha_d)
+    else:
+        do, why = Do.GO_TO_FRONTIER, sentences.go_to_frontier(candidates, k, alpha_d)
+    return Decision(BY_OBJECTIVE, do, candidates, k, why, settings, remembered)
 
 
 def receptacles_first(
@@ -65,11 +62,39 @@ def receptacles_first(
         return by_objective((), frontiers, memory, alpha_d)
     candidates, settings = _weighed(receptacles, frontiers, memory, alpha_d)
     k = min(range(len(receptacles)), key=lambda k: (receptacles[k].distance_m, k))
-    why = (
-        f"search the {candidates[k].name}: {receptacles[k].distance_m:.1f} m away, the nearest of "
-        f"{len(receptacles)} receptacles, which come before {len(frontiers)} frontiers"
-    )
-    return Decision("receptacles first", Do.SEARCH_RECEPTACLE, candidates, k, why, settings)
+    why = sentences.nearest_receptacle(candidates, k)
+    return Decision(RECEPTACLES_FIRST, Do.SEARCH_RECEPTACLE, candidates, k, why, settings,
+                    as_candidates(memory))  # fmt: skip
+
+
+# --- what eq. 8 and 9 remember, as it is kept with a decision -----------------------------------
+def as_candidates(memory: SearchMemory) -> tuple[Candidate, ...]:
+    """Candidates as first seen and frontiers once chosen."""
+    seen = [
+        Candidate(
+            "first_seen", "", (*s.center_xy_m, 0.0),
+            {"class_score": s.class_score, "information_gain": s.information_gain}, id,
+        )
+        for id, s in memory.first_seen.items()
+    ]  # fmt: skip
+    chosen = [
+        Candidate("chosen_frontier", "", (*f.xy_m, 0.0), {"value": f.value_when_chosen})
+        for f in memory.chosen
+    ]
+    return (*seen, *chosen)
+
+
+def as_memory(candidates: Sequence[Candidate]) -> SearchMemory:
+    """What `as_candidates` wrote."""
+    memory = SearchMemory()
+    for c in candidates:
+        xy = c.position_m[0], c.position_m[1]
+        if c.kind == "first_seen":
+            seen = FirstSeen(c.terms["class_score"], c.terms["information_gain"], xy)
+            memory.note(c.id, seen)
+        else:
+            memory.chosen.append(ChosenFrontier(xy, c.terms["value"]))
+    return memory
 
 
 def _weighed(
@@ -109,8 +134,3 @@ def _weighed(
         for f in frontiers
     ]  # fmt: skip
     return (*places, *borders), {"alpha_d": alpha_d, "frontier_scale": scale}
-
-
-def _nothing(rule: str, settings: dict[str, float]) -> Decision:
-    why = "no receptacle is left to search and no frontier to explore"
-    return Decision(rule, Do.NOTHING_LEFT, (), None, why, settings)

@@ -40,10 +40,16 @@ from helios_planner.flow import Mission
 from helios_planner.instruction import Instruction
 from helios_planner.language_model import LanguageModel, parse_with_help
 from helios_planner.motion import warm_up
+from helios_planner.recompute import changes_of, recompute
 from helios_planner.settings import Settings
 from helios_planner.store import Store
 from helios_planner.task import Cause, State, Task, TaskCancelled, TaskFailed
-from helios_planner.telling import task_from_proto, task_to_proto
+from helios_planner.telling import (
+    decision_from_proto,
+    recomputed_to_proto,
+    task_from_proto,
+    task_to_proto,
+)
 from helios_planner.voice import TaskVoice
 
 log = logging.getLogger(__name__)
@@ -80,7 +86,7 @@ class PlannerService:
         self._described, self._warm = threading.Event(), threading.Event()
         self._ending = threading.Event()
         self._acks = AckBook()
-        self._store = Store(settings.state_dir)
+        self._store = Store(settings.state_dir, settings.keep_decisions)
         self._model = language_model(settings)
         self._restore()
         bus.subscribe(ROBOT_DESCRIPTION, self._on_description)
@@ -162,8 +168,15 @@ class PlannerService:
         return task_to_proto(task)
 
     def decisions(self, request: pb.TaskRequest) -> pb.DecisionList:
+        """All that were kept; with settings, each with what it would have been under them."""
         self.known(request.id)
-        return pb.DecisionList(decisions=self._store.decisions(request.id))
+        kept = self._store.decisions(request.id)
+        if request.settings:
+            changes = changes_of(request.settings)
+            for decision in kept:
+                again = recompute(decision_from_proto(decision), changes)
+                decision.recomputed.CopyFrom(recomputed_to_proto(again))
+        return pb.DecisionList(decisions=kept)
 
     # --- the worker ----------------------------------------------------------------------------
     def _work(self) -> None:
@@ -204,7 +217,7 @@ class PlannerService:
             self._bus.publish(CONTEXT, context_to_proto(context))
             body = BusBody(
                 self._bus, self._settings, self._description, self._acks, id, context.id,
-                task.max_steps, TaskVoice(self, id), cancelled,
+                task.max_steps, TaskVoice(self, id, self._settings), cancelled,
                 agent_named(task.agent).belief.answered,
             )  # fmt: skip
             body.begin()

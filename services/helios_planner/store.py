@@ -24,10 +24,14 @@ CREATE TABLE IF NOT EXISTS decisions (
 
 
 class Store:
-    """Safe from any thread. Raises Unavailable where the file cannot be used."""
+    """Safe from any thread. Raises Unavailable where the file cannot be used.
 
-    def __init__(self, directory: Path) -> None:
+    Of each task the newest `most_decisions` stay; `forget` takes a task out.
+    """
+
+    def __init__(self, directory: Path, most_decisions: int = 2000) -> None:
         self._lock = threading.Lock()
+        self._most_decisions = most_decisions
         self.path = directory / "tasks.sqlite"
         try:
             directory.mkdir(parents=True, exist_ok=True)
@@ -49,10 +53,18 @@ class Store:
             self._db.execute("INSERT OR REPLACE INTO tasks VALUES (?, ?, ?, ?)", row)
 
     def add(self, decision: pb.Decision) -> None:
-        """Keep a decision under its task and number."""
+        """Keep a decision under its task and number, and let go of the oldest one too many."""
         row = (decision.task_id, decision.index, decision.SerializeToString())
+        over = (decision.task_id, decision.index - self._most_decisions)
         with self._lock, self._db:
             self._db.execute("INSERT OR REPLACE INTO decisions VALUES (?, ?, ?)", row)
+            self._db.execute("DELETE FROM decisions WHERE task_id = ? AND number <= ?", over)
+
+    def forget(self, id: str) -> None:
+        """Let go of a task and all that is kept of it."""
+        with self._lock, self._db:
+            self._db.execute("DELETE FROM decisions WHERE task_id = ?", (id,))
+            self._db.execute("DELETE FROM tasks WHERE id = ?", (id,))
 
     def get(self, id: str) -> pb.Task | None:
         """A task by its id."""

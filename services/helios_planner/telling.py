@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from helios_core import proto as pb
 from helios_core.codec import frame_id_to_proto
 from helios_core.types import FrameId
 from numpy.typing import NDArray
 
-from helios_planner.decide import Decision
+from helios_planner.candidate import Candidate
+from helios_planner.decide import Decision, Do
 from helios_planner.grid import Pose2
 from helios_planner.instruction import Instruction, Kind
+from helios_planner.recompute import Recomputed
 from helios_planner.task import Cause, Phase, State, Task
 
 # How far each phase takes a task, for a progress bar; steps fill the rest of a phase.
@@ -93,22 +97,59 @@ def decision_to_proto(
         made_s=made_s,
         settings=decision.settings,
         context_id=task.context_id,
-        candidates=[
-            pb.Candidate(
-                kind=c.kind,
-                name=c.name,
-                position_m=pb.Vector3(
-                    x=float(c.position_m[0]), y=float(c.position_m[1]), z=float(c.position_m[2])
-                ),
-                terms={name: float(value) for name, value in c.terms.items()},
-                chosen=k == decision.winner,
-            )
-            for k, c in enumerate(decision.candidates)
-        ],
+        do=decision.do,
+        candidates=_candidates_to_proto(decision.candidates, decision.winner),
+        memory=_candidates_to_proto(decision.memory, None),
     )
     if frame is not None:
         out.id.CopyFrom(frame_id_to_proto(frame))
     return out
+
+
+def decision_from_proto(message: pb.Decision) -> Decision:
+    """What `decision_to_proto` wrote."""
+    chosen = [k for k, c in enumerate(message.candidates) if c.chosen]
+    return Decision(
+        rule=message.rule,
+        do=Do(message.do),
+        candidates=tuple(map(_candidate_from_proto, message.candidates)),
+        winner=chosen[0] if chosen else None,
+        why=message.why,
+        settings=dict(message.settings),
+        memory=tuple(map(_candidate_from_proto, message.memory)),
+    )
+
+
+def recomputed_to_proto(recomputed: Recomputed) -> pb.Recomputed:
+    d = recomputed.decision
+    return pb.Recomputed(
+        do=d.do,
+        candidates=_candidates_to_proto(d.candidates, d.winner),
+        why=d.why,
+        flips=recomputed.flips,
+        certain=recomputed.certain,
+    )
+
+
+def _candidates_to_proto(candidates: Sequence[Candidate], winner: int | None) -> list[pb.Candidate]:
+    return [
+        pb.Candidate(
+            kind=c.kind,
+            name=c.name,
+            position_m=pb.Vector3(
+                x=float(c.position_m[0]), y=float(c.position_m[1]), z=float(c.position_m[2])
+            ),
+            terms={name: float(value) for name, value in c.terms.items()},
+            chosen=k == winner,
+            id=c.id,
+        )
+        for k, c in enumerate(candidates)
+    ]
+
+
+def _candidate_from_proto(c: pb.Candidate) -> Candidate:
+    p = c.position_m
+    return Candidate(c.kind, c.name, (p.x, p.y, p.z), dict(c.terms), c.id)
 
 
 def plan_to_proto(

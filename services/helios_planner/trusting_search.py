@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from helios_core.types import ObjectInstance
 
+from helios_planner import sentences
 from helios_planner.belief import SAME_THING_M
 from helios_planner.decide import Candidate, Decision, Do, best_of, position_of
 from helios_planner.explore import PICK_LAYER, PLACE_LAYER, Kit, Search, near_outline
@@ -52,13 +53,9 @@ class TrustingSearch(Search):
             )
         rule = "trust the detector"
         if not candidates:
-            why = f"search on: the detector has reported no {self.name} yet"
-            return Decision(rule, Do.SEARCH_ON, (), None, why)
+            return Decision(rule, Do.SEARCH_ON, (), None, sentences.none_reported(self.name))
         k = best_of(candidates)
-        why = (
-            f"go to the {self.name} that the detector reported "
-            f"{candidates[k].terms['distance_m']:.1f} m away, the nearest of {len(candidates)}"
-        )
+        why = sentences.trusted(candidates, k)
         return Decision(rule, Do.ACT, tuple(candidates), k, why)
 
     def explore(self) -> bool:

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from helios_planner.decide import Decision
 from helios_planner.grid import Pose2
+from helios_planner.recompute import with_class_threshold
+from helios_planner.settings import Settings
 from helios_planner.task import Phase, State, Task
 from helios_planner.telling import decision_to_proto, plan_to_proto, progress
 
@@ -29,8 +31,8 @@ class Desk(Protocol):
 class TaskVoice:
     """Tells how one task goes; called from the worker alone."""
 
-    def __init__(self, desk: Desk, id: str) -> None:
-        self._desk, self._id = desk, id
+    def __init__(self, desk: Desk, id: str, settings: Settings) -> None:
+        self._desk, self._id, self._settings = desk, id, settings
         self._phase: Phase | None = None
         self._phase_began, self._steps, self._decisions = 0, 0, 0
 
@@ -57,7 +59,8 @@ class TaskVoice:
 
     def on_decision(self, decision: Decision, frame: FrameId | None) -> None:
         task = self._desk.known(self._id)
-        told = decision_to_proto(decision, task, self._decisions, frame, time.time())
+        kept = with_class_threshold(decision, self._settings)
+        told = decision_to_proto(kept, task, self._decisions, frame, time.time())
         self._decisions += 1
         self._desk.keep(told)
 

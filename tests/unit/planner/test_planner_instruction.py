@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from helios_core.errors import InvalidInput
 from helios_planner.instruction import closest, parse
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 MOVES = [
@@ -110,6 +110,7 @@ def test_a_refusal_says_what_was_understood() -> None:
         parse("fetch me the cup from the desk")
 
 
+@settings(deadline=None)
 @given(st.text(max_size=300))
 def test_any_text_is_read_or_refused(text: str) -> None:
     try:

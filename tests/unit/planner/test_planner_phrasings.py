@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from helios_core.errors import InvalidInput
 from helios_planner.instruction import NotRead, parse
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 # object | start | goal
@@ -289,6 +289,7 @@ WORDS = (
 )
 
 
+@settings(deadline=None)
 @given(st.lists(st.sampled_from(WORDS.split()), max_size=14).map(" ".join))
 def test_any_heap_of_words_is_read_or_refused(text: str) -> None:
     try:
@@ -301,6 +302,7 @@ def test_any_heap_of_words_is_read_or_refused(text: str) -> None:
     assert got.object is None or got.object not in (got.start, got.goal)
 
 
+@settings(deadline=None)
 @given(
     st.sampled_from(["mug", "red coffee mug", "glass of water", "can"]),
     st.sampled_from(["desk", "chest of drawers", "TV stand", "side-table"]),

@@ -86,7 +86,7 @@ class TaskList(_message.Message):
     def __init__(self, tasks: _Optional[_Iterable[_Union[Task, _Mapping]]] = ...) -> None: ...
 
 class Candidate(_message.Message):
-    __slots__ = ("kind", "name", "position_m", "terms", "chosen")
+    __slots__ = ("kind", "name", "position_m", "terms", "chosen", "id")
     class TermsEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -99,12 +99,14 @@ class Candidate(_message.Message):
     POSITION_M_FIELD_NUMBER: _ClassVar[int]
     TERMS_FIELD_NUMBER: _ClassVar[int]
     CHOSEN_FIELD_NUMBER: _ClassVar[int]
+    ID_FIELD_NUMBER: _ClassVar[int]
     kind: str
     name: str
     position_m: _common_pb2.Vector3
     terms: _containers.ScalarMap[str, float]
     chosen: bool
-    def __init__(self, kind: _Optional[str] = ..., name: _Optional[str] = ..., position_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., terms: _Optional[_Mapping[str, float]] = ..., chosen: bool = ...) -> None: ...
+    id: int
+    def __init__(self, kind: _Optional[str] = ..., name: _Optional[str] = ..., position_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., terms: _Optional[_Mapping[str, float]] = ..., chosen: bool = ..., id: _Optional[int] = ...) -> None: ...
 
 class Decision(_message.Message):
     __slots__ = ("task_id", "index", "phase", "rule", "candidates", "why", "id", "made_s", "settings", "context_id", "do", "memory", "recomputed")

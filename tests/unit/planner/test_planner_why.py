@@ -1,0 +1,251 @@
+"""Why: every decision can be read at first sight, and taken again under other settings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helios_core.errors import InvalidInput
+from helios_core.types import ObjectInstance
+from helios_planner.decide import (
+    Decision,
+    Do,
+    FrontierOption,
+    ReceptacleOption,
+    ViewOption,
+    act_or_look,
+    best_view,
+)
+from helios_planner.frontier_rules import drawn, highest_value, nearest
+from helios_planner.global_search import by_objective, receptacles_first
+from helios_planner.objective import ChosenFrontier, FirstSeen, SearchMemory, frontier_scale
+from helios_planner.recompute import SETTINGS, changes_of, recompute, with_class_threshold
+from helios_planner.settings import Settings
+from helios_planner.telling import decision_from_proto, decision_to_proto
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planner_tasks import a_task
+
+USED = Settings()
+OWN = {name: float(getattr(USED, name)) for name in SETTINGS}
+
+
+def thing(id: int, name: str = "mug", score: float = 0.4, class_score: float = 0.6,
+          xy: tuple[float, float] = (1.0, 2.0)) -> ObjectInstance:  # fmt: skip
+    return ObjectInstance(
+        id=id, class_name=name, center_m=np.array([*xy, 0.5]), size_m=np.ones(3) * 0.1,
+        score=score, class_score=class_score, uncertainty=class_score - score, views=4,
+        gaussians=100, probabilities={name: class_score}, top_m=0.6, outline_m=np.empty((0, 2)),
+    )  # fmt: skip
+
+
+def kept(decision: Decision) -> Decision:
+    """As it comes back from the store."""
+    told = with_class_threshold(decision, USED)
+    return decision_from_proto(decision_to_proto(told, a_task(), 0, None, 1.0))
+
+
+TABLE = ReceptacleOption(thing(7, "coffee table"), 0.62, 1.20, 3.1)
+SHELF = ReceptacleOption(thing(8, "shelf"), 0.40, 1.85, 9.0)
+FRONTIERS = [FrontierOption(5, (2.0, 1.0), 0.25, 2.3), FrontierOption(6, (9.0, 1.0), 0.24, 8.0)]
+MEMORY = SearchMemory({7: FirstSeen(0.5, 1.0, (3.0, 0.0))}, [ChosenFrontier((0.0, 0.0), 0.2)])
+
+
+# --- sentences -----------------------------------------------------------------------------------
+def view(score: float, after: float | None = None, in_place: bool = True, id: int = 1
+         ) -> ViewOption:  # fmt: skip
+    return ViewOption(thing(id, score=score), score, after, 1.2, in_place)
+
+
+def pick(*options: ViewOption, anywhere: bool = True) -> Decision:
+    return act_or_look(options, 0.5, 0.05, "object", "pick", anywhere)
+
+
+RNG = np.random.default_rng(0)
+SENTENCES = [
+    (by_objective([TABLE, SHELF], FRONTIERS, SearchMemory(), 0.001),
+     "search the coffee table, 3.1 m away: worth 0.741 = class score 0.62 × gain 1.20 − 0.001/m × "
+     "3.1 m; next the shelf with 0.731, then 2 more"),
+    (by_objective([], FRONTIERS, SearchMemory(), 0.001),
+     "explore frontier 5, 2.3 m away: worth 0.248 = value 0.25 × scale 1.00 − 0.001/m × 2.3 m; "
+     "next frontier 6 with 0.232"),
+    (by_objective([TABLE], [], SearchMemory(), 0.001),
+     "search the coffee table, 3.1 m away: worth 0.741 = class score 0.62 × gain 1.20 − 0.001/m × "
+     "3.1 m; there is no other"),
+    (by_objective([], [], SearchMemory(), 0.001),
+     "nothing is left: no receptacle to search and no frontier to explore is in reach"),
+    (receptacles_first([SHELF, TABLE], FRONTIERS, SearchMemory(), 0.001),
+     "search the coffee table, 3.1 m away: the nearest of 2 receptacles left, all of which come "
+     "before 2 frontiers"),
+    (highest_value(FRONTIERS, "place", RNG),
+     "explore frontier 5, 2.3 m away: its place value 0.25 is the highest; next frontier 6 with "
+     "0.240"),
+    (nearest(FRONTIERS, "place", RNG),
+     "explore frontier 5, 2.3 m away: the nearest of 2 frontiers"),
+    (drawn(FRONTIERS[:1], "place", RNG),
+     "explore frontier 5, 2.3 m away: drawn from 1 frontier"),
+    (pick(view(0.55)),
+     "pick the mug, 1.2 m away: score 0.55 ≥ 0.50 after 4 views (class score 0.60, uncertainty "
+     "0.05)"),
+    (act_or_look([view(0.55), view(0.58, id=2)], 0.5, 0.05, "receptacle", "place"),
+     "place on the mug, 1.2 m away: score 0.58 ≥ 0.50 after 4 views (class score 0.60, "
+     "uncertainty 0.02), the best of 2 that pass"),
+    (pick(view(0.41, 0.53)),
+     "look again at the mug, 1.2 m away: score 0.41 < 0.50, and one more view could bring it to "
+     "0.53 (worth it from 0.46)"),
+    (pick(), "search on: nothing to pick has been seen yet"),
+    (pick(view(0.41, 0.43)),
+     "search on: the mug has score 0.41 < 0.50, and one more view would bring only 0.43 (worth it "
+     "from 0.46)"),
+    (pick(view(0.2), view(0.41, id=2)),
+     "search on: the best mug of 2 has score 0.41 < 0.50, and no view of it is left"),
+    (pick(view(0.9, in_place=False), anywhere=False),
+     "search on: 1 candidate to pick is remembered, none where it was said to be"),
+    (best_view(thing(1), [0.45, 0.53], [(0.0, 0.0), (1.0, 0.0)]),
+     "of 2 views left of the mug, view 2 would raise its score most, from 0.40 to 0.53; the next "
+     "one to 0.45"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("decision", "why"), SENTENCES)
+def test_a_sentence_says_what_is_done_the_sum_and_who_came_second(
+    decision: Decision, why: str
+) -> None:
+    assert decision.why == why
+
+
+# --- kept and read back --------------------------------------------------------------------------
+@pytest.mark.parametrize("decision", [d for d, _ in SENTENCES])
+def test_a_decision_comes_back_as_it_was_kept(decision: Decision) -> None:
+    again = kept(decision)
+    assert replace(again, settings=decision.settings) == decision
+    assert again.settings.items() >= decision.settings.items()
+
+
+def test_what_equations_8_and_9_remember_is_kept_with_the_decision() -> None:
+    again = kept(by_objective([TABLE], FRONTIERS, MEMORY, 0.001))
+    assert again.settings["frontier_scale"] == pytest.approx(frontier_scale(MEMORY, 0.001))
+    under = recompute(again, {"alpha_d": 0.1}).decision
+    assert under.settings["frontier_scale"] == pytest.approx(frontier_scale(MEMORY, 0.1))
+
+
+# --- under other settings ------------------------------------------------------------------------
+def test_a_higher_weight_of_a_metre_turns_to_the_nearer_one() -> None:
+    far = ReceptacleOption(thing(8, "shelf"), 0.40, 1.95, 9.0)
+    decision = kept(by_objective([TABLE, far], FRONTIERS, SearchMemory(), 0.001))
+    assert decision.chosen.name == "shelf"
+    again = recompute(decision, {"alpha_d": 0.01})
+    assert again.flips
+    assert again.certain
+    assert again.decision.chosen.name == "coffee table"
+    assert not recompute(decision, {"alpha_d": 0.0, "tau_g": 0.9}).flips
+
+
+def test_a_higher_threshold_is_answered_as_far_as_it_was_asked() -> None:
+    sure, doubted = kept(pick(view(0.55))), kept(pick(view(0.41, 0.53)))
+    stricter = recompute(sure, {"tau_g": 0.7})
+    assert (stricter.flips, stricter.certain) == (True, False)  # a view was never asked about
+    assert (recompute(sure, {"tau_g": 0.3}).flips, recompute(sure, {"tau_b": 0.9}).flips) == (
+        False, False
+    )  # fmt: skip
+    bolder = recompute(doubted, {"tau_g": 0.4})
+    assert (bolder.flips, bolder.certain, bolder.decision.do) == (True, True, Do.ACT)
+    lazier = recompute(doubted, {"tau_inc": 0.2, "tau_g": 0.6})
+    assert (lazier.flips, lazier.decision.do) == (True, Do.SEARCH_ON)
+
+
+def test_a_higher_class_threshold_drops_candidates_and_a_lower_one_is_not_certain() -> None:
+    decision = kept(by_objective([TABLE, SHELF], FRONTIERS, SearchMemory(), 0.001))
+    higher = recompute(decision, {"cs_a": 0.7})
+    assert (higher.flips, higher.certain) == (True, True)
+    assert higher.decision.chosen.kind == "frontier"
+    lower = recompute(decision, {"cs_a": 0.1})
+    assert (lower.flips, lower.certain) == (False, False)
+
+
+@pytest.mark.parametrize(
+    ("texts", "says"),
+    [({"alpha": "1"}, "choose among alpha_d"), ({"alpha_d": "much"}, "wanted a number"),
+     ({"tau_g": "nan"}, "wanted a number"), ({"alpha_d": "-1"}, "at least 0")],
+)  # fmt: skip
+def test_settings_that_make_no_sense_are_refused(texts: dict[str, str], says: str) -> None:
+    with pytest.raises(InvalidInput, match=says):
+        changes_of(texts)
+
+
+shares = st.floats(0, 1)
+ways_m = st.floats(0, 30)
+receptacles = st.lists(
+    st.builds(
+        lambda id, s, ig, d: ReceptacleOption(thing(id, class_score=s), s, ig, d),
+        st.integers(1, 50), st.floats(0.3, 1), st.floats(0, 5), ways_m,
+    ),
+    max_size=6, unique_by=lambda r: r.instance.id,
+)  # fmt: skip
+frontiers = st.lists(
+    st.builds(FrontierOption, st.integers(1, 50), st.tuples(ways_m, ways_m), shares, ways_m),
+    max_size=6, unique_by=lambda f: f.id,
+)  # fmt: skip
+memories = st.builds(
+    SearchMemory,
+    st.dictionaries(
+        st.integers(1, 9),
+        st.builds(FirstSeen, st.floats(0.3, 1), st.floats(0, 5), st.tuples(ways_m, ways_m)),
+        max_size=5,
+    ),
+    st.lists(st.builds(ChosenFrontier, st.tuples(ways_m, ways_m), shares), max_size=4),
+)
+views = st.lists(
+    st.builds(
+        lambda id, psi, after, d, there: ViewOption(
+            thing(id, score=psi, class_score=max(psi, 0.3)), psi, after, d, there
+        ),
+        st.integers(1, 50), shares, st.none() | shares, ways_m, st.booleans(),
+    ),
+    max_size=6, unique_by=lambda v: v.instance.id,
+)  # fmt: skip
+decisions = st.one_of(
+    st.builds(by_objective, receptacles, frontiers, memories, st.just(USED.alpha_d)),
+    st.builds(receptacles_first, receptacles, frontiers, memories, st.just(USED.alpha_d)),
+    st.builds(
+        lambda v, what, anywhere: act_or_look(v, 0.5, 0.05, "object", what, anywhere),
+        views, st.sampled_from(["pick", "place"]), st.booleans(),
+    ),
+    frontiers.map(lambda f: highest_value(f, "place", RNG)),
+    frontiers.map(lambda f: nearest(f, "place", RNG)),
+)  # fmt: skip
+
+
+@settings(deadline=None)
+@given(decisions)
+def test_under_the_same_settings_nothing_flips(decision: Decision) -> None:
+    for changes in ({}, OWN):
+        again = recompute(kept(decision), changes)
+        assert not again.flips
+        assert again.certain
+        assert again.decision.candidates == decision.candidates
+        assert again.decision.why == decision.why
+
+
+@settings(deadline=None)
+@given(receptacles, frontiers, memories, st.floats(0, 1))
+def test_recomputed_is_what_would_have_been_decided(
+    r: list[ReceptacleOption], f: list[FrontierOption], memory: SearchMemory, alpha_d: float
+) -> None:
+    then = by_objective(r, f, memory, alpha_d)
+    now = recompute(kept(by_objective(r, f, memory, USED.alpha_d)), {"alpha_d": alpha_d})
+    assert (now.decision.do, now.decision.winner, now.decision.why) == (
+        then.do, then.winner, then.why
+    )  # fmt: skip
+    assert now.certain
+
+
+@settings(deadline=None)
+@given(decisions, st.sampled_from(SETTINGS), shares)
+def test_any_setting_can_be_tried_on_any_decision(
+    decision: Decision, name: str, value: float
+) -> None:
+    again = recompute(kept(decision), {name: value})
+    assert again.decision.why
+    assert (again.decision.winner is None) == (again.decision.do in (Do.SEARCH_ON, Do.NOTHING_LEFT))
