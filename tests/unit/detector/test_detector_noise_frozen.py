@@ -1,0 +1,44 @@
+"""Results can be compared only while the noise is the same: its file and its draws are frozen.
+
+A failure means that the noise under a published name is not what it was: give the new one a name.
+"""
+
+import hashlib
+import json
+
+import numpy as np
+from detector_scene import context_of, looking
+from helios_detector.noise import load_noise
+from helios_detector.view_simulated import ViewDetector
+from helios_detector.view_table import ViewTable
+from test_detector_view_simulated import NamedTruth
+
+DIGESTS = {"ovmm-v1": "f9dc2c4a9c5c2cf0"}
+SAID = {0.5: "4e493ba1093f6309", 1.0: "c54c019097d3c2fc", 2.0: "4408b067854155ba"}
+
+
+def test_the_tables_of_published_names_stay_as_they_are():
+    assert {name: load_noise(name).digest for name in DIGESTS} == DIGESTS
+
+
+def test_the_simulated_detector_says_what_it_said():
+    """60 frames of a walk past a table, at three levels: names, scores, boxes and masks."""
+    assert {level: said(level) for level in SAID} == SAID
+
+
+def said(level: float) -> str:
+    """A hash of everything that is found on the way."""
+    table = load_noise("ovmm-v1")
+    assert isinstance(table, ViewTable)
+    truth = NamedTruth()
+    detector = ViewDetector(truth, table.scaled(level), seed=5)
+    context = context_of("mug", "bowl", "teapot", "book", "table", threshold=0.05)
+    told: list[list[object]] = []
+    for n, x in enumerate(np.linspace(-2, 1, 60), 1):
+        found = detector.detect(truth.frame(looking(float(x)), n), context)
+        told.append([(s.class_name, round(s.score, 6)) for s in found.seen])
+        for d in found.detections:
+            box = [round(float(v), 3) for v in d.box_xyxy]
+            mask = hashlib.sha256(np.packbits(d.mask).tobytes()).hexdigest()
+            told.append([d.class_name, round(d.score, 6), box, mask])
+    return hashlib.sha256(json.dumps(told).encode()).hexdigest()[:16]
