@@ -14,6 +14,7 @@ PY
 needed="libegl1 libegl-mesa0 libgl1-mesa-dri"
 if [ "$(uname)" = Linux ] && ! ldconfig -p | grep -q libEGL_mesa; then
   if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
+    echo "installing Mesa's EGL, with which the simulator draws: $needed"
     apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $needed
   else
     echo "The simulator needs Mesa's EGL: sudo apt-get install $needed" >&2
@@ -22,5 +23,9 @@ fi
 
 echo "installing into $venv: about three minutes and 2 GB the first time"
 [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
-"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
-  --editable '.[all,dev]'
+# Of all that pip says: what it fetches, and that it then unpacks (the longest silence).
+"$venv/bin/python" -m pip install --progress-bar off --disable-pip-version-check \
+  --constraint constraints.txt --editable '.[all,dev]' \
+  | sed -nu -e 's/^ *Downloading \([^ ]*\) \(.*\)/  fetching \1 \2/p' \
+            -e 's/^Installing collected packages.*/  unpacking all of them: a minute/p' \
+            -e 's/^Successfully installed.*/  done/p'

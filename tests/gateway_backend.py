@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import zlib
 
@@ -34,6 +35,7 @@ from helios_core.topics import (
     SUPERVISOR,
     TASK,
     VOCABULARY,
+    settings_method,
     status_topic,
 )
 from helios_core.types import Frame, FrameId, RobotState
@@ -56,9 +58,9 @@ FURNITURE_M = (
 class Backend:
     """`start` brings everything up; tests then change single things."""
 
-    def __init__(self, hub: MemoryHub) -> None:
+    def __init__(self, hub: MemoryHub, robot: str = "robot") -> None:
         self.hub = hub
-        self.bus = MemoryBus(hub)
+        self.bus = MemoryBus(hub, robot)
         self.calls: list[str] = []
         self.tasks: dict[str, pb.Task] = {}
         self.decided: list[pb.Decision] = []
@@ -160,6 +162,25 @@ class Backend:
         self.decided.append(made)
         self.bus.publish(DECISION, made)
 
+    def serve_settings(self, service: str, settings: dict) -> None:
+        """A service that tells its settings."""
+        described = {
+            name: value
+            if isinstance(value, dict)
+            else {"value": value, "default": value, "description": ""}
+            for name, value in settings.items()
+        }
+        reply = pb.SettingsReply(json=json.dumps(described))
+        self.bus.serve(settings_method(service), lambda _: reply)
+
+    def change_task(self, id: str, state: str, **changes: object) -> None:
+        """The task goes on, and everybody is told."""
+        task = self.tasks[id]
+        task.state = state
+        for name, value in changes.items():
+            setattr(task, name, value)
+        self.bus.publish(TASK, task)
+
     def submit(self, instruction: str) -> pb.Task:
         """As if it had come from elsewhere."""
         return self._submit(pb.SubmitRequest(instruction=instruction))
@@ -176,6 +197,7 @@ class Backend:
             id=f"t{len(self.tasks) + 1}", instruction=request.instruction, state="queued",
             kind="move", object="mug", start="coffee table", goal="kitchen counter",
             created_s=1.8e9 + len(self.tasks), max_steps=request.max_steps or 500,
+            agent=request.agent or "helios",
         )  # fmt: skip
         self.tasks[task.id] = task
         self.bus.publish(TASK, task)

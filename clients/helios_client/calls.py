@@ -6,7 +6,7 @@ The synchronous and the asynchronous client send the same calls; nothing here do
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 from urllib.parse import quote
@@ -38,7 +38,7 @@ class Call(Generic[T]):
     path: str
     read: Callable[[httpx.Response], T]
     body: dict[str, Any] | None = None
-    query: Mapping[str, str | int | float] = field(default_factory=dict)
+    query: Mapping[str, str | int | float | tuple[str, ...]] = field(default_factory=dict)
 
     def answer(self, response: httpx.Response) -> T:
         """What the response says. Raises the HeliosError that it stands for."""
@@ -75,11 +75,20 @@ def cancel(id: str) -> Call[Task]:
     return Call("POST", f"/tasks/{_part(id)}/cancel", lambda r: Task.from_json(_json(r)))
 
 
-def decisions(id: str) -> Call[tuple[Decision, ...]]:
+def pause(id: str) -> Call[Task]:
+    return Call("POST", f"/tasks/{_part(id)}/pause", lambda r: Task.from_json(_json(r)))
+
+
+def resume(id: str) -> Call[Task]:
+    return Call("POST", f"/tasks/{_part(id)}/resume", lambda r: Task.from_json(_json(r)))
+
+
+def decisions(id: str, changes: Sequence[str] = ()) -> Call[tuple[Decision, ...]]:
     def read(response: httpx.Response) -> tuple[Decision, ...]:
         return tuple(Decision.from_json(d) for d in _json(response)["decisions"])
 
-    return Call("GET", f"/tasks/{_part(id)}/decisions", read)
+    query = {"set": tuple(changes)} if changes else {}
+    return Call("GET", f"/tasks/{_part(id)}/decisions", read, query=query)
 
 
 def objects(class_name: str | None, min_score: float | None) -> Call[tuple[FoundObject, ...]]:

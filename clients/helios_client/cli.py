@@ -19,6 +19,7 @@ from helios_client.cli_map import objects_app
 from helios_client.cli_robot import app as robot_app
 from helios_client.cli_run import app as run_app
 from helios_client.cli_tasks import app as tasks_app
+from helios_client.why import app as why_app
 
 app = typer.Typer(
     name="helios",
@@ -28,7 +29,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for part in (run_app, tasks_app, robot_app, objects_app, map_app, judge_app, assets_app):
+for part in (run_app, tasks_app, why_app, robot_app, objects_app, map_app, judge_app, assets_app):
     app.add_typer(part)
 
 

@@ -1,8 +1,9 @@
-"""`helios status`, `stop`, `clear-stop`: how robot and services are, and stop-now."""
+"""`helios status`, `stop`, `clear-stop`, `key`: how the robot is, stop-now, and who may ask."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Literal
 
 import typer
 
@@ -78,3 +79,18 @@ def clear_stop(
         print_json(answer)
     else:
         print("cleared; the robot may move again")
+
+
+@app.command()
+def key(
+    name: Annotated[str, typer.Argument(help="whose it is, such as tablet")],
+    scope: Annotated[
+        Literal["read", "operate", "admin"],
+        typer.Option(help="read: look and stop; operate: tasks, too; admin: settings, too"),
+    ] = "operate",
+    file: Annotated[Path, typer.Option(help="of the keys' hashes")] = Path("keys.toml"),
+) -> None:
+    """Make an API key, shown once; HELIOS_GATEWAY_KEYS=FILE helios up asks for keys."""
+    from helios_client.keys import add_key
+
+    print(add_key(file, name, scope))

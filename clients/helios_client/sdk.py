@@ -12,7 +12,7 @@ those of `helios_core.errors`: InvalidInput, Unavailable, DeadlineExceeded, Conf
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -73,6 +73,14 @@ class Helios:
         """Ask a task to end."""
         return self._do(calls.cancel(id))
 
+    def pause(self, id: str) -> Task:
+        """Begin no further action of a task until `resume`."""
+        return self._do(calls.pause(id))
+
+    def resume(self, id: str) -> Task:
+        """Go on with a paused task."""
+        return self._do(calls.resume(id))
+
     def wait(
         self,
         id: str,
@@ -99,9 +107,10 @@ class Helios:
                 waiting.check(task)
             time.sleep(POLL_S)
 
-    def decisions(self, id: str) -> tuple[Decision, ...]:
-        """Why the task went as it did, oldest first."""
-        return self._do(calls.decisions(id))
+    def decisions(self, id: str, changes: Sequence[str] = ()) -> tuple[Decision, ...]:
+        """Why the task went as it did, oldest first; with changes such as "alpha_d=0.01" also what
+        it would have been under these settings, as `recomputed`."""
+        return self._do(calls.decisions(id, changes))
 
     # --- maps and robot -----------------------------------------------------------------------
     def objects(

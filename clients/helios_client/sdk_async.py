@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncIterator, Callable, Iterable, Sequence
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -66,6 +66,12 @@ class AsyncHelios:
     async def cancel(self, id: str) -> Task:
         return await self._do(calls.cancel(id))
 
+    async def pause(self, id: str) -> Task:
+        return await self._do(calls.pause(id))
+
+    async def resume(self, id: str) -> Task:
+        return await self._do(calls.resume(id))
+
     async def wait(
         self, id: str, timeout_s: float, on_update: Callable[[Task], None] | None = None
     ) -> Task:
@@ -84,8 +90,8 @@ class AsyncHelios:
                 waiting.check(task)
             await asyncio.sleep(POLL_S)
 
-    async def decisions(self, id: str) -> tuple[Decision, ...]:
-        return await self._do(calls.decisions(id))
+    async def decisions(self, id: str, changes: Sequence[str] = ()) -> tuple[Decision, ...]:
+        return await self._do(calls.decisions(id, changes))
 
     # --- maps and robot -----------------------------------------------------------------------
     async def objects(

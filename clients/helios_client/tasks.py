@@ -38,6 +38,7 @@ class Task(_FromJson):
     goal: str = ""
     steps: int = 0
     max_steps: int = 0
+    time_limit_s: float = 0.0  # from its start; 0: none
     picks: int = 0
     progress: float = 0.0
     created_s: float = 0.0
@@ -61,10 +62,12 @@ class Decision(_FromJson):
     index: int = 0
     phase: str = ""
     rule: str = ""
+    do: str = ""  # act, look, search_on, search_receptacle, go_to_frontier, nothing_left
     why: str = ""
     candidates: list[dict[str, Any]] = field(default_factory=list)
     settings: dict[str, float] = field(default_factory=dict)
     made_s: float = 0.0
+    recomputed: dict[str, Any] | None = None  # under other settings, where they were asked for
 
 
 @dataclass(frozen=True)

@@ -53,10 +53,17 @@ def running(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]
                 process.wait()
 
 
-def wait_ready(helios: Helios, up: subprocess.Popen[bytes], log: Path) -> None:
-    """Until a task would start. Raises Unavailable with what is not ready."""
-    deadline_s = time.monotonic() + READY_WITHIN_S
+def wait_ready(helios: Helios, up: subprocess.Popen[bytes], log: Path, console: Console) -> None:
+    """Until a task would start; says what has become ready. Raises Unavailable with the rest."""
+    began_s = time.monotonic()
+    deadline_s = began_s + READY_WITHIN_S
+    said: set[str] = set()
     while not helios.ready():
+        for name in sorted(_ready_services(helios) - said):
+            said.add(name)
+            console.print(
+                f"  {time.monotonic() - began_s:4.0f} s  {name} is ready", highlight=False
+            )
         if up.poll() is not None:
             raise Unavailable(f"helios up ended: {log.read_text(errors='replace').strip()[-500:]}")
         if time.monotonic() > deadline_s:
@@ -67,6 +74,13 @@ def wait_ready(helios: Helios, up: subprocess.Popen[bytes], log: Path) -> None:
             ]
             raise Unavailable(f"not ready after {READY_WITHIN_S:g} s: {'; '.join(waiting)}")
         time.sleep(0.2)
+
+
+def _ready_services(helios: Helios) -> set[str]:
+    try:
+        return {s["name"] for s in helios.status()["services"] if s["state"] == "ready"}
+    except HeliosError:  # the gateway itself is still starting
+        return set()
 
 
 def result_of(task: Task, truth: pb.TruthEpisode, metrics: pb.TruthMetrics, wall_s: float) -> dict:
@@ -113,8 +127,9 @@ def run(seed: int, preset: str, port: int, out: Path, console: Console) -> dict:
         "--router-port", str(router_port), "--state", str(out / "state"),
     ]  # fmt: skip
     with running(arguments, log) as up, Helios(f"http://127.0.0.1:{port}") as helios:
-        with console.status(f"starting world and services (home {seed}, preset {preset})"):
-            wait_ready(helios, up, log)
+        console.print(f"starting router, world and services (home {seed}, preset {preset})")
+        console.print("the first start compiles kernels, which takes a minute", style="dim")
+        wait_ready(helios, up, log, console)
         console.print(f"dashboard: http://127.0.0.1:{port}/", style="bold cyan")
         bus = ZenohBus(f"tcp/127.0.0.1:{router_port}")
         try:

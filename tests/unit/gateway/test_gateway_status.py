@@ -127,7 +127,9 @@ def test_metrics_count_routes_by_pattern(backend: Backend, client: TestClient) -
     line = 'helios_http_requests_total{method="GET",route="/v1/tasks/{id}",status="404"} 3.0'
     assert line in text
     assert 'helios_service_ready{robot="robot",service="map2d"} 1.0' in text
-    assert 'helios_service_figure{name="update_ms_median",robot="robot",service="map2d"} 2.5' in text
+    assert (
+        'helios_service_figure{name="update_ms_median",robot="robot",service="map2d"} 2.5' in text
+    )
 
 
 def test_the_page_and_the_docs_name_no_other_host(client: TestClient) -> None:

@@ -1,0 +1,39 @@
+"""API keys of the gateway: made here, kept as hashes in a TOML file that only its owner reads."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import secrets
+import tomllib
+from pathlib import Path
+
+from helios_core.errors import Conflict, InvalidInput
+
+BYTES = 32
+
+
+def add_key(file: Path, name: str, scope: str) -> str:
+    """A new key, its hash appended to the file; nobody can read the key from there.
+
+    Raises Conflict where the file has a key of that name, InvalidInput where it cannot be used.
+    """
+    try:
+        text = file.read_text() if file.exists() else ""
+        names = [entry.get("name") for entry in tomllib.loads(text).get("key", [])]
+    except (OSError, tomllib.TOMLDecodeError, AttributeError) as error:
+        raise InvalidInput(f"{file} is no file of keys: {error}") from error
+    if name in names:
+        raise Conflict(f"{file} has a key {name!r}; take that entry out, or choose another name")
+    key = secrets.token_urlsafe(BYTES)
+    digest = hashlib.sha256(key.encode()).hexdigest()
+    quoted = json.dumps(name)  # a JSON string is a TOML string, too
+    entry = f'[[key]]\nname = {quoted}\nscope = "{scope}"\nsha256 = "{digest}"\n'
+    try:
+        descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+        with os.fdopen(descriptor, "a") as out:
+            out.write(("\n" if text else "") + entry)
+    except OSError as error:
+        raise InvalidInput(f"{file} cannot be written: {error.strerror}") from error
+    return key

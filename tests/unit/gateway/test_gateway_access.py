@@ -1,0 +1,242 @@
+"""Keys and their scopes, and what is refused before it is looked at."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import httpx
+import pytest
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+from helios_client.keys import add_key
+from helios_core.errors import Conflict, InvalidInput
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_gateway.app import create_app
+from helios_gateway.fleet import Fleet, Served
+from helios_gateway.keys import Keys, Scope
+from helios_gateway.live import Live
+from helios_gateway.service import check_open
+from helios_gateway.settings import Settings
+from starlette.websockets import WebSocketDisconnect
+
+from tests.gateway_backend import Backend
+
+TASK = {"instruction": "move the mug to the kitchen counter"}
+
+
+class Door:
+    """An application with these flags, and clients with or without a key."""
+
+    def __init__(self, hub: MemoryHub, live: Live, *flags: str) -> None:
+        self.app: FastAPI = create_app(
+            Fleet({"robot": Served(MemoryBus(hub), live)}), Settings.load(list(flags))
+        )
+
+    def client(self, key: str = "", **headers: str) -> TestClient:
+        if key:
+            headers["authorization"] = f"Bearer {key}"
+        return TestClient(self.app, "http://localhost", headers=headers)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "keys.toml"
+
+
+@pytest.fixture
+def keys(file: Path) -> dict[str, str]:
+    return {scope: add_key(file, scope, scope) for scope in ("read", "operate", "admin")}
+
+
+@pytest.fixture
+def door(hub: MemoryHub, backend: Backend, live: Live, keys: dict[str, str], file: Path) -> Door:
+    backend.serve_settings("planner", {"agent": "helios"})
+    return Door(hub, live, "--keys", str(file))
+
+
+@pytest.mark.parametrize(
+    ("verb", "path", "least"),
+    [
+        ("GET", "/v1/tasks", "read"),
+        ("GET", "/v1/objects", "read"),
+        ("GET", "/v1/robots", "read"),
+        ("GET", "/metrics", "read"),
+        ("POST", "/v1/robot/stop", "read"),
+        ("POST", "/v1/tasks", "operate"),
+        ("POST", "/v1/robot/clear-stop", "operate"),
+        ("GET", "/v1/services/planner/settings", "admin"),
+    ],
+)
+def test_each_address_needs_its_scope(
+    door: Door, keys: dict[str, str], verb: str, path: str, least: str
+) -> None:
+    body = TASK if path == "/v1/tasks" and verb == "POST" else None
+    for key in ("", "nonsense"):
+        refused = door.client(key).request(verb, path, json=body)
+        assert (refused.status_code, refused.headers["www-authenticate"]) == (401, "Bearer")
+        assert "helios key" in refused.json()["detail"]
+    for scope in Scope:
+        answer = door.client(keys[scope.name.lower()]).request(verb, path, json=body)
+        assert (answer.status_code == 403) == (scope < Scope[least.upper()]), answer.text
+        assert answer.status_code in (200, 202, 403)
+
+
+def test_orchestrators_and_the_page_need_no_key(door: Door) -> None:
+    for path in ("/healthz", "/readyz", "/", "/docs", "/openapi.json", "/static/main.js"):
+        assert door.client().get(path).status_code == 200
+
+
+def test_a_browser_keeps_its_key_in_a_cookie_that_scripts_cannot_read(
+    door: Door, keys: dict[str, str]
+) -> None:
+    browser = door.client()
+    assert browser.get("/v1/session").json() == {"required": True, "name": "", "scope": None}
+    assert browser.post("/v1/session", json={"key": "guess"}).status_code == 401
+    opened = browser.post("/v1/session", json={"key": keys["operate"]})
+    assert opened.json() == {"required": True, "name": "operate", "scope": "operate"}
+    assert "HttpOnly" in opened.headers["set-cookie"]
+    assert "SameSite=strict" in opened.headers["set-cookie"]
+    assert browser.get("/v1/tasks").status_code == 200
+    with browser.websocket_connect("ws://localhost/v1/events/ws") as socket:
+        assert socket.receive_text() == ""
+    browser.delete("/v1/session")
+    assert browser.get("/v1/tasks").status_code == 401
+    with (
+        pytest.raises(WebSocketDisconnect),
+        browser.websocket_connect("ws://localhost/v1/events/ws"),
+    ):
+        pass
+
+
+def test_a_key_that_was_taken_out_of_the_file_opens_nothing(
+    door: Door, keys: dict[str, str], file: Path
+) -> None:
+    assert door.client(keys["read"]).get("/v1/tasks").status_code == 200
+    entries = file.read_text().split("\n\n")
+    file.write_text("\n\n".join(e for e in entries if '"read"' not in e))
+    assert door.client(keys["read"]).get("/v1/tasks").status_code == 401
+    file.write_text("no TOML [")  # half written: those of before stay
+    assert door.client(keys["operate"]).get("/v1/tasks").status_code == 200
+
+
+def test_the_file_holds_no_key_and_is_its_owner_s_alone(keys: dict[str, str], file: Path) -> None:
+    assert not any(key in file.read_text() for key in keys.values())
+    assert file.stat().st_mode & 0o077 == 0
+    with pytest.raises(Conflict, match="choose another name"):
+        add_key(file, "read", "read")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "key"),
+        ("key = 5", "key"),
+        ("[[key]]\nname = 'a'\nscope = 'king'\nsha256 = '" + 64 * "0" + "'", "no scope"),
+        ("[[key]]\nname = 'a'\nscope = 'read'\nsha256 = 'short'", "sha256"),
+        ("[[key", "no TOML"),
+    ],
+)
+def test_a_file_of_keys_that_is_wrong_is_refused(file: Path, text: str, says: str) -> None:
+    file.write_text(text)
+    with pytest.raises(InvalidInput, match=says):
+        Keys(file)
+    with pytest.raises(InvalidInput, match="helios key"):
+        Keys(file.parent / "none.toml")
+
+
+def test_beyond_loopback_keys_are_needed(file: Path, keys: dict[str, str]) -> None:
+    check_open("127.0.0.1", Settings.load([]), Keys(None))
+    check_open("::1", Settings.load([]), Keys(None))
+    check_open("0.0.0.0", Settings.load([]), Keys(file))
+    check_open("0.0.0.0", Settings.load(["--without-keys"]), Keys(None))
+    with pytest.raises(InvalidInput, match="helios key"):
+        check_open("0.0.0.0", Settings.load([]), Keys(None))
+
+
+def test_without_keys_only_this_machine_s_names_lead_here(client: TestClient) -> None:
+    for host in ("evil.example", "localhost.evil.example", ""):
+        refused = client.get("/v1/robot", headers={"host": host})
+        assert (refused.status_code, refused.json()["title"]) == (403, "Forbidden")
+    for host in ("localhost:8080", "127.0.0.1", "[::1]:8080", "robot.localhost"):
+        assert client.get("/v1/robot", headers={"host": host}).status_code == 200
+
+
+def test_too_many_requests_of_one_client_wait_and_stop_now_never_does(
+    hub: MemoryHub, backend: Backend, live: Live
+) -> None:
+    client = Door(hub, live, "--requests-per-s", "3").client()
+    answers = [client.get("/v1/robot") for _ in range(20)]
+    [refused, *_] = [a for a in answers if a.status_code == 429]
+    assert refused.headers["retry-after"] == "1"
+    assert refused.headers["content-type"] == "application/problem+json"
+    assert all(client.post("/v1/robot/stop").status_code == 200 for _ in range(10))
+
+
+def test_requests_at_the_same_time_are_bounded(
+    hub: MemoryHub, backend: Backend, live: Live
+) -> None:
+    door = Door(hub, live, "--max-requests", "1", "--body-timeout-s", "30")
+
+    async def run() -> None:
+        sent, done = asyncio.Event(), asyncio.Event()
+
+        async def slow_body() -> AsyncIterator[bytes]:
+            yield b'{"instruction": "move '
+            sent.set()
+            await done.wait()
+            yield b'the mug"}'
+
+        transport = httpx.ASGITransport(door.app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            headers = {"content-type": "application/json"}
+            slow = asyncio.create_task(
+                client.post("/v1/tasks", content=slow_body(), headers=headers)
+            )
+            await sent.wait()
+            busy = await client.get("/v1/robot")
+            assert (busy.status_code, busy.json()["type"]) == (503, "helios:busy")
+            assert (await client.post("/v1/robot/stop")).status_code == 200
+            done.set()
+            assert (await slow).status_code == 202
+            assert (await client.get("/v1/robot")).status_code == 200
+
+    asyncio.run(run())
+
+
+def test_a_body_that_dribbles_is_given_up(hub: MemoryHub, backend: Backend, live: Live) -> None:
+    door = Door(hub, live, "--body-timeout-s", "0.05")
+
+    async def run() -> httpx.Response:
+        async def dribble() -> AsyncIterator[bytes]:
+            yield b"{"
+            await asyncio.sleep(30)
+
+        transport = httpx.ASGITransport(door.app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            return await client.post("/v1/tasks", content=dribble())
+
+    answer = asyncio.run(run())
+    assert (answer.status_code, answer.json()["title"]) == (408, "Request Timeout")
+
+
+def test_pages_of_listed_sites_may_ask_and_others_may_not(
+    hub: MemoryHub, backend: Backend, live: Live
+) -> None:
+    door = Door(hub, live, "--origins", "https://ops.example")
+    ours, theirs = (
+        door.client(origin="https://ops.example"),
+        door.client(origin="https://x.example"),
+    )
+    assert ours.get("/v1/robot").headers["access-control-allow-origin"] == "https://ops.example"
+    assert "access-control-allow-origin" not in theirs.get("/v1/robot").headers
+    assert ours.post("/v1/robot/stop").status_code == 200
+    assert theirs.post("/v1/robot/stop").status_code == 403
+    asked = {"access-control-request-method": "POST"}
+    assert ours.options("/v1/tasks", headers=asked).status_code == 200
+    with (
+        pytest.raises(WebSocketDisconnect),
+        theirs.websocket_connect("ws://localhost/v1/events/ws"),
+    ):
+        pass
