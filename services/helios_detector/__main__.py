@@ -6,9 +6,13 @@ import sys
 
 from helios_core.service import run_service
 
+from helios_detector.fleet import HOME, Fleet
 from helios_detector.hosted import Hosted
 from helios_detector.settings import Settings
 
 if __name__ == "__main__":
     settings = Settings.load()
-    sys.exit(run_service("detector", settings, lambda bus, health: Hosted(bus, health, settings)))
+    if settings.robots:
+        settings = settings.model_copy(update={"robot": HOME})
+    host = Fleet if settings.robots else Hosted
+    sys.exit(run_service("detector", settings, lambda bus, health: host(bus, health, settings)))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
 import cv2
@@ -104,8 +105,11 @@ class DetectorService:
         if held is not None:
             self.on_keyframe(held)
 
-    def on_keyframe(self, message: pb.Frame) -> None:
-        """Answer with an Observation; hold the frame while no context is known."""
+    def on_keyframe(self, message: pb.Frame, sent: Callable[[], None] = lambda: None) -> None:
+        """Answer with an Observation; hold the frame while no context is known.
+
+        `sent` is called when the Observation is out, before anything else is done.
+        """
         with self._lock:
             context = self._context
             if context is None:
@@ -116,7 +120,7 @@ class DetectorService:
         trouble = ""
         try:
             with self._workload.work():
-                self._answer(message, context)
+                self._answer(message, context, sent)
         except InvalidInput as error:
             self._refuse("keyframes_refused", message, error)
         except HeliosError as error:
@@ -145,7 +149,7 @@ class DetectorService:
                 self._refuse("previews_refused", message, error)
 
     # --- what goes out ------------------------------------------------------------------------
-    def _answer(self, message: pb.Frame, context: SearchContext) -> None:
+    def _answer(self, message: pb.Frame, context: SearchContext, sent: Callable[[], None]) -> None:
         began = time.perf_counter()
         frame = frame_from_proto(message)
         findings = self._analyst.detect(frame, context)
@@ -165,6 +169,7 @@ class DetectorService:
         self._analyst.measure()
         self._health.count("keyframes_answered")
         self._bus.publish(OBSERVATION, out)
+        sent()
         self._publish_preview(message, frame, findings)
 
     def _publish_preview(self, message: pb.Frame, frame: Frame, findings: Findings) -> None:

@@ -57,6 +57,11 @@ class Settings(ServiceSettings):
         default="itc", description="of BLIP-2: itc (contrastive, the paper's) or itm (matching)"
     )
     threads: int = Field(1, ge=1, le=64, description="threads of one model run")
+    robots: str = Field(
+        default="",
+        description="names by comma: serve all of them, in place of robot; several detectors with "
+        "the same names share the work",
+    )
     noise: str = Field("demo-v1", description="noise table of the simulated detector, or a file")
     noise_seed: int = Field(0, description="seed of the simulated detector's errors")
     noise_level: float = Field(

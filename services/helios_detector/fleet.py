@@ -1,0 +1,253 @@
+"""One detector process for several robots; several such processes share them (`share.py`).
+
+The models are loaded once. Each robot has a bus of its own, where it is told how its detector is.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+import uuid
+
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.errors import HeliosError, InvalidInput, Unavailable
+from helios_core.health import Health
+from helios_core.topics import CLAIM, CONTEXT, FRAME, KEYFRAME, status_topic
+
+from helios_detector.models import Models, load_models
+from helios_detector.service import DetectorService
+from helios_detector.settings import Settings
+from helios_detector.share import Ledger, Members
+from helios_detector.workload import Workload
+
+log = logging.getLogger(__name__)
+
+HOME = "_detectors"  # the robot's name under which the processes meet
+TOKEN = "detector-replica"
+TICK_S = 0.1
+REPORT_S = 1.0
+FINISH_WITHIN_S = 1.5  # at the end, for the frames that are worked on
+
+
+def robots_of(setting: str) -> tuple[str, ...]:
+    """Names by comma. Raises InvalidInput for one that cannot be part of a key."""
+    names = tuple(dict.fromkeys(n.strip() for n in setting.split(",") if n.strip()))
+    for name in names:
+        if any(c in name for c in "/*$#? ") or name == HOME:
+            raise InvalidInput(f"robots names {name!r}, which no robot can be called; correct it")
+    return names
+
+
+class Desk:
+    """One robot's part of the process."""
+
+    def __init__(self, robot: str, bus: Bus, members: Members, lock: threading.Lock) -> None:
+        self.robot, self.bus, self.health = robot, bus, Health()
+        self._members, self._lock = members, lock  # the lock guards members and ledger
+        self._ledger = Ledger()
+        self._turn = threading.Lock()  # whoever holds it answers keyframes
+        self._service: DetectorService | None = None
+        self._told_s = 0.0
+        self._closed = False
+        self._keeper = threading.Thread(target=self._keep, name=f"keep {robot}", daemon=True)
+        bus.announce("detector", members.me)
+        self._keeper.start()
+
+    def begin(self, models: Models, workload: Workload, preview_quality: int) -> DetectorService:
+        """The models work."""
+        service = self._service = DetectorService(
+            self.bus, models.detector, models.scorer, self.health, preview_quality, models.depth,
+            workload=workload, listen=False,
+        )  # fmt: skip
+        self.bus.subscribe(CLAIM, self._on_claim)
+        self.bus.subscribe(CONTEXT, self._on_context)
+        self.bus.subscribe(KEYFRAME, self._on_keyframe)
+        self.bus.subscribe(FRAME, self._on_frame)
+        return service
+
+    def close(self) -> None:
+        """Take nothing more, and let what is worked on be answered."""
+        self._closed = True
+        if self._turn.acquire(timeout=FINISH_WITHIN_S):
+            self._turn.release()
+
+    def _keep(self) -> None:
+        """Take what nobody took; serve methods while this robot is ours; say how it goes."""
+        while not self._closed:
+            with self._lock:
+                owner, me = self._members.owner(self.robot), self._members.me
+                strangers = self._members.strangers
+            if self._service is not None:
+                if owner == me:
+                    self._service.methods.open()
+                else:
+                    self._service.methods.close()
+                self._work()
+            if owner in (me, None):
+                self._report(strangers)
+            time.sleep(TICK_S)
+
+    def _on_keyframe(self, message: pb.Frame) -> None:
+        with self._lock:
+            self._ledger.add(message)
+        self._work()
+
+    def _on_frame(self, message: pb.Frame) -> None:
+        with self._lock:
+            ours = self._members.takes(self.robot, time.monotonic())
+        if ours and self._service is not None:
+            self._service.on_frame(message)
+
+    def _on_context(self, message: pb.SearchContext) -> None:
+        assert self._service is not None  # subscribed after it is there
+        self._service.on_context(message)
+        self._work()
+
+    def _on_claim(self, claim: pb.Claim) -> None:
+        with self._lock:
+            self._ledger.note(claim)
+
+    def _work(self) -> None:
+        """Answer what is ours, oldest first; somebody else may be at it already."""
+        while self._turn.acquire(blocking=False):
+            try:
+                message = self._take()
+                if message is None:
+                    return
+                self._answer(message)
+            finally:
+                self._turn.release()
+
+    def _take(self) -> pb.Frame | None:
+        if self._closed or self._service is None or not self._service.knows_context:
+            return None
+        with self._lock:
+            if not self._members.takes(self.robot, time.monotonic()):
+                return None
+            message = self._ledger.next(self._members.there)
+            if message is not None:
+                self._ledger.note(self._claim(message, answered=False))
+        return message
+
+    def _answer(self, message: pb.Frame) -> None:
+        assert self._service is not None
+        self._tell(self._claim(message, answered=False))
+        done = self._claim(message, answered=True)
+        self._service.on_keyframe(message, sent=lambda: self._tell(done))
+        with self._lock:
+            self._ledger.note(done)
+        self._tell(done)  # once more: a frame that was refused was not sent
+
+    def _claim(self, message: pb.Frame, answered: bool) -> pb.Claim:
+        return pb.Claim(id=message.id, instance=self._members.me, answered=answered)
+
+    def _tell(self, claim: pb.Claim) -> None:
+        try:
+            self.bus.publish(CLAIM, claim)
+        except HeliosError as error:
+            log.warning("%s: a claim was not told: %s", self.robot, error.message)
+
+    def _report(self, strangers: bool) -> None:
+        now_s = time.monotonic()
+        if not self.health.changed.is_set() and now_s - self._told_s < REPORT_S:
+            return
+        self.health.changed.clear()
+        self._told_s = now_s
+        state, reason = self.health.state
+        if strangers and state == "ready":
+            state, reason = "degraded", (
+                "another detector is given another list of robots and both may answer; give all "
+                "of them the same --robots"
+            )  # fmt: skip
+        status = pb.ServiceStatus(
+            service="detector", instance=self._members.me, state=state, reason=reason,
+            pid=os.getpid(), metrics=self.health.metrics(),
+        )  # fmt: skip
+        try:
+            self.bus.publish(status_topic("detector"), status)
+        except HeliosError as error:
+            log.warning("%s: could not report: %s", self.robot, error.message)
+
+
+class Fleet:
+    """See the module. `bus` is that of HOME."""
+
+    def __init__(self, bus: Bus, health: Health, settings: Settings) -> None:
+        """Raises InvalidInput: the simulator's detectors know one world."""
+        if settings.detector in ("simulated", "ground-truth"):
+            raise InvalidInput(
+                f"detector {settings.detector} knows one simulated world; start one for each "
+                "robot, without --robots"
+            )
+        self._bus, self._health, self._settings = bus, health, settings
+        me = f"{os.getpid()}-{uuid.uuid4().hex[:6]}"
+        self._members = Members(me, robots_of(settings.robots))
+        self._lock = threading.Lock()
+        self._ending = threading.Event()
+        self._desks: list[Desk] = []
+        self._models: Models | None = None
+        self._service: DetectorService | None = None  # any: they share the models
+        self._threads = [
+            threading.Thread(target=job, name=name, daemon=True)
+            for name, job in (("load", self._load), ("watch", self._watch))
+        ]
+        bus.watch(self._on_alive)
+        for thread in self._threads:
+            thread.start()
+
+    def close(self) -> None:
+        self._ending.set()
+        for desk in self._desks:
+            desk.close()
+        if self._models is not None:
+            self._models.close()
+        for desk in self._desks:
+            desk.bus.close()
+
+    def _on_alive(self, service: str, instance: str, alive: bool) -> None:
+        if service == TOKEN:
+            with self._lock:
+                self._members.change(instance, alive, time.monotonic())
+            log.info("detector %s %s", instance, "is there" if alive else "is gone")
+
+    def _load(self) -> None:
+        for robot in self._members.robots:
+            bus = self._connect(robot)
+            if bus is None:
+                return
+            self._desks.append(Desk(robot, bus, self._members, self._lock))
+        s = self._settings
+        models = self._models = load_models(s, None, self._health, self._ending)
+        if models is None:
+            return
+        workload = Workload()
+        for desk in self._desks:
+            self._service = desk.begin(models, workload, s.preview_quality)
+        self._bus.announce(TOKEN, self._members.me)  # from now on robots may be ours
+        self._on_alive(TOKEN, self._members.me, True)
+        self._health.ready(f"shares {', '.join(self._members.robots)}")
+
+    def _connect(self, robot: str) -> Bus | None:
+        from helios_core.zenoh_bus import ZenohBus
+
+        while not self._ending.is_set():
+            try:
+                return ZenohBus(self._settings.router, robot)
+            except Unavailable as error:
+                self._health.waiting(error.message)
+                self._ending.wait(self._settings.retry_s)
+        return None
+
+    def _watch(self) -> None:
+        """What keeps the models away keeps every robot waiting; idle models are unloaded."""
+        unload_s = self._settings.unload_after_s
+        while not self._ending.wait(TICK_S):
+            if self._service is None:
+                state, reason = self._health.state
+                for desk in self._desks:
+                    (desk.health.degraded if state == "degraded" else desk.health.waiting)(reason)
+            elif unload_s > 0:
+                self._service.unload_if_idle(unload_s)

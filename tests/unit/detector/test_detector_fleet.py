@@ -1,0 +1,194 @@
+"""Two detector processes share four robots: every keyframe is answered once, also when one dies."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import outside_package
+import pytest
+from detector_scene import context_of, frame_of
+from helios_core import proto as pb
+from helios_core.codec import context_to_proto, frame_to_proto
+from helios_core.errors import InvalidInput, Unavailable
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import (
+    CONTEXT,
+    FRAME,
+    KEYFRAME,
+    OBSERVATION,
+    PREVIEW,
+    VOCABULARY,
+    status_topic,
+)
+from helios_core.zenoh_bus import ZenohBus
+from helios_detector.fleet import Fleet, robots_of
+from helios_detector.settings import Settings
+
+from tests.support import free_port, wait_until
+
+ROBOTS = ("ada", "bob", "cleo", "dan")
+
+
+class Robot:
+    """Sends frames and counts answers."""
+
+    def __init__(self, endpoint: str, name: str) -> None:
+        self.name, self.bus = name, ZenohBus(endpoint, name)
+        self.answers: Counter[int] = Counter()
+        self.previews: Counter[int] = Counter()
+        self.statuses: list[pb.ServiceStatus] = []
+        self.seq = 0
+        self.bus.subscribe(OBSERVATION, lambda o: self.answers.update([o.frame.id.seq]))
+        self.bus.subscribe(PREVIEW, lambda p: self.previews.update([p.id.seq]))
+        self.bus.subscribe(status_topic("detector"), self.statuses.append)
+        self.bus.publish(CONTEXT, context_to_proto(context_of("mug", id=name)))
+
+    def send(self, keyframe: bool = True) -> int:
+        self.seq += 1
+        message = frame_to_proto(frame_of(seq=self.seq))
+        self.bus.publish(KEYFRAME if keyframe else FRAME, message)
+        return self.seq
+
+    def meet(self) -> None:
+        """What is sent before the detectors know this robot is lost."""
+
+        def answered() -> bool:
+            return bool(self.answers) or not self.send()
+
+        wait_until(answered, 40, f"{self.name} is answered")
+        wait_until(lambda: self.answers[self.seq] == 1, 20, "the last one, too")
+
+
+class Fleets:
+    """A router, and detectors that can be started and killed."""
+
+    def __init__(self, folder: Path) -> None:
+        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
+        outside = str(outside_package.write(folder / "outside"))
+        self._env = os.environ | {"PYTHONPATH": outside}
+        self._running = [self._run("helios_core.router", "--listen", self.endpoint)]
+
+    def detector(self, model: str = "patient:0.05") -> subprocess.Popen[bytes]:
+        return self._run(
+            "helios_detector", "--router", self.endpoint, "--robots", ",".join(ROBOTS),
+            "--detector", model, "--scorer", "half:0.5",
+        )  # fmt: skip
+
+    def robots(self) -> list[Robot]:
+        def is_up() -> bool:
+            try:
+                ZenohBus(self.endpoint, "probe").close()
+            except Unavailable:
+                return False
+            return True
+
+        wait_until(is_up, 30, "the router answers")
+        return [Robot(self.endpoint, name) for name in ROBOTS]
+
+    def close(self) -> None:
+        for process in reversed(self._running):
+            process.kill()
+            process.wait()
+
+    def _run(self, module: str, *argv: str) -> subprocess.Popen[bytes]:
+        process = subprocess.Popen([sys.executable, "-m", module, *argv], env=self._env)
+        if hasattr(self, "_running"):
+            self._running.append(process)
+        return process
+
+
+@pytest.fixture
+def fleets(tmp_path: Path) -> Iterator[Fleets]:
+    out = Fleets(tmp_path)
+    yield out
+    out.close()
+
+
+def owners(robots: list[Robot]) -> set[str]:
+    return {r.statuses[-1].instance for r in robots if r.statuses}
+
+
+def ready(robots: list[Robot]) -> bool:
+    return all(r.statuses and r.statuses[-1].state == "ready" for r in robots)
+
+
+@pytest.mark.timeout(240)
+def test_two_detectors_share_four_robots_and_answer_every_keyframe_once(fleets: Fleets):
+    first, second = fleets.detector(), fleets.detector()
+    robots = fleets.robots()
+    try:
+        wait_until(lambda: ready(robots) and len(owners(robots)) == 2, 60, "both are at work")
+        work = Counter(r.statuses[-1].instance for r in robots)
+        assert sorted(work.values()) == [2, 2]
+        for robot in robots:
+            robot.meet()
+        for _ in range(5):
+            for robot in robots:
+                robot.send()
+                robot.send(keyframe=False)
+        wait_until(
+            lambda: all(set(range(r.seq - 9, r.seq, 2)) <= r.answers.keys() for r in robots), 30,
+            "every keyframe is answered",
+        )  # fmt: skip
+
+        # One dies with work in hand: the other takes over what was not answered.
+        for robot in robots:
+            robot.send()
+        first.send_signal(signal.SIGKILL)
+        later = [robot.send() for robot in robots]
+        wait_until(
+            lambda: all(r.answers[n] for r, n in zip(robots, later, strict=True)), 40,
+            "the one that is left answers for all robots",
+        )  # fmt: skip
+        wait_until(lambda: len(owners(robots)) == 1 and ready(robots), 20, "it says so")
+        for robot in robots:
+            assert all(robot.answers[n] == 1 for n in robot.answers), robot.answers
+            reply = robot.bus.call(VOCABULARY, pb.Empty(), 5.0)
+            assert (reply.open, reply.detector, reply.scorer) == (True, "patient:0.05", "half")
+
+        # One that comes back takes its share again.
+        fleets.detector()
+        wait_until(lambda: len(owners(robots)) == 2 and ready(robots), 60, "two are at work")
+        last = [robot.send() for robot in robots]
+        wait_until(
+            lambda: all(r.answers[n] for r, n in zip(robots, last, strict=True)), 30, "answered"
+        )
+        assert all(r.answers[n] == 1 for r, n in zip(robots, last, strict=True))
+        second.send_signal(signal.SIGTERM)
+        assert second.wait(10) == 0
+    finally:
+        for robot in robots:
+            robot.bus.close()
+
+
+@pytest.mark.timeout(120)
+def test_a_model_that_cannot_work_is_said_to_every_robot(fleets: Fleets):
+    fleets.detector("patient:-1")
+    robots = fleets.robots()
+    try:
+        wait_until(
+            lambda: all(r.statuses and r.statuses[-1].state == "degraded" for r in robots), 40,
+            "every robot is told",
+        )  # fmt: skip
+        assert "cannot be loaded (ValueError: time runs forward)" in robots[0].statuses[-1].reason
+    finally:
+        for robot in robots:
+            robot.bus.close()
+
+
+def test_names_of_robots_are_checked():
+    assert robots_of(" ada, bob,,ada") == ("ada", "bob")
+    for wrong in ("a/b", "*", "_detectors", "two words"):
+        with pytest.raises(InvalidInput, match="which no robot can be called"):
+            robots_of(wrong)
+
+
+def test_the_simulators_detectors_serve_one_robot():
+    settings = Settings(robots="ada,bob", detector="simulated")
+    with pytest.raises(InvalidInput, match="knows one simulated world; start one for each robot"):
+        Fleet(MemoryBus(MemoryHub(), "_detectors"), Health(), settings)

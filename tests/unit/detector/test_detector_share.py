@@ -1,0 +1,99 @@
+"""Several detectors share several robots: pure rules, against every order of what happens."""
+
+from helios_core import proto as pb
+from helios_detector.share import SETTLE_S, Ledger, Members
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+ROBOTS = ("ada", "bob", "cleo", "dan")
+
+
+def member(name: str, *others: str, now_s: float = 0.0) -> Members:
+    """One detector that knows of these."""
+    out = Members(name, ROBOTS)
+    for other in (name, *others):
+        out.change(f"{out.team}-{other}", True, now_s)
+    return out
+
+
+def frame(seq: int) -> pb.Frame:
+    return pb.Frame(id=pb.FrameId(robot_boot_id="r", world_epoch=0, seq=seq))
+
+
+def claim(seq: int, instance: str, answered: bool = False) -> pb.Claim:
+    return pb.Claim(id=frame(seq).id, instance=instance, answered=answered)
+
+
+@settings(deadline=None)
+@given(names=st.sets(st.text("abcdef", min_size=1, max_size=4), min_size=1, max_size=5))
+def test_each_robot_has_one_taker_and_nobody_has_two_more_than_another(names: set[str]):
+    everybody = [member(n, *names) for n in names]
+    later_s = 2 * SETTLE_S
+    takers = {r: [m.me for m in everybody if m.takes(r, later_s)] for r in ROBOTS}
+    assert all(len(t) == 1 for t in takers.values())
+    work = [sum(t == [m.me] for t in takers.values()) for m in everybody]
+    assert max(work) - min(work) <= 1
+
+
+def test_when_somebody_comes_or_goes_nobody_takes_anything_for_a_moment():
+    one, other = member("a"), Members("b", ROBOTS)
+    assert one.takes("ada", 1.0)
+    one.change(other.me, True, 1.0)
+    assert not any(one.takes(r, 1.0 + 0.9 * SETTLE_S) for r in ROBOTS)
+    assert sum(one.takes(r, 1.0 + SETTLE_S) for r in ROBOTS) == 2
+    one.change(other.me, False, 5.0)
+    assert not one.takes("ada", 5.0)
+    assert all(one.takes(r, 5.0 + SETTLE_S) for r in ROBOTS)
+
+
+def test_a_detector_of_another_list_is_a_stranger_and_shares_nothing():
+    one, stranger = member("a"), Members("b", ("ada",))
+    one.change(stranger.me, True, 0.0)
+    assert one.strangers
+    assert all(one.takes(r, 1.0) for r in ROBOTS)
+    one.change(stranger.me, False, 1.0)
+    assert not one.strangers
+
+
+def test_keyframes_are_taken_oldest_first_and_once():
+    ledger, there = Ledger(), frozenset({"a", "b"})
+    for seq in (1, 2, 2, 3):
+        ledger.add(frame(seq))
+    taken = []
+    while (message := ledger.next(there)) is not None:
+        taken.append(message.id.seq)
+        ledger.note(claim(message.id.seq, "a"))
+    assert taken == [1, 2, 3]
+
+
+def test_what_somebody_took_and_did_not_answer_is_free_when_he_is_gone():
+    ledger = Ledger()
+    ledger.add(frame(1))
+    ledger.add(frame(2))
+    ledger.note(claim(1, "a", answered=True))
+    ledger.note(claim(2, "a"))
+    assert ledger.next(frozenset({"a", "b"})) is None
+    free = ledger.next(frozenset({"b"}))
+    assert free is not None
+    assert free.id.seq == 2
+
+
+def test_a_claim_may_come_before_its_keyframe():
+    ledger = Ledger()
+    ledger.note(claim(1, "a", answered=True))
+    ledger.add(frame(1))
+    assert ledger.next(frozenset()) is None
+
+
+@settings(deadline=None)
+@given(st.lists(st.integers(1, 60), max_size=80))
+def test_few_keyframes_are_held_and_those_are_the_newest(seqs: list[int]):
+    ledger = Ledger()
+    for seq in seqs:
+        ledger.add(frame(seq))
+    held = []
+    while (message := ledger.next(frozenset({"me"}))) is not None:
+        held.append(message.id.seq)
+        ledger.note(claim(message.id.seq, "me"))
+    first_seen = list(dict.fromkeys(seqs))
+    assert len(held) == min(8, len(first_seen))
