@@ -16,7 +16,15 @@ from helios_planner.grid import Pose2
 from helios_planner.legs import Legs, Outcome
 from helios_planner.motion import Reach
 from helios_planner.settings import Settings
-from helios_planner.stand import PlaceRules, Spot, edge_spot, place_spots, stand_for
+from helios_planner.stand import (
+    AheadRules,
+    PlaceRules,
+    Spot,
+    edge_spot,
+    highest_ahead,
+    place_spots,
+    stand_for,
+)
 from helios_planner.task import Cause, TaskFailed
 
 
@@ -117,7 +125,7 @@ class Skills:
 
     # --- place ---------------------------------------------------------------------------------
     def place(self, receptacle: ObjectInstance, class_name: str) -> Done:
-        """Put the held thing down on a flat part of a receptacle, well inside its edge."""
+        """Put the held thing down on a receptacle, by the rule of the settings."""
         failed: list[tuple[float, float, float]] = []
         stood = False
         for _ in range(self.settings.places_per_receptacle):
@@ -131,15 +139,23 @@ class Skills:
                 continue
             stood = True
             point = self._point_from_here(receptacle, spot, failed)
-            x, y, z = point
-            result = self.body.act(Place((x, y, z + self.settings.place_drop_m)))
-            if result.succeeded:
+            if self._let_go(point):
                 return Done.SUCCEEDED
-            self.last_reason = result.reason
-            if not self.body.held():
-                raise TaskFailed(Cause.PLACE_MISSED, f"it fell: {result.reason}")
             failed.append(point)
         return Done.FAILED if stood else Done.OUT_OF_REACH
+
+    def _let_go(self, point_m: tuple[float, float, float]) -> bool:
+        """Release above a point; False when the robot could not and still holds the thing."""
+        by_paper = self.settings.place_rule == "paper"
+        drop_m = self.settings.paper_drop_m if by_paper else self.settings.place_drop_m
+        x, y, z = point_m
+        result = self.body.act(Place((x, y, z + drop_m)))
+        if result.succeeded:
+            return True
+        self.last_reason = result.reason
+        if not self.body.held():
+            raise TaskFailed(Cause.PLACE_MISSED, f"it fell: {result.reason}")
+        return False
 
     def _free_spots(self, receptacle: ObjectInstance, reached: Reach) -> list[Spot]:
         """Spots where nothing lies yet; where there is none, those that are only about flat."""
@@ -153,7 +169,7 @@ class Skills:
         self, receptacle: ObjectInstance, failed: list[tuple[float, float, float]]
     ) -> Spot | None:
         """The best spot on a surface that was seen; on the second try one without a surface."""
-        for level in self.legs.levels:
+        for level in self.legs.levels if self.settings.place_rule == "flat" else ():
             reached = self.legs.reach(level)
             for spot in self._free_spots(receptacle, reached):
                 if _new(spot.point_m, failed):
@@ -173,6 +189,9 @@ class Skills:
     ) -> tuple[float, float, float]:
         """The point again, now that the surface was seen from near: the best one within reach."""
         here = self.body.pose()
+        if self.settings.place_rule == "paper":
+            rules = AheadRules(self._reach_m)
+            return highest_ahead(receptacle, self.body.ground(), here, rules) or spot.point_m
         reached = self.legs.reach(self.legs.levels[-1])
         for better in self._free_spots(receptacle, reached):
             xy = better.point_m[:2]

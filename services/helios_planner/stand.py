@@ -28,6 +28,15 @@ class PlaceRules:
 
 
 @dataclass(frozen=True)
+class AheadRules:
+    """The region ahead of the robot in which the paper's rule looks for the highest point."""
+
+    reach_m: float
+    half_width_m: float = 0.2
+    above_m: float = 0.3  # what rises more above the receptacle's top is a wall behind it
+
+
+@dataclass(frozen=True)
 class Spot:
     """A point to place at (world, on the surface) and the pose from which it is in reach."""
 
@@ -105,6 +114,28 @@ def place_spots(
         spot = Spot((float(x_m), float(y_m), z_m), pose, float(inset[row, column]))
         spots.append((-10 * depth + 0.2 * float(way_m[k]), spot))
     return [spot for _, spot in sorted(spots, key=lambda pair: pair[0])]
+
+
+def highest_ahead(
+    receptacle: ObjectInstance, ground: GroundMap, robot: Pose2, rules: AheadRules
+) -> tuple[float, float, float] | None:
+    """The paper's rule: the highest point (world x, y, z) of a receptacle in a region ahead of the
+    robot; None where nothing was seen of it there."""
+    mask = outline_mask(ground, outline_of(receptacle))
+    on_it = (ground.top_m > 0) & (ground.top_m <= receptacle.top_m + rules.above_m)
+    cells = np.argwhere((mask != 0) & on_it)
+    if not len(cells):
+        return None
+    xy = ground.centres_of(cells)
+    c, s = math.cos(robot.yaw_rad), math.sin(robot.yaw_rad)
+    ahead, left = ((xy - robot.xy) @ np.array([[c, -s], [s, c]])).T
+    here = (ahead > 0) & (np.abs(left) <= rules.half_width_m)
+    here &= np.hypot(ahead, left) <= rules.reach_m
+    if not here.any():
+        return None
+    top = np.where(here, ground.top_m[cells[:, 0], cells[:, 1]], -np.inf)
+    k = int(np.argmax(top))
+    return float(xy[k, 0]), float(xy[k, 1]), float(top[k])
 
 
 def edge_spot(

@@ -1,0 +1,87 @@
+"""A robot in a simulated world of this thread, with the 2D map alone: no bus, no detector."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from helios_core.geometry import Matrix
+from helios_core.robot import Action, ActionResult
+from helios_core.types import Frame, FrameId, ObjectInstance
+from helios_map2d.state import MapRules, MapState
+from helios_planner.body import Body, Frontier, WhatIf
+from helios_planner.decide import Decision
+from helios_planner.grid import GroundMap, Pose2
+from helios_planner.sightings import Sighting
+from helios_planner.task import Cause, Phase, TaskFailed
+from helios_sim.world import World
+from numpy.typing import NDArray
+
+MOST_STEPS = 150
+
+
+class WorldBody(Body):
+    """See the module."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self.description = world.describe()
+        pose = self.pose()
+        rules = MapRules(max_depth_m=min(MapRules.max_depth_m, self.description.max_depth_m))
+        self._map = MapState(rules, pose.xy, self.description.footprint_radius_m)
+        self.steps = 0
+
+    def act(self, action: Action) -> ActionResult:
+        if self.steps >= MOST_STEPS:
+            raise TaskFailed(Cause.STEP_BUDGET, f"the placement took {self.steps} steps")
+        self.steps += 1
+        result = self._world.act(action, str(self.steps))
+        seen = self._world.capture()
+        self._map.integrate_frame(Frame(
+            FrameId("placements", 0, self.steps), seen.stamp_ns, True, seen.color, seen.depth_m,
+            seen.camera, seen.T_world_cam, seen.T_world_base,
+        ))  # fmt: skip
+        return result
+
+    def pose(self) -> Pose2:
+        return Pose2.of(self._world.state().T_world_base)
+
+    def tilt_rad(self) -> float:
+        return self._world.state().tilt_rad
+
+    def held(self) -> str:
+        return self._world.state().held
+
+    def ground(self) -> GroundMap:
+        map_ = self._map.published
+        grid = map_.grid
+        return GroundMap(map_.occupancy, map_.z_high_m, grid.cell_m, grid.origin_m, map_.version)
+
+    def frontiers(self) -> Sequence[Frontier]:
+        return ()
+
+    def objects(self, class_name: str) -> Sequence[ObjectInstance]:
+        return ()  # the skill keeps what it was told
+
+    def sightings(self) -> Sequence[Sighting]:
+        return ()
+
+    def what_if(
+        self, id: int, class_name: str, T_world_cam: Sequence[Matrix], joint: bool
+    ) -> WhatIf:
+        return WhatIf((), ())
+
+    def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
+        return
+
+    def tell_phase(self, phase: Phase, seeking: str, message: str) -> None:
+        return
+
+    def tell_decision(self, decision: Decision) -> None:
+        return
+
+    def tell_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None:
+        return
+
+    def tell_picks(self, picks: int) -> None:
+        return

@@ -1,0 +1,34 @@
+"""Placing rules against each other: what the report says of given outcomes, and one real one."""
+
+from __future__ import annotations
+
+import pytest
+from helios_core.errors import InvalidInput
+from helios_eval.placements import Outcome, play, report, trials
+
+
+def outcome(seed: int, rule: str, how: str) -> Outcome:
+    return Outcome(seed, "table_0", "table", "mug", rule, how == "succeeded", how, "", 9)
+
+
+def test_the_report_pairs_what_both_rules_did() -> None:
+    done = [outcome(s, "paper", "rolled off" if s % 2 else "succeeded") for s in range(20)]
+    done += [outcome(s, "flat", "succeeded") for s in range(20)]
+    done.append(outcome(99, "flat", "refused"))
+    text = report(done)
+    assert "| paper | 50.0 %" in text
+    assert "| flat | 100.0 %" in text
+    assert "| 10 | 0 | 0 | 0 | 20 |" in text
+    assert "flat - paper: +50.0 points" in text
+
+
+def test_without_pairs_there_is_no_report() -> None:
+    with pytest.raises(InvalidInput, match="both rules"):
+        report([outcome(1, "flat", "succeeded")])
+
+
+def test_a_placement_is_played_to_its_end_and_is_the_same_again() -> None:
+    trial = next(trials("demo-v1", 3, per_home=1))
+    first, again = play("demo-v1", trial, "flat"), play("demo-v1", trial, "flat")
+    assert first == again
+    assert first is None or first.steps > 3

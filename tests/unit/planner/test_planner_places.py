@@ -1,0 +1,73 @@
+"""Where a thing is put down: the paper's rule and the flat free area."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helios_core.robot import Place
+from helios_core.types import ObjectInstance
+from helios_planner.flow import Mission
+from helios_planner.grid import GroundMap, Pose2
+from helios_planner.instruction import parse
+from helios_planner.motion import MotionRules, reach
+from helios_planner.settings import Settings
+from helios_planner.stand import AheadRules, PlaceRules, highest_ahead, place_spots
+from planner_world import coffee_table, counter, flat, mug
+
+CELL_M = 0.025
+TABLE_TOP_M = 0.7
+
+
+def table_with_a_box() -> tuple[GroundMap, ObjectInstance]:
+    """A table from (2, 1) to (3, 2) with a box of 0.2 m on its middle, a wall behind it."""
+    occupancy, top = np.zeros((120, 160), np.int8), np.zeros((120, 160), np.float32)
+    for x0, y0, x1, y1, height in ((2, 1, 3, 2, 0.7), (2.4, 1.4, 2.6, 1.6, 0.9), (3, 0, 3.1, 3, 2)):
+        at = np.s_[round(y0 / CELL_M) : round(y1 / CELL_M), round(x0 / CELL_M) : round(x1 / CELL_M)]
+        occupancy[at], top[at] = 100, height
+    table = ObjectInstance(
+        1, "table", np.array([2.5, 1.5, 0.35]), np.array([1.0, 1.0, 0.7]), 1.0, 1.0, 0.0, 9, 9,
+        {"table": 1.0}, TABLE_TOP_M, np.array([[2, 1], [3.05, 1], [3.05, 2], [2, 2]], float), 1.0,
+    )  # fmt: skip
+    return GroundMap(occupancy, top, CELL_M, (0.0, 0.0)), table
+
+
+def test_the_papers_rule_takes_the_highest_point_ahead_but_not_the_wall() -> None:
+    ground, table = table_with_a_box()
+    point = highest_ahead(table, ground, Pose2(1.6, 1.5, 0.0), AheadRules(1.5))
+    assert point is not None
+    assert point[2] == pytest.approx(0.9)
+    assert 2.4 <= point[0] <= 2.6
+
+
+def test_the_papers_rule_sees_only_what_is_ahead_and_in_reach() -> None:
+    ground, table = table_with_a_box()
+    beside = highest_ahead(table, ground, Pose2(1.6, 1.1, 0.0), AheadRules(1.5))
+    assert beside is not None
+    assert beside[2] == pytest.approx(TABLE_TOP_M)
+    assert highest_ahead(table, ground, Pose2(1.6, 1.5, np.pi), AheadRules(1.5)) is None
+    assert highest_ahead(table, ground, Pose2(1.0, 1.5, 0.0), AheadRules(0.8)) is None
+
+
+def test_the_flat_area_is_free_and_away_from_the_edge() -> None:
+    ground, table = table_with_a_box()
+    reached = reach(ground, Pose2(1.0, 1.5, 0.0), MotionRules(footprint_m=0.3))
+    spots = place_spots(table, reached, 0.8, PlaceRules(inset_m=0.12, flat_m=0.012))
+    assert spots
+    for spot in spots:
+        x, y, z = spot.point_m
+        assert z == pytest.approx(TABLE_TOP_M)
+        assert 2.1 <= x <= 2.95
+        assert 1.1 <= y <= 1.9
+        assert max(abs(x - 2.5), abs(y - 1.5)) > 0.1
+        assert spot.stand.distance_m((x, y)) <= 0.8
+
+
+@pytest.mark.parametrize("rule", ["flat", "paper"])
+def test_each_rule_brings_the_mug_onto_the_counter_from_its_own_height(rule: str) -> None:
+    world = flat([coffee_table(), counter(), mug()])
+    settings = Settings(place_rule=rule)  # pyright: ignore[reportArgumentType]
+    Mission(world, parse("Move the mug from the coffee table to the counter"), settings).run()
+    assert world.released is not None
+    placed = next(a for a in world.log if isinstance(a, Place))
+    drop_m = settings.place_drop_m if rule == "flat" else settings.paper_drop_m
+    assert placed.point_world_m[2] == pytest.approx(0.9 + drop_m, abs=0.02)
