@@ -9,6 +9,7 @@ import zlib
 import cv2
 import numpy as np
 from helios_core import proto as pb
+from helios_core.bus import Registration
 from helios_core.codec import frame_to_proto, state_to_proto
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.geometry import Pinhole, se2_to_se3
@@ -62,6 +63,7 @@ class Backend:
         self.hub = hub
         self.bus = MemoryBus(hub, robot)
         self.calls: list[str] = []
+        self._alive: dict[str, Registration] = {}
         self.tasks: dict[str, pb.Task] = {}
         self.decided: list[pb.Decision] = []
         self.found = [
@@ -97,8 +99,12 @@ class Backend:
         self.publish_robot()
 
     def alive(self, name: str, pid: int, state: str = "ready", reason: str = "") -> None:
-        self.bus.announce(name, f"{pid}-test")
+        self._alive[name] = self.bus.announce(name, f"{pid}-test")
         self.report(name, pid, state, reason)
+
+    def die(self, name: str) -> None:
+        """As if the process were gone."""
+        self._alive.pop(name).close()
 
     def report(self, name: str, pid: int, state: str, reason: str = "") -> None:
         status = pb.ServiceStatus(

@@ -14,6 +14,10 @@ from helios_gateway.settings import Settings
 from tests.gateway_backend import Backend
 
 
+# Made-up services report once, and tests do not wait for the next tick.
+QUICK = ("--tick-s", "0.05", "--silent-after-s", "3600")
+
+
 @dataclass
 class Served:
     """What runs."""
@@ -38,7 +42,7 @@ def served(*flags: str, port: int = 0, backend: Backend | None = None) -> Iterat
         hub = backend.hub
     listener = bind("127.0.0.1", port)
     gateway = Gateway(
-        MemoryBus(hub), Health(), Settings.load(["--tick-s", "0.05", *flags]), listener,
+        MemoryBus(hub), Health(), Settings.load([*QUICK, *flags]), listener,
         lambda name: MemoryBus(hub, name),
     )  # fmt: skip
     try:

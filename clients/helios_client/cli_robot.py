@@ -1,4 +1,4 @@
-"""`helios status`, `stop`, `clear-stop`, `key`: how the robot is, stop-now, and who may ask."""
+"""`helios status`, `stop`, `clear-stop`, `key`, `mcp`: state, stop-now, who may ask."""
 
 from __future__ import annotations
 
@@ -94,3 +94,17 @@ def key(
     from helios_client.keys import add_key
 
     print(add_key(file, name, scope))
+
+
+@app.command()
+def mcp(
+    port: Port = 8080,
+    url: Url = None,
+    key: Key = None,
+    robot: RobotName = None,
+) -> None:
+    """Serve the robot to a language agent over MCP, on standard input and output."""
+    from helios_client.mcp_server import build
+    from helios_client.sdk_async import AsyncHelios
+
+    build(AsyncHelios(url or f"http://127.0.0.1:{port}", key=key, robot=robot)).run("stdio")

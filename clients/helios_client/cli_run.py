@@ -14,7 +14,9 @@ app = typer.Typer()
 
 @app.command()
 def up(
-    robot: Annotated[str, typer.Option(help="sim, replay, spot or package:Class")] = "sim",
+    robot: Annotated[
+        str, typer.Option(help="sim, replay, spot, bus, push or package:Class")
+    ] = "sim",
     port: Port = 8080,
     seed: Annotated[int, typer.Option(help="of the simulated home", min=0)] = 0,
     preset: Annotated[str, typer.Option(help="kind of the simulated home")] = "demo-v1",
@@ -54,8 +56,10 @@ def up(
     from helios_client.up import up as run_up
     from helios_client.wrong_use import WrongUse
 
-    if robot not in ("sim", "replay", "spot") and ":" not in robot:
-        raise WrongUse(f"no robot is called {robot!r}; wanted sim, replay, spot or package:Class")
+    if robot not in ("sim", "replay", "spot", "bus", "push") and ":" not in robot:
+        raise WrongUse(
+            f"no robot is called {robot!r}; wanted sim, replay, spot, bus, push or package:Class"
+        )
     if spot_host is not None and robot != "spot":
         raise WrongUse("--spot-host goes with --robot spot, and only with it")
     if detector is None:

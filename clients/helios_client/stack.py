@@ -17,7 +17,7 @@ RECORDED = "recorded"  # the detector that finds what was found when it was reco
 class Stack:
     """What `helios up` and `helios replay` start."""
 
-    robot: str  # sim, replay, spot or package:Class
+    robot: str  # sim, replay, spot, bus, push or package:Class
     router_port: int
     state_dir: Path
     name: str = "robot"  # first part of every key on the bus

@@ -20,6 +20,7 @@ from helios_gateway.metrics import CountRequests, Metrics
 from helios_gateway.openapi import describe_truly
 from helios_gateway.problems import add_problems, problem
 from helios_gateway.routes_events import event_routes
+from helios_gateway.routes_frames import frame_routes
 from helios_gateway.routes_health import fleet_routes, health_routes, service_routes
 from helios_gateway.routes_map import map_routes
 from helios_gateway.routes_robot import robot_routes
@@ -49,8 +50,8 @@ def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> Fa
     add_problems(app)
     describe_truly(app)
     bounds = Bounds(
-        settings.body_limit_bytes, settings.body_timeout_s, settings.requests_per_s,
-        settings.max_requests, settings.other_origins,
+        settings.body_limit_bytes, settings.frame_limit_bytes, settings.body_timeout_s,
+        settings.requests_per_s, settings.max_requests, settings.other_origins,
     )  # fmt: skip
     app.add_middleware(Limits, bounds=bounds, keys=keys)
     if settings.other_origins:
@@ -66,6 +67,7 @@ def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> Fa
             task_routes(prefix, settings),
             event_routes(prefix, settings),
             map_routes(prefix),
+            frame_routes(prefix, settings),
             robot_routes(prefix, settings),
             service_routes(prefix, settings),
         ):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from helios_core import proto as pb
 from helios_core.errors import Internal
@@ -61,6 +61,7 @@ def task(message: pb.Task) -> models.Task:
         message=message.message, cause=message.cause, seeking=message.seeking,
         kind=message.kind, object=message.object, start=message.start, goal=message.goal,
         steps=message.steps, max_steps=message.max_steps, picks=message.picks,
+        time_limit_s=_time(message.time_limit_s),
         progress=finite(message.progress), created_s=_time(message.created_s),
         started_s=_time(message.started_s), ended_s=_time(message.ended_s),
         context_id=message.context_id, agent=message.agent,
@@ -87,18 +88,27 @@ def phases(kind: str, phase: str, state: str) -> list[models.Phase]:
 
 
 def decision(message: pb.Decision) -> models.Decision:
+    again = message.recomputed if message.HasField("recomputed") else None
     return models.Decision(
         task_id=message.task_id, index=message.index, phase=message.phase, rule=message.rule,
-        why=message.why, settings=_numbers(message.settings), made_s=_time(message.made_s),
-        context_id=message.context_id,
-        candidates=[
-            models.Candidate(
-                kind=c.kind, name=c.name, position_m=_vector(c.position_m),
-                terms=_numbers(c.terms), chosen=c.chosen,
-            )
-            for c in message.candidates
-        ],
+        do=message.do, why=message.why, settings=_numbers(message.settings),
+        made_s=_time(message.made_s), context_id=message.context_id,
+        candidates=_candidates(message.candidates),
+        recomputed=again and models.Recomputed(
+            do=again.do, why=again.why, flips=again.flips, certain=again.certain,
+            candidates=_candidates(again.candidates),
+        ),
     )  # fmt: skip
+
+
+def _candidates(messages: Iterable[pb.Candidate]) -> list[models.Candidate]:
+    return [
+        models.Candidate(
+            kind=c.kind, name=c.name, position_m=_vector(c.position_m), terms=_numbers(c.terms),
+            chosen=c.chosen,
+        )
+        for c in messages
+    ]  # fmt: skip
 
 
 def pose(x_m: float, y_m: float, yaw_rad: float) -> models.RobotPose | None:

@@ -21,7 +21,9 @@ from helios_gateway.problems import problem
 
 READING = ("GET", "HEAD", "OPTIONS")
 NEVER_LATE = ("/robot/stop",)  # neither counted nor made to wait
-STREAMS = ("/events", "/events/ws")  # counted as viewers, not as requests
+LARGE = ("/frames",)  # bodies are images; few at a time
+MOST_LARGE = 8
+STREAMS = ("/events", "/events/ws", "/frames/ws")  # counted as viewers, not as requests
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,7 @@ class Bounds:
     """How much is taken."""
 
     body_bytes: int
+    large_bytes: int  # of a body that is images
     body_s: float  # longest time for a body to arrive
     requests_per_s: int  # of one client
     requests: int  # at the same time, of all clients
@@ -47,7 +50,7 @@ class Limits:
         self._app, self._bounds, self._keys = app, bounds, keys
         self._rate = RateLimitItemPerSecond(bounds.requests_per_s)
         self._limiter = FixedWindowRateLimiter(MemoryStorage())
-        self._running = 0
+        self._running = self._large = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "lifespan":
@@ -59,19 +62,25 @@ class Limits:
             return
         path: str = scope["path"]
         counted = not path.endswith((*STREAMS, *NEVER_LATE))
-        if counted and self._running >= self._bounds.requests:
+        large = path.endswith(LARGE)
+        if (counted and self._running >= self._bounds.requests) or (
+            large and self._large >= MOST_LARGE
+        ):
             refusal = problem(
                 503, "busy", "Service Unavailable",
-                f"{self._running} requests are being answered; try again in a second",
+                f"{self._large if large else self._running} requests are being answered; try again "
+                "in a second",
             )  # fmt: skip
             refusal.headers["retry-after"] = "1"
             await _refuse(refusal, scope, receive, send)
             return
         self._running += counted
+        self._large += large
         try:
             await self._with_body(scope, receive, send)
         finally:
             self._running -= counted
+            self._large -= large
 
     def _refusal(self, scope: Scope) -> JSONResponse | None:
         headers = Headers(scope=scope)
@@ -110,9 +119,11 @@ class Limits:
         if scope["type"] == "websocket" or scope["method"] in READING:
             await self._app(scope, receive, send)
             return
+        large = scope["path"].endswith(LARGE)
+        limit = self._bounds.large_bytes if large else self._bounds.body_bytes
         try:
             async with asyncio.timeout(self._bounds.body_s):
-                body = await self._body(receive)
+                body = await _body(receive, limit)
         except TimeoutError:
             refusal = problem(
                 408, "late", "Request Timeout",
@@ -124,7 +135,7 @@ class Limits:
         if body is None:
             refusal = problem(
                 413, "too-large", "Content Too Large",
-                f"the body is larger than {self._bounds.body_bytes} bytes; send less",
+                f"the body is larger than {limit} bytes; send less",
             )  # fmt: skip
             refusal.headers["connection"] = "close"
             await refusal(scope, receive, send)
@@ -136,18 +147,19 @@ class Limits:
 
         await self._app(scope, replay, send)
 
-    async def _body(self, receive: Receive) -> bytes | None:
-        """The whole body, or None once it is above the limit."""
-        body = bytearray()
-        while True:
-            message = await receive()
-            if message["type"] != "http.request":
-                return bytes(body)
-            body += message.get("body", b"")
-            if len(body) > self._bounds.body_bytes:
-                return None
-            if not message.get("more_body", False):
-                return bytes(body)
+
+async def _body(receive: Receive, limit: int) -> bytes | None:
+    """The whole body, or None once it is above the limit in bytes."""
+    body = bytearray()
+    while True:
+        message = await receive()
+        if message["type"] != "http.request":
+            return bytes(body)
+        body += message.get("body", b"")
+        if len(body) > limit:
+            return None
+        if not message.get("more_body", False):
+            return bytes(body)
 
 
 async def _refuse(refusal: JSONResponse, scope: Scope, receive: Receive, send: Send) -> None:

@@ -33,6 +33,13 @@ class TaskRequest(BaseModel):
         description="steps of the robot allowed; null: the setting",
     )
 
+    time_limit_s: float | None = Field(
+        default=None,
+        gt=0,
+        le=86_400,
+        description="seconds from its start after which it ends; null: the setting",
+    )
+
     agent: str | None = Field(
         default=None,
         max_length=100,
@@ -82,6 +89,7 @@ class Task(BaseModel):
     goal: str = Field(description="receptacle to bring it to", examples=["kitchen counter"])
     steps: int = Field(description="steps of the robot so far")
     max_steps: int
+    time_limit_s: float | None = Field(description="seconds from its start; null: none")
     picks: int = Field(description="picks tried so far")
     progress: float | None = Field(description="0 to 1, a rough guide for people")
     created_s: float | None = Field(description="seconds since 1970")
@@ -111,6 +119,16 @@ class Candidate(BaseModel):
     chosen: bool
 
 
+class Recomputed(BaseModel):
+    """A decision taken again under other settings, by the same functions."""
+
+    do: str
+    why: str = Field(description="one sentence")
+    candidates: list[Candidate] = Field(description="with their terms under these settings")
+    flips: bool = Field(description="another would have been chosen, or something else done")
+    certain: bool = Field(description="false: it depends on what was not asked for at that time")
+
+
 class Decision(BaseModel):
     """What was decided, among what, by which rule and why."""
 
@@ -118,11 +136,17 @@ class Decision(BaseModel):
     index: int
     phase: str
     rule: str = Field(examples=["global_search (eq. 10)"])
+    do: str = Field(
+        description="act, look, search_on, search_receptacle, go_to_frontier or nothing_left"
+    )
     why: str = Field(description="one sentence")
     candidates: list[Candidate]
     settings: dict[str, float | None] = Field(description="the values that the rule used")
     made_s: float | None = Field(description="seconds since 1970")
     context_id: str
+    recomputed: Recomputed | None = Field(
+        description="under the settings that were asked for; null: none were"
+    )
 
 
 class DecisionList(BaseModel):

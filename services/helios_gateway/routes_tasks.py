@@ -13,6 +13,8 @@ from helios_core.topics import (
     DECISIONS,
     GET_TASK,
     LIST_TASKS,
+    PAUSE,
+    RESUME,
     SUBMIT,
     VOCABULARY,
     M,
@@ -53,6 +55,7 @@ def task_routes(prefix: str, settings: Settings) -> APIRouter:
             instruction=request.instruction,
             max_steps=request.max_steps or 0,
             agent=request.agent or "",
+            time_limit_s=request.time_limit_s or 0.0,
         )
         return convert.task(at.bus.call(SUBMIT, message, timeout_s))
 
@@ -84,9 +87,42 @@ def task_routes(prefix: str, settings: Settings) -> APIRouter:
         """The robot comes to rest; a task that has ended stays as it is."""
         return convert.task(of_task(at.bus, CANCEL, id))
 
+    @routes.post(
+        "/tasks/{id}/pause",
+        summary="Pause a task",
+        responses=problems(404, 409, body=True),
+        dependencies=secured(Scope.OPERATE),
+    )
+    def pause(at: At, id: str) -> models.Task:
+        """The action that runs is finished, no further one is begun until the task is resumed."""
+        return convert.task(of_task(at.bus, PAUSE, id))
+
+    @routes.post(
+        "/tasks/{id}/resume",
+        summary="Go on with a paused task",
+        responses=problems(404, 409, body=True),
+        dependencies=secured(Scope.OPERATE),
+    )
+    def resume(at: At, id: str) -> models.Task:
+        return convert.task(of_task(at.bus, RESUME, id))
+
     @routes.get("/tasks/{id}/decisions", summary="Why it did what it did", responses=problems(404))
-    def decisions(at: At, id: str) -> models.DecisionList:
-        reply = of_task(at.bus, DECISIONS, id)
+    def decisions(
+        at: At,
+        id: str,
+        set: Annotated[
+            list[str] | None,
+            Query(description="take them again under this setting, `alpha_d=0.01`; repeatable"),
+        ] = None,
+    ) -> models.DecisionList:
+        """With `set`, each holds as `recomputed` what it would have been under these settings."""
+        if not set:
+            reply = of_task(at.bus, DECISIONS, id)
+        else:
+            of_task(at.bus, GET_TASK, id)
+            changes = dict(assignment(text) for text in set)
+            request = pb.TaskRequest(id=id, settings=changes)
+            reply = at.bus.call(DECISIONS, request, timeout_s)
         return models.DecisionList(decisions=[convert.decision(d) for d in reply.decisions])
 
     @routes.get("/vocabulary", summary="What can be looked for", responses=problems())
@@ -100,3 +136,11 @@ def task_routes(prefix: str, settings: Settings) -> APIRouter:
         )
 
     return routes
+
+
+def assignment(text: str) -> tuple[str, str]:
+    """`alpha_d=0.01` as name and value. Raises InvalidInput."""
+    name, equals, value = text.partition("=")
+    if not (name.strip() and equals and value.strip()):
+        raise InvalidInput(f"set is {text!r:.100}; wanted NAME=VALUE, such as alpha_d=0.01")
+    return name.strip(), value.strip()

@@ -22,7 +22,7 @@ from helios_gateway.settings import Settings
 
 log = logging.getLogger(__name__)
 
-WEBSOCKET_BYTES = 65536  # largest message of a viewer; none is expected
+WEBSOCKET_QUEUE = 3  # messages read ahead: one frame
 GRACE_S = 1  # for answers under way when it is told to stop
 
 
@@ -98,7 +98,8 @@ class Gateway:
             server_header=False,
             timeout_graceful_shutdown=GRACE_S,
             limit_concurrency=settings.max_connections,
-            ws_max_size=WEBSOCKET_BYTES,
+            ws_max_size=settings.frame_limit_bytes,  # of one message
+            ws_max_queue=WEBSOCKET_QUEUE,
         )
         self._server = uvicorn.Server(config)
         self._health = health

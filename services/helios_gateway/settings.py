@@ -65,6 +65,9 @@ class Settings(ServiceSettings):
         description="of one client (an API key or an address); stop-now is not counted",
     )
     body_limit_bytes: int = Field(default=65536, ge=1, description="largest request body taken")
+    frame_limit_bytes: int = Field(
+        default=16_000_000, ge=1, description="the same of a frame: meta and images together"
+    )
     body_timeout_s: float = Field(
         default=10.0, gt=0, description="longest time for a body to arrive"
     )

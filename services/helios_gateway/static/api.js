@@ -2,9 +2,23 @@
 
 export class Problem extends Error {}
 
+export const robot = new URLSearchParams(location.search).get("robot");
+const base = robot === null ? "/v1" : `/v1/robots/${encodeURIComponent(robot)}`;
+
+let onRefused = () => {};
+/** `handle` is called when a key is asked for, or another one is needed. */
+export const whenRefused = (handle) => (onRefused = handle);
+
+/** A response of the interface. `path` is below that of the robot on show. */
+export async function get(path, options = {}) {
+  const response = await fetch(base + path, options);
+  if (response.status === 401) onRefused();
+  return response;
+}
+
 /** JSON of an address. Throws Problem with the server's sentence, TypeError when it is away. */
 export async function ask(path, options = {}) {
-  const response = await fetch(path, options);
+  const response = await get(path, options);
   const body = await response.json().catch(() => ({}));
   if (!response.ok) throw new Problem(body.detail ?? `${path} answered ${response.status}`);
   return body;
@@ -21,10 +35,11 @@ export const send = (path, body) =>
 export function listen(handlers, onOpen, onLost) {
   let source;
   const open = () => {
-    source = new EventSource("/v1/events");
+    source = new EventSource(`${base}/events`);
     source.onopen = onOpen;
     source.onerror = () => {
       onLost();
+      ask("/status").catch(() => {}); // says whether a key is asked for
       if (source.readyState === EventSource.CLOSED) setTimeout(open, 2000);
     };
     for (const [type, handle] of Object.entries(handlers)) {

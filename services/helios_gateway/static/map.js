@@ -1,5 +1,5 @@
 // The map: its data, its layers, the hand on it. What is drawn over the cells: overlay.js
-import { $, Problem, ask, coalesced, element, number, words } from "./api.js";
+import { $, Problem, ask, coalesced, element, get, number, words } from "./api.js";
 import { drawOverlay } from "./overlay.js";
 import { paintCells, palette, ramp } from "./palette.js";
 
@@ -20,6 +20,7 @@ export class MapView {
     this.layers = "";
     this.scale = 0; // pixels a metre; 0: not placed yet
     this.center = [0, 0]; // world point in the middle
+    this.pointed = null; // world point that a person asked for
     this.held = false; // a person chose the view
     this.load = coalesced(() => this.fetch());
     this.dirty = false;
@@ -31,16 +32,16 @@ export class MapView {
     const layer = this.layer === NO_LAYER ? "" : `?layer=${encodeURIComponent(this.layer)}`;
     let info;
     try {
-      info = await ask("/v1/map");
+      info = await ask("/map");
     } catch (error) {
       if (error instanceof Problem && !this.info) $("map-empty").textContent = error.message;
       throw error;
     }
-    const response = await fetch(`/v1/map/cells.png${layer}`);
+    const response = await get(`/map/cells.png${layer}`);
     if (!response.ok) return;
     const options = { premultiplyAlpha: "none", colorSpaceConversion: "none" };
     this.bitmap = await createImageBitmap(await response.blob(), options);
-    this.frontiers = (await ask("/v1/map/frontiers")).frontiers;
+    this.frontiers = (await ask("/map/frontiers")).frontiers;
     this.info = info;
     $("map-empty").hidden = true;
     $("map-facts").textContent = `explored ${number(info.explored_m2, 1)} m² · version ${info.version}`;
@@ -95,6 +96,16 @@ export class MapView {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     this.scale = Math.min((width - 40) / (right - left || 1), (height - 40) / (top - bottom || 1), 300);
     this.center = [(left + right) / 2, (bottom + top) / 2];
+    this.redraw();
+  }
+
+  /** Brings a point of the world into the middle, and draws a ring around it. */
+  point(at) {
+    this.pointed = at;
+    if (at && this.scale) {
+      this.center = at;
+      this.held = true;
+    }
     this.redraw();
   }
 

@@ -23,6 +23,7 @@ export function drawOverlay(context, view, colors) {
   if ($("show-objects").checked) drawObjects(context, view, colors, labels);
   if ($("show-frontiers").checked) drawFrontiers(context, view, colors, labels);
   if (view.decision) drawChosen(context, view, colors);
+  if (view.pointed) ring(context, view.toScreen(view.pointed), 22, colors.object);
   labels.draw();
   const many = (list, word) => `${list.length} ${word}${list.length === 1 ? "" : "s"}`;
   view.canvas.ariaLabel =
@@ -139,12 +140,16 @@ function drawFrontiers(context, view, colors, labels) {
 function drawChosen(context, view, colors) {
   for (const { chosen, position_m: [x, y] } of view.decision.candidates) {
     if (!chosen || x === null || y === null) continue;
-    context.beginPath();
-    context.arc(...view.toScreen([x, y]), 15, 0, 2 * Math.PI);
-    context.strokeStyle = colors.path;
-    context.lineWidth = 3;
-    context.stroke();
+    ring(context, view.toScreen([x, y]), 15, colors.path);
   }
+}
+
+function ring(context, at, radius, color) {
+  context.beginPath();
+  context.arc(...at, radius, 0, 2 * Math.PI);
+  context.strokeStyle = color;
+  context.lineWidth = 3;
+  context.stroke();
 }
 
 function drawRuler(context, view, colors) {

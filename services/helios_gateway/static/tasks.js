@@ -39,14 +39,14 @@ export class Tasks {
   }
 
   async load() {
-    const { tasks } = await ask("/v1/tasks");
+    const { tasks } = await ask("/tasks");
     this.tasks = new Map(tasks.reverse().map((task) => [task.id, task]));
     const running = tasks.find((task) => task.state === "running");
     this.view((running ?? this.tasks.get(this.inView) ?? tasks.at(-1))?.id ?? null);
   }
 
   async loadVocabulary() {
-    const { open, names, detector } = await ask("/v1/vocabulary");
+    const { open, names, detector } = await ask("/vocabulary");
     $("vocabulary").textContent = open
       ? `The detector (${detector}) can look for anything.`
       : `Can look for: ${names.join(", ")}.`;
@@ -73,7 +73,7 @@ export class Tasks {
     button.disabled = true;
     $("ask-error").hidden = true;
     try {
-      const task = await send("/v1/tasks", { instruction: $("instruction").value });
+      const task = await send("/tasks", { instruction: $("instruction").value });
       $("instruction").value = "";
       this.take(task);
     } catch (error) {
@@ -88,7 +88,7 @@ export class Tasks {
   async cancel() {
     $("cancel").disabled = true;
     try {
-      this.take(await send(`/v1/tasks/${encodeURIComponent(this.inView)}/cancel`));
+      this.take(await send(`/tasks/${encodeURIComponent(this.inView)}/cancel`));
     } catch (error) {
       if (!(error instanceof Problem)) throw error;
       $("task-message").textContent = error.message;

@@ -34,7 +34,7 @@ export class Why {
   async fetch() {
     const id = this.taskId;
     if (id === null) return;
-    const { decisions } = await ask(`/v1/tasks/${encodeURIComponent(id)}/decisions`);
+    const { decisions } = await ask(`/tasks/${encodeURIComponent(id)}/decisions`);
     if (id !== this.taskId) return;
     const newest = this.at === this.decisions.length - 1;
     this.decisions = decisions;

@@ -1,0 +1,66 @@
+"""`helios why`: what a task decided, among what, and why; and what it would have decided else."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from helios_client.options import Json, Key, Port, RobotName, Url, connect, console, print_json
+
+if TYPE_CHECKING:
+    from helios_client.sdk import Helios
+    from helios_client.tasks import Task
+
+app = typer.Typer()
+
+
+@app.command()
+def why(
+    task: Annotated[str, typer.Argument(help="its id, or how it begins, or: last")] = "last",
+    changes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            help="take every decision again under this setting and show which would flip, for "
+            "example alpha_d=0.01; repeatable",
+            metavar="NAME=VALUE",
+        ),
+    ] = None,
+    top: Annotated[
+        int, typer.Option(help="candidates shown of each decision; 0: sentences only", min=0)
+    ] = 3,
+    everything: Annotated[
+        bool, typer.Option("--all", help="with --set: also what would stay as it was")
+    ] = False,
+    port: Port = 8080,
+    url: Url = None,
+    key: Key = None,
+    robot: RobotName = None,
+    as_json: Json = False,
+) -> None:
+    """Why a task did what it did: every decision, its candidates, and one sentence."""
+    from helios_client.why_view import flips, report
+
+    with connect(port, url, key, robot) as helios:
+        found = _task(helios, task)
+        decisions = helios.decisions(found.id, changes or ())
+    if as_json:
+        out = {"task": found.raw, "decisions": [d.raw for d in decisions]}
+        if changes:
+            out |= {"set": changes, "flips": len(flips(decisions))}
+        print_json(out)
+        return
+    console().print(report(found, decisions, changes or (), top, everything))
+
+
+def _task(helios: Helios, id: str) -> Task:
+    from helios_client.lists import task_by_prefix
+    from helios_client.wrong_use import WrongUse
+
+    if id != "last":
+        return task_by_prefix(helios, id)
+    newest = helios.tasks(limit=1)
+    if not newest:
+        raise WrongUse("there is no task yet; submit one with helios task")
+    return newest[0]

@@ -1,0 +1,141 @@
+"""Decisions for people: one sentence each, and the candidates with the terms that decided."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.markup import escape
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from helios_client.tasks import Decision, Task
+
+_COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "running": "cyan"}
+_LAST = ("score", "score_after_view", "total")  # the terms that decide stand at the end
+_INDENT = 15
+
+
+def flips(decisions: Iterable[Decision]) -> list[Decision]:
+    """Those that would have been another under the settings that were asked for."""
+    return [d for d in decisions if d.recomputed and d.recomputed["flips"]]
+
+
+def report(
+    task: Task, decisions: Sequence[Decision], changes: Sequence[str], top: int, everything: bool
+) -> Group:
+    """The whole answer; `top` candidates of each decision; with changes those that would flip and
+    those that nobody can tell, or everything."""
+    parts: list[RenderableType] = [_head(task, decisions)]
+    shown = list(decisions)
+    if changes:
+        parts.append(_verdict(decisions, changes))
+        shown = [d for d in decisions if everything or _matters(d)]
+    phase = None
+    for decision in shown:
+        if decision.phase != phase:
+            phase = decision.phase
+            parts += ["", Text(phase.replace("_", " ") or "start", style="bold")]
+        parts.append(_line(decision, task.started_s))
+        if changes and decision.recomputed:
+            parts.append(_instead(decision))
+        if top and decision.candidates:
+            parts.append(Padding(_candidates(decision, top), (0, 0, 0, _INDENT)))
+    return Group(*parts)
+
+
+# --- parts -------------------------------------------------------------------------------------
+def _head(task: Task, decisions: Sequence[Decision]) -> Group:
+    color = _COLORS.get(task.state, "default")
+    count = f"{len(decisions)} decision{'' if len(decisions) == 1 else 's'}"
+    ended = f"[{color}]{task.state}[/]" + (f": {escape(task.message)}" if task.message else "")
+    return Group(
+        Text(task.instruction, style="bold"),
+        Text.from_markup(ended),
+        Text(f"task {task.id}, {task.steps} steps, {count}", style="dim"),
+    )
+
+
+def _verdict(decisions: Sequence[Decision], changes: Sequence[str]) -> Text:
+    flipped = flips(decisions)
+    unsure = sum(1 for d in decisions if d.recomputed and not d.recomputed["certain"])
+    out = Text("\nunder ").append(", ".join(changes), style="bold")
+    out.append(f" {len(flipped)} of {len(decisions)} decisions would flip")
+    if unsure:
+        out.append(f"; {unsure} depend on what was not asked for then", style="yellow")
+    if flipped:
+        out.append("\nwhat came after the first of them would have been another run", style="dim")
+    return out
+
+
+def _matters(decision: Decision) -> bool:
+    again = decision.recomputed
+    return again is not None and (again["flips"] or not again["certain"])
+
+
+def _line(decision: Decision, started_s: float) -> Table:
+    row = Table.grid(padding=(0, 2, 0, 0))
+    row.add_column(justify="right", style="dim", width=4)
+    row.add_column(justify="right", style="dim", width=7)
+    row.add_column()
+    after_s = decision.made_s - started_s if started_s and decision.made_s else None
+    row.add_row(
+        str(decision.index), "" if after_s is None else f"{after_s:.0f} s", _sentence(decision.why)
+    )
+    return row
+
+
+def _sentence(why: str) -> Text:
+    """What is done stands out, the reason follows."""
+    what, colon, reason = why.partition(": ")
+    return Text(what, style="bold cyan").append(colon + reason, style="default")
+
+
+def _instead(decision: Decision) -> Padding:
+    again: dict[str, Any] = decision.recomputed or {}
+    if again["flips"]:
+        mark = Text("would " if again["certain"] else "perhaps would ", style="bold yellow")
+        return Padding(mark.append(again["why"], style="yellow"), (0, 0, 0, _INDENT))
+    words = "would stay so" if again["certain"] else "cannot be told: it was not asked for then"
+    return Padding(Text(words, style="dim"), (0, 0, 0, _INDENT))
+
+
+def _candidates(decision: Decision, top: int) -> Table:
+    """The best candidates and the one that was chosen, a column for each term."""
+    by_total = sorted(decision.candidates, key=lambda c: -(c["terms"].get("total") or 0.0))
+    rows = by_total[:top]
+    rows += [c for c in by_total[top:] if c["chosen"]]
+    names = sorted(
+        dict.fromkeys(name for c in rows for name in c["terms"]),
+        key=lambda n: _LAST.index(n) if n in _LAST else -1,
+    )
+    out = Table.grid(padding=(0, 2, 0, 0))
+    out.add_column(width=1)
+    out.add_column()
+    for _ in names:
+        out.add_column(justify="right")
+    out.add_row("", *(Text(_title(n), style="dim") for n in ["candidate", *names]))
+    for c in rows:
+        style = "bold" if c["chosen"] else "default"
+        cells = [Text(_value(n, c["terms"].get(n)), style=style) for n in names]
+        mark = Text("›", style="bold cyan") if c["chosen"] else Text("")
+        out.add_row(mark, Text(c["name"] or c["kind"], style=style), *cells)
+    if (hidden := len(decision.candidates) - len(rows)) > 0:
+        out.add_row("", Text(f"and {hidden} more", style="dim"))
+    return out
+
+
+def _title(name: str) -> str:
+    return name.removesuffix("_m").replace("_", " ")
+
+
+def _value(name: str, value: float | None) -> str:
+    if value is None:
+        return ""
+    if name.endswith("_m"):
+        return f"{value:.1f} m"
+    if name == "in_place":
+        return "yes" if value else "no"
+    return f"{value:.0f}" if name == "views" else f"{value:.3f}"

@@ -1,0 +1,168 @@
+"""A frame as it comes over HTTP: two image files and what is known of them, as one message."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated
+
+import cv2
+import numpy as np
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
+from helios_core import proto as pb
+from helios_core.codec.frames import pose_to_proto
+from helios_core.codec.images import decode_image, encoded_size
+from helios_core.errors import InvalidInput
+from helios_core.geometry import Matrix, is_rigid
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+MM = 0.001  # metres per unit of a depth image, as on the bus
+
+Row = Annotated[list[float], Field(min_length=4, max_length=4)]
+Pose = Annotated[list[Row], Field(min_length=4, max_length=4)]
+
+
+class FrameMeta(BaseModel):
+    """What is known of a frame besides its images."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    K: Annotated[list[float], Field(min_length=9, max_length=9)] = Field(
+        description="intrinsics in pixels of the images, row by row: fx, 0, cx, 0, fy, cy, 0, 0, 1",
+        examples=[[525.0, 0, 319.5, 0, 525.0, 239.5, 0, 0, 1]],
+    )
+    T_world_cam: Pose = Field(
+        description="4x4, four rows: takes points of the camera (x right, y down, z forward) to "
+        "the world (z up, floor at 0), metres",
+        examples=[[[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1.2], [0, 0, 0, 1]]],
+    )
+    T_world_base: Pose | None = Field(
+        default=None, description="4x4: the robot on the floor; without it, below the camera"
+    )
+    stamp_ns: int | None = Field(
+        default=None, ge=0, lt=2**63, description="your clock; without it, this machine's"
+    )
+    depth_scale_m: float = Field(
+        default=MM, gt=0, le=1, description="metres per unit of the depth image (TUM: 0.0002)"
+    )
+    robot_boot_id: str = Field(
+        default="", max_length=64, description="names the world that your poses live in"
+    )
+    world_epoch: int = Field(
+        default=0, ge=0, lt=2**32, description="raise it when your localisation jumped"
+    )
+    classes: list[str] = Field(
+        default=[], max_length=64, description="what to look for from now on; empty: as before"
+    )
+    wait_s: float = Field(
+        default=5.0, ge=0, le=60, description="longest wait for the maps' answers; 0: none"
+    )
+
+
+class MapAnswer(BaseModel):
+    """What one map made of a frame."""
+
+    map: str = Field(examples=["map2d/occupancy"])
+    accepted: bool
+    reason: str = Field(description="why it was refused; empty where it was not")
+    version: int = Field(description="of the map after it")
+    update_ms: float
+
+
+class FrameTaken(BaseModel):
+    """A frame that became a keyframe, and what the maps made of it."""
+
+    id: str = Field(description="boot/epoch/number", examples=["3f0c…/0/1795264888805"])
+    integrated: bool = Field(description="every map that was to answer has taken it")
+    maps: list[MapAnswer] = Field(description="in the order of their answers")
+    unanswered: list[str] = Field(description="maps that gave no answer within wait_s")
+
+
+def read_meta(text: str | bytes) -> FrameMeta:
+    """Raises InvalidInput that names what is wrong."""
+    try:
+        return FrameMeta.model_validate_json(text)
+    except ValidationError as error:
+        parts = [f"{_place(e['loc'])}: {e['msg']}" for e in error.errors()[:3]]
+        raise InvalidInput(
+            f"meta is wrong: {'; '.join(parts)}; send JSON with at least K and T_world_cam"
+        ) from error
+
+
+def push_request(meta: FrameMeta, color: bytes, depth: bytes | None) -> pb.PushRequest:
+    """color: a JPEG or PNG. depth: a PNG with one channel of 16 bit; None where there is none.
+
+    Raises InvalidInput. The rest is checked by the bridge.
+    """
+    size = encoded_size(color)
+    if size is None:
+        raise InvalidInput(
+            f"color is {len(color)} bytes that are no JPEG or PNG; send a whole image file"
+        )
+    stamp_ns = time.time_ns() if meta.stamp_ns is None else meta.stamp_ns
+    frame = pb.Frame(keyframe=True)
+    frame.id.robot_boot_id, frame.id.world_epoch = meta.robot_boot_id, meta.world_epoch
+    frame.stamp.FromNanoseconds(stamp_ns)
+    frame.compressed_color.CopyFrom(CompressedImage(data=color, format=_format(color)))
+    if depth:
+        _add_depth(frame, depth, meta.depth_scale_m)
+    frame.calibration.CopyFrom(CameraCalibration(width=size[0], height=size[1], K=meta.K))
+    frame.T_world_cam.CopyFrom(pose_to_proto(_transform(meta.T_world_cam, "T_world_cam"), stamp_ns))
+    if meta.T_world_base is not None:
+        T_world_base = _transform(meta.T_world_base, "T_world_base")
+        frame.T_world_base.CopyFrom(pose_to_proto(T_world_base, stamp_ns))
+    return pb.PushRequest(frame=frame, wait_s=meta.wait_s, classes=meta.classes)
+
+
+def taken(reply: pb.PushReply) -> FrameTaken:
+    """The answer as JSON has it."""
+    maps = [
+        MapAnswer(
+            map=f"{a.service}/{a.part}", accepted=a.accepted, reason=a.reason, version=a.version,
+            update_ms=a.update_ms,
+        )
+        for a in reply.acks
+    ]  # fmt: skip
+    return FrameTaken(
+        id=f"{reply.id.robot_boot_id}/{reply.id.world_epoch}/{reply.id.seq}",
+        integrated=bool(maps) and not reply.unanswered and all(m.accepted for m in maps),
+        maps=maps,
+        unanswered=list(reply.unanswered),
+    )
+
+
+def _add_depth(frame: pb.Frame, depth: bytes, scale_m: float) -> None:
+    image = CompressedImage(data=depth, format=_format(depth))
+    if scale_m == MM:
+        frame.compressed_depth.CopyFrom(image)
+        return
+    units = decode_image(image, cv2.IMREAD_UNCHANGED, "depth")
+    if units.dtype != np.uint16 or units.ndim != 2:
+        raise InvalidInput(
+            f"depth decodes to {units.dtype} {units.shape}; send a PNG with one channel of 16 bit"
+        )
+    height, width = units.shape
+    depth_m = (units * np.float32(scale_m)).astype("<f4")
+    frame.raw_depth.CopyFrom(
+        RawImage(
+            width=width, height=height, encoding="32FC1", step=4 * width, data=depth_m.tobytes()
+        )
+    )
+
+
+def _transform(rows: list[list[float]], name: str) -> Matrix:
+    T = np.array(rows, np.float64)
+    if not is_rigid(T):
+        raise InvalidInput(
+            f"{name} is no rigid transform: {rows}; send a right-handed rotation and metres"
+        )
+    return T
+
+
+def _format(data: bytes) -> str:
+    return "jpeg" if data[:2] == b"\xff\xd8" else "png"
+
+
+def _place(loc: tuple[str | int, ...]) -> str:
+    return ".".join(map(str, loc)) or "the JSON"

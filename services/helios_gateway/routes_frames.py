@@ -1,0 +1,147 @@
+"""Frames from outside: one by a form, or many over a WebSocket; each is answered."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from contextlib import AbstractContextManager
+from typing import Annotated
+
+import anyio.to_thread
+from anyio import CapacityLimiter
+from fastapi import APIRouter, File, Form, WebSocket, WebSocketDisconnect
+from helios_core import proto as pb
+from helios_core.errors import HeliosError, InvalidInput, Unavailable
+from helios_core.topics import PUSH
+
+from helios_gateway.access import check, secured
+from helios_gateway.fleet import At, Served
+from helios_gateway.frames import FrameTaken, push_request, read_meta, taken
+from helios_gateway.keys import Scope
+from helios_gateway.limits import MOST_LARGE
+from helios_gateway.problems import problem_of, problems
+from helios_gateway.settings import Settings
+
+MOST_SENDERS = 8  # sockets open at the same time
+TURN_S = 12.0  # that the bridge may need for the frames before this one
+
+
+def frame_routes(prefix: str, settings: Settings) -> APIRouter:
+    """`/frames` and `/frames/ws`."""
+    routes = APIRouter(prefix=prefix, tags=["frames"])
+    own_threads = CapacityLimiter(
+        MOST_SENDERS + MOST_LARGE
+    )  # waiting for maps holds nobody else up
+    sockets = _Places(MOST_SENDERS)
+
+    async def give(at: Served, meta: str | bytes, color: bytes, depth: bytes | None) -> FrameTaken:
+        """Raises HeliosError."""
+
+        def call() -> pb.PushReply:
+            known = read_meta(meta)
+            request = push_request(known, color, depth)
+            return at.bus.call(PUSH, request, known.wait_s + TURN_S + settings.call_timeout_s)
+
+        return taken(await anyio.to_thread.run_sync(call, limiter=own_threads))
+
+    @routes.post(
+        "/frames",
+        summary="Give a frame to the maps",
+        responses=problems(409, body=True),
+        dependencies=secured(Scope.OPERATE),
+    )
+    async def post_frame(
+        at: At,
+        meta: Annotated[str, Form(description="JSON: K, T_world_cam, and what else is known")],
+        color: Annotated[bytes, File(description="a JPEG or PNG")],
+        depth: Annotated[
+            bytes | None, File(description="a PNG, one channel of 16 bit, registered to color")
+        ] = None,
+    ) -> FrameTaken:
+        """For a camera that somebody else carries: `helios up --robot push`. It becomes a keyframe
+        and is answered when the maps have answered it, with what each of them made of it.
+
+        `meta` is JSON: `K` (9 numbers) and `T_world_cam` (4 rows of 4); optional `T_world_base`,
+        `stamp_ns`, `depth_scale_m` (0.001), `robot_boot_id`, `world_epoch`, `classes` (what to look
+        for) and `wait_s` (5).
+
+        Many frames go faster over the WebSocket `/v1/frames/ws`: for each frame three messages,
+        the same `meta` as text, then the two files as binary (an empty one: no depth). Each frame
+        is answered by one text: what this address answers, or a problem."""
+        return await give(at, meta, color, depth)
+
+    @routes.websocket("/frames/ws")
+    async def socket(at: At, socket: WebSocket) -> None:
+        try:
+            check(socket, Scope.OPERATE)
+            place = sockets.taken("sockets for frames are open")
+        except HeliosError as error:
+            await socket.send_denial_response(problem_of(error))
+            return
+        with place, contextlib.suppress(WebSocketDisconnect):
+            await socket.accept()
+            messages = _Messages(socket)
+            while True:
+                try:
+                    answer = (await give(at, *await messages.next_frame())).model_dump_json()
+                except HeliosError as error:
+                    answer = bytes(problem_of(error).body).decode()
+                await socket.send_text(answer)
+
+    return routes
+
+
+class _Places:
+    """So many at the same time, and no more."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._held = most, 0
+
+    def taken(self, words: str) -> AbstractContextManager[None]:
+        """A place, held until the context ends. Raises Unavailable where none is left."""
+        if self._held >= self._most:
+            raise Unavailable(f"{self._held} {words} and no more are taken; wait for an answer")
+        self._held += 1
+
+        @contextlib.contextmanager
+        def hold() -> Iterator[None]:
+            try:
+                yield
+            finally:
+                self._held -= 1
+
+        return hold()
+
+
+class _Messages:
+    """A socket's messages as frames: a text begins one, two binary messages end it."""
+
+    def __init__(self, socket: WebSocket) -> None:
+        self._socket = socket
+        self._text: str | None = None  # that came too early
+
+    async def next_frame(self) -> tuple[str, bytes, bytes]:
+        """meta, color, depth. Raises WebSocketDisconnect at the end, and InvalidInput once for
+        every message out of turn; the frame after it is read as if nothing had been."""
+        meta, self._text = self._text, None
+        if meta is None:
+            meta = await self._receive()
+        if isinstance(meta, bytes):
+            raise InvalidInput(
+                "a binary message came where a frame's meta was due; send it as text"
+            )
+        images: list[bytes] = []
+        for name in ("color", "depth"):
+            image = await self._receive()
+            if isinstance(image, str):
+                self._text = image
+                raise InvalidInput(f"a text came where {name} was due; send its file as binary")
+            images.append(image)
+        return meta, images[0], images[1]
+
+    async def _receive(self) -> str | bytes:
+        message = await self._socket.receive()
+        if message["type"] == "websocket.disconnect":
+            raise WebSocketDisconnect(message.get("code", 1000))
+        text = message.get("text")
+        return message.get("bytes") or b"" if text is None else text

@@ -1,0 +1,91 @@
+// The objects that are believed, and one of them in detail.
+import { $, ask, coalesced, element, facts, number } from "./api.js";
+
+export class Objects {
+  /** `onList(objects)` with every new list, `onChoose(object)` with the one on show, or null. */
+  constructor(onList, onChoose) {
+    this.onList = onList;
+    this.onChoose = onChoose;
+    this.objects = [];
+    this.chosen = null;
+    this.load = coalesced(() => this.fetch());
+    $("object-close").addEventListener("click", () => this.choose(null));
+  }
+
+  async fetch() {
+    const { objects } = await ask("/objects");
+    this.objects = objects.sort((a, b) => (b.score ?? 0) - (a.score ?? 0));
+    this.onList(this.objects);
+    this.draw();
+  }
+
+  choose(id) {
+    const before = this.chosen;
+    this.chosen = id === before ? null : id;
+    this.onChoose(this.objects.find((object) => object.id === this.chosen) ?? null);
+    this.draw();
+    if (this.chosen === null) rowButton(before)?.focus();
+  }
+
+  draw() {
+    const focused = document.activeElement?.closest("#objects button")?.dataset.id;
+    const head = ["class", "Ψ", "views", "centre (m)"].map((textContent) =>
+      element("th", { textContent, scope: "col" }),
+    );
+    const rows = this.objects.map((object) => {
+      const button = element("button", { type: "button", className: "link", textContent: object.class });
+      button.dataset.id = object.id;
+      button.setAttribute("aria-expanded", object.id === this.chosen);
+      button.setAttribute("aria-controls", "object");
+      button.addEventListener("click", () => this.choose(object.id));
+      const rest = [number(object.score), object.views, place(object.center_m)];
+      return element(
+        "tr",
+        { className: object.id === this.chosen ? "chosen" : "" },
+        element("td", {}, button),
+        ...rest.map((textContent) => element("td", { textContent })),
+      );
+    });
+    $("objects").replaceChildren(
+      element("thead", {}, element("tr", {}, ...head)),
+      element("tbody", {}, ...rows),
+    );
+    $("objects").hidden = !rows.length;
+    $("objects-empty").hidden = rows.length > 0;
+    if (focused) rowButton(focused)?.focus();
+    this.drawOne();
+  }
+
+  drawOne() {
+    const object = this.objects.find((one) => one.id === this.chosen);
+    $("object").hidden = !object;
+    if (!object) return;
+    $("object-title").textContent = `${object.class} ${object.id}`;
+    facts($("object-facts"), [
+      ["score Ψ", number(object.score)],
+      ["class score", number(object.class_score)],
+      ["uncertainty", number(object.uncertainty)],
+      ["views", object.views],
+      ["detected in", object.detection_rate == null ? "" : `${Math.round(100 * object.detection_rate)} %`],
+      ["Gaussians", object.gaussians],
+      ["size", `${place(object.size_m)} m`],
+    ]);
+    const likeliest = Object.entries(object.probabilities).sort((a, b) => (b[1] ?? 0) - (a[1] ?? 0));
+    $("object-classes").replaceChildren(
+      ...likeliest.slice(0, 6).map(([name, share]) => {
+        const meter = element("meter", { min: 0, max: 1, value: share ?? 0 });
+        meter.setAttribute("aria-label", `probability of ${name}`);
+        return element(
+          "li",
+          {},
+          element("span", { textContent: name }),
+          meter,
+          element("span", { textContent: number(share) }),
+        );
+      }),
+    );
+  }
+}
+
+const place = (point) => point.map((value) => number(value)).join(" ");
+const rowButton = (id) => $("objects").querySelector(`button[data-id="${id}"]`);

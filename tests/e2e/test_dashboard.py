@@ -1,0 +1,218 @@
+"""The dashboard in a real Chromium, over made-up services: what a person sees and does.
+
+`HELIOS_TEST_SCREENSHOTS=DIR` keeps pictures of the page in light, dark and on a tablet.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from helios_client.keys import add_key
+from playwright.sync_api import Browser, Page, expect
+
+from tests.browser import DEADLINE_MS, chromium
+from tests.gateway_process import Served, served
+from tests.support import wait_until
+
+INSTRUCTION = "Move the mug from the coffee table to the kitchen counter"
+SIZES = {"light": (1600, 1150), "dark": (1600, 1150), "tablet": (820, 1180)}
+
+expect.set_options(timeout=DEADLINE_MS)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture
+def house() -> Iterator[Served]:
+    with served() as house:
+        house.backend.publish_observation(house.backend.publish_frame())
+        yield house
+
+
+@pytest.fixture
+def page(browser: Browser, house: Served) -> Iterator[Page]:
+    page = opened(browser, house.url)
+    yield page
+    assert page.faults == []  # pyright: ignore[reportAttributeAccessIssue]
+    page.close()
+
+
+def opened(browser: Browser, url: str, **options: object) -> Page:
+    """The page, once it has heard of the robot."""
+    page = browser.new_page(**options)  # pyright: ignore[reportArgumentType]
+    page.set_default_timeout(DEADLINE_MS)
+    faults: list[str] = []
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.faults = faults  # pyright: ignore[reportAttributeAccessIssue]
+    page.goto(url)
+    expect(page.locator("#ready")).not_to_have_text("connecting")
+    return page
+
+
+def submit(page: Page) -> None:
+    page.fill("#instruction", INSTRUCTION)
+    page.press("#instruction", "Enter")
+    expect(page.locator("#task-state")).to_have_text("queued")
+
+
+def phases(page: Page) -> list[str | None]:
+    return [li.get_attribute("data-state") for li in page.locator("#phases li").all()]
+
+
+def test_a_task_is_submitted_and_watched_until_it_succeeds(page: Page, house: Served) -> None:
+    submit(page)
+    house.backend.change_task("t1", "running", phase="pick", message="drives to the mug",
+                              seeking="mug", progress=0.4)  # fmt: skip
+    expect(page.locator("#task-message")).to_have_text("drives to the mug")
+    assert phases(page) == ["done", "active", "waiting", "waiting"]
+    house.backend.decide()
+    expect(page.locator("#why-table tr.chosen")).to_contain_text("coffee table 2")
+    expect(page.locator("#why-table tbody tr")).to_have_count(4)
+    house.backend.change_task("t1", "succeeded", message="the mug is on the kitchen counter")
+    expect(page.locator("#task-state")).to_have_text("succeeded")
+    assert phases(page) == ["done"] * 4
+    expect(page.locator("#cancel")).to_be_hidden()
+
+
+def test_an_instruction_that_is_not_understood_is_answered_beside_it(page: Page) -> None:
+    page.fill("#instruction", "dance")
+    page.click("text=Submit task")
+    expect(page.locator("#ask-error")).to_contain_text("names no action")
+    expect(page.locator("#instruction")).to_have_value("dance")
+
+
+def test_a_suggestion_fills_the_box(page: Page) -> None:
+    page.locator("#suggestions button").first.click()
+    assert page.input_value("#instruction").startswith("Move the mug")
+
+
+def test_a_task_is_cancelled(page: Page, house: Served) -> None:
+    submit(page)
+    page.click("#cancel")
+    expect(page.locator("#task-state")).to_have_text("cancelled")
+    assert house.backend.tasks["t1"].state == "cancelled"
+
+
+def test_a_service_that_dies_is_said(page: Page, house: Served) -> None:
+    expect(page.locator("#ready")).to_have_text("ready")
+    house.backend.die("detector")
+    expect(page.locator("#ready")).to_have_text("not ready")
+    expect(page.locator("#trouble")).to_contain_text("detector is down")
+    expect(page.locator('#services [data-name="detector"]')).to_contain_text("down")
+    house.backend.alive("detector", 5000)
+    expect(page.locator("#trouble")).to_be_hidden()
+
+
+def test_a_lost_connection_is_said_and_comes_back(browser: Browser) -> None:
+    with served() as first:
+        page = opened(browser, first.url)
+        submit(page)
+    expect(page.locator("#lost")).to_be_visible()
+    first.backend.change_task("t1", "succeeded")
+    with served(port=first.port, backend=first.backend):
+        expect(page.locator("#lost")).to_be_hidden()
+        expect(page.locator("#task-state")).to_have_text("succeeded")
+    page.close()
+
+
+def test_stop_now_is_in_sight_latches_and_is_lifted(page: Page, house: Served) -> None:
+    page.set_viewport_size({"width": 420, "height": 700})
+    page.mouse.wheel(0, 5000)
+    expect(page.locator("#stop")).to_be_in_viewport()
+    page.click("#stop")
+    expect(page.locator("#stopped")).to_be_visible()
+    expect(page.locator("#ready")).to_have_text("stopped")
+    assert house.backend.stopped
+    page.click("#clear-stop")
+    expect(page.locator("#stopped")).to_be_hidden()
+    assert not house.backend.stopped
+
+
+def test_an_object_shows_its_views_and_scores(page: Page) -> None:
+    page.locator("#objects button", has_text="coffee table").click()
+    panel = page.locator("#object")
+    expect(panel).to_contain_text("coffee table 2")
+    for words in ("score Ψ", "0.82", "views", "12", "detected in", "80 %"):
+        expect(panel).to_contain_text(words)
+    expect(panel.locator("meter").first).to_be_visible()
+    page.click("#object-close")
+    expect(panel).to_be_hidden()
+
+
+def test_the_map_has_layers_and_is_zoomed_and_moved(page: Page) -> None:
+    expect(page.locator("#map-empty")).to_be_hidden()
+    before = page.locator("#map").screenshot()
+    page.click("text=Value: pick")
+    expect(page.locator("#scale")).to_be_visible()
+    page.wait_for_function("document.querySelector('#scale-max').textContent !== ''")
+    valued = page.locator("#map").screenshot()
+    page.focus("#map")
+    for key in ("+", "+", "ArrowLeft"):
+        page.keyboard.press(key)
+    page.uncheck("#show-objects")
+    page.wait_for_function("new Promise((done) => requestAnimationFrame(() => done(true)))")
+    moved = page.locator("#map").screenshot()
+    assert len({before, valued, moved}) == 3
+
+
+def test_the_camera_shows_detections(page: Page) -> None:
+    expect(page.locator("#camera")).to_be_visible()
+    with page.expect_response(lambda r: "camera.jpg?raw=1" in r.url) as raw:
+        page.uncheck("#boxes")
+    assert raw.value.ok
+
+
+def test_a_key_is_asked_for_and_kept(browser: Browser, tmp_path: Path) -> None:
+    key = add_key(tmp_path / "keys.toml", "tablet", "operate")
+    with served("--keys", str(tmp_path / "keys.toml")) as house:
+        page = browser.new_page()
+        page.goto(house.url)
+        expect(page.locator("#login")).to_be_visible()
+        page.fill("#login-key", "a guess")
+        page.click("#login button")
+        expect(page.locator("#login-error")).to_contain_text("not known")
+        page.fill("#login-key", key)
+        page.click("#login button")
+        expect(page.locator("#ready")).to_have_text("ready")
+        submit(page)
+        page.close()
+
+
+@pytest.mark.parametrize("kind", SIZES)
+def test_everybody_can_read_and_use_it(
+    kind: str, browser: Browser, house: Served, tmp_path: Path
+) -> None:
+    """No finding of axe, WCAG 2.1 A and AA, with a task, a decision and an object on show."""
+    width, height = SIZES[kind]
+    page = opened(
+        browser, house.url, viewport={"width": width, "height": height}, has_touch=kind == "tablet",
+        color_scheme="dark" if kind == "dark" else "light", reduced_motion="reduce",
+    )  # fmt: skip
+    submit(page)
+    house.backend.change_task("t1", "running", phase="find_object", seeking="mug", steps=37,
+                              message="drives to where the coffee table shows",
+                              progress=0.35)  # fmt: skip
+    house.backend.decide()
+    house.backend.publish_plan()
+    page.click("text=Value: pick")
+    page.locator("#objects button", has_text="mug").first.click()
+    expect(page.locator("#why-table")).to_be_visible()
+    expect(page.locator("#camera")).to_be_visible()
+    wait_until(lambda: page.locator("#map-empty").is_hidden(), 30, "the map shows")
+    folder = Path(os.environ.get("HELIOS_TEST_SCREENSHOTS") or tmp_path)
+    folder.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=folder / f"dashboard-{kind}.png")
+    wide = page.evaluate("document.documentElement.scrollWidth > innerWidth")
+    assert not wide, "the page must be moved sideways"
+    options = {"runOnly": {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]}}
+    found = Axe().run(page, options=options)
+    assert found.violations_count == 0, found.generate_report()
+    page.close()
