@@ -25,6 +25,7 @@ PACKAGES = {
     "client": "helios_client",
     "sim": "helios_sim",
     "spot": "helios_spot",
+    "contract": "helios_contract",
 }
 OURS = "helios-ovmm"
 IMPORT_ALL = """

@@ -71,7 +71,8 @@ def pinhole_from_proto(camera: pb.Pinhole) -> Pinhole:
     return Pinhole(camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
 
 
-def _pose_to_proto(T_world_x: Matrix, stamp_ns: int) -> PoseInFrame:
+def pose_to_proto(T_world_x: Matrix, stamp_ns: int) -> PoseInFrame:
+    """`T_world_x` is rigid."""
     out = PoseInFrame(frame_id="world")
     out.timestamp.FromNanoseconds(stamp_ns)
     p, q = out.pose.position, out.pose.orientation
@@ -119,8 +120,8 @@ def frame_to_proto(frame: Frame) -> pb.Frame:
         CameraCalibration(width=frame.camera.width, height=frame.camera.height, frame_id="camera",
                           K=frame.camera.matrix.ravel().tolist())
     )  # fmt: skip
-    out.T_world_cam.CopyFrom(_pose_to_proto(frame.T_world_cam, frame.stamp_ns))
-    out.T_world_base.CopyFrom(_pose_to_proto(frame.T_world_base, frame.stamp_ns))
+    out.T_world_cam.CopyFrom(pose_to_proto(frame.T_world_cam, frame.stamp_ns))
+    out.T_world_base.CopyFrom(pose_to_proto(frame.T_world_base, frame.stamp_ns))
     return out
 
 
