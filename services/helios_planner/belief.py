@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
+from helios_core import proto as pb
+from helios_core.codec import object_from_proto, object_to_proto
 from helios_core.types import ObjectInstance
 
 from helios_planner.body import Body
@@ -40,6 +42,14 @@ class Belief(ABC):
     def taken(self, thing: ObjectInstance) -> None:
         """It was picked up: it is no longer where it was."""
 
+    @abstractmethod
+    def memory(self) -> list[str]:
+        """What is believed here and nowhere else, as JSON, for `recall`."""
+
+    @abstractmethod
+    def recall(self, memory: Sequence[str]) -> None:
+        """Believe again what `memory` told."""
+
 
 class MapBelief(Belief):
     """The object map, with scores over all views (HELIOS)."""
@@ -57,6 +67,12 @@ class MapBelief(Belief):
 
     def taken(self, thing: ObjectInstance) -> None:
         self.body.retire(thing.id, np.asarray(thing.center_m), "picked up")
+
+    def memory(self) -> list[str]:
+        return []
+
+    def recall(self, memory: Sequence[str]) -> None:
+        """The object map remembers by itself."""
 
 
 class TrustingBelief(Belief):
@@ -84,6 +100,14 @@ class TrustingBelief(Belief):
 
     def taken(self, thing: ObjectInstance) -> None:
         self._things = [t for t in self._things if t.id != thing.id]
+
+    def memory(self) -> list[str]:
+        return [object_to_proto(t).SerializeToString().hex() for t in self._things]
+
+    def recall(self, memory: Sequence[str]) -> None:
+        kept = (pb.ObjectInstance.FromString(bytes.fromhex(text)) for text in memory)
+        self._things = [object_from_proto(thing) for thing in kept]
+        self._ids = max((t.id for t in self._things), default=0)
 
     def _take_in(self, sighting: Sighting) -> None:
         same = [

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import cv2
 import numpy as np
@@ -50,6 +51,7 @@ class Search(ABC):
         self.refused = Places(refused_m)  # for good
         self.waiting = Places(kit.settings.same_place_m)  # until more ground is known
         self._waited = 0
+        self._round = self._first_round = 0
         self._acted_from: Pose2 | None = None
         self._left_at = 0  # version of the map when a candidate was last found out of reach
 
@@ -75,8 +77,10 @@ class Search(ABC):
 
     def find(self) -> ObjectInstance:
         """Look until there is one to act on. Raises TaskFailed when nothing is left."""
-        for round_number in range(self.settings.rounds):
-            if round_number:
+        first, self._first_round = self._first_round, 0
+        for round_number in range(first, self.settings.rounds):
+            self._round = round_number
+            if round_number > first:
                 self.next_round()
             while True:
                 decision = self.conclude()
@@ -87,6 +91,19 @@ class Search(ABC):
                 if not self.end_waiting() and not more and not self.settle_for_less():
                     break
         raise self._not_found()
+
+    def memory(self) -> dict[str, Any]:
+        """What must not be forgotten over a restart, as JSON, for `recall`."""
+        return {
+            "round": self._round, "waited": self._waited,
+            "refused": self.refused.memory(), "waiting": self.waiting.memory(),
+        }  # fmt: skip
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        self._round = self._first_round = int(memory["round"])
+        self._waited = int(memory["waited"])
+        self.refused.recall(memory["refused"])
+        self.waiting.recall(memory["waiting"])
 
     def _not_found(self) -> TaskFailed:
         if self.phase is Phase.FIND_OBJECT:

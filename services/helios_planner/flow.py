@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from helios_core.robot import Pick, Place
 from helios_core.types import ObjectInstance
 
 from helios_planner.agents import agent_named
@@ -13,7 +15,9 @@ from helios_planner.explore import Kit, Search
 from helios_planner.gaze import GazePoint
 from helios_planner.instruction import Instruction, Kind
 from helios_planner.legs import Legs, Outcome
-from helios_planner.look import Looking
+from helios_planner.look import Looking, nearest_to
+from helios_planner.mishaps import Dropped
+from helios_planner.recovery import LastAction
 from helios_planner.settings import Settings
 from helios_planner.skills import Done, Skills
 from helios_planner.task import Cause, Phase, TaskFailed
@@ -36,25 +40,96 @@ class Mission:
         )  # fmt: skip
         attempts = settings.picks_per_object if self.agent.retries else 1
         self.skills = Skills(body, legs, settings, belief, attempts)
+        self.looked_around = self.placed = False
+        self.target_m: np.ndarray | None = None  # what is being picked
+        self.picked_at_m: np.ndarray | None = None
+        self.search: Search | None = None  # the one that goes on
+        self._recalled: Mapping[str, Any] | None = None  # of the search that went on
 
     def run(self) -> str:
         """Raises TaskFailed and TaskCancelled."""
         i = self.instruction
-        phase = Phase.FIND_RECEPTACLE if i.kind is Kind.GO_TO else Phase.FIND_OBJECT
-        self.body.tell_phase(phase, i.object or i.goal or "", "looking around")
-        self.kit.legs.look_around()
+        if not self.looked_around:
+            phase = Phase.FIND_RECEPTACLE if i.kind is Kind.GO_TO else Phase.FIND_OBJECT
+            self.body.tell_phase(phase, i.object or i.goal or "", "looking around")
+            self.kit.legs.look_around()
+            self.looked_around = True
         if i.kind is Kind.GO_TO:
             assert i.goal
             self._go_to(i.goal)
             return f"stands at the {i.goal}"
         assert i.object
-        search = self.agent.seek_object(self.kit, i.object, i.start)
         if i.kind is Kind.FIND:
-            return self._show(search)
+            return self._show(self._begun(self.agent.seek_object(self.kit, i.object, i.start)))
         assert i.goal
-        picked_at = self._pick(search)
-        self._place(i.goal, picked_at if i.goal == i.start else None)
+        while not self.placed:
+            try:
+                if self.picked_at_m is None:
+                    search = self._begun(self.agent.seek_object(self.kit, i.object, i.start))
+                    self.picked_at_m = self._pick(search)
+                self._place(i.goal, self.picked_at_m if i.goal == i.start else None)
+                self.placed = True
+            except Dropped as fall:
+                self.skills.count_fall(fall, i.object)
+                self.picked_at_m = None
+                self.body.tell_phase(Phase.FIND_OBJECT, i.object, f"the {i.object} fell: {fall}")
         return f"put the {i.object} on the {i.goal}"
+
+    def _begun(self, search: Search) -> Search:
+        """The search that goes on from now; one that was cut off remembers what it knew."""
+        recalled, self._recalled = self._recalled, None
+        if recalled is not None and recalled["phase"] == search.phase:
+            search.recall(recalled)
+        self.search = search
+        return search
+
+    # --- over a restart ------------------------------------------------------------------------
+    def memory(self) -> dict[str, Any]:
+        """What must not be forgotten when the planner dies, as JSON, for `recall`."""
+        search = self.search
+        return {
+            "looked_around": self.looked_around,
+            "target_m": _listed(self.target_m),
+            "picked_at_m": _listed(self.picked_at_m),
+            "picks": self.skills.picks,
+            "last_reason": self.skills.last_reason,
+            "given_up": [list(f) for f in self.kit.given_up],
+            "looked": self.kit.looking.memory(),
+            "belief": self.kit.belief.memory(),
+            "draws": self.kit.rng.bit_generator.state,
+            "search": None if search is None else search.memory() | {"phase": search.phase},
+        }
+
+    def recall(self, memory: Mapping[str, Any], last: LastAction) -> None:
+        """Go on from there; `last`: what came of the newest action. Raises TaskFailed."""
+        self.looked_around = memory["looked_around"]
+        self.target_m = _array(memory["target_m"])
+        self.picked_at_m = _array(memory["picked_at_m"])
+        self.skills.picks, self.skills.last_reason = memory["picks"], memory["last_reason"]
+        self.kit.given_up[:] = [(x, y) for x, y in memory["given_up"]]
+        self.kit.looking.recall(memory["looked"])
+        self.kit.belief.recall(memory["belief"])
+        self.kit.rng.bit_generator.state = memory["draws"]
+        self._recalled = memory["search"]
+        name = self.instruction.object or ""
+        if isinstance(last.action, Pick) and self.picked_at_m is None:
+            if last.succeeded or last.held:
+                self._was_picked(name)
+            elif last.reason:
+                self.skills.last_reason = last.reason
+        elif self.picked_at_m is not None and not last.held:
+            self.placed = isinstance(last.action, Place) and last.succeeded is not False
+            if not self.placed:
+                how = last.reason or "it was held before the planner was away, and is no more"
+                raise TaskFailed(Cause.PLACE_MISSED, f"the {name} fell: {how}")
+
+    def _was_picked(self, name: str) -> None:
+        """It was picked while nobody was there to see it."""
+        assert self.target_m is not None
+        self.picked_at_m, self._recalled = self.target_m, None
+        thing = nearest_to(self.target_m, self.kit.belief.known(name), 0.3)
+        if thing is not None:
+            self.kit.belief.taken(thing)
 
     def _pick(self, search: Search) -> np.ndarray:
         """Until something is held; where it was."""
@@ -67,6 +142,7 @@ class Mission:
                     message = f"{self.skills.picks} picks of a {search.name} failed: {reason}"
                     raise TaskFailed(Cause.PICK_FAILED, message) from failure
                 raise
+            self.target_m = np.asarray(found.center_m)
             self.body.tell_phase(Phase.PICK, search.name, f"going to pick the {search.name}")
             done = self.skills.pick(found, search.name)
             if done is Done.SUCCEEDED:
@@ -77,7 +153,7 @@ class Mission:
             search.tell(f"the pick did not work ({_words(done)}); searching on")
 
     def _place(self, goal: str, not_at: np.ndarray | None) -> None:
-        search = self.agent.seek_receptacle(self.kit, goal, not_at)
+        search = self._begun(self.agent.seek_receptacle(self.kit, goal, not_at))
         while True:
             try:
                 found = search.find()
@@ -95,7 +171,7 @@ class Mission:
             search.tell(f"this {goal} did not work ({_words(done)}); another one")
 
     def _go_to(self, goal: str) -> None:
-        search = self.agent.seek_receptacle(self.kit, goal, None)
+        search = self._begun(self.agent.seek_receptacle(self.kit, goal, None))
         looking, pose = self.kit.looking, self.body.pose
         while True:
             found = search.find()
@@ -128,6 +204,14 @@ class Mission:
         """Go to the first of these that can be got to; False when none can."""
         go, purpose = self.kit.looking.go_and_look, f"show the {found.class_name}"
         return any(go(found, gaze, purpose) is Outcome.ARRIVED for gaze in points)
+
+
+def _listed(point_m: np.ndarray | None) -> list[float] | None:
+    return None if point_m is None else [float(v) for v in point_m]
+
+
+def _array(point_m: Sequence[float] | None) -> np.ndarray | None:
+    return None if point_m is None else np.asarray(point_m, float)
 
 
 def _words(done: Done) -> str:

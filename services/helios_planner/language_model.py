@@ -18,6 +18,7 @@ from http.client import HTTPException
 from helios_core.errors import InvalidInput
 
 from helios_planner.instruction import Instruction, NotRead, parse
+from helios_planner.settings import Settings
 
 LONGEST_ANSWER_BYTES = 65_536
 TASK = """You translate what a person tells a household robot into one plain English sentence.
@@ -91,6 +92,13 @@ class LanguageModel:
             why = f"no answer within {self.timeout_s:g} s" if late else "it cannot be reached"
             raise NoHelp(why) from error
         return b"".join(parts)
+
+
+def language_model(settings: Settings) -> LanguageModel | None:
+    """The model that the settings name; None for none."""
+    s = settings
+    key = s.llm_key.get_secret_value()
+    return LanguageModel(s.llm_url, s.llm_model, key, s.llm_timeout_s) if s.llm_url else None
 
 
 def parse_with_help(text: str, model: LanguageModel | None) -> Instruction:

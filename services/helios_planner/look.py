@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from helios_core.geometry import wrap_angle
@@ -39,6 +40,14 @@ class Places:
     def clear(self) -> None:
         self.ids.clear()
         self.points.clear()
+
+    def memory(self) -> dict[str, Any]:
+        """As JSON, for `recall`."""
+        return {"ids": sorted(self.ids), "points": [p.tolist() for p in self.points]}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        self.ids = set(memory["ids"])
+        self.points = [np.asarray(p, float) for p in memory["points"]]
 
 
 @dataclass(frozen=True)
@@ -103,6 +112,13 @@ class Looking:
     def forget(self) -> None:
         """Every gaze point may be gone to again."""
         self._looked.clear()
+
+    def memory(self) -> list[list[float]]:
+        """As JSON, for `recall`: middles and poses [x, y, x, y, yaw]."""
+        return [[*map(float, m), p.x_m, p.y_m, p.yaw_rad] for m, p in self._looked]
+
+    def recall(self, memory: Sequence[Sequence[float]]) -> None:
+        self._looked = [(np.array([mx, my]), Pose2(x, y, yaw)) for mx, my, x, y, yaw in memory]
 
     # --- what views would bring ----------------------------------------------------------------
     def information_gain_nats(self, receptacle: ObjectInstance, class_name: str) -> float | None:

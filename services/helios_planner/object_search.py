@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from helios_core.types import ObjectInstance
 
 from helios_planner.decide import Do, ReceptacleOption
@@ -28,10 +31,22 @@ class ObjectSearch(ScoredSearch):
     def __init__(self, kit: Kit, name: str, start: str | None, rule: SearchRule) -> None:
         super().__init__(kit, Phase.FIND_OBJECT, name, kit.settings.tau_g, refused_m=0.15)
         self.start, self._rule = start, rule
-        self.memory = SearchMemory()
+        self.seen = SearchMemory()
         self.visited = Places(kit.settings.same_place_m)
         self._anywhere = start is None
         self._last_seen: tuple = ()
+
+    def memory(self) -> dict[str, Any]:
+        return super().memory() | {
+            "visited": self.visited.memory(), "anywhere": self._anywhere,
+            "objective": self.seen.as_json(),
+        }  # fmt: skip
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        super().recall(memory)
+        self.visited.recall(memory["visited"])
+        self._anywhere = bool(memory["anywhere"])
+        self.seen = SearchMemory.of_json(memory["objective"])
 
     def end_waiting(self) -> bool:
         self._last_seen = ()
@@ -77,7 +92,7 @@ class ObjectSearch(ScoredSearch):
         """One step of the global search."""
         options = self._receptacle_options()
         frontiers = self.frontier_options(PICK_LAYER)
-        decision = self._rule(options, frontiers, self.memory, self.settings.alpha_d)
+        decision = self._rule(options, frontiers, self.seen, self.settings.alpha_d)
         self.body.tell_decision(decision)
         if decision.do is Do.NOTHING_LEFT:
             return False
@@ -85,7 +100,7 @@ class ObjectSearch(ScoredSearch):
         chosen = decision.chosen
         if decision.do is Do.GO_TO_FRONTIER:
             xy = chosen.position_m[:2]
-            self.memory.chosen.append(ChosenFrontier(xy, chosen.terms["value"]))
+            self.seen.chosen.append(ChosenFrontier(xy, chosen.terms["value"]))
             self.visit_frontier(xy, self._something_to_do)
         else:
             self._local_search(next(o.instance for o in options if o.instance.id == chosen.id))
@@ -107,7 +122,7 @@ class ObjectSearch(ScoredSearch):
                 continue
             normalised = normalised_gain(gain, r.gaussians, self.settings.gain_norm)
             centre = (float(r.center_m[0]), float(r.center_m[1]))
-            self.memory.note(r.id, FirstSeen(r.class_score, normalised, centre))
+            self.seen.note(r.id, FirstSeen(r.class_score, normalised, centre))
             options.append(ReceptacleOption(r, r.class_score, normalised, pose.distance_m(centre)))
         return options
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 GainNorm = Literal["per_gaussian", "sum"]
 
@@ -53,6 +53,21 @@ class SearchMemory:
     def note(self, id: int, seen: FirstSeen) -> None:
         """Store a candidate the first time only."""
         self.first_seen.setdefault(id, seen)
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "first_seen": [
+                [id, s.class_score, s.information_gain, *s.center_xy_m]
+                for id, s in self.first_seen.items()
+            ],
+            "chosen": [[*f.xy_m, f.value_when_chosen] for f in self.chosen],
+        }
+
+    @staticmethod
+    def of_json(memory: Mapping[str, Any]) -> SearchMemory:
+        """What `as_json` wrote."""
+        seen = {int(id): FirstSeen(s, ig, (x, y)) for id, s, ig, x, y in memory["first_seen"]}
+        return SearchMemory(seen, [ChosenFrontier((x, y), v) for x, y, v in memory["chosen"]])
 
 
 def estimated_value(

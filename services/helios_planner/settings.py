@@ -17,6 +17,14 @@ class Settings(ServiceSettings):
     state_dir: Path = Field(
         default=Path("runs/state/planner"), description="where tasks are kept (SQLite)"
     )
+    time_limit_s: float = Field(
+        default=0.0, ge=0, description="time a task may take, unless it says so; 0: any"
+    )
+    resume_within_s: float = Field(
+        default=120.0,
+        ge=0,
+        description="a task goes on by itself if the planner died no longer ago than this",
+    )
     keep_tasks: int = Field(
         default=500, ge=1, description="ended tasks that are remembered; then the oldest goes"
     )

@@ -5,12 +5,16 @@ Rows hold the messages as they travel, so that what is told later is what was to
 
 from __future__ import annotations
 
+import json
 import sqlite3
 import threading
+import time
 from pathlib import Path
 
 from helios_core import proto as pb
 from helios_core.errors import Unavailable
+
+from helios_planner.journal import Entry
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS tasks (
@@ -19,6 +23,10 @@ CREATE TABLE IF NOT EXISTS tasks (
 CREATE TABLE IF NOT EXISTS decisions (
     task_id TEXT NOT NULL, number INTEGER NOT NULL, message BLOB NOT NULL,
     PRIMARY KEY (task_id, number)
+);
+CREATE TABLE IF NOT EXISTS journal (
+    task_id TEXT PRIMARY KEY, life INTEGER NOT NULL, request BLOB, result BLOB,
+    memory TEXT NOT NULL, epoch TEXT NOT NULL, saved_s REAL NOT NULL
 );
 """
 
@@ -64,6 +72,7 @@ class Store:
         """Let go of a task and all that is kept of it."""
         with self._lock, self._db:
             self._db.execute("DELETE FROM decisions WHERE task_id = ?", (id,))
+            self._db.execute("DELETE FROM journal WHERE task_id = ?", (id,))
             self._db.execute("DELETE FROM tasks WHERE id = ?", (id,))
 
     def get(self, id: str) -> pb.Task | None:
@@ -85,6 +94,49 @@ class Store:
                 "SELECT message FROM decisions WHERE task_id = ? ORDER BY number", (task_id,)
             ).fetchall()
         return [pb.Decision.FromString(row[0]) for row in rows]
+
+    def last_number(self, task_id: str) -> int:
+        """Number of a task's newest decision; -1 for none."""
+        with self._lock:
+            row = self._db.execute(
+                "SELECT MAX(number) FROM decisions WHERE task_id = ?", (task_id,)
+            ).fetchone()
+        return -1 if row[0] is None else int(row[0])
+
+    # --- the journal ---------------------------------------------------------------------------
+    def keep(self, task_id: str, entry: Entry) -> None:
+        """Keep what a running task needs to go on."""
+        request = entry.request.SerializeToString() if entry.request is not None else None
+        result = entry.result.SerializeToString() if entry.result is not None else None
+        row = (task_id, entry.life, request, result, json.dumps(entry.memory),
+               json.dumps(entry.epoch), time.time())  # fmt: skip
+        with self._lock, self._db:
+            self._db.execute("INSERT OR REPLACE INTO journal VALUES (?, ?, ?, ?, ?, ?, ?)", row)
+
+    def entry(self, task_id: str) -> Entry | None:
+        """What was kept of a running task."""
+        with self._lock:
+            row = self._db.execute(
+                "SELECT life, request, result, memory, epoch, saved_s FROM journal "
+                "WHERE task_id = ?", (task_id,),
+            ).fetchone()  # fmt: skip
+        if row is None:
+            return None
+        life, request, result, memory, epoch, saved_s = row
+        boot = json.loads(epoch)
+        return Entry(
+            life,
+            None if request is None else pb.ActionRequest.FromString(request),
+            None if result is None else pb.ActionResult.FromString(result),
+            json.loads(memory),
+            None if boot is None else (str(boot[0]), int(boot[1])),
+            saved_s,
+        )
+
+    def settle(self, task_id: str) -> None:
+        """The task has ended: its journal is needed no more."""
+        with self._lock, self._db:
+            self._db.execute("DELETE FROM journal WHERE task_id = ?", (task_id,))
 
     def close(self) -> None:
         with self._lock:

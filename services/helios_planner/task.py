@@ -65,6 +65,7 @@ class Task:
     state: State
     max_steps: int
     created_s: float
+    time_limit_s: float = 0.0  # from its start; 0: none
     phase: Phase | None = None
     cause: Cause | None = None
     message: str = ""

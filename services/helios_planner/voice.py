@@ -31,10 +31,10 @@ class Desk(Protocol):
 class TaskVoice:
     """Tells how one task goes; called from the worker alone."""
 
-    def __init__(self, desk: Desk, id: str, settings: Settings) -> None:
+    def __init__(self, desk: Desk, id: str, settings: Settings, first_decision: int = 0) -> None:
         self._desk, self._id, self._settings = desk, id, settings
         self._phase: Phase | None = None
-        self._phase_began, self._steps, self._decisions = 0, 0, 0
+        self._phase_began, self._steps, self._decisions = 0, 0, first_decision
 
     def on_phase(self, phase: Phase, seeking: str, message: str) -> None:
         if phase is not self._phase:
@@ -56,6 +56,13 @@ class TaskVoice:
 
     def on_resumed(self) -> None:
         self._desk.change(self._id, state=State.RUNNING, message="goes on")
+
+    def on_hold(self, paused: bool) -> None:
+        """Somebody paused the task, or lets it go on."""
+        if paused:
+            self._desk.change(self._id, state=State.PAUSED, message="paused; resume or cancel it")
+        else:
+            self.on_resumed()
 
     def on_decision(self, decision: Decision, frame: FrameId | None) -> None:
         task = self._desk.known(self._id)

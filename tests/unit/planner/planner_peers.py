@@ -69,8 +69,11 @@ class Peers:
     """Bridge, detector, objectmap and map2d. `gate`, when set, holds every action until it is
     released; `silent` parts of a keyframe are not answered."""
 
-    def __init__(self, hub: MemoryHub, world: FakeWorld, names: tuple[str, ...] = ()) -> None:
-        self.world, self.bus = world, MemoryBus(hub)
+    def __init__(
+        self, hub: MemoryHub, world: FakeWorld, names: tuple[str, ...] = (), robot: str = "robot"
+    ) -> None:
+        self.world, self.bus = world, MemoryBus(hub, robot)
+        self.boot, self.contexts = "boot", list[str]()  # ids of searches, each once in a row
         self.names = names
         self.context = pb.SearchContext()
         self.token, self.seq, self.stopped = 0, 0, False
@@ -94,6 +97,8 @@ class Peers:
 
     def _on_context(self, context: pb.SearchContext) -> None:
         self.context = context
+        if self.contexts[-1:] != [context.id]:
+            self.contexts.append(context.id)
 
     def _lease(self, request: pb.LeaseRequest) -> pb.LeaseReply:
         self.token += 1
@@ -103,7 +108,7 @@ class Peers:
         w = self.world
         return RobotState(
             w.pose().T_world_base, w.tilt_rad(), w.held(), stopped=self.stopped,
-            robot_boot_id="boot", message="a person" if self.stopped else "",
+            robot_boot_id=self.boot, world_epoch=1, message="a person" if self.stopped else "",
         )  # fmt: skip
 
     def _act(self, request: pb.ActionRequest) -> pb.ActionResult:
@@ -118,7 +123,7 @@ class Peers:
             self.gate.wait(5)
         out = result_to_proto(self.world.act(action_from_proto(request.action)), request.action_id)
         self.seq += 1
-        out.keyframe.CopyFrom(pb.FrameId(robot_boot_id="boot", world_epoch=1, seq=self.seq))
+        out.keyframe.CopyFrom(pb.FrameId(robot_boot_id=self.boot, world_epoch=1, seq=self.seq))
         out.T_world_base.CopyFrom(transform_to_proto(self.world.pose().T_world_base))
         self.done[request.action_id] = out
         if "detections" not in self.silent:
@@ -133,7 +138,7 @@ class Peers:
     def _observe(self) -> None:
         seen = self.world.sightings()
         news, self._told = seen[self._told :], len(seen)
-        id = FrameId("boot", 1, self.seq)
+        id = FrameId(self.boot, 1, self.seq)
         told = observation(id, self.context.id, news)
         self.bus.publish(OBSERVATION, observation_to_proto(told))
 

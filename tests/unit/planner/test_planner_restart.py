@@ -1,0 +1,150 @@
+"""A mission that is cut off anywhere goes on with what it knew; nothing is done twice."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from helios_core.robot import Action, ActionResult, Pick, Place, Turn
+from helios_planner.decide import Decision, Do
+from helios_planner.flow import Mission
+from helios_planner.instruction import parse
+from helios_planner.recovery import LastAction
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, TaskCancelled, TaskFailed
+from planner_world import FakeWorld, coffee_table, counter, flat, mug
+
+MOVE = "Move the mug from the coffee table to the counter"
+
+
+def mission(world: FakeWorld, agent: str = "helios") -> Mission:
+    return Mission(world, parse(MOVE), Settings(rounds=1), agent)
+
+
+def cut_off(world: FakeWorld, after: int, agent: str = "helios") -> dict:
+    """Run until so many actions are done; what was remembered, as it is kept."""
+    first = mission(world, agent)
+    world.cancel_after = after
+    with pytest.raises(TaskCancelled):
+        first.run()
+    world.cancel_after = None
+    return json.loads(json.dumps(first.memory()))
+
+
+def last(action: Action | None = None, succeeded: bool | None = True, held: str = "",
+         reason: str = "") -> LastAction:  # fmt: skip
+    return LastAction(action, succeeded, reason, held)
+
+
+def searched(world: FakeWorld) -> list[int]:
+    return [d.chosen.id for d in world.decisions if d.do is Do.SEARCH_RECEPTACLE]
+
+
+@pytest.mark.parametrize("agent", ["helios", "trusting"])
+def test_a_mission_goes_on_where_it_was_cut_off(agent: str) -> None:
+    world = flat([coffee_table(), counter(), mug()])
+    memory = cut_off(world, 60, agent)
+    assert memory["looked_around"]
+    again = mission(world, agent)
+    again.recall(memory, last(Turn(0.1)))
+    steps = world.steps
+    again.run()
+    assert world.released is world.things[3]
+    assert world.picks == 1
+    assert world.contacts == 0
+    turns = [a for a in world.log[steps : steps + 12] if isinstance(a, Turn)]
+    assert len(turns) < 12, "it looked around again"
+
+
+def two_bare_tables() -> FakeWorld:
+    other = coffee_table(9)
+    other.center_m[:] = (7.8, 1.0, 0.45)
+    return flat([coffee_table(), other, counter()])
+
+
+def test_what_was_searched_is_not_searched_again() -> None:
+    """Two tables without a mug: cut off on the way to the second, the first is left alone."""
+    whole = two_bare_tables()
+    steps: list[int] = []
+    tell = whole.tell_decision
+
+    def tell_and_count(decision: Decision) -> None:
+        if decision.do is Do.SEARCH_RECEPTACLE:
+            steps.append(whole.steps)
+        tell(decision)
+
+    whole.tell_decision = tell_and_count  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(TaskFailed):
+        mission(whole).run()
+    first, second = searched(whole)[:2]
+    assert first != second
+
+    world = two_bare_tables()
+    memory = cut_off(world, steps[1] + 2)
+    world.decisions.clear()
+    again = mission(world)
+    again.recall(memory, last())
+    with pytest.raises(TaskFailed) as failure:
+        again.run()
+    assert failure.value.cause is Cause.OBJECT_NOT_FOUND
+    assert searched(world) == [second]
+
+
+def test_memory_comes_back_as_it_was() -> None:
+    world = flat([coffee_table(), counter(), mug()])
+    memory = cut_off(world, 60)
+    again = mission(world)
+    again.recall(memory, last())
+    search = again._begun(again.agent.seek_object(again.kit, "mug", "coffee table"))
+    assert again.search is search
+    assert json.loads(json.dumps(again.memory())) == memory
+
+
+def test_a_pick_whose_answer_was_lost_is_not_tried_again() -> None:
+    world = flat([coffee_table(), counter(), mug()])
+    memory = until(world, Pick)
+    assert world.held() == "mug"
+    again = mission(world)
+    again.recall(memory, last(world.log[-1], succeeded=None, held="mug"))
+    again.run()
+    assert sum(isinstance(a, Pick) for a in world.log) == 1
+    assert world.released is world.things[3]
+
+
+def test_a_place_whose_answer_was_lost_ends_the_task() -> None:
+    world = flat([coffee_table(), counter(), mug()])
+    memory = until(world, Place)
+    steps = world.steps
+    again = mission(world)
+    again.recall(memory, last(world.log[-1]))
+    assert again.run() == "put the mug on the counter"
+    assert sum(isinstance(a, Place) for a in world.log) == 1
+    assert world.steps - steps < 5
+
+
+def test_a_thing_that_was_lost_meanwhile_is_said() -> None:
+    world = flat([coffee_table(), counter(), mug()])
+    memory = until(world, Pick) | {"picked_at_m": [7.2, 5.35, 0.5]}
+    with pytest.raises(TaskFailed) as failure:
+        mission(world).recall(memory, last(Turn(0.1), held=""))
+    assert failure.value.cause is Cause.PLACE_MISSED
+
+
+def until(world: FakeWorld, kind: type) -> dict:
+    """Run until an action of a kind is done, but not answered; what was remembered before it."""
+    first = mission(world)
+    kept: list[dict] = []
+    act = world.act
+
+    def watched(action: Action) -> ActionResult:
+        kept.append(json.loads(json.dumps(first.memory())))
+        result = act(action)
+        if isinstance(action, kind):
+            raise TaskCancelled
+        return result
+
+    world.act = watched  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(TaskCancelled):
+        first.run()
+    world.act = act
+    return kept[-1]
