@@ -16,7 +16,6 @@ from helios_planner.gaze import GazePoint
 from helios_planner.instruction import Instruction, Kind
 from helios_planner.legs import Legs, Outcome
 from helios_planner.look import Looking, nearest_to
-from helios_planner.mishaps import Dropped
 from helios_planner.recovery import LastAction
 from helios_planner.settings import Settings
 from helios_planner.skills import Done, Skills
@@ -62,17 +61,11 @@ class Mission:
         if i.kind is Kind.FIND:
             return self._show(self._begun(self.agent.seek_object(self.kit, i.object, i.start)))
         assert i.goal
-        while not self.placed:
-            try:
-                if self.picked_at_m is None:
-                    search = self._begun(self.agent.seek_object(self.kit, i.object, i.start))
-                    self.picked_at_m = self._pick(search)
-                self._place(i.goal, self.picked_at_m if i.goal == i.start else None)
-                self.placed = True
-            except Dropped as fall:
-                self.skills.count_fall(fall, i.object)
-                self.picked_at_m = None
-                self.body.tell_phase(Phase.FIND_OBJECT, i.object, f"the {i.object} fell: {fall}")
+        if self.picked_at_m is None:
+            search = self._begun(self.agent.seek_object(self.kit, i.object, i.start))
+            self.picked_at_m = self._pick(search)
+        if not self.placed:
+            self._place(i.goal, self.picked_at_m if i.goal == i.start else None)
         return f"put the {i.object} on the {i.goal}"
 
     def _begun(self, search: Search) -> Search:
