@@ -27,10 +27,13 @@ lint: install ## format, lint, types, import rules, generated messages
 	$(BIN)/lint-imports
 	$(BIN)/python scripts/generate_proto.py --check
 
-test: install lint ## everything that CI runs
+test: install browser lint ## everything that CI runs
 	$(BIN)/pytest
+
+browser: ## Chromium for the tests of the dashboard, where apt can be used; without it they are skipped
+	scripts/install_browser.sh
 
 proto: install ## generate the Python modules of the messages
 	$(BIN)/python scripts/generate_proto.py
 
-.PHONY: help install demo lint test proto
+.PHONY: help install demo lint test browser proto

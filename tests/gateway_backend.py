@@ -26,8 +26,10 @@ from helios_core.topics import (
     OBJECTMAP_ACK,
     OBJECTS,
     OBSERVATION,
+    PAUSE,
     PICTURE,
     PLAN,
+    RESUME,
     ROBOT_DESCRIPTION,
     ROBOT_STATE,
     SNAPSHOT,
@@ -83,6 +85,8 @@ class Backend:
         serve(GET_TASK, self._get)
         serve(LIST_TASKS, lambda _: pb.TaskList(tasks=self.tasks.values()))
         serve(CANCEL, self._cancel)
+        serve(PAUSE, lambda request: self._go(request, "running", "paused"))
+        serve(RESUME, lambda request: self._go(request, "paused", "running"))
         serve(DECISIONS, self._decisions)
         serve(SNAPSHOT, self._snapshot)
         serve(PICTURE, self._picture)
@@ -168,6 +172,12 @@ class Backend:
         self.decided.append(made)
         self.bus.publish(DECISION, made)
 
+    def reset(self, state: str = "queued") -> None:
+        """No stop is latched, and every task is in this state."""
+        self._latch(False, "")
+        for task in self.tasks.values():
+            task.state = state
+
     def serve_settings(self, service: str, settings: dict) -> None:
         """A service that tells its settings."""
         described = {
@@ -220,6 +230,13 @@ class Backend:
             raise Conflict(f"task {task.id} has ended ({task.state})")
         task.state = "cancelled"
         self.bus.publish(TASK, task)
+        return task
+
+    def _go(self, request: pb.TaskRequest, before: str, after: str) -> pb.Task:
+        task = self._get(request)
+        if task.state != before:
+            raise Conflict(f"task {task.id} is {task.state}, not {before}")
+        self.change_task(task.id, after)
         return task
 
     def _decisions(self, request: pb.TaskRequest) -> pb.DecisionList:

@@ -38,6 +38,7 @@ def served(*flags: str, port: int = 0, backend: Backend | None = None) -> Iterat
     if backend is None:
         backend = Backend(hub)
         backend.start()
+        backend.alive("gateway", 4199)
     else:
         hub = backend.hub
     listener = bind("127.0.0.1", port)

@@ -98,13 +98,13 @@ def build(helios: AsyncHelios) -> MCPServer:
         return info | {"frontiers": await helios.frontiers()}
 
     @tool
-    async def map_picture(layer: str = "occupancy") -> Image:
+    async def map_picture(layer: str = "occupancy") -> object:
         """A picture of the map: occupancy, or a value layer such as pick or place."""
         what = layer if layer == "occupancy" else f"value/{layer}"
         return Image(data=await helios.picture(what), format="png")
 
     @tool
-    async def camera() -> Image:
+    async def camera() -> object:
         """What the robot sees now, with boxes around what it detects."""
         return Image(data=await helios.camera(), format="jpeg")
 

@@ -15,7 +15,7 @@ from helios_gateway.access import secured
 from helios_gateway.fleet import At, Fleet
 from helios_gateway.keys import Scope
 from helios_gateway.metrics import Metrics
-from helios_gateway.problems import problems
+from helios_gateway.problems import NotFound, problems
 from helios_gateway.settings import Settings
 
 ServiceName = Annotated[
@@ -70,15 +70,19 @@ def service_routes(prefix: str, settings: Settings) -> APIRouter:
     @routes.get(
         "/services/{name}/settings",
         summary="The settings of a running service",
+        responses=problems(404),
         dependencies=secured(Scope.ADMIN),
     )
     def service_settings(at: At, name: ServiceName) -> models.ServiceSettings:
         """What it was started with, each with its default and what it means."""
+        known = [service.name for service in at.live.status().services]
+        if name not in known:
+            raise NotFound(f"there is no service {name!r}; there are: {', '.join(known)}")
         try:
             reply = at.bus.call(settings_method(name), pb.Empty(), settings.call_timeout_s)
         except Unavailable as error:
             raise Unavailable(
-                f"no service {name!r} tells its settings; /v1/status lists those that run"
+                f"{name} does not tell its settings; /v1/status says how it is"
             ) from error
         try:
             values = json.loads(reply.json)

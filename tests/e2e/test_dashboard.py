@@ -101,6 +101,17 @@ def test_a_task_is_cancelled(page: Page, house: Served) -> None:
     assert house.backend.tasks["t1"].state == "cancelled"
 
 
+def test_a_task_is_paused_and_goes_on(page: Page, house: Served) -> None:
+    submit(page)
+    expect(page.locator("#pause")).to_be_hidden()
+    house.backend.change_task("t1", "running", phase="pick")
+    page.click("#pause")
+    expect(page.locator("#task-state")).to_have_text("paused")
+    expect(page.locator("#pause")).to_have_text("Resume")
+    page.click("#pause")
+    expect(page.locator("#task-state")).to_have_text("running")
+
+
 def test_a_service_that_dies_is_said(page: Page, house: Served) -> None:
     expect(page.locator("#ready")).to_have_text("ready")
     house.backend.die("detector")

@@ -99,12 +99,16 @@ export class MapView {
     this.redraw();
   }
 
-  /** Brings a point of the world into the middle, and draws a ring around it. */
+  /** Draws a ring around a point of the world, brought into sight where it is not. */
   point(at) {
     this.pointed = at;
     if (at && this.scale) {
-      this.center = at;
-      this.held = true;
+      const [x, y] = this.toScreen(at);
+      const { clientWidth: width, clientHeight: height } = this.canvas;
+      if (x < 30 || y < 30 || x > width - 30 || y > height - 30) {
+        this.center = at;
+        this.held = true;
+      }
     }
     this.redraw();
   }

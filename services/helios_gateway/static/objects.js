@@ -38,7 +38,7 @@ export class Objects {
       button.setAttribute("aria-expanded", object.id === this.chosen);
       button.setAttribute("aria-controls", "object");
       button.addEventListener("click", () => this.choose(object.id));
-      const rest = [number(object.score), object.views, place(object.center_m)];
+      const rest = [number(object.score), object.views, place(object.center_m, 1)];
       return element(
         "tr",
         { className: object.id === this.chosen ? "chosen" : "" },
@@ -68,6 +68,7 @@ export class Objects {
       ["views", object.views],
       ["detected in", object.detection_rate == null ? "" : `${Math.round(100 * object.detection_rate)} %`],
       ["Gaussians", object.gaussians],
+      ["centre", `${place(object.center_m)} m`],
       ["size", `${place(object.size_m)} m`],
     ]);
     const likeliest = Object.entries(object.probabilities).sort((a, b) => (b[1] ?? 0) - (a[1] ?? 0));
@@ -87,5 +88,5 @@ export class Objects {
   }
 }
 
-const place = (point) => point.map((value) => number(value)).join(" ");
+const place = (point, digits = 2) => point.map((value) => number(value, digits)).join(" ");
 const rowButton = (id) => $("objects").querySelector(`button[data-id="${id}"]`);

@@ -26,7 +26,10 @@ export class Tasks {
         $("ask").requestSubmit();
       }
     });
-    $("cancel").addEventListener("click", () => this.cancel());
+    $("cancel").addEventListener("click", () => this.tell("cancel"));
+    $("pause").addEventListener("click", () =>
+      this.tell(this.tasks.get(this.inView)?.state === "paused" ? "resume" : "pause"),
+    );
   }
 
   chip(text) {
@@ -75,7 +78,8 @@ export class Tasks {
     try {
       const task = await send("/tasks", { instruction: $("instruction").value });
       $("instruction").value = "";
-      this.take(task);
+      if (!this.tasks.has(task.id)) this.take(task); // an event may have told more already
+      this.view(task.id);
     } catch (error) {
       $("ask-error").textContent =
         error instanceof Problem ? error.message : "The gateway cannot be reached; try again.";
@@ -85,15 +89,17 @@ export class Tasks {
     }
   }
 
-  async cancel() {
-    $("cancel").disabled = true;
+  /** `what`: cancel, pause or resume the task in view. */
+  async tell(what) {
+    const buttons = [$("cancel"), $("pause")];
+    for (const button of buttons) button.disabled = true;
     try {
-      this.take(await send(`/tasks/${encodeURIComponent(this.inView)}/cancel`));
+      await send(`/tasks/${encodeURIComponent(this.inView)}/${what}`); // events tell the rest
     } catch (error) {
-      if (!(error instanceof Problem)) throw error;
-      $("task-message").textContent = error.message;
+      $("task-message").textContent =
+        error instanceof Problem ? error.message : "The gateway cannot be reached; try again.";
     } finally {
-      $("cancel").disabled = false;
+      for (const button of buttons) button.disabled = false;
     }
   }
 
@@ -104,7 +110,9 @@ export class Tasks {
     $("task-empty").hidden = Boolean(task);
     $("task-state").hidden = !task;
     $("cancel").hidden = !task || ENDED.includes(task.state);
+    $("pause").hidden = !["running", "paused"].includes(task?.state);
     if (!task) return;
+    $("pause").textContent = task.state === "paused" ? "Resume" : "Pause";
     $("task-state").textContent = task.state;
     $("task-state").dataset.state = task.state;
     $("task-instruction").textContent = task.instruction;

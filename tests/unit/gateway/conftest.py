@@ -12,6 +12,8 @@ from helios_gateway.settings import Settings
 
 from tests.gateway_backend import Backend
 
+PATIENT = Settings.load(["--silent-after-s", "3600"])  # made-up services report once
+
 
 @pytest.fixture
 def hub() -> MemoryHub:
@@ -29,13 +31,13 @@ def backend(hub: MemoryHub) -> Backend:
 @pytest.fixture
 def live(hub: MemoryHub) -> Iterator[Live]:
     """Without its ticker: tests call `tick`."""
-    live = Live(MemoryBus(hub), Settings.load([]))
+    live = Live(MemoryBus(hub), PATIENT)
     yield live
     live.close()
 
 
 @pytest.fixture
 def client(hub: MemoryHub, live: Live) -> Iterator[TestClient]:
-    app = create_app(Fleet({"robot": Served(MemoryBus(hub), live)}), Settings.load([]))
+    app = create_app(Fleet({"robot": Served(MemoryBus(hub), live)}), PATIENT)
     with TestClient(app, "http://localhost", raise_server_exceptions=False) as client:
         yield client

@@ -60,7 +60,7 @@ def bridge(hub: MemoryHub) -> Bridge:
     return Bridge(hub)
 
 
-def post(client: TestClient, meta: object = META, depth: bytes | None = DEPTH, **more: object):
+def post(client: TestClient, meta: object = META, depth: bytes | None = DEPTH, **more: Any):
     files: dict[str, Any] = {"color": ("c.png", COLOR)} | more
     if depth is not None:
         files["depth"] = ("d.png", depth)
@@ -155,7 +155,7 @@ def test_wrong_words_about_a_frame_are_refused_by_name(
     ],
 )
 def test_what_is_no_image_is_refused(
-    client: TestClient, bridge: Bridge, more: dict[str, object], said: str
+    client: TestClient, bridge: Bridge, more: dict[str, Any], said: str
 ) -> None:
     answer = post(client, **more)
     assert answer.status_code == 400

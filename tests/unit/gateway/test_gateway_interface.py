@@ -23,7 +23,7 @@ def test_robots_are_told_apart_and_stopped_one_by_one(
     other = Backend(hub, "spot")
     other.start()
     bus = MemoryBus(hub, "spot")
-    spot = Live(bus, Settings.load([]))
+    spot = Live(bus, Settings.load(["--silent-after-s", "3600"]))
     fleet = Fleet({"robot": Served(MemoryBus(hub), live), "spot": Served(bus, spot)})
     client = TestClient(create_app(fleet, Settings.load([])), "http://localhost")
     client.post("/v1/robots/spot/tasks", json={"instruction": INSTRUCTION})
@@ -48,6 +48,7 @@ def test_settings_of_a_running_service_are_told(backend: Backend, client: TestCl
     answer = client.get("/v1/services/planner/settings")
     assert answer.json() == {"service": "planner", "settings": told}
     assert client.get("/v1/services/map2d/settings").status_code == 503
+    assert "there are: router" in client.get("/v1/services/nobody/settings").json()["detail"]
     assert client.get("/v1/services/..%2Fsvc/settings").status_code in (400, 404)
 
 

@@ -1,0 +1,74 @@
+"""Many viewers: each version is made once, and one that does not read hurts nobody."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from helios_gateway.events import EventHub, as_sse
+from helios_gateway.live import Live
+from helios_gateway.models import MapChange
+from helios_gateway.responses import Encoded
+
+from tests.gateway_backend import Backend
+
+VIEWERS = 200
+
+
+@pytest.fixture
+def encoded(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """How often something was encoded, by media type."""
+    counts: Counter[str] = Counter()
+    made: Callable[..., Encoded] = Encoded.of
+
+    def counted(content: bytes, media_type: str, **about: str) -> Encoded:
+        counts[media_type] += 1
+        return made(content, media_type, **about)
+
+    monkeypatch.setattr(Encoded, "of", counted)
+    return counts
+
+
+def test_each_version_of_each_picture_is_encoded_once(
+    live: Live, backend: Backend, encoded: Counter[str]
+) -> None:
+    def look(_: int) -> set[str]:
+        maps = live.maps
+        views = [
+            live.camera.jpeg(raw=False), maps.cells("pick"), maps.picture("occupancy", 900),
+            maps.npz(None), maps.info_json(), maps.frontiers_json(),
+            maps.objects_json(None, None),
+        ]  # fmt: skip
+        return {view.tag for view in views}
+
+    once = {"image/jpeg": 1, "image/png": 2, "application/octet-stream": 1, "application/json": 3}
+    for version in (1, 2):
+        backend.publish_observation(backend.publish_frame())
+        backend.change_map()
+        backend.change_objects()
+        with ThreadPoolExecutor(16) as viewers:
+            tags = list(viewers.map(look, range(VIEWERS)))
+        assert all(seen == tags[0] for seen in tags)
+        assert encoded == {kind: version * count for kind, count in once.items()}
+        assert backend.calls.count("snapshot") == version
+
+
+def test_an_event_is_encoded_once_and_a_deaf_viewer_delays_nobody() -> None:
+    hub = EventHub(backlog=10, max_viewers=VIEWERS + 1, keepalive_s=60)
+
+    async def run() -> None:
+        streams = [as_sse(hub.watch()) for _ in range(VIEWERS)]
+        deaf = as_sse(hub.watch())
+        for stream in (*streams, deaf):
+            await anext(stream)
+        for number in range(50):
+            hub.publish("map", MapChange(map2d=number, objects=0))
+            seen = [await anext(stream) for stream in streams]
+            assert all(data is seen[0] for data in seen)  # one object, not equal ones
+        assert len([data async for data in deaf]) <= 21  # cut off at twice the backlog
+        assert hub.viewers == VIEWERS
+
+    asyncio.run(run())
