@@ -1,0 +1,98 @@
+"""The example driver through `helios up --robot package:Class`: it maps, drives, stops."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.codec import frame_from_proto
+from helios_core.errors import Conflict
+from helios_core.topics import ACT, KEYFRAME, LEASE, MAP2D_ACK
+from helios_core.zenoh_bus import ZenohBus
+from helios_examples import room_robot
+
+from tests.e2e.own_robot_up import Up, helios_up
+from tests.support import wait_until
+
+MOST_LINES = 80
+
+
+@pytest.fixture(scope="module")
+def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+    folder = tmp_path_factory.mktemp("own")
+    with helios_up(folder, "helios_examples.room_robot:RoomRobot") as up:
+        yield up
+
+
+@pytest.fixture
+def bus(up: Up) -> Iterator[ZenohBus]:
+    bus = ZenohBus(up.router)
+    yield bus
+    bus.close()
+
+
+def act(bus: ZenohBus, id: str, action: pb.Action) -> pb.ActionResult:
+    token = bus.call(LEASE, pb.LeaseRequest(holder="a test", take=True), 5).token
+    request = pb.ActionRequest(action_id=id, lease_token=token, time_remaining_s=20, action=action)
+    return bus.call(ACT, request, 25)
+
+
+def test_the_example_is_as_short_as_the_docs_say() -> None:
+    assert len(Path(room_robot.__file__).read_text().splitlines()) <= MOST_LINES
+
+
+def test_a_drive_is_done_and_its_keyframe_reaches_the_map(up: Up, bus: ZenohBus) -> None:
+    keyframes: list[pb.Frame] = []
+    acks: list[pb.Ack] = []
+    bus.subscribe(KEYFRAME, keyframes.append)
+    bus.subscribe(MAP2D_ACK, acks.append)
+    numbers = iter(range(100))
+
+    def heard() -> bool:  # a keyframe is heard once its subscriber is known to the router
+        act(bus, f"look {next(numbers)}", pb.Action(observe=pb.Action.Observe()))
+        return bool(keyframes) and bool(acks)
+
+    wait_until(heard, 20, "keyframes and answers are heard")
+    result = act(bus, "drive", pb.Action(forward=pb.Action.Forward(distance_m=0.5)))
+    assert result.succeeded
+    assert result.moved_m == pytest.approx(0.5, abs=0.02)
+
+    def answers() -> list[pb.Ack]:
+        return [a for a in acks if a.id == result.keyframe and a.part == "occupancy"]
+
+    wait_until(answers, 20, "the map has answered the drive's keyframe")
+    assert answers()[0].accepted, answers()[0].reason
+    (frame,) = (k for k in keyframes if k.id == result.keyframe)
+    np.testing.assert_allclose(frame_from_proto(frame).T_world_base[:2, 3], [0.5, 0.0], atol=0.02)
+
+
+def test_the_map_shows_the_table_and_the_free_floor(up: Up, bus: ZenohBus) -> None:
+    act(bus, "look again", pb.Action(observe=pb.Action.Observe()))
+
+    def at(grid: dict[str, np.ndarray], x_m: float, y_m: float) -> int:
+        (x0, y0), cell_m = grid["origin_m"], float(grid["cell_m"])
+        return int(grid["occupancy"][int((y_m - y0) / cell_m), int((x_m - x0) / cell_m)])
+
+    def mapped() -> bool:
+        answer = httpx.get(f"{up.address}/v1/map/occupancy.npz", timeout=10)
+        if answer.status_code != 200:
+            return False
+        with np.load(io.BytesIO(answer.content)) as file:
+            grid = {name: file[name] for name in file.files}
+        return at(grid, 1.45, 0.3) == 100 and at(grid, 1.25, 0.0) == 0
+
+    wait_until(mapped, 20, "the table is occupied and the floor before it free")
+
+
+def test_stop_now_over_http_holds_the_robot(up: Up, bus: ZenohBus) -> None:
+    stopped = httpx.post(f"{up.address}/v1/robot/stop", json={"reason": "a cat"}, timeout=10)
+    assert stopped.status_code == 200
+    with pytest.raises(Conflict, match="a cat"):
+        act(bus, "after the stop", pb.Action(turn=pb.Action.Turn(angle_rad=0.2)))
+    assert httpx.post(f"{up.address}/v1/robot/clear-stop", timeout=10).status_code == 200
+    assert act(bus, "after that", pb.Action(turn=pb.Action.Turn(angle_rad=0.2))).succeeded
