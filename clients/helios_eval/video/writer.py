@@ -11,7 +11,7 @@ from helios_core.errors import InvalidInput, Unavailable
 
 from helios_eval.video.paint import Picture
 
-CODEC = "mp4v"  # MPEG-4 part 2: every OpenCV can write it and read it again
+CODEC = "vp09"  # VP9: plays in every browser, free to write (docs/decisions)
 
 
 class VideoFile:
@@ -34,7 +34,8 @@ class VideoFile:
         if not self._writer.isOpened():
             path.unlink()
             raise Unavailable(
-                f"this OpenCV cannot write {CODEC} video; pip install opencv-python-headless"
+                "this OpenCV cannot write VP9 video, that of PyPI can; "
+                "pip install --force-reinstall opencv-python-headless"
             )
 
     def write(self, picture: Picture, times: int = 1) -> None:

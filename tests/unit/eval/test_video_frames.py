@@ -187,6 +187,7 @@ def test_what_is_written_can_be_read_again(tmp_path):
         for shade in shades:
             video.write(np.full((48, 64, 3), (shade, 60, 60), np.uint8), times=2)
         assert video.frames == 6
+    assert b"vp09" in path.read_bytes()  # what browsers play; MPEG-4 part 2 they do not
     frames = frames_of(path)
     assert len(frames) == 6
     assert frames[0].shape == (48, 64, 3)
