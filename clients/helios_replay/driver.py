@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from helios_core.bus import Bus
@@ -41,10 +42,13 @@ class ReplayDriver(RobotDriver):
         topics: str = "",
         contexts: bool = False,
         bus: Bus | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        wait: Callable[[float], object] | None = None,
     ) -> None:
         """source: what to play. limit, from_s, to_s: which part of it. rate: how fast, 1 as it was
         recorded; 0 as fast as it goes. contexts: begin the recorded searches, on `bus`, when they
-        began."""
+        began. clock, wait: seconds that only grow, and how to let some of them pass; closing ends
+        the default wait."""
         if source is None:
             raise InvalidInput("a replay needs something to play; name it with --source")
         self._source = open_source(source, Part(limit, from_s, to_s, topics))
@@ -52,8 +56,9 @@ class ReplayDriver(RobotDriver):
         self._next = 0
         self._T_world_cam = self._source.shots[0].T_world_cam
         self._T_world_base = base_below_camera(self._T_world_cam)
-        self._began_s: float | None = None  # monotonic, of the first shot
+        self._began_s: float | None = None  # by the clock, of the first shot
         self._closed = threading.Event()
+        self._clock, self._wait = clock, wait or self._closed.wait
         self._stopped = ""  # why
         self._steps = 0
         self._results: dict[str, ActionResult] = {}
@@ -125,12 +130,12 @@ class ReplayDriver(RobotDriver):
 
     def _wait_for(self, index: int) -> None:
         """Until it is time for this shot."""
-        now_s, shots = time.monotonic(), self._source.shots
+        now_s, shots = self._clock(), self._source.shots
         if self._began_s is None:
             self._began_s = now_s
         if self._rate > 0:
             due_s = self._began_s + (shots[index].time_s - shots[0].time_s) / self._rate
-            self._closed.wait(max(0.0, due_s - now_s))
+            self._wait(max(0.0, due_s - now_s))
 
     def _do(self, action: Action) -> ActionResult:
         if self._stopped:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import struct
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -141,20 +140,42 @@ def test_parts_of_it(recording: tuple[Path, list[pb.Frame]]) -> None:
         open_source(path, Part(from_s=1e9))
 
 
-def test_a_rate_only_waits(recording: tuple[Path, list[pb.Frame]], tmp_path: Path) -> None:
-    recorded = Recorded(tmp_path)
-    recorded.tour(1)
-    time.sleep(0.3)  # the time that the replay has to take, too
-    recorded.look(1)
-    recorded.close()
-    fast, slow = ReplayDriver(tmp_path), ReplayDriver(tmp_path, rate=1.0)
-    began = time.monotonic()
-    first = [fast.capture().recorded for _ in range(2)]
-    assert first == [slow.capture().recorded for _ in range(2)]
-    assert time.monotonic() - began >= 0.29
-    slow.close()
+class FakeClock:
+    """Passes only while somebody waits."""
+
+    def __init__(self) -> None:
+        self.now_s = 1000.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+    def wait(self, seconds: float) -> None:
+        assert seconds >= 0
+        self.now_s += seconds
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.5, 1.0, 20.0])
+def test_a_rate_only_waits(rate: float, recording: tuple[Path, list[pb.Frame]]) -> None:
+    path, sent = recording
+    times_s = [shot.time_s for shot in open_source(path).shots]
+    assert times_s[-1] > times_s[0]
+    clock = FakeClock()
+    driver = ReplayDriver(path, rate=rate, clock=clock, wait=clock.wait)
+    for message, time_s in zip(sent, times_s, strict=True):
+        assert driver.capture().recorded == message
+        due_s = (time_s - times_s[0]) / rate if rate else 0.0
+        assert clock.now_s - 1000.0 == pytest.approx(due_s, abs=1e-9)
     with pytest.raises(EndOfRecording):
-        slow.capture()
+        driver.capture()
+
+
+def test_who_comes_late_does_not_wait(recording: tuple[Path, list[pb.Frame]]) -> None:
+    clock = FakeClock()
+    driver = ReplayDriver(recording[0], rate=1.0, clock=clock, wait=clock.wait)
+    driver.capture()
+    clock.now_s = late_s = clock.now_s + 1e6
+    driver.capture()
+    assert clock.now_s == late_s
 
 
 def test_several_files_are_one_recording(tmp_path: Path) -> None:
