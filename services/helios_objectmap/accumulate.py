@@ -13,17 +13,16 @@ def accumulate(
     rows: NDArray[np.integer],
     kappa: NDArray[np.float32],
     columns: list[int],
-    counts: NDArray[np.bool_],
+    weights: NDArray[np.float32],
     alpha_cpa: float,
 ) -> None:
     """Add what one view says to the evidence of the Gaussians it shows.
 
     rows: [k]; kappa: [k, 1 + C] summed per label, "other" first, then the context's classes;
-    columns: [C] where those classes are in the store; counts: [k, C] whether the view counts for
-    a Gaussian and class. Evidence never falls, and is linear in alpha_cpa.
+    columns: [C] where those classes are in the store; weights: [k, C] share in [0, 1] that the view
+    gives a Gaussian and class. Evidence never falls, and is linear in alpha_cpa.
     """
     total = alpha_cpa * kappa.sum(axis=1)
     for j, column in enumerate(columns):
-        counted = counts[:, j]
-        store.positive[rows, column] += np.where(counted, alpha_cpa * kappa[:, 1 + j], 0)  # eq. 3
-        store.asked[rows, column] += np.where(counted, total, 0)
+        store.positive[rows, column] += weights[:, j] * alpha_cpa * kappa[:, 1 + j]  # eq. 3
+        store.asked[rows, column] += weights[:, j] * total

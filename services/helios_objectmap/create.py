@@ -1,9 +1,9 @@
-"""Where new Gaussians are made, and which ones are seen through (appendix, Gaussian creation).
+"""Where new Gaussians are made (appendix, Gaussian creation).
 
 The paper makes a Gaussian wherever measured and rendered depth differ by more than 1 mm: with real
 depth noise of a centimetre that never ends. The default rule creates where nothing is modelled or
-where the measured surface lies in front of the rendered one by more than the depth noise explains,
-and carves Gaussians that stand in front of what is measured. `paper` is the literal rule.
+where the measured surface lies in front of the rendered one by more than the depth noise explains.
+`paper` is the literal rule.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.splat import Projection, Rendering
+from helios_objectmap.splat import Rendering
 
 Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -43,26 +43,6 @@ def paper_creation_mask(depth_m: Float32, rendering: Rendering, detected: Mask) 
     valid = detected & (depth_m > 0)
     error_m = np.abs(depth_m - rendering.depth_m)
     return valid & ((error_m > 1.0) | _eroded(valid & (error_m > 0.001)))
-
-
-def seen_through(projection: Projection, depth_m: Float32, front_m: float) -> NDArray[np.int32]:
-    """Rows of Gaussians that stand in front of everything measured around their pixel.
-
-    All nine pixels must be valid and farther, so that an edge that is off by a pixel is kept.
-    """
-    nearest = cv2.erode(depth_m, np.ones((3, 3), np.uint8), borderValue=0.0)
-    rows = projection.visible
-    uv = np.rint(projection.uv[rows]).astype(np.int32)
-    inside = (
-        (uv[:, 0] >= 0)
-        & (uv[:, 0] < projection.width)
-        & (uv[:, 1] >= 0)
-        & (uv[:, 1] < projection.height)
-    )
-    rows, uv = rows[inside], uv[inside]
-    measured_m = nearest[uv[:, 1], uv[:, 0]].astype(np.float32)
-    z = projection.depth_m[rows]
-    return rows[(measured_m > 0) & (z < measured_m - tolerance_m(measured_m, front_m))]
 
 
 def _eroded(mask: Mask) -> Mask:

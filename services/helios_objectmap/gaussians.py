@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
-NO_INSTANCE = 0
+from helios_objectmap.blocks import Blocks
+from helios_objectmap.rows import NO_GROUP, RowGroups
+from helios_objectmap.view import View
+from helios_objectmap.viewpoints import NEVER
+
+NO_INSTANCE = NO_GROUP
 OTHER = -1
 _FIELDS = (
     "means",
@@ -16,7 +23,8 @@ _FIELDS = (
     "asked",
     "born",
     "believed",
-    "instance",
+    "through",
+    "through_from",
 )
 
 
@@ -24,10 +32,13 @@ class GaussianStore:
     """Gaussians in the world frame with their evidence per class name.
 
     The properties are views of the rows in use; they are valid until rows are added or removed.
+    Removal moves the last rows into the gaps: a row number is no name.
     """
 
     def __init__(self) -> None:
         self.class_names: list[str] = []
+        self.blocks = Blocks()  # where each row is
+        self.instances = RowGroups()  # label of each row; NO_INSTANCE for none
         self._n = 0
         self._means = np.empty((0, 3), np.float32)
         self._radius_m = np.empty(0, np.float32)
@@ -37,7 +48,9 @@ class GaussianStore:
         self._asked = np.empty((0, 0), np.float32)
         self._born = np.empty(0, np.int64)
         self._believed = np.empty(0, np.int16)
-        self._instance = np.empty(0, np.int32)
+        self._through = np.empty(0, np.float32)
+        self._through_from = np.empty(0, np.int32)
+        self._widest_m = 0.0
 
     def __len__(self) -> int:
         return self._n
@@ -83,9 +96,19 @@ class GaussianStore:
         return self._believed[: self._n]
 
     @property
+    def through(self) -> NDArray[np.float32]:
+        """[n] distinct views that saw through the Gaussian since one last saw it."""
+        return self._through[: self._n]
+
+    @property
+    def through_from(self) -> NDArray[np.int32]:
+        """[n] viewpoint that was the last to see through it, or NEVER."""
+        return self._through_from[: self._n]
+
+    @property
     def instance(self) -> NDArray[np.int32]:
-        """[n] label of the instance, or NO_INSTANCE."""
-        return self._instance[: self._n]
+        """[n] label of the instance, or NO_INSTANCE. Written by `instances.move`."""
+        return self.instances.group[: self._n]
 
     def column(self, class_name: str) -> int:
         """Column of a class name; a new name gets a new column without evidence."""
@@ -95,6 +118,17 @@ class GaussianStore:
             self._positive = np.concatenate([self._positive, empty], axis=1)
             self._asked = np.concatenate([self._asked, empty], axis=1)
         return self.class_names.index(class_name)
+
+    def drop_columns(self, class_names: Iterable[str]) -> None:
+        """Forget all evidence for some classes. No row may be believed to be one of them."""
+        gone = {self.class_names.index(name) for name in class_names}
+        keep = [c for c in range(len(self.class_names)) if c not in gone]
+        renumbered = np.full(len(self.class_names) + 1, OTHER, np.int16)  # the last one is OTHER
+        renumbered[keep] = np.arange(len(keep), dtype=np.int16)
+        self._believed[: self._n] = renumbered[self._believed[: self._n]]
+        self._positive = np.ascontiguousarray(self._positive[:, keep])
+        self._asked = np.ascontiguousarray(self._asked[:, keep])
+        self.class_names = [self.class_names[c] for c in keep]
 
     def append(
         self,
@@ -107,7 +141,7 @@ class GaussianStore:
         """Add Gaussians without evidence; returns their rows."""
         first, n = self._n, self._n + len(means)
         if n > len(self._means):
-            self._grow(max(n, 2 * len(self._means), 1024))
+            self._grow(max(n, len(self._means) * 3 // 2, 1024))
         self._n = n
         rows = slice(first, n)
         self._means[rows] = means
@@ -118,21 +152,29 @@ class GaussianStore:
         self._asked[rows] = 0
         self._born[rows] = born
         self._believed[rows] = OTHER
-        self._instance[rows] = NO_INSTANCE
+        self._through[rows] = 0
+        self._through_from[rows] = NEVER
+        self._widest_m = max(self._widest_m, float(np.max(radius_m, initial=0.0)))
+        self.blocks.add(np.arange(first, n), self._means[rows])
         return rows
 
     def remove(self, rows: NDArray[np.integer]) -> None:
-        """Remove rows; the others keep their order."""
-        if not len(rows):
-            return
-        keep = np.ones(self._n, bool)
-        keep[rows] = False
-        first = int(np.min(rows))  # rows before it stay where they are
-        n = int(keep.sum())
+        """Remove rows; the last ones take their numbers."""
+        gone = np.unique(rows)
+        n = self._n - len(gone)
+        gaps = gone[gone < n]
+        last = np.setdiff1d(np.arange(n, self._n), gone, assume_unique=True)
+        for groups in (self.blocks.rows, self.instances):
+            groups.move(gone, NO_GROUP)
+            groups.rename(last, gaps)
         for name in _FIELDS:
             array = getattr(self, f"_{name}")
-            array[first:n] = array[first : self._n][keep[first:]]
+            array[gaps] = array[last]
         self._n = n
+
+    def seen_by(self, view: View, far_m: float) -> NDArray[np.int32]:
+        """Rows that a view may show, in rising order."""
+        return self.blocks.seen_by(view, far_m, 6 * self._widest_m)
 
     def _grow(self, capacity: int) -> None:
         for name in _FIELDS:
@@ -140,3 +182,5 @@ class GaussianStore:
             new = np.empty((capacity, *old.shape[1:]), old.dtype)
             new[: self._n] = old[: self._n]
             setattr(self, f"_{name}", new)
+        self.blocks.rows.grow(capacity)
+        self.instances.grow(capacity)

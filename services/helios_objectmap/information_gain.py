@@ -2,7 +2,7 @@
 
 Optimistic: each view shows the instance's own Gaussians as the wanted class. They are rendered at
 each pose alone, their weights are added to a copy of the evidence by eq. 3, and the entropies and
-scores before and after are compared.
+scores before and after are compared. In the 50-50 variant (Table 5) half of it goes to "other".
 """
 
 from __future__ import annotations
@@ -40,48 +40,55 @@ class Member:
     asked: Float32  # [n] for the wanted class
 
 
+@dataclass(frozen=True)
+class Rates:
+    """What evidence means."""
+
+    prior: float  # concentration of each class before any view
+    alpha_cpa: float  # how often each observation counts (eq. 3)
+    alpha_cs: float  # weight of the uncertainty (eq. 7)
+    other: float = 0.0  # share of what is expected that speaks for "other"; 0 is optimistic
+
+
 def kappa_at(member: Member, view: View, max_depth_m: float) -> Float32:
     """Weight that a view gives each Gaussian [n], summed over the pixels it would see it in."""
     projection = splat.project(member.means, member.radius_m, member.opacity, view)
     everywhere = np.zeros((view.height, view.width), np.int32)
     kappa = splat.kappa_sums(projection, everywhere, 1)[:, 0]
-    seen = np.zeros(len(kappa), bool)
-    seen[projection.visible] = projection.depth_m[projection.visible] <= max_depth_m
-    return np.where(seen, kappa, np.float32(0))
+    out = np.zeros(len(member.means), np.float32)
+    out[projection.rows] = np.where(projection.depth_m <= max_depth_m, kappa, 0)
+    return out
 
 
 def expected(
-    member: Member,
-    wanted: int,
-    kappa: Float32,
-    prior: float,
-    alpha_cpa: float,
-    alpha_cs: float,
-) -> Expected:
-    """Outcome if views of total weight kappa [n] all show column `wanted` of the context."""
-    positive = member.positive.astype(np.float64)
-    before = entropy(concentration_of(positive, member.asked, prior))
-    evidence = alpha_cpa * kappa.astype(np.float64)
-    positive[:, wanted] += evidence  # eq. 3
-    asked = member.asked + evidence
-    after = entropy(concentration_of(positive, asked, prior))
-    gain = float((before - after).sum())  # eq. 12; one Gaussian's share may be negative
-    mean, deviation = marginal(positive[:, wanted], asked, prior, positive.shape[1] + 1)
-    return Expected(score(mean, deviation, alpha_cs).psi, max(gain, 0.0))  # eq. 11
+    member: Member, wanted: int, kappas: Sequence[Float32], rates: Rates
+) -> list[Expected]:
+    """Outcome for each weight kappa [n] if such views show column `wanted` of the context."""
+    base = member.positive.astype(np.float64)
+    before = entropy(concentration_of(base, member.asked, rates.prior))
+    out = []
+    for kappa in kappas:
+        seen = np.flatnonzero(kappa)
+        evidence = rates.alpha_cpa * kappa[seen].astype(np.float64)
+        positive = base[seen]
+        positive[:, wanted] += (1 - rates.other) * evidence  # eq. 3
+        asked = member.asked.astype(np.float64)
+        asked[seen] += evidence
+        after = entropy(concentration_of(positive, asked[seen], rates.prior))
+        gain = float((before[seen] - after).sum())  # eq. 12; one Gaussian's share may be negative
+        own = base[:, wanted].copy()
+        own[seen] = positive[:, wanted]
+        mean, deviation = marginal(own, asked, rates.prior, base.shape[1] + 1)
+        psi = score(mean, deviation, rates.alpha_cs).psi  # eq. 11
+        out.append(Expected(psi, max(gain, 0.0)))
+    return out
 
 
 def what_if(
-    member: Member,
-    wanted: int,
-    views: Sequence[View],
-    prior: float,
-    alpha_cpa: float,
-    alpha_cs: float,
-    max_depth_m: float,
+    member: Member, wanted: int, views: Sequence[View], rates: Rates, max_depth_m: float
 ) -> tuple[list[Expected], Expected]:
     """Outcome of each view alone, and of all views together."""
     kappas = [kappa_at(member, view, max_depth_m) for view in views]
-    rates = (prior, alpha_cpa, alpha_cs)
-    alone = [expected(member, wanted, kappa, *rates) for kappa in kappas]
     together = np.sum(kappas, axis=0) if kappas else np.zeros(len(member.means), np.float32)
-    return alone, expected(member, wanted, together, *rates)
+    *alone, joint = expected(member, wanted, [*kappas, together], rates)
+    return alone, joint

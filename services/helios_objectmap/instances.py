@@ -34,6 +34,15 @@ def voxel_keys(points: NDArray[np.float32], voxel_m: float) -> NDArray[np.int64]
     return (ijk[:, 0] << (2 * _BITS)) | (ijk[:, 1] << _BITS) | ijk[:, 2]
 
 
+def touching(
+    points: NDArray[np.float32], others: NDArray[np.float32], voxel_m: float
+) -> NDArray[np.bool_]:
+    """Whether each point [n, 3] is in the voxel of one of the others [k, 3] or in one beside it."""
+    steps = np.concatenate([-_PRECEDING, [0], _PRECEDING])
+    around = np.unique(np.unique(voxel_keys(others, voxel_m))[:, None] + steps)
+    return np.isin(voxel_keys(points, voxel_m), around)
+
+
 def components(points: NDArray[np.float32], voxel_m: float) -> NDArray[np.int64]:
     """Number of the connected component of each point [n], 0, 1, ... without gaps."""
     voxels, of_point = np.unique(voxel_keys(points, voxel_m), return_inverse=True)

@@ -27,6 +27,7 @@ _LOG2E = 1.4426950408889634
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def project_kernel(
+    rows,
     means,
     radius,
     opacity,
@@ -45,7 +46,7 @@ def project_kernel(
     keys,
     visible,
 ):
-    """EWA projection of isotropic Gaussians; fills params/tiles/keys, lists the visible ones.
+    """EWA projection of the Gaussians in `rows`; lists the visible ones with params/tiles/keys.
 
     keys order by depth first and then by the bits of the projected centre, so that equal depths
     are ordered by what is drawn and never by their place in the store.
@@ -53,7 +54,8 @@ def project_kernel(
     bits = np.empty(4, np.float32)
     words = bits.view(np.uint32)
     n_visible = 0
-    for i in range(means.shape[0]):
+    for row in range(rows.size):
+        i = rows[row]
         x = means[i, 0]
         y = means[i, 1]
         z = means[i, 2]
@@ -85,18 +87,18 @@ def project_kernel(
         if u0 > u1 or v0 > v1:
             continue
         inverse_det = _f4(1) / (cov_a * cov_c - cov_b * cov_b)
-        params[i, U] = u
-        params[i, V] = v
-        params[i, CONIC_A] = cov_c * inverse_det
-        params[i, CONIC_B] = -cov_b * inverse_det
-        params[i, CONIC_C] = cov_a * inverse_det
-        params[i, OPACITY] = opacity[i]
-        params[i, DEPTH] = depth
-        params[i, HALF_HEIGHT] = half_h
-        tiles[i, 0] = u0 // TILE
-        tiles[i, 1] = u1 // TILE
-        tiles[i, 2] = v0 // TILE
-        tiles[i, 3] = v1 // TILE
+        params[n_visible, U] = u
+        params[n_visible, V] = v
+        params[n_visible, CONIC_A] = cov_c * inverse_det
+        params[n_visible, CONIC_B] = -cov_b * inverse_det
+        params[n_visible, CONIC_C] = cov_a * inverse_det
+        params[n_visible, OPACITY] = opacity[i]
+        params[n_visible, DEPTH] = depth
+        params[n_visible, HALF_HEIGHT] = half_h
+        tiles[n_visible, 0] = u0 // TILE
+        tiles[n_visible, 1] = u1 // TILE
+        tiles[n_visible, 2] = v0 // TILE
+        tiles[n_visible, 3] = v1 // TILE
         bits[0] = depth
         bits[1] = u
         bits[2] = v
@@ -110,12 +112,11 @@ def project_kernel(
 
 
 @njit(cache=True, nogil=True)
-def bin_kernel(order, tiles, tiles_x, offsets, entries, fill):
-    """List per tile the Gaussians that touch it, front to back. First call with fill=False."""
+def bin_kernel(tiles, tiles_x, offsets, entries, fill):
+    """List per tile the Gaussians that touch it, in their order. First call with fill=False."""
     if not fill:
         offsets[:] = 0
-        for k in range(order.size):
-            g = order[k]
+        for g in range(tiles.shape[0]):
             for ty in range(tiles[g, 2], tiles[g, 3] + 1):
                 for tx in range(tiles[g, 0], tiles[g, 1] + 1):
                     offsets[ty * tiles_x + tx + 1] += 1
@@ -123,8 +124,7 @@ def bin_kernel(order, tiles, tiles_x, offsets, entries, fill):
             offsets[t + 1] += offsets[t]
         return
     cursor = offsets[:-1].copy()
-    for k in range(order.size):
-        g = order[k]
+    for g in range(tiles.shape[0]):
         for ty in range(tiles[g, 2], tiles[g, 3] + 1):
             for tx in range(tiles[g, 0], tiles[g, 1] + 1):
                 t = ty * tiles_x + tx

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,16 +12,21 @@ from numpy.typing import NDArray
 from helios_objectmap import create, information_gain, splat
 from helios_objectmap.accumulate import accumulate
 from helios_objectmap.belief import believe
+from helios_objectmap.carve import sight
 from helios_objectmap.dirichlet import marginal
 from helios_objectmap.gaussians import NO_INSTANCE, GaussianStore
-from helios_objectmap.information_gain import Expected, Member
+from helios_objectmap.information_gain import Expected, Member, Rates
 from helios_objectmap.objects import InstanceGaussians, describe, gaussians_of
 from helios_objectmap.reading import OTHER_LABEL, Reading, read, without_held
-from helios_objectmap.registry import InstanceRegistry
+from helios_objectmap.registry import InstanceRegistry, Moment
 from helios_objectmap.reobserve import reobserved
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.view import View
-from helios_objectmap.viewpoints import Viewpoints
+from helios_objectmap.viewpoints import NEVER, Look, Viewpoints
+
+SEEN_BEYOND_M = 1.0  # Gaussians this far beyond the depth that is used still cover what is behind
+HALF = 0.5
+WHOLE = 0.999  # sums of float32 shares that make a whole view
 
 
 @dataclass(frozen=True)
@@ -36,7 +41,10 @@ class UpdateReport:
 
 
 class ObjectMap:
-    """Sparse 3D Gaussian map of the objects of interest. Not thread-safe: its owner locks."""
+    """Sparse 3D Gaussian map of the objects of interest. Not thread-safe: its owner locks.
+
+    What an update costs follows what is in view, not the size of the map.
+    """
 
     def __init__(self, settings: ObjectMapSettings) -> None:
         self._settings = settings
@@ -44,15 +52,14 @@ class ObjectMap:
 
     def reset(self) -> None:
         """Forget everything."""
+        s = self._settings
         self._store = GaussianStore()
         self._registry = InstanceRegistry()
-        self._viewpoints = Viewpoints(
-            self._settings.viewpoint_moved_m, self._settings.viewpoint_turned_rad
-        )
+        self._viewpoints = Viewpoints(s.viewpoint_moved_m, s.viewpoint_turned_rad)
         self._context: SearchContext | None = None
         self._roles: dict[str, Role] = {}
-        self._columns: list[int] = []  # of the context's classes in the store
         self._updates = 0
+        self._described: dict[int, ObjectInstance | None] = {}  # None: too small to be reported
 
     def __len__(self) -> int:
         return len(self._store)
@@ -63,31 +70,37 @@ class ObjectMap:
         """Ask for the classes of a context from now on; what is known of others stays."""
         if context == self._context:
             return
+        store = self._store
+        voxels = {
+            r.class_name: self._voxel_m(r.class_name) for r in self._registry.records.values()
+        }
         self._context = context
-        self._columns = [self._store.column(c.name) for c in context.classes]
-        self._roles.update({c.name: c.role for c in context.classes})
-        self._believe(np.arange(len(self._store)))
-        self._cluster(set(range(len(self._store.class_names))))
+        for c in context.classes:
+            store.column(c.name)
+            self._roles[c.name] = c.role
+        lost = {
+            label
+            for label, record in self._registry.records.items()
+            if self._voxel_m(record.class_name) != voxels[record.class_name]
+        }
+        self._believe(np.arange(len(store)), lost)
+        self._described.clear()
 
     def update(
         self, observation: Observation, context: SearchContext, held: str = ""
     ) -> UpdateReport:
-        """Integrate one observation made for a context. held: class name of what the robot holds.
-
-        Geometry always updates; evidence counts once per viewpoint (viewpoints.py).
-        """
+        """Integrate one observation made for a context. held: class of what the robot holds."""
         self.set_context(context)
         s, store = self._settings, self._store
-        reading = read(observation, context, s.stride_px, s.min_depth_m, s.max_depth_m)
-        if held:
-            reading = without_held(reading, context, held, s.held_object_m)
-
+        reading = without_held(
+            read(observation, context, s.stride_px, s.min_depth_m, s.max_depth_m),
+            context, held, s.held_object_m,
+        )  # fmt: skip
+        look = self._viewpoints.look(reading.view.T_world_cam)
         projection = self._project(reading.view)
-        changed, carved = set(), 0
+        carved, lost = 0, set()
         if s.creation_rule != "paper":
-            through = create.seen_through(projection, reading.depth_m, s.carve_front_m)
-            changed, carved = set(store.believed[through].tolist()), len(through)
-            store.remove(through)
+            carved, lost = self._carve(projection, reading, look)
             if carved:
                 projection = self._project(reading.view)
         rendering = splat.render(projection)
@@ -100,9 +113,9 @@ class ObjectMap:
             reading.depth_m, rendering, created_mask, s.reobserve_agreement_m, s.closing_px
         )
         labels = np.where(seen, reading.labels, -1).astype(np.int32)
-        changed, fused = self._fuse(projection, labels, reading.view, changed)
+        fused = self._fuse(projection, labels, look, lost, observation.frame.stamp_ns)
         self._updates += 1
-        return UpdateReport(created, carved, len(projection.visible), fused, len(store))
+        return UpdateReport(created, carved, len(projection.rows), fused, len(store))
 
     def retire(self, instance_id: int) -> int:
         """Remove an object that was picked; the number of Gaussians removed, 0 if unknown.
@@ -110,16 +123,16 @@ class ObjectMap:
         Everything in its box that is not believed to be a receptacle goes with it.
         """
         store = self._store
-        member = store.instance == instance_id
-        if instance_id == NO_INSTANCE or not member.any():
+        member = store.instances.rows_of(np.array([instance_id]))
+        if not len(member):
             return 0
         low, high = store.means[member].min(axis=0), store.means[member].max(axis=0)
-        inside = ((store.means >= low) & (store.means <= high)).all(axis=1)
+        near = store.blocks.near(store.means[member], float((high - low).max()))
+        inside = ((store.means[near] >= low) & (store.means[near] <= high)).all(axis=1)
         receptacles = [i for i, name in enumerate(store.class_names) if self._is_receptacle(name)]
-        gone = np.flatnonzero(member | (inside & ~np.isin(store.believed, receptacles)))
-        changed = set(store.believed[gone].tolist())
-        store.remove(gone)
-        self._cluster(changed)
+        inside &= ~np.isin(store.believed[near], receptacles)
+        gone = np.union1d(member, near[inside])
+        self._recluster(gone[:0], self._remove(gone))
         return len(gone)
 
     def nearest_object(self, point_m: NDArray[np.float64], within_m: float) -> int | None:
@@ -136,16 +149,15 @@ class ObjectMap:
 
     def objects(self) -> tuple[ObjectInstance, ...]:
         """All instances with enough Gaussians, by id."""
-        store = self._store
-        rows = np.flatnonzero(store.instance != NO_INSTANCE)
-        rows = rows[np.argsort(store.instance[rows], kind="stable")]
-        labels, starts = np.unique(store.instance[rows], return_index=True)
-        groups = np.split(rows, starts[1:]) if len(rows) else []
-        return tuple(
-            self._describe(int(label), group)
-            for label, group in zip(labels, groups, strict=True)
-            if len(group) >= self._settings.min_gaussians
-        )
+        known = self._described
+        for label in self._registry.records.keys() - known.keys():
+            known[label] = self._describe(label)
+        return tuple(o for _, o in sorted(known.items()) if o is not None)
+
+    def history(self, instance_id: int) -> tuple[Moment, ...]:
+        """How the belief in an instance went, oldest first; empty where there is no such one."""
+        record = self._registry.records.get(instance_id)
+        return tuple(record.history) if record is not None else ()
 
     def what_if(
         self, instance_id: int, class_name: str, views: Sequence[View]
@@ -156,8 +168,8 @@ class ObjectMap:
         all together, or None where there is no such instance or class.
         """
         store, s = self._store, self._settings
-        rows = np.flatnonzero(store.instance == instance_id)
-        if instance_id == NO_INSTANCE or not len(rows) or class_name not in store.class_names:
+        rows = store.instances.rows_of(np.array([instance_id]))
+        if not len(rows) or class_name not in store.class_names:
             return None
         column = store.class_names.index(class_name)
         columns = self._columns if column in self._columns else [*self._columns, column]
@@ -172,22 +184,61 @@ class ObjectMap:
             member,
             columns.index(column),
             [view.strided(s.stride_px) for view in views],
-            s.prior_concentration,
-            s.alpha_cpa,
-            s.alpha_cs,
+            Rates(
+                s.prior_concentration,
+                s.alpha_cpa,
+                s.alpha_cs,
+                HALF if s.assumption == "50-50" else 0.0,
+            ),
             s.max_depth_m,
         )
 
     def gaussians(self, instance_id: int | None = None) -> InstanceGaussians:
         """Copies of the Gaussians of an instance, or of all instances."""
-        instance = self._store.instance
-        member = instance != NO_INSTANCE if instance_id is None else instance == instance_id
-        return gaussians_of(self._store, np.flatnonzero(member), self._settings.prior_concentration)
+        if instance_id is None:
+            rows = np.flatnonzero(self._store.instance != NO_INSTANCE)
+        else:
+            rows = self._store.instances.rows_of(np.array([instance_id]))
+        return gaussians_of(self._store, rows, self._settings.prior_concentration)
 
     # Parts --------------------------------------------------------------------------------------
 
+    @property
+    def _columns(self) -> list[int]:
+        """Of the context's classes in the store."""
+        return [self._store.class_names.index(name) for name in self._names]
+
+    @property
+    def _names(self) -> list[str]:
+        return [c.name for c in self._context.classes] if self._context is not None else []
+
     def _project(self, view: View) -> splat.Projection:
-        return splat.project(self._store.means, self._store.radius_m, self._store.opacity, view)
+        store, far_m = self._store, self._settings.max_depth_m + SEEN_BEYOND_M
+        rows = store.seen_by(view, far_m)
+        return splat.project(store.means, store.radius_m, store.opacity, view, rows, far_m)
+
+    def _carve(
+        self, projection: splat.Projection, reading: Reading, look: Look
+    ) -> tuple[int, set[int]]:
+        """Fade what is seen through, remove it once enough views did, restore what is there.
+
+        Returns how many were removed, and the labels of the instances that lost some.
+        """
+        s, store = self._settings, self._store
+        seen = sight(projection, reading.depth_m, s.carve_front_m)
+        there = projection.rows[seen.there]
+        there = there[store.through[there] > 0]
+        store.through[there], store.through_from[there] = 0, NEVER
+        through = projection.rows[seen.through]
+        share = self._viewpoints.between(look, store.through_from[through])
+        counted = through[share > 0]
+        store.through[counted] += share[share > 0]
+        store.through_from[counted] = look.viewpoint
+        for rows in (there, counted):
+            left = np.maximum(1 - store.through[rows] / s.carve_views, 0)
+            store.opacity[rows] = s.opacity * left
+        gone = through[store.through[through] >= WHOLE * s.carve_views]
+        return len(gone), self._remove(gone)
 
     def _creation_mask(self, reading: Reading, rendering: splat.Rendering) -> NDArray[np.bool_]:
         detected = reading.labels != OTHER_LABEL
@@ -209,38 +260,56 @@ class ObjectMap:
         self,
         projection: splat.Projection,
         labels: NDArray[np.int32],
-        view: View,
-        changed: set[int],
-    ) -> tuple[set[int], int]:
-        """Take the evidence of a view and renew the instances of the classes it changed."""
-        store = self._store
-        names = [store.class_names[c] for c in self._columns]
+        look: Look,
+        lost: set[int],
+        stamp_ns: int,
+    ) -> int:
+        """Take the evidence of a view and renew the instances that it changed."""
+        store, names = self._store, self._names
         kappa = splat.kappa_sums(projection, labels, 1 + len(names))
-        rows = np.flatnonzero(kappa.any(axis=1))
-        viewpoint = self._viewpoints.match(view.T_world_cam)
-        counts = self._viewpoints.counts(viewpoint, names, store.born[rows])
-        takes = counts.any(axis=1)
-        rows, kappa, counts = rows[takes], kappa[rows[takes]], counts[takes]
-        self._viewpoints.mark(viewpoint, names, self._updates)
-        accumulate(store, rows, kappa, self._columns, counts, self._settings.alpha_cpa)
-        changed = changed | self._believe(rows)
-        self._cluster(changed)
-        self._registry.note_view(viewpoint, store.instance[rows], kappa, names)
-        return changed, len(rows)
+        rows = projection.rows
+        weights = self._viewpoints.weights(look, names, store.born[rows])
+        takes = np.flatnonzero(kappa.any(axis=1) & weights.any(axis=1))
+        rows, kappa, weights = rows[takes], kappa[takes], weights[takes]
+        self._viewpoints.mark(look, names, self._updates)
+        accumulate(store, rows, kappa, self._columns, weights, self._settings.alpha_cpa)
+        self._believe(rows, lost)
+        self._registry.note_view(store.instance[rows], kappa, weights, names)
+        seen = np.unique(store.instance[rows]).tolist()
+        self._note_moments([label for label in seen if label != NO_INSTANCE], stamp_ns)
+        return len(rows)
 
-    def _believe(self, rows: NDArray[np.integer]) -> set[int]:
-        """Renew the beliefs of rows; returns the columns whose members changed."""
+    def _note_moments(self, labels: list[int], stamp_ns: int) -> None:
+        """Add to the history of instances that took evidence; they are described anew."""
+        for label in labels:
+            self._described[label] = o = self._describe(label)
+            record = self._registry.records[label]
+            if o is not None:
+                record.note(Moment(stamp_ns, record.views, o.score, o.class_score))
+
+    def _remove(self, rows: NDArray[np.integer]) -> set[int]:
+        """Remove rows; returns the labels of the instances that lost some."""
+        if not len(rows):
+            return set()
+        lost = set(np.unique(self._store.instance[rows]).tolist())
+        self._store.remove(rows)
+        return lost
+
+    def _believe(self, rows: NDArray[np.integer], lost: set[int]) -> None:
+        """Renew the beliefs of rows, and the instances that this or a loss changes."""
         store = self._store
         prior = self._settings.prior_concentration
         new = believe(store.positive[rows], store.asked[rows], self._columns, prior)
-        old = store.believed[rows]
-        differs = np.flatnonzero(new != old)
-        store.believed[rows[differs]] = new[differs]
-        store.instance[rows[differs]] = NO_INSTANCE
-        return set(old[differs].tolist()) | set(new[differs].tolist())
+        differs = np.flatnonzero(new != store.believed[rows])
+        changed = rows[differs]
+        lost = lost | set(np.unique(store.instance[changed]).tolist())
+        store.believed[changed] = new[differs]
+        store.instances.move(changed, NO_INSTANCE)
+        self._recluster(changed, lost)
 
-    def _cluster(self, columns: set[int]) -> None:
-        self._registry.cluster(self._store, sorted(columns), self._voxel_m)
+    def _recluster(self, rows: NDArray[np.integer], lost: Iterable[int]) -> None:
+        for label in self._registry.cluster(self._store, rows, lost, self._voxel_m):
+            self._described.pop(label, None)
 
     def _is_receptacle(self, class_name: str) -> bool:
         return self._roles[class_name].is_receptacle
@@ -249,11 +318,13 @@ class ObjectMap:
         s = self._settings
         return s.receptacle_voxel_m if self._is_receptacle(class_name) else s.object_voxel_m
 
-    def _describe(self, label: int, rows: NDArray[np.integer]) -> ObjectInstance:
+    def _describe(self, label: int) -> ObjectInstance | None:
         store, s = self._store, self._settings
+        rows = store.instances.rows_of(np.array([label]))
+        if len(rows) < s.min_gaussians:
+            return None
         record = self._registry.records[label]
-        names = [store.class_names[c] for c in self._columns]
-        columns = list(self._columns)
+        names, columns = list(self._names), list(self._columns)
         if record.class_name not in names:
             names.append(record.class_name)
             columns.append(store.class_names.index(record.class_name))
@@ -261,6 +332,6 @@ class ObjectMap:
             store.positive[rows][:, columns],
             store.asked[rows][:, columns],
             s.prior_concentration,
-            len(self._columns) + 1,
+            len(self._names) + 1,
         )
         return describe(label, record, store.means[rows], mean, deviation, names, s.alpha_cs)

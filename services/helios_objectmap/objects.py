@@ -60,12 +60,12 @@ def describe(
         score=scored.psi,
         class_score=scored.class_score,
         uncertainty=scored.uncertainty,
-        views=len(record.views),
+        views=round(record.views),
         gaussians=len(means),
         probabilities=probabilities,
         top_m=float(solid[:, 2].max()),
         outline_m=outline(solid),
-        detection_rate=len(record.detected) / max(1, len(record.views)),
+        detection_rate=record.detected / record.views if record.views else 0.0,
     )
 
 

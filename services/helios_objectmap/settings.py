@@ -39,6 +39,11 @@ class ObjectMapSettings(ServiceSettings):
         default=1.0, ge=0, description="Weight of the uncertainty in a score (eq. 7)."
     )
 
+    assumption: Literal["optimistic", "50-50"] = Field(
+        default="optimistic",
+        description="What a what-if expects of a view: the class, or half of it something else.",
+    )
+
     creation_rule: Literal["noise-scaled", "paper"] = Field(
         default="noise-scaled",
         description="noise-scaled creates and carves by depth noise; paper: literal",
@@ -51,7 +56,12 @@ class ObjectMapSettings(ServiceSettings):
         default=0.05, gt=0, description="A surface this far in front of the model is new."
     )
     carve_front_m: float = Field(
-        default=0.10, gt=0, description="A Gaussian this far in front of what is measured is gone."
+        default=0.10,
+        gt=0,
+        description="A Gaussian this far in front of what is measured is seen through.",
+    )
+    carve_views: float = Field(
+        default=2.0, gt=0, description="Distinct views that see through a Gaussian to remove it."
     )
     reobserve_agreement_m: float = Field(
         default=0.5, gt=0, description="Depth difference up to which a pixel is seen again."
@@ -62,12 +72,12 @@ class ObjectMapSettings(ServiceSettings):
 
     # The paper has one observation a step, and its smallest step is 0.1 m or 5 degrees: just below.
     viewpoint_moved_m: float = Field(
-        default=0.08, gt=0, description="A view counts anew when the camera moved this far, metres."
+        default=0.08, gt=0, description="A view counts in full when the camera moved this far, m."
     )
     viewpoint_turned_rad: float = Field(
         default=math.radians(4),
         gt=0,
-        description="A view counts anew when the camera turned this much.",
+        description="A view counts in full when the camera turned this much.",
     )
 
     object_voxel_m: float = Field(

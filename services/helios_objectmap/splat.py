@@ -27,23 +27,23 @@ Float32 = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Projection:
-    """Gaussians as one view sees them; rows of the arrays are rows of the store."""
+    """Gaussians as one view sees them: those that touch the image, near to far."""
 
     width: int
     height: int
-    params: Float32  # [n, 8] u, v, conic a b c, opacity, depth_m, half height; see kernels.py
-    visible: NDArray[np.int32]  # [k] rows that touch the image, near to far
+    rows: NDArray[np.int32]  # [k] which of the Gaussians given
+    params: Float32  # [k, 8] u, v, conic a b c, opacity, depth_m, half height; see kernels.py
     offsets: NDArray[np.int64]  # [tiles + 1] into entries
-    entries: NDArray[np.int32]  # Gaussians of each tile, near to far
+    entries: NDArray[np.int32]  # those of the k on each tile, near to far
 
     @property
     def depth_m(self) -> Float32:
-        """[n] distance along the optical axis; only rows in `visible` hold a value."""
+        """[k] distance along the optical axis."""
         return self.params[:, kernels.DEPTH]
 
     @property
     def uv(self) -> Float32:
-        """[n, 2] projected centres in pixels; only rows in `visible` hold a value."""
+        """[k, 2] projected centres in pixels."""
         return self.params[:, kernels.U : kernels.V + 1]
 
 
@@ -56,13 +56,23 @@ class Rendering:
     features: Float32  # [c, h, w] sums of kappa * feature, not divided by the coverage
 
 
-def project(means: Float32, radius_m: Float32, opacity: Float32, view: View) -> Projection:
+def project(
+    means: Float32,
+    radius_m: Float32,
+    opacity: Float32,
+    view: View,
+    rows: NDArray[np.int32] | None = None,
+    far_m: float = FAR_M,
+) -> Projection:
     """Project Gaussians into a view and order them by depth.
 
-    means: [n, 3] world, metres; radius_m, opacity: [n]. Equal depths are ordered by the projected
-    centre, so the order of the rows never changes a pixel.
+    means: [n, 3] world, metres; radius_m, opacity: [n]; rows: the ones to look at, default all.
+    Equal depths are ordered by the projected centre, so the order of the rows never changes a
+    pixel.
     """
-    n = len(means)
+    if rows is None:
+        rows = np.arange(len(means), dtype=np.int32)
+    n = len(rows)
     width, height = view.width, view.height
     params = np.empty((n, kernels.N_PARAMETERS), np.float32)
     tiles = np.empty((n, 4), np.int32)
@@ -70,6 +80,7 @@ def project(means: Float32, radius_m: Float32, opacity: Float32, view: View) -> 
     visible = np.empty(n, np.int32)
     f4 = np.float32
     count = kernels.project_kernel(
+        rows,
         means,
         radius_m,
         opacity,
@@ -81,24 +92,25 @@ def project(means: Float32, radius_m: Float32, opacity: Float32, view: View) -> 
         width,
         height,
         f4(NEAR_M),
-        f4(FAR_M),
+        f4(far_m),
         f4(LOW_PASS_PX2),
         params,
         tiles,
         keys,
         visible,
     )
-    order = visible[:count][np.argsort(keys[:count], kind="stable")]
+    order = np.argsort(keys[:count], kind="stable")
+    tiles = tiles[order]
     tiles_x, tiles_y = -(-width // kernels.TILE), -(-height // kernels.TILE)
     offsets = np.empty(tiles_x * tiles_y + 1, np.int64)
-    kernels.bin_kernel(order, tiles, tiles_x, offsets, visible, False)
+    kernels.bin_kernel(tiles, tiles_x, offsets, visible, False)
     entries = np.empty(int(offsets[-1]), np.int32)
-    kernels.bin_kernel(order, tiles, tiles_x, offsets, entries, True)
-    return Projection(width, height, params, order, offsets, entries)
+    kernels.bin_kernel(tiles, tiles_x, offsets, entries, True)
+    return Projection(width, height, visible[order], params[order], offsets, entries)
 
 
 def render(projection: Projection, features: Float32 | None = None) -> Rendering:
-    """Blend depth and, if given, features [n, c] over the image (eq. 1)."""
+    """Blend depth and, if given, features [k, c] of `projection.rows` over the image (eq. 1)."""
     channels = np.ascontiguousarray(
         projection.depth_m[:, None]
         if features is None
@@ -124,9 +136,10 @@ def render(projection: Projection, features: Float32 | None = None) -> Rendering
 
 
 def kappa_sums(projection: Projection, labels: NDArray[np.int32], n_labels: int) -> Float32:
-    """Sum kappa(p, n) over the pixels of each label: the sum of eq. 3, [n, n_labels].
+    """Sum kappa(p, n) over the pixels of each label: the sum of eq. 3, [k, n_labels].
 
-    labels: [h, w]; pixels with a negative label are left out.
+    Rows of the sums are those of `projection.rows`. labels: [h, w]; pixels with a negative label
+    are left out.
     """
     entries = projection.entries
     partial = np.zeros((len(entries), n_labels), np.float32)

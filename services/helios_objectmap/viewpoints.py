@@ -1,18 +1,35 @@
-"""Views, not frames: which evidence a frame may give.
+"""Views, not frames: how much evidence a frame may give.
 
-A camera that rests on a false detection would outvote every other view. Viewpoints are poses that
-differ from each other by a set distance or a set turn; a frame belongs to the nearest one it does
-not differ from, or becomes a new one. What a viewpoint shows is the same each time, so it counts
-once for each Gaussian and class: a Gaussian takes evidence for a class from a viewpoint only if it
-was made after that viewpoint last counted for that class.
+A camera that rests on a false detection would outvote every other view. So a view weighs as much
+as it differs from the views that have counted before: nothing from where one has counted, all from
+a set distance or turn away, and in proportion between. Along a path the weights add up to its
+length over that distance, so a camera at 5 Hz and one at 30 Hz tell the same (as long as the
+slower one's steps are no longer than that distance, where a weight ends at 1).
+
+What a viewpoint shows is the same each time, so it counts once for each Gaussian and class: only
+viewpoints that counted for the class since the Gaussian was made take weight from a view.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 NEVER = -1
+# Below this share of the set distance or turn a pose is the same: trembling adds up to nothing.
+SAME = 0.25
+MOST = 16_384  # at least 300 m of path; the oldest viewpoints are forgotten, and may count again
+
+
+@dataclass(frozen=True)
+class Look:
+    """A pose among the viewpoints."""
+
+    viewpoint: int  # the number of the viewpoint that it belongs to
+    near: NDArray[np.intp]  # [k] viewpoints that it does not wholly differ from
+    difference: NDArray[np.float64]  # [k] from each of them, in shares of the set distance or turn
 
 
 class Viewpoints:
@@ -20,50 +37,78 @@ class Viewpoints:
 
     def __init__(self, moved_m: float, turned_rad: float) -> None:
         self._moved_m = moved_m
-        self._cos_turned = float(np.cos(turned_rad))
-        self._n = 0
+        self._turned_rad = turned_rad
+        self._made = 0  # viewpoints so far, the forgotten ones included
         self._positions = np.empty((16, 3))
         self._rotations = np.empty((16, 3, 3))
         self._last: dict[str, NDArray[np.int64]] = {}
 
     def __len__(self) -> int:
-        return self._n
+        return min(self._made, MOST)
 
-    def match(self, T_world_cam: NDArray[np.float64]) -> int:
-        """Number of the viewpoint a pose belongs to; a pose that differs from all is a new one."""
+    def look(self, T_world_cam: NDArray[np.float64]) -> Look:
+        """Where a pose stands; one that differs from all viewpoints becomes a new one."""
+        difference = self._differences(T_world_cam)
+        nearest = int(np.argmin(difference)) if len(difference) else NEVER
+        near = np.flatnonzero(difference < 1)
+        if nearest == NEVER or difference[nearest] >= SAME:
+            nearest = self._new(T_world_cam)
+            near = near[near != nearest]  # where it takes the place of a forgotten one
+        return Look(nearest, near, difference[near])
+
+    def weights(
+        self, look: Look, class_names: list[str], born: NDArray[np.int64]
+    ) -> NDArray[np.float32]:
+        """Share in [0, 1] of its evidence that a look gives to Gaussians born [n]: [n, classes]."""
+        out = np.empty((len(born), len(class_names)), np.float32)
+        for j, name in enumerate(class_names):
+            last = self._last_of(name)[look.near]
+            order = np.argsort(last, kind="stable")
+            # Least difference among those that counted at an update or later, per update.
+            least = np.minimum.accumulate(look.difference[order][::-1])[::-1]
+            share = np.append(np.where(least < SAME, 0.0, least), 1.0)
+            out[:, j] = share[np.searchsorted(last[order], born)]
+        return out
+
+    def mark(self, look: Look, class_names: list[str], update: int) -> None:
+        """Note that a look counted for these classes at this update."""
+        for name in class_names:
+            self._last_of(name)[look.viewpoint] = update
+
+    def between(self, look: Look, viewpoints: NDArray[np.integer]) -> NDArray[np.float64]:
+        """Difference [n] in [0, 1] of a look from some viewpoints [n]; from NEVER it is 1."""
+        known = np.ones(len(self) + 1)  # the last one is that of NEVER
+        known[look.near] = look.difference
+        known[look.viewpoint] = 0.0
+        return np.minimum(known[viewpoints], 1.0)
+
+    def _differences(self, T_world_cam: NDArray[np.float64]) -> NDArray[np.float64]:
+        """[viewpoints] share moved plus share turned: as a robot that first moves, then turns."""
+        n = len(self)
         position, rotation = T_world_cam[:3, 3], T_world_cam[:3, :3]
-        known_positions = self._positions[: self._n]
-        distance = np.linalg.norm(known_positions - position, axis=1)
-        near = np.flatnonzero(distance < self._moved_m)
-        if len(near):
-            # cos of the angle between two rotations: (trace(A^T B) - 1) / 2
-            cos = (np.einsum("nij,ij->n", self._rotations[near], rotation) - 1) / 2
-            near = near[cos > self._cos_turned]
-        if len(near):
-            return int(near[np.argmin(distance[near])])
-        if self._n == len(self._positions):
+        out = np.linalg.norm(self._positions[:n] - position, axis=1) / self._moved_m
+        near = np.flatnonzero(out < 1)
+        # The angle between two rotations from their distance: |A - B|^2 = 8 sin^2(angle / 2).
+        chord = np.linalg.norm(self._rotations[near] - rotation, axis=(1, 2))
+        turned = 2 * np.arcsin(np.minimum(chord / np.sqrt(8), 1))
+        out[near] += turned / self._turned_rad
+        return out
+
+    def _new(self, T_world_cam: NDArray[np.float64]) -> int:
+        number = self._made % MOST
+        if number >= len(self._positions):
             self._positions = np.concatenate([self._positions, np.empty_like(self._positions)])
             self._rotations = np.concatenate([self._rotations, np.empty_like(self._rotations)])
-        self._positions[self._n] = position
-        self._rotations[self._n] = rotation
-        self._n += 1
-        return self._n - 1
-
-    def counts(
-        self, viewpoint: int, class_names: list[str], born: NDArray[np.int64]
-    ) -> NDArray[np.bool_]:
-        """Whether Gaussians born [n] take evidence from this viewpoint, [n, classes]."""
-        last = np.array([self._last_of(name)[viewpoint] for name in class_names], np.int64)
-        return born[:, None] > last[None, :]
-
-    def mark(self, viewpoint: int, class_names: list[str], update: int) -> None:
-        """Note that the viewpoint counted for these classes at this update."""
-        for name in class_names:
-            self._last_of(name)[viewpoint] = update
+        self._positions[number] = T_world_cam[:3, 3]
+        self._rotations[number] = T_world_cam[:3, :3]
+        for last in self._last.values():
+            last[number : number + 1] = NEVER
+        self._made += 1
+        return number
 
     def _last_of(self, class_name: str) -> NDArray[np.int64]:
         last = self._last.get(class_name, np.empty(0, np.int64))
-        if len(last) < self._n:
+        if len(last) < len(self):
             grown = np.full(len(self._positions), NEVER, np.int64)
             grown[: len(last)] = last
             last = self._last[class_name] = grown

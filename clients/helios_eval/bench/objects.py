@@ -50,7 +50,8 @@ def render(n: int = 50_000) -> Row:
     c = CAMERA
 
     def ours(_: int) -> NDArray[np.float32]:
-        return splat.render(splat.project(means, radius, opacity, view), features).features
+        projection = splat.project(means, radius, opacity, view)
+        return splat.render(projection, features[projection.rows]).features
 
     def peer(_: int) -> torch.Tensor:
         with torch.no_grad():

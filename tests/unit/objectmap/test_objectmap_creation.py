@@ -1,15 +1,12 @@
-"""Creation, carving, re-observation and viewpoints."""
+"""Creation, seeing through, re-observation."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from helios_objectmap import create, splat
+from helios_objectmap.carve import sight
 from helios_objectmap.reobserve import reobserved
 from helios_objectmap.view import View
-from helios_objectmap.viewpoints import Viewpoints
-from objectmap_scene import looking_at, pose
 
 SHAPE = (24, 32)
 VIEW = View(30.0, 30.0, 15.5, 11.5, 32, 24, np.eye(4))
@@ -61,22 +58,32 @@ def one_gaussian(z: float) -> splat.Projection:
     return splat.project(mean, np.array([0.03], np.float32), np.array([0.99], np.float32), VIEW)
 
 
+def through(z: float, depth, front_m: float = 0.10) -> list[int]:
+    return sight(one_gaussian(z), depth, front_m).through.tolist()
+
+
 def test_a_gaussian_is_seen_through_beyond_10_cm_only():
-    assert create.seen_through(one_gaussian(1.0), measured(1.2), 0.10).tolist() == [0]
-    assert not len(create.seen_through(one_gaussian(1.0), measured(1.08), 0.10))
-    assert not len(create.seen_through(one_gaussian(1.0), measured(0.5), 0.10))
+    assert through(1.0, measured(1.2)) == [0]
+    assert not through(1.0, measured(1.08))
+    assert not through(1.0, measured(0.5))
 
 
-def test_invalid_depth_or_an_edge_beside_it_carves_nothing():
-    assert not len(create.seen_through(one_gaussian(1.0), measured(0.0), 0.10))
+def test_a_gaussian_is_there_where_a_surface_is_and_neither_behind_one_nor_unmeasured():
+    assert sight(one_gaussian(1.0), measured(1.05), 0.10).there.tolist() == [0]
+    for depth_m in (0.5, 1.2, 0.0):
+        assert not len(sight(one_gaussian(1.0), measured(depth_m), 0.10).there)
+
+
+def test_invalid_depth_or_an_edge_beside_it_is_not_seen_through():
+    assert not through(1.0, measured(0.0))
     depth = measured(2.0)
     depth[12, 17] = 1.0  # a neighbour still shows the surface
-    assert not len(create.seen_through(one_gaussian(1.0), depth, 0.10))
+    assert not through(1.0, depth)
 
 
-def test_far_away_noise_carves_nothing():
+def test_far_away_noise_is_not_seen_through():
     # At 5 m the noise is 4 cm: 15 cm of difference is no evidence.
-    assert not len(create.seen_through(one_gaussian(5.0), measured(5.15), 0.10))
+    assert not through(5.0, measured(5.15))
 
 
 def test_pixels_within_half_a_metre_are_seen_again_and_occluded_ones_are_not():
@@ -100,33 +107,3 @@ def test_created_pixels_count_as_seen():
     assert np.array_equal(
         reobserved(measured(2.0), rendering(0.0, coverage=0.0), created, 0.5, 1), created
     )
-
-
-def viewpoints() -> Viewpoints:
-    return Viewpoints(moved_m=0.1, turned_rad=math.radians(5))
-
-
-def test_a_small_step_or_turn_is_the_same_viewpoint_and_a_larger_one_is_new():
-    points = viewpoints()
-    assert points.match(pose()) == 0
-    assert points.match(pose(x=0.09)) == 0
-    assert points.match(pose(yaw=math.radians(4.9))) == 0
-    assert points.match(pose(x=0.11)) == 1
-    assert points.match(pose(yaw=math.radians(5.1))) == 2
-    assert points.match(pose(tilt=0.45 + math.radians(5.1))) == 3
-
-
-def test_coming_back_is_the_old_viewpoint():
-    points = viewpoints()
-    ids = [points.match(looking_at(0.3 * i, 0, (5, 0, 0.8))) for i in range(40)]
-    assert ids == list(range(40))
-    assert points.match(looking_at(0.0, 0, (5, 0, 0.8))) == 0
-
-
-def test_a_viewpoint_counts_once_per_class_and_for_gaussians_made_later():
-    points = viewpoints()
-    born = np.array([0, 7])
-    here = points.match(pose())
-    assert points.counts(here, ["mug"], born).all()
-    points.mark(here, ["mug"], update=3)
-    assert points.counts(here, ["mug", "bowl"], born).tolist() == [[False, True], [True, True]]

@@ -58,7 +58,8 @@ def scenes(draw: st.DrawFn, most: int = 60):
 def test_rendered_depth_coverage_and_features_match_the_reference(scene):
     means, radius, opacity = scene
     features = np.random.default_rng(0).uniform(0, 1, (len(means), 3)).astype(np.float32)
-    rendering = splat.render(splat.project(means, radius, opacity, VIEW), features)
+    projection = splat.project(means, radius, opacity, VIEW)
+    rendering = splat.render(projection, features[projection.rows])
     kappa = reference_kappa(means, radius, opacity, VIEW)
     assert np.abs(rendering.coverage - kappa.sum(-1)).max() < KAPPA_TOLERANCE
     expected = np.einsum("hwn,nc->chw", kappa, features)
@@ -73,7 +74,9 @@ def test_rendered_depth_coverage_and_features_match_the_reference(scene):
 def test_kappa_sums_match_the_reference(scene, seed):
     means, radius, opacity = scene
     labels = np.random.default_rng(seed).integers(-1, 3, (VIEW.height, VIEW.width)).astype(np.int32)
-    sums = splat.kappa_sums(splat.project(means, radius, opacity, VIEW), labels, 3)
+    projection = splat.project(means, radius, opacity, VIEW)
+    sums = np.zeros((len(means), 3), np.float32)
+    sums[projection.rows] = splat.kappa_sums(projection, labels, 3)
     kappa = reference_kappa(means, radius, opacity, VIEW)
     expected = np.stack([kappa[labels == c].sum(axis=0) for c in range(3)], axis=1)
     # Summed over up to hundreds of pixels, so relative to the sum.
@@ -96,11 +99,10 @@ def test_order_of_gaussians_and_equal_depths_do_not_change_a_pixel(scene, seed):
     means[:, 2] = np.round(means[:, 2], 1)  # many equal depths
     features = np.random.default_rng(1).uniform(0, 1, (len(means), 2)).astype(np.float32)
     shuffled = np.random.default_rng(seed).permutation(len(means))
-    a = splat.render(splat.project(means, radius, opacity, VIEW), features)
-    b = splat.render(
-        splat.project(means[shuffled], radius[shuffled], opacity[shuffled], VIEW),
-        features[shuffled],
-    )
+    one = splat.project(means, radius, opacity, VIEW)
+    a = splat.render(one, features[one.rows])
+    other = splat.project(means[shuffled], radius[shuffled], opacity[shuffled], VIEW)
+    b = splat.render(other, features[shuffled][other.rows])
     assert np.array_equal(a.features, b.features)
     assert np.array_equal(a.depth_m, b.depth_m)
 
@@ -108,7 +110,7 @@ def test_order_of_gaussians_and_equal_depths_do_not_change_a_pixel(scene, seed):
 def test_gaussian_behind_the_camera_or_outside_the_image_is_not_visible():
     means = np.array([[0, 0, -1], [50, 0, 1], [0, 0, 1]], np.float32)
     radius, opacity = np.full(3, 0.02, np.float32), np.full(3, 0.9, np.float32)
-    assert splat.project(means, radius, opacity, VIEW).visible.tolist() == [2]
+    assert splat.project(means, radius, opacity, VIEW).rows.tolist() == [2]
 
 
 def test_an_empty_map_renders_as_nothing():

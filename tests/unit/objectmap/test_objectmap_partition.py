@@ -1,0 +1,121 @@
+"""Clustering only what an update touched gives the partition of clustering everything."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
+from helios_objectmap.instances import components
+from helios_objectmap.registry import InstanceRegistry
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+VOXEL_M = {"mug": 0.07, "table": 0.5, "shelf": 0.9}
+CLASSES = list(VOXEL_M)
+
+
+def parts(rows, labels):
+    return {frozenset(rows[labels == c].tolist()) for c in np.unique(labels)}
+
+
+class Scene:
+    """A store whose Gaussians change class, come and go at random."""
+
+    def __init__(self, seed: int) -> None:
+        self.rng = np.random.default_rng(seed)
+        self.store, self.registry = GaussianStore(), InstanceRegistry()
+        for name in CLASSES:
+            self.store.column(name)
+
+    def change(self) -> None:
+        """Some come, some change their class, some go; then the instances are renewed."""
+        rng, store = self.rng, self.store
+        n = int(rng.integers(1, 25))
+        middle = rng.uniform(-1.5, 1.5, 3)
+        means = (middle + rng.normal(0, 0.15, (n, 3))).astype(np.float32)
+        store.append(means, np.full(n, 0.01, np.float32), 0.9, np.zeros((n, 3), np.uint8), 0)
+        gone = np.flatnonzero(rng.random(len(store)) < 0.1)
+        lost = set(store.instance[gone].tolist())
+        store.remove(gone)
+        new = store.believed.copy()
+        flips = rng.random(len(store)) < 0.2
+        new[flips] = rng.integers(OTHER, len(CLASSES), flips.sum())
+        changed = np.flatnonzero(new != store.believed)
+        lost |= set(store.instance[changed].tolist())
+        store.believed[changed] = new[changed]
+        store.instances.move(changed, NO_INSTANCE)
+        self.registry.cluster(store, changed, lost, VOXEL_M.__getitem__)
+
+    def check(self) -> None:
+        store = self.store
+        for column, name in enumerate(CLASSES):
+            rows = np.flatnonzero(store.believed == column)
+            everything = components(store.means[rows], VOXEL_M[name])
+            assert (store.instance[rows] != NO_INSTANCE).all()
+            assert parts(rows, store.instance[rows]) == parts(rows, everything)
+        assert (store.instance[store.believed == OTHER] == NO_INSTANCE).all()
+        present = set(np.unique(store.instance).tolist()) - {NO_INSTANCE}
+        assert present == set(self.registry.records)
+        for label in present:
+            column = store.believed[store.instances.rows_of(np.array([label]))[0]]
+            assert self.registry.records[label].class_name == CLASSES[column]
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 12))
+def test_the_partition_is_that_of_clustering_everything_after_any_changes(seed, changes):
+    scene = Scene(seed)
+    for _ in range(changes):
+        scene.change()
+        scene.check()
+
+
+def grown(means, order, voxel_m):
+    """The partition of points that come in some order, a few at a time."""
+    store, registry = GaussianStore(), InstanceRegistry()
+    store.column("mug")
+    for rows in np.array_split(order, 5):
+        n = len(rows)
+        new = store.append(
+            means[rows], np.full(n, 0.01, np.float32), 0.9, np.zeros((n, 3), np.uint8), 0
+        )
+        store.believed[new] = 0
+        registry.cluster(store, np.arange(new.start, new.stop), set(), lambda _: voxel_m)
+    labels = np.empty(len(means), np.int64)
+    labels[order] = store.instance
+    return parts(np.arange(len(means)), labels)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.07, 0.5]))
+def test_the_partition_does_not_depend_on_the_order_of_updates(seed, voxel_m):
+    rng = np.random.default_rng(seed)
+    means = rng.uniform(-1, 1, (120, 3)).astype(np.float32) * np.float32(voxel_m / 0.1)
+    assert grown(means, np.arange(120), voxel_m) == grown(means, rng.permutation(120), voxel_m)
+
+
+def test_what_is_far_from_a_change_keeps_its_label_and_is_not_touched():
+    store, registry = GaussianStore(), InstanceRegistry()
+    store.column("mug")
+    for x in (0.0, 2.0, 0.05):
+        at = np.full((3, 3), x, np.float32)
+        new = store.append(at, np.full(3, 0.01, np.float32), 0.9, np.zeros((3, 3), np.uint8), 0)
+        store.believed[new] = 0
+        rows = np.arange(new.start, new.stop)
+        touched = registry.cluster(store, rows, set(), lambda _: 0.07)
+    assert store.instance.tolist() == [1, 1, 1, 2, 2, 2, 1, 1, 1]
+    assert touched == {1}
+
+
+@pytest.mark.parametrize("views", [(3.0, 8.0), (8.0, 3.0)])
+def test_a_merged_instance_has_the_views_of_the_part_seen_most_often(views):
+    store, registry = GaussianStore(), InstanceRegistry()
+    store.column("mug")
+    for x, seen in ((0.0, views[0]), (0.2, views[1]), (0.1, None)):
+        at = np.full((2, 3), x, np.float32)
+        new = store.append(at, np.full(2, 0.01, np.float32), 0.9, np.zeros((2, 3), np.uint8), 0)
+        store.believed[new] = 0
+        registry.cluster(store, np.arange(new.start, new.stop), set(), lambda _: 0.07)
+        if seen is not None:
+            registry.records[int(store.instance[new][0])].views = seen
+    assert {k: r.views for k, r in registry.records.items()} == {1: 8.0}
