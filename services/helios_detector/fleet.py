@@ -17,6 +17,7 @@ from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.topics import CLAIM, CONTEXT, FRAME, KEYFRAME, status_topic
 
+from helios_detector.methods import NotYet
 from helios_detector.models import Models, load_models
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings
@@ -50,6 +51,7 @@ class Desk:
         self._ledger = Ledger()
         self._turn = threading.Lock()  # whoever holds it answers keyframes
         self._service: DetectorService | None = None
+        self._not_yet = NotYet(bus, self.health)
         self._told_s = 0.0
         self._closed = False
         self._keeper = threading.Thread(target=self._keep, name=f"keep {robot}", daemon=True)
@@ -81,11 +83,16 @@ class Desk:
                 owner, me = self._members.owner(self.robot), self._members.me
                 strangers = self._members.strangers
             if self._service is not None:
+                self._not_yet.close()
                 if owner == me:
                     self._service.methods.open()
                 else:
                     self._service.methods.close()
                 self._work()
+            elif owner is None:
+                self._not_yet.open()
+            else:
+                self._not_yet.close()
             if owner in (me, None):
                 self._report(strangers)
             time.sleep(TICK_S)

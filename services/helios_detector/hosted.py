@@ -7,6 +7,7 @@ import threading
 from helios_core.bus import Bus
 from helios_core.health import Health
 
+from helios_detector.methods import NotYet
 from helios_detector.models import load_models
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings
@@ -28,9 +29,12 @@ class Hosted:
     def _run(self) -> None:
         s = self._settings
         truth = BusTruth(self._bus, s.truth_timeout_s)
+        not_yet = NotYet(self._bus, self._health)
+        not_yet.open()
         models = load_models(s, truth, self._health, self._ending)
         if models is None:
-            return
+            return  # what is wrong goes on being said
+        not_yet.close()
         self._service = DetectorService(
             self._bus, models.detector, models.scorer, self._health, s.preview_quality, models.depth
         )

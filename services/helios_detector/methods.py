@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 
 from helios_core import proto as pb
 from helios_core.bus import Bus, Registration
 from helios_core.codec import embedding_to_proto
 from helios_core.codec.images import color_array
-from helios_core.errors import InvalidInput
+from helios_core.errors import InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.topics import EMBED_TEXT, ESTIMATE_DEPTH, VOCABULARY
 
@@ -19,11 +20,11 @@ from helios_detector.workload import Workload
 MOST_PROMPTS = 64
 
 
-class Methods:
-    """Served between `open` and `close`; both may be called again."""
+class Served(ABC):
+    """Methods that are served between `open` and `close`; both may be called again."""
 
-    def __init__(self, bus: Bus, analyst: Analyst, workload: Workload, health: Health) -> None:
-        self._bus, self._analyst, self._workload, self._health = bus, analyst, workload, health
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
         self._served: list[Registration] = []
 
     def open(self) -> None:
@@ -38,6 +39,43 @@ class Methods:
         served, self._served = self._served, []
         for registration in served:
             registration.close()
+
+    @abstractmethod
+    def vocabulary(self, _: pb.Empty) -> pb.VocabularyReply: ...
+
+    @abstractmethod
+    def embed_text(self, request: pb.EmbedTextRequest) -> pb.EmbedTextReply: ...
+
+    @abstractmethod
+    def estimate_depth(self, request: pb.DepthRequest) -> pb.DepthReply: ...
+
+
+class NotYet(Served):
+    """Until the models work: whoever asks is told what the detector waits for."""
+
+    def __init__(self, bus: Bus, health: Health) -> None:
+        super().__init__(bus)
+        self._health = health
+
+    def vocabulary(self, _: pb.Empty) -> pb.VocabularyReply:
+        raise self._reason()
+
+    def embed_text(self, request: pb.EmbedTextRequest) -> pb.EmbedTextReply:
+        raise self._reason()
+
+    def estimate_depth(self, request: pb.DepthRequest) -> pb.DepthReply:
+        raise self._reason()
+
+    def _reason(self) -> Unavailable:
+        return Unavailable(f"the detector is not ready: {self._health.state[1]}")
+
+
+class Methods(Served):
+    """Answered by the models."""
+
+    def __init__(self, bus: Bus, analyst: Analyst, workload: Workload, health: Health) -> None:
+        super().__init__(bus)
+        self._analyst, self._workload, self._health = analyst, workload, health
 
     def vocabulary(self, _: pb.Empty) -> pb.VocabularyReply:
         models = self._analyst.models

@@ -60,12 +60,12 @@ class DetectorService:
         self._refused: dict[str, str] = {}
         self._held: pb.Frame | None = None
         self._trouble = ""  # why the last keyframe could not be answered
-        self._tell_health()
         if listen:
-            bus.subscribe(CONTEXT, self.on_context)
-            self.methods.open()
             bus.subscribe(KEYFRAME, self.on_keyframe)
             bus.subscribe(FRAME, self.on_frame)
+            self.methods.open()
+            bus.subscribe(CONTEXT, self.on_context)
+        self._tell_health()  # ready: it listens
 
     @property
     def knows_context(self) -> bool:

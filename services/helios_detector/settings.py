@@ -56,24 +56,36 @@ class Settings(ServiceSettings):
     score_head: str = Field(
         default="itc", description="of BLIP-2: itc (contrastive, the paper's) or itm (matching)"
     )
-    threads: int = Field(1, ge=1, le=64, description="threads of one model run")
+    threads: int = Field(default=1, ge=1, le=64, description="threads of one model run")
     robots: str = Field(
         default="",
         description="names by comma: serve all of them, in place of robot; several detectors with "
         "the same names share the work",
     )
-    noise: str = Field("demo-v1", description="noise table of the simulated detector, or a file")
-    noise_seed: int = Field(0, description="seed of the simulated detector's errors")
+    noise: str = Field(
+        default="demo-v1", description="noise table of the simulated detector, or a file"
+    )
+    noise_seed: int = Field(default=0, description="seed of the simulated detector's errors")
     noise_level: float = Field(
-        1.0, ge=0, le=10, description="multiplies how often and how much it errs; 0: not at all"
+        default=1.0,
+        ge=0,
+        le=10,
+        description="multiplies how often and how much it errs; 0: not at all",
     )
     noise_correlation: float | None = Field(
-        None, ge=0, le=1, description="1: no error is redrawn per frame, 0: all; unset: the table's"
+        default=None,
+        ge=0,
+        le=1,
+        description="1: no error is redrawn per frame, 0: all; unset: the table's",
     )
     truth_timeout_s: float = Field(
-        3.0, gt=0, description="longest wait for the simulated world's truth of a frame"
+        default=3.0, gt=0, description="longest wait for the simulated world's truth of a frame"
     )
-    preview_quality: int = Field(80, ge=1, le=100, description="JPEG quality of previews, percent")
+    preview_quality: int = Field(
+        default=80, ge=1, le=100, description="JPEG quality of previews, percent"
+    )
     retry_s: float = Field(
-        2.0, gt=0, description="pause before a model that cannot load is retried; doubles to 60 s"
+        default=2.0,
+        gt=0,
+        description="pause before a model that cannot load is retried; doubles to 60 s",
     )

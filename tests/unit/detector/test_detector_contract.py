@@ -4,19 +4,26 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from detector_scene import SceneTruth, context_of
-from helios_core.codec import context_to_proto, frame_to_proto, observation_from_proto
+from detector_scene import SceneTruth, context_of, frame_of
+from helios_core.codec import (
+    context_to_proto,
+    frame_to_proto,
+    observation_from_proto,
+    observation_to_proto,
+)
 from helios_core.errors import Internal, InvalidInput
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION
-from helios_core.types import Detection
+from helios_core.types import Detection, Observation
 from helios_detector.backend import Findings, Judgement, Seen
 from helios_detector.boxes import box_of, near_box
 from helios_detector.contract import held_findings, held_judgement
 from helios_detector.ground_truth import GroundTruthDetector
 from helios_detector.scorer import LexicalScorer
 from helios_detector.service import DetectorService
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 SHAPE = (40, 60)
 
@@ -63,6 +70,26 @@ def test_a_box_is_widened_to_its_mask_because_only_what_is_in_it_is_sent():
     held, wrong = held_findings(Findings((detection(box=(10, 5, 15, 15)),), ()), SHAPE)
     assert held.detections[0].box_xyxy == (8, 5, 15, 15)
     assert wrong == {"boxes_widened": 1}
+
+
+@settings(deadline=None)
+@given(
+    score=st.floats(allow_nan=True, allow_infinity=True),
+    box=st.tuples(*[st.integers(-5, 65)] * 4),
+)
+def test_whatever_a_back_end_gives_can_be_sent_and_read(
+    score: float, box: tuple[int, int, int, int]
+):
+    frame = frame_of()
+    mask = np.zeros(frame.depth_m.shape, bool)
+    mask[8:12, 8:12] = True
+    held, _ = held_findings(
+        Findings((Detection("mug", score, box, mask),), ()), frame.depth_m.shape
+    )
+    sent = observation_to_proto(Observation(frame, "c", held.detections, {}, "d"))
+    for d in observation_from_proto(sent).detections:
+        assert 0 <= d.score <= 1
+        assert d.mask.sum() == 16
 
 
 def test_a_scorers_numbers_are_cut_and_what_is_none_is_a_fault():
