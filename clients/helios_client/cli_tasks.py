@@ -1,16 +1,20 @@
-"""`helios task`, `tasks`, `cancel`: what the robot shall do."""
+"""`helios task`, `tasks`, `pause`, `resume`, `cancel`: what the robot shall do."""
 
 from __future__ import annotations
 
 import sys
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from helios_client.options import Json, Key, Port, RobotName, Url, connect, console, print_json
 
+if TYPE_CHECKING:
+    from helios_client.tasks import Task
+
 app = typer.Typer()
 
+TaskId = Annotated[str, typer.Argument(help="of the task, or how it begins; see helios tasks")]
 TaskState = Literal["queued", "running", "paused", "succeeded", "failed", "cancelled"]
 
 
@@ -68,7 +72,7 @@ def tasks(
 
 @app.command()
 def cancel(
-    id: Annotated[str, typer.Argument(help="of the task, or how it begins; see helios tasks")],
+    id: TaskId,
     port: Port = 8080,
     url: Url = None,
     key: Key = None,
@@ -80,8 +84,45 @@ def cancel(
 
     with connect(port, url, key, robot) as helios:
         ended = helios.cancel(task_by_prefix(helios, id).id)
+    _print_task(ended, as_json)
+
+
+@app.command()
+def pause(
+    id: TaskId,
+    port: Port = 8080,
+    url: Url = None,
+    key: Key = None,
+    robot: RobotName = None,
+    as_json: Json = False,
+) -> None:
+    """Let a running task wait where it is, until helios resume."""
+    from helios_client.lists import task_by_prefix
+
+    with connect(port, url, key, robot) as helios:
+        task = helios.pause(task_by_prefix(helios, id).id)
+    _print_task(task, as_json)
+
+
+@app.command()
+def resume(
+    id: TaskId,
+    port: Port = 8080,
+    url: Url = None,
+    key: Key = None,
+    robot: RobotName = None,
+    as_json: Json = False,
+) -> None:
+    """Go on with a paused task."""
+    from helios_client.lists import task_by_prefix
+
+    with connect(port, url, key, robot) as helios:
+        task = helios.resume(task_by_prefix(helios, id).id)
+    _print_task(task, as_json)
+
+
+def _print_task(task: Task, as_json: bool) -> None:
     if as_json:
-        print_json(ended.raw)
+        print_json(task.raw)
     else:
-        what = "ended before" if ended.state in ("succeeded", "failed") else "is being cancelled"
-        print(f"task {ended.id} {'is cancelled' if ended.state == 'cancelled' else what}")
+        print(f"task {task.id} is {task.state}: {task.message}".removesuffix(": "))

@@ -69,6 +69,15 @@ def test_a_task_is_cancelled_by_its_id_or_how_that_begins(house: Served, helios:
     assert "has ended" in helios.error
 
 
+def test_a_task_is_paused_and_goes_on(house: Served, helios: Helios) -> None:
+    house.backend.submit(INSTRUCTION)
+    helios("pause", "t1", status=1)
+    assert "is queued, not running" in helios.error
+    house.backend.change_task("t1", "running", message="drives")
+    assert helios("pause", "t1") == "task t1 is paused: drives\n"
+    assert helios.json("resume", "t1")["state"] == "running"
+
+
 def test_a_stop_latches_is_seen_and_lifted(house: Served, helios: Helios) -> None:
     assert "helios clear-stop" in helios("stop", "--reason", "a child in the way")
     assert house.backend.stop_reason == "a child in the way"
