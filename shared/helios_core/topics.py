@@ -89,6 +89,11 @@ RETIRE = Method("objectmap/retire", pb.RetireRequest, pb.RetireReply)
 RETIRED = Topic("objectmap/retired", pb.Retired, QoS.NEVER_DROP)
 GAUSSIANS = Method("objectmap/gaussians", pb.GaussiansRequest, pb.GaussiansReply)
 RESET_OBJECTS = Method("objectmap/reset", pb.Empty, pb.Empty)
+SAVE_OBJECTS = Method("objectmap/save", pb.Empty, pb.ObjectMapFile)
+LOAD_OBJECTS = Method("objectmap/load", pb.ObjectMapFile, pb.ObjectMapLoaded)
+EXPORT_OBJECTS = Method("objectmap/export", pb.ExportRequest, pb.ExportReply)
+RENDER_OBJECTS = Method("objectmap/render", pb.RenderRequest, pb.RenderReply)
+OBJECT_DETAIL = Method("objectmap/detail", pb.ObjectRequest, pb.ObjectDetail)
 MAP2D_ACK = Topic("map2d/ack", pb.Ack, QoS.NEVER_DROP)
 SNAPSHOT = Method("map2d/snapshot", pb.SnapshotRequest, pb.MapSnapshot)
 PICTURE = Method("map2d/picture", pb.PictureRequest, pb.PictureReply)
@@ -144,7 +149,8 @@ TOPICS: tuple[Topic, ...] = (
 )  # fmt: skip
 METHODS: tuple[Method, ...] = (
     ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, PUSH, VOCABULARY, EMBED_TEXT, ESTIMATE_DEPTH, OBJECTS,
-    WHAT_IF, RETIRE, GAUSSIANS, RESET_OBJECTS, SNAPSHOT, PICTURE, SIGHT, RESET_MAP2D, SUBMIT,
+    WHAT_IF, RETIRE, GAUSSIANS, RESET_OBJECTS,
+    SAVE_OBJECTS, LOAD_OBJECTS, EXPORT_OBJECTS, RENDER_OBJECTS, OBJECT_DETAIL, SNAPSHOT, PICTURE, SIGHT, RESET_MAP2D, SUBMIT,
     GET_TASK, LIST_TASKS, CANCEL, PAUSE, RESUME, DECISIONS, WORLD_DESCRIBE, WORLD_STATE,
     WORLD_CAPTURE, WORLD_ACT, WORLD_STOP, WORLD_CLEAR_STOP, TRUTH_SEGMENTATION,
     TRUTH_EPISODE, TRUTH_METRICS,

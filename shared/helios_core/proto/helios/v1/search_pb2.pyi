@@ -128,20 +128,30 @@ class RetireRequest(_message.Message):
     def __init__(self, object_id: _Optional[int] = ..., point_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., radius_m: _Optional[float] = ..., reason: _Optional[str] = ...) -> None: ...
 
 class RetireReply(_message.Message):
-    __slots__ = ("retired_gaussians",)
+    __slots__ = ("retired_gaussians", "object_id", "class_name", "reason")
     RETIRED_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
+    OBJECT_ID_FIELD_NUMBER: _ClassVar[int]
+    CLASS_NAME_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
     retired_gaussians: int
-    def __init__(self, retired_gaussians: _Optional[int] = ...) -> None: ...
+    object_id: int
+    class_name: str
+    reason: str
+    def __init__(self, retired_gaussians: _Optional[int] = ..., object_id: _Optional[int] = ..., class_name: _Optional[str] = ..., reason: _Optional[str] = ...) -> None: ...
 
 class Retired(_message.Message):
-    __slots__ = ("request", "after", "retired_gaussians")
+    __slots__ = ("request", "after", "retired_gaussians", "object_id", "class_name")
     REQUEST_FIELD_NUMBER: _ClassVar[int]
     AFTER_FIELD_NUMBER: _ClassVar[int]
     RETIRED_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
+    OBJECT_ID_FIELD_NUMBER: _ClassVar[int]
+    CLASS_NAME_FIELD_NUMBER: _ClassVar[int]
     request: RetireRequest
     after: _common_pb2.FrameId
     retired_gaussians: int
-    def __init__(self, request: _Optional[_Union[RetireRequest, _Mapping]] = ..., after: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., retired_gaussians: _Optional[int] = ...) -> None: ...
+    object_id: int
+    class_name: str
+    def __init__(self, request: _Optional[_Union[RetireRequest, _Mapping]] = ..., after: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., retired_gaussians: _Optional[int] = ..., object_id: _Optional[int] = ..., class_name: _Optional[str] = ...) -> None: ...
 
 class GaussiansRequest(_message.Message):
     __slots__ = ("object_id",)
@@ -196,3 +206,85 @@ class EmbedTextReply(_message.Message):
     scale: float
     offset: float
     def __init__(self, embeddings: _Optional[_Iterable[_Union[_frame_pb2.Embedding, _Mapping]]] = ..., scale: _Optional[float] = ..., offset: _Optional[float] = ...) -> None: ...
+
+class ObjectMapFile(_message.Message):
+    __slots__ = ("data",)
+    DATA_FIELD_NUMBER: _ClassVar[int]
+    data: bytes
+    def __init__(self, data: _Optional[bytes] = ...) -> None: ...
+
+class ObjectMapLoaded(_message.Message):
+    __slots__ = ("gaussians", "objects")
+    GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
+    OBJECTS_FIELD_NUMBER: _ClassVar[int]
+    gaussians: int
+    objects: int
+    def __init__(self, gaussians: _Optional[int] = ..., objects: _Optional[int] = ...) -> None: ...
+
+class ExportRequest(_message.Message):
+    __slots__ = ("format", "object_id")
+    FORMAT_FIELD_NUMBER: _ClassVar[int]
+    OBJECT_ID_FIELD_NUMBER: _ClassVar[int]
+    format: str
+    object_id: int
+    def __init__(self, format: _Optional[str] = ..., object_id: _Optional[int] = ...) -> None: ...
+
+class ExportReply(_message.Message):
+    __slots__ = ("data", "gaussians")
+    DATA_FIELD_NUMBER: _ClassVar[int]
+    GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
+    data: bytes
+    gaussians: int
+    def __init__(self, data: _Optional[bytes] = ..., gaussians: _Optional[int] = ...) -> None: ...
+
+class RenderRequest(_message.Message):
+    __slots__ = ("T_world_cam", "camera", "layer", "class_name")
+    T_WORLD_CAM_FIELD_NUMBER: _ClassVar[int]
+    CAMERA_FIELD_NUMBER: _ClassVar[int]
+    LAYER_FIELD_NUMBER: _ClassVar[int]
+    CLASS_NAME_FIELD_NUMBER: _ClassVar[int]
+    T_world_cam: _common_pb2.Transform
+    camera: _common_pb2.Pinhole
+    layer: str
+    class_name: str
+    def __init__(self, T_world_cam: _Optional[_Union[_common_pb2.Transform, _Mapping]] = ..., camera: _Optional[_Union[_common_pb2.Pinhole, _Mapping]] = ..., layer: _Optional[str] = ..., class_name: _Optional[str] = ...) -> None: ...
+
+class RenderReply(_message.Message):
+    __slots__ = ("png",)
+    PNG_FIELD_NUMBER: _ClassVar[int]
+    png: bytes
+    def __init__(self, png: _Optional[bytes] = ...) -> None: ...
+
+class ObjectRequest(_message.Message):
+    __slots__ = ("object_id",)
+    OBJECT_ID_FIELD_NUMBER: _ClassVar[int]
+    object_id: int
+    def __init__(self, object_id: _Optional[int] = ...) -> None: ...
+
+class Moment(_message.Message):
+    __slots__ = ("stamp_ns", "views", "score", "class_score")
+    STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    VIEWS_FIELD_NUMBER: _ClassVar[int]
+    SCORE_FIELD_NUMBER: _ClassVar[int]
+    CLASS_SCORE_FIELD_NUMBER: _ClassVar[int]
+    stamp_ns: int
+    views: float
+    score: float
+    class_score: float
+    def __init__(self, stamp_ns: _Optional[int] = ..., views: _Optional[float] = ..., score: _Optional[float] = ..., class_score: _Optional[float] = ...) -> None: ...
+
+class ObjectDetail(_message.Message):
+    __slots__ = ("object", "history", "points_m", "box_center_m", "box_size_m", "box_yaw_rad")
+    OBJECT_FIELD_NUMBER: _ClassVar[int]
+    HISTORY_FIELD_NUMBER: _ClassVar[int]
+    POINTS_M_FIELD_NUMBER: _ClassVar[int]
+    BOX_CENTER_M_FIELD_NUMBER: _ClassVar[int]
+    BOX_SIZE_M_FIELD_NUMBER: _ClassVar[int]
+    BOX_YAW_RAD_FIELD_NUMBER: _ClassVar[int]
+    object: ObjectInstance
+    history: _containers.RepeatedCompositeFieldContainer[Moment]
+    points_m: _containers.RepeatedScalarFieldContainer[float]
+    box_center_m: _common_pb2.Vector3
+    box_size_m: _common_pb2.Vector3
+    box_yaw_rad: float
+    def __init__(self, object: _Optional[_Union[ObjectInstance, _Mapping]] = ..., history: _Optional[_Iterable[_Union[Moment, _Mapping]]] = ..., points_m: _Optional[_Iterable[float]] = ..., box_center_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., box_size_m: _Optional[_Union[_common_pb2.Vector3, _Mapping]] = ..., box_yaw_rad: _Optional[float] = ...) -> None: ...
