@@ -98,3 +98,18 @@ class GroundMap:
             origin,
             self.version,
         )
+
+
+def unknown_near(
+    ground: GroundMap, point: tuple[float, float], radius_m: float
+) -> tuple[float, float]:
+    """The unknown cell nearest to a point, or the point itself."""
+    row, column = (int(v) for v in ground.cells_of(np.array([point]))[0])
+    n = math.ceil(radius_m / ground.cell_m)
+    r0, c0 = max(0, row - n), max(0, column - n)
+    cells = np.argwhere(ground.occupancy[r0 : row + n + 1, c0 : column + n + 1] < 0)
+    if not len(cells):
+        return point
+    centres = ground.centres_of(cells + np.array([r0, c0]))
+    x_m, y_m = centres[np.argmin(np.hypot(*(centres - np.array(point)).T))]
+    return float(x_m), float(y_m)

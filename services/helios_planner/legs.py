@@ -12,7 +12,8 @@ from helios_core.geometry import wrap_angle
 from helios_core.robot import Forward, Observe, Tilt, Turn
 
 from helios_planner.body import Body
-from helios_planner.grid import GroundMap, Pose2, facing
+from helios_planner.grid import Pose2, facing, unknown_near
+from helios_planner.mishaps import NO_MOTION_M, Mishaps
 from helios_planner.motion import (
     MotionRules,
     Reach,
@@ -22,12 +23,10 @@ from helios_planner.motion import (
     straightened,
 )
 from helios_planner.settings import Settings
-from helios_planner.task import Cause, TaskFailed
 
-NO_MOTION_M = 0.05  # a move forward that gave less met something
 MARK_RADIUS_M = 0.08
-MOST_BLOCKS = 12  # moves without motion in one task before the robot counts as stuck
 ARRIVED_M = 0.12
+WEDGED_M = 0.3  # who cannot get so far away is wedged
 
 
 class Outcome(Enum):
@@ -58,8 +57,8 @@ class Legs:
             min_turn_rad=robot.min_turn_rad,
             max_turn_rad=robot.max_turn_rad,
         )
-        self._marks: list[tuple[float, float, float]] = []
-        self._blocks = 0
+        self.mishaps = Mishaps(body)
+        self.felt: list[tuple[float, float, float]] = []  # x, y, radius: unseen, but met
         self._cached: dict[tuple, Reach] = {}
         self._cleared: list[tuple[float, float]] = []  # unknown ground that was gone to look at
 
@@ -67,12 +66,12 @@ class Legs:
     def reach(self, level: int = 0) -> Reach:
         """Everything reachable now with the margin of that level (0 is the widest)."""
         ground, robot = self.body.ground(), self.body.pose()
-        key = (ground.version, robot, level, len(self._marks))
+        key = (ground.version, robot, level, len(self.felt))
         if key not in self._cached:
             if len(self._cached) > 8:
                 self._cached.clear()
             rules = replace(self.rules, margin_m=self.settings.margins_m[level])
-            marks = np.array(self._marks, float).reshape(-1, 3)
+            marks = np.array(self.felt, float).reshape(-1, 3)
             self._cached[key] = reach(ground, robot, rules, marks)
         return self._cached[key]
 
@@ -100,6 +99,8 @@ class Legs:
 
     def _drive(self, goal: Pose2, purpose: str, stop: Callable[[], bool], slip_m: float) -> Outcome:
         level, looked, turns = 0, False, 0
+        self._settle_jump()
+        self._get_free()
         budget = 80 + int(10 * self.body.pose().distance_m(goal.xy))
         for _ in range(budget):
             pose = self.body.pose()
@@ -130,12 +131,13 @@ class Legs:
                     continue
                 return Outcome.UNREACHABLE
             turns = turns + 1 if isinstance(move, Turn) else 0
-            result = self.body.act(move)
+            result = self.mishaps.act(move)
             if isinstance(move, Forward):
-                still = result.moved_m < min(NO_MOTION_M, 0.5 * move.distance_m)
-                if (still and not self.body.cut_short) or result.collided:
+                if self.mishaps.stood_still(move, result):
                     self._mark_ahead(pose, result.moved_m)
+                    self._get_free()
                 level = 0
+            self._settle_jump()
             if stop():
                 return Outcome.INTERRUPTED
         return Outcome.UNREACHABLE
@@ -146,23 +148,45 @@ class Legs:
         free_m = free_ahead_m(self.reach(self.levels[-1]), distance_m, rules)
         if free_m < self.rules.min_forward_m:
             return False
-        return self.body.act(Forward(free_m)).moved_m > NO_MOTION_M
+        return self.mishaps.act(Forward(free_m)).moved_m > NO_MOTION_M
 
     def _mark_ahead(self, pose: Pose2, moved_m: float) -> None:
         """Something unseen is in the way: remember it where the rim met it."""
-        self._blocks += 1
-        if self._blocks > MOST_BLOCKS:
-            raise TaskFailed(
-                Cause.STUCK, f"the robot was told to move {self._blocks} times and did not"
-            )
+        self.mishaps.blocked()
         ahead_m = moved_m + self.rules.footprint_m + MARK_RADIUS_M
-        self._marks.append(
+        self.felt.append(
             (
                 pose.x_m + ahead_m * math.cos(pose.yaw_rad),
                 pose.y_m + ahead_m * math.sin(pose.yaw_rad),
                 MARK_RADIUS_M,
             )
         )
+
+    def _wedged(self) -> bool:
+        """Whether the ground that can be reached is hardly more than what it stands on."""
+        reached = self.reach(self.levels[-1])
+        area_m2 = np.isfinite(reached.arrival).sum() * reached.ground.cell_m**2
+        return bool(area_m2 < math.pi * WEDGED_M**2)
+
+    def _get_free(self) -> None:
+        """While wedged: what was felt may be gone or never was there, so forget it and look all
+        around, a few times. Raises TaskFailed when that does not help."""
+        if self._wedged():
+            self.look_down_around()
+        while self._wedged():
+            self.mishaps.wedged_in()
+            self.felt.clear()
+            self._full_turn(down_only=True)
+            self.tilt(self.settings.travel_tilt_rad)
+
+    def _settle_jump(self) -> None:
+        """After a jump of the localisation: what was felt lies elsewhere now; look around, so that
+        the map holds what is seen from the new pose."""
+        while self.mishaps.jumped:
+            self.mishaps.jumped = False
+            self.felt.clear()
+            self._cleared.clear()
+            self.look_around()
 
     # --- unknown ground in the way -------------------------------------------------------------
     def clear_way(self, target: tuple[float, float], within_m: float) -> bool:
@@ -171,7 +195,7 @@ class Legs:
         ground, level = self.body.ground(), self.levels[-1]
         known = np.where(ground.occupancy < 0, np.int8(0), ground.occupancy)
         rules = replace(self.rules, margin_m=self.settings.margins_m[level])
-        marks = np.array(self._marks, float).reshape(-1, 3)
+        marks = np.array(self.felt, float).reshape(-1, 3)
         hopeful = reach(replace(ground, occupancy=known), self.body.pose(), rules, marks)
         place = hopeful.nearest(target, within_m)
         if place is None:
@@ -186,7 +210,7 @@ class Legs:
             return False
         self._cleared.append(barred)
         stand = route[max(first - 1, 0)]
-        unknown = _unknown_near(ground, barred, rules.footprint_m + 0.2)
+        unknown = unknown_near(ground, barred, rules.footprint_m + 0.2)
         goal = facing(float(stand[0]), float(stand[1]), unknown)
         if self.go_to(goal, "look at unknown ground in the way") is not Outcome.ARRIVED:
             return True
@@ -205,8 +229,8 @@ class Legs:
             error = wrap_angle(yaw_rad - self.body.pose().yaw_rad)
             if abs(error) < self.rules.min_turn_rad:
                 return
-            self.body.act(Turn(float(np.clip(error, -self.rules.max_turn_rad,
-                                             self.rules.max_turn_rad))))  # fmt: skip
+            most = self.rules.max_turn_rad
+            self.mishaps.act(Turn(float(np.clip(error, -most, most))))
 
     def tilt(self, tilt_rad: float) -> bool:
         """Point the head; whether that took an action."""
@@ -214,7 +238,7 @@ class Legs:
         wanted = float(np.clip(tilt_rad, low, high))
         if abs(wanted - self.body.tilt_rad()) < math.radians(2):
             return False
-        self.body.act(Tilt(wanted))
+        self.mishaps.act(Tilt(wanted))
         return True
 
     def look_around(self) -> None:
@@ -237,12 +261,12 @@ class Legs:
         travel, down = self.settings.travel_tilt_rad, self._down_tilt()
         both = not down_only and down > travel + math.radians(5)
         if not self.tilt(down if down_only else travel):
-            self.body.act(Observe())
+            self.mishaps.act(Observe())
         for k in range(turns):
             if both and k % apart == 0:
                 self.tilt(down)
                 self.tilt(travel)
-            self.body.act(Turn(step))
+            self.mishaps.act(Turn(step))
 
     def _down_tilt(self) -> float:
         """Tilt at which the ground at the rim is at the image's lower edge."""
@@ -260,18 +284,3 @@ class Legs:
         n = int(reach_m / ground.cell_m)
         part = ground.occupancy[row - n : row + n + 1, column - n : column + n + 1]
         return bool((part < 0).mean() > 0.02)
-
-
-def _unknown_near(
-    ground: GroundMap, point: tuple[float, float], radius_m: float
-) -> tuple[float, float]:
-    """The unknown cell nearest to a point, or the point itself."""
-    row, column = (int(v) for v in ground.cells_of(np.array([point]))[0])
-    n = math.ceil(radius_m / ground.cell_m)
-    r0, c0 = max(0, row - n), max(0, column - n)
-    cells = np.argwhere(ground.occupancy[r0 : row + n + 1, c0 : column + n + 1] < 0)
-    if not len(cells):
-        return point
-    centres = ground.centres_of(cells + np.array([r0, c0]))
-    x_m, y_m = centres[np.argmin(np.hypot(*(centres - np.array(point)).T))]
-    return float(x_m), float(y_m)

@@ -95,6 +95,9 @@ class Settings(ServiceSettings):
     picks_per_object: int = Field(
         default=3, ge=1, description="picks at one object before it is left alone"
     )
+    falls: int = Field(
+        default=2, ge=0, description="times that what fell is searched and picked again"
+    )
     places_per_receptacle: int = Field(default=3, ge=1, description="places at one receptacle")
     extra_views: int = Field(
         default=8, ge=1, description="extra views of one candidate before it is doubted"

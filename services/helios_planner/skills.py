@@ -14,6 +14,7 @@ from helios_planner.body import Body
 from helios_planner.gaze import tilt_towards
 from helios_planner.grid import Pose2
 from helios_planner.legs import Legs, Outcome
+from helios_planner.mishaps import Dropped
 from helios_planner.motion import Reach
 from helios_planner.settings import Settings
 from helios_planner.stand import (
@@ -47,6 +48,7 @@ class Skills:
     belief: Belief
     attempts: int  # picks at one thing
     picks: int = 0
+    falls: int = 0
     last_reason: str = ""
 
     # --- pick ----------------------------------------------------------------------------------
@@ -67,12 +69,23 @@ class Skills:
             attempts += 1
             self._count_pick()
             x, y, z = (float(v) for v in thing.center_m)
-            result = self.body.act(Pick((x, y, z), class_name))
-            if result.succeeded:
+            result = self.legs.mishaps.act(Pick((x, y, z), class_name))
+            if result.succeeded and self.body.held():
                 self.belief.taken(thing)
+                self.legs.mishaps.carrying = True
                 return Done.SUCCEEDED
-            self.last_reason = result.reason
+            self.last_reason = result.reason or "the gripper closed and holds nothing"
         return Done.FAILED
+
+    def count_fall(self, fall: Dropped, class_name: str) -> None:
+        """What was carried lies somewhere: it may be picked again, `falls` times at most."""
+        self.falls += 1
+        if self.falls > self.settings.falls:
+            raise TaskFailed(
+                Cause.PLACE_MISSED,
+                f"the {class_name} fell {self.falls} times, the last time near "
+                f"({fall.point_m[0]:.2f}, {fall.point_m[1]:.2f}) m: {fall.reason}",
+            )
 
     def _count_pick(self) -> None:
         limit = self.settings.max_picks
@@ -149,12 +162,14 @@ class Skills:
         by_paper = self.settings.place_rule == "paper"
         drop_m = self.settings.paper_drop_m if by_paper else self.settings.place_drop_m
         x, y, z = point_m
-        result = self.body.act(Place((x, y, z + drop_m)))
+        result = self.legs.mishaps.act(Place((x, y, z + drop_m)))
+        if not self.body.held():
+            self.legs.mishaps.carrying = False
         if result.succeeded:
             return True
         self.last_reason = result.reason
         if not self.body.held():
-            raise TaskFailed(Cause.PLACE_MISSED, f"it fell: {result.reason}")
+            raise Dropped(self.body.pose().xy, result.reason or "it fell while it was placed")
         return False
 
     def _free_spots(self, receptacle: ObjectInstance, reached: Reach) -> list[Spot]:
