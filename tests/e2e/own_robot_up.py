@@ -41,21 +41,23 @@ class Up:
 
 
 @contextmanager
-def helios_up(folder: Path, robot: str, *flags: str, **environment: str) -> Iterator[Up]:
-    """Ends it, and shows its output where the test failed."""
+def helios_up(
+    folder: Path, robot: str, needed: tuple[str, ...] = ("bridge", "map2d")
+) -> Iterator[Up]:
+    """Until these are ready. Ends it, and shows its output where the test failed."""
     port, router_port = free_port(), free_port()
     log = folder / "up.log"
     with log.open("wb") as out:
         process = subprocess.Popen(
             [sys.executable, "-m", "helios_client", "up", "--robot", robot,
              "--detector", "ground-truth", "--port", str(port), "--router-port", str(router_port),
-             "--state", str(folder / "state"), *flags],
+             "--state", str(folder / "state")],
             stdout=out, stderr=subprocess.STDOUT,
-            env=os.environ | {"XDG_STATE_HOME": str(folder / "home")} | environment,
+            env=os.environ | {"XDG_STATE_HOME": str(folder / "home")},
         )  # fmt: skip
     up = Up(port, f"tcp/127.0.0.1:{router_port}")
     try:
-        wait_until(lambda: up.ready("bridge", "map2d"), 90, "the bridge and the map are ready")
+        wait_until(lambda: up.ready(*needed), 120, f"{' and '.join(needed)} are ready")
         yield up
     except BaseException:
         print(log.read_text())

@@ -13,6 +13,7 @@ export class Tasks {
   /** `onView(task)` is called when another task comes into view. */
   constructor(onView) {
     this.tasks = new Map();
+    this.heard = new Set(); // ids that events told of while the list was asked for
     this.inView = null;
     this.onView = onView;
     $("suggestions").replaceChildren(...SUGGESTIONS.map((text) => element("li", {}, this.chip(text))));
@@ -42,20 +43,26 @@ export class Tasks {
   }
 
   async load() {
+    this.heard.clear();
     const { tasks } = await ask("/tasks");
-    this.tasks = new Map(tasks.reverse().map((task) => [task.id, task]));
-    const running = tasks.find((task) => task.state === "running");
-    this.view((running ?? this.tasks.get(this.inView) ?? tasks.at(-1))?.id ?? null);
+    const told = new Map(tasks.reverse().map((task) => [task.id, task]));
+    for (const id of this.heard) told.set(id, this.tasks.get(id)); // events are newer than the answer
+    this.tasks = told;
+    const all = [...told.values()];
+    const running = all.find((task) => task.state === "running");
+    this.view((running ?? told.get(this.inView) ?? all.at(-1))?.id ?? null);
   }
 
   async loadVocabulary() {
     const { open, names, detector } = await ask("/vocabulary");
-    $("vocabulary").textContent = open
+    $("vocabulary-title").textContent = open
       ? `The detector (${detector}) can look for anything.`
-      : `Can look for: ${names.join(", ")}.`;
+      : `Can look for ${names.length} things`;
+    $("vocabulary").textContent = open ? "" : `${names.join(", ")}.`;
   }
 
   take(task) {
+    this.heard.add(task.id);
     const isNew = !this.tasks.has(task.id);
     const began = task.state === "running" && this.tasks.get(task.id)?.state !== "running";
     this.tasks.set(task.id, task);

@@ -37,8 +37,11 @@ export class Why {
     const { decisions } = await ask(`/tasks/${encodeURIComponent(id)}/decisions`);
     if (id !== this.taskId) return;
     const newest = this.at === this.decisions.length - 1;
-    this.decisions = decisions;
-    this.show(newest ? decisions.length - 1 : Math.min(this.at, decisions.length - 1));
+    const known = new Set(decisions.map((decision) => decision.index));
+    const later = this.decisions.filter((decision) => !known.has(decision.index));
+    this.decisions = [...decisions, ...later]; // events may have told more than the answer
+    const last = this.decisions.length - 1;
+    this.show(newest ? last : Math.min(this.at, last));
   }
 
   show(at) {

@@ -1,0 +1,144 @@
+"""Every command of the README is run as it stands there, in order, against one simulated home.
+
+Changed is only what a test must choose: port, state folder, the id of the task.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import httpx
+import pytest
+
+from tests.browser import chromium
+from tests.support import free_port, wait_until
+
+ROOT = Path(__file__).resolve().parents[2]
+BIN = Path(sys.executable).parent
+# What is not run here, and why.
+EXEMPT = {
+    "make demo": "installs, then does what tests/e2e/test_system.py and the next commands do",
+    "make test": "is this suite",
+    "source .venv/bin/activate": "the test puts the same folder into PATH",
+    "helios replay": "needs a recording and a model; tests/e2e/test_replay.py plays made-up ones",
+    "helios eval": "plays for an hour; tests/e2e/test_eval.py plays an episode",
+    "helios bench": "takes minutes; each row's unit test runs it small",
+    "helios mcp": "speaks to an agent; tests/unit/client/test_client_mcp.py is one",
+}
+
+
+def readme_commands() -> list[str]:
+    """Of the README's blocks for the shell, each as one line, without comments."""
+    blocks = re.findall(r"```bash\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
+    bare = (re.sub(r"\s+#.*$", "", line).strip() for line in lines)
+    return [" ".join(line.split()) for line in bare if line and not line.startswith("#")]
+
+
+def why_exempt(command: str) -> str | None:
+    return next((why for start, why in EXEMPT.items() if command.startswith(start)), None)
+
+
+COMMANDS = [c for c in readme_commands() if why_exempt(c) is None]
+
+
+@dataclass
+class House:
+    """What `helios up` of the README started, and where."""
+
+    folder: Path
+    port: int = field(default_factory=free_port)
+    task_id: str = ""
+
+    @property
+    def environment(self) -> dict[str, str]:
+        state = {"XDG_STATE_HOME": str(self.folder / "state"), "MUJOCO_GL": "egl"}
+        return os.environ | state | {"PATH": f"{BIN}:{os.environ['PATH']}"}
+
+    def adapted(self, command: str) -> str:
+        """The command for this house."""
+        command = command.replace("localhost:8080", f"localhost:{self.port}")
+        command = re.sub(r"\b(ID|TASK)\b", self.task_id, command)
+        if command.startswith("helios ") and not command.startswith("helios key"):
+            command += f" --port {self.port}"
+        return command
+
+    def ready(self) -> bool:
+        try:
+            return httpx.get(f"http://127.0.0.1:{self.port}/readyz", timeout=5).status_code == 200
+        except httpx.TransportError:
+            return False
+
+    def newest_task(self) -> dict:
+        return httpx.get(f"http://127.0.0.1:{self.port}/v1/tasks", timeout=10).json()["tasks"][0]
+
+
+@pytest.fixture(scope="module")
+def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
+    house = House(tmp_path_factory.mktemp("readme"))
+    [up] = [c for c in COMMANDS if c.startswith("helios up")][:1]
+    argv = [*shlex.split(house.adapted(up)), "--state", str(house.folder / "up")]
+    with (house.folder / "up.log").open("wb") as log:
+        process = subprocess.Popen(
+            argv, env=house.environment, cwd=house.folder, stdout=log, stderr=subprocess.STDOUT
+        )
+    try:
+        wait_until(house.ready, 200, "all services are ready")
+        yield house
+    finally:
+        process.terminate()
+        process.wait(20)
+
+
+def test_each_command_is_run_or_left_out_for_a_reason() -> None:
+    assert len(COMMANDS) >= 8
+    stale = [start for start in EXEMPT if not any(c.startswith(start) for c in readme_commands())]
+    assert set(stale) <= {"helios bench", "helios mcp"}, "said to be exempt, and no longer there"
+
+
+@pytest.mark.timeout(600)
+def test_the_commands_work_in_their_order(house: House) -> None:
+    for command in COMMANDS:
+        if command.startswith("helios up"):
+            continue
+        began_s = time.monotonic()
+        done = subprocess.run(
+            ["bash", "-c", house.adapted(command)], env=house.environment, cwd=house.folder,
+            capture_output=True, text=True, timeout=500, check=False,
+        )  # fmt: skip
+        print(f"{time.monotonic() - began_s:6.1f} s  {command}")
+        assert done.returncode == 0, f"{command}\n{done.stdout[-1500:]}\n{done.stderr[-1500:]}"
+        if command.startswith("curl"):
+            assert '"type":"helios:' not in done.stdout, f"{command}\n{done.stdout}"
+        if command.startswith("helios task "):
+            house.task_id = house.newest_task()["id"]
+
+
+def test_the_dashboard_shows_the_task_that_succeeded(house: House, tmp_path: Path) -> None:
+    assert house.task_id, "runs after the commands"
+    with chromium() as browser:
+        for scheme in ("light", "dark"):
+            page = browser.new_page(
+                viewport={"width": 1600, "height": 1150},
+                color_scheme=scheme,  # pyright: ignore[reportArgumentType]
+            )
+            page.goto(f"http://localhost:{house.port}")
+            page.locator(f'#history [data-id="{house.task_id}"]').click()
+            page.locator("#task-state", has_text="succeeded").wait_for()
+            page.locator("#why-table").wait_for()
+            page.locator("#camera").wait_for()
+            page.locator("#map-empty").wait_for(state="hidden")
+            page.locator("#objects button").first.wait_for()
+            page.evaluate("scrollTo(0, 0)")
+            folder = Path(os.environ.get("HELIOS_TEST_SCREENSHOTS") or tmp_path)
+            folder.mkdir(parents=True, exist_ok=True)
+            page.screenshot(path=folder / f"dashboard-home-{scheme}.png")
+            page.close()
