@@ -14,7 +14,10 @@ from rich.text import Text
 from helios_client.tasks import Decision, Task
 
 _COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "running": "cyan"}
-_LAST = ("score", "score_after_view", "total")  # the terms that decide stand at the end
+_ORDER = (  # what a term is made of stands before it
+    "class_score", "uncertainty", "information_gain", "value", "frontier_scale", "distance_m",
+    "views", "in_place", "score", "score_after_view", "total",
+)  # fmt: skip
 _INDENT = 15
 
 
@@ -109,7 +112,7 @@ def _candidates(decision: Decision, top: int) -> Table:
     rows += [c for c in by_total[top:] if c["chosen"]]
     names = sorted(
         dict.fromkeys(name for c in rows for name in c["terms"]),
-        key=lambda n: _LAST.index(n) if n in _LAST else -1,
+        key=lambda n: _ORDER.index(n) if n in _ORDER else -1,
     )
     out = Table.grid(padding=(0, 2, 0, 0))
     out.add_column(width=1)

@@ -151,7 +151,13 @@ def _act_or_look(
         decision.settings["threshold"] <= t.score < threshold and (anywhere or t.in_place)
         for t in things
     )
-    return again, again.do is Do.ACT or not unasked
+    if again.do is Do.ACT or not unasked:
+        return again, True
+    why = (
+        f"not {what} yet: no score reaches {threshold:.2f}, and what one more view would bring was "
+        "not asked for then"
+    )
+    return replace(again, why=why), False
 
 
 def _instance(c: Candidate) -> ObjectInstance:

@@ -145,7 +145,11 @@ def test_a_higher_weight_of_a_metre_turns_to_the_nearer_one() -> None:
 def test_a_higher_threshold_is_answered_as_far_as_it_was_asked() -> None:
     sure, doubted = kept(pick(view(0.55))), kept(pick(view(0.41, 0.53)))
     stricter = recompute(sure, {"tau_g": 0.7})
-    assert (stricter.flips, stricter.certain) == (True, False)  # a view was never asked about
+    assert (stricter.flips, stricter.certain) == (True, False)
+    assert stricter.decision.why == (
+        "not pick yet: no score reaches 0.70, and what one more view would bring was not asked for "
+        "then"
+    )
     assert (recompute(sure, {"tau_g": 0.3}).flips, recompute(sure, {"tau_b": 0.9}).flips) == (
         False, False
     )  # fmt: skip
