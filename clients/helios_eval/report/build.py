@@ -80,10 +80,8 @@ def _calibration(records: Sequence[EpisodeRecord]) -> Section:
             table = rows.table("The numbers", names, words=words)
             blocks.append(replace(table, folded=len(rows.rows) > MOST_ROWS))
     if not blocks:
-        why = "too few" if with_beliefs else "none"
-        blocks = [
-            Paragraph(f"The episodes hold {why} of the object map's beliefs: {text.NOT_RUN}.")
-        ]
+        why = "too few to tell" if with_beliefs else "none"
+        blocks = [Paragraph(f"Of the object map's beliefs the episodes hold {why}.")]
     return Section("calibration", "Do the scores of the object map mean anything?", tuple(blocks))
 
 

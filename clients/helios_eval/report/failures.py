@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from helios_eval import keepsake
+from helios_eval import homes, keepsake
 from helios_eval.record import EpisodeRecord
 from helios_eval.report import maps, plots, style, text
 from helios_eval.report.arms import Arm
@@ -24,6 +24,7 @@ from helios_eval.report.model import (
 )
 from helios_eval.report.ours import benchmarks_of
 from helios_eval.report.stats import mean_sem, wilson
+from helios_eval.spec import MAX_STEPS, SENSOR, WALKER
 
 MOST_PICTURES = 12  # per agent
 MOST_BODIES = 3
@@ -120,7 +121,7 @@ def gallery_section(folder: Path, arms: Sequence[Arm]) -> Section:
     intro = Paragraph(
         "Each map is what the robot knew at the end: free floor white, what stands in the way "
         "dark, unknown grey. Blue: where the robot drove; green: the truth that was asked for; "
-        "orange: what the object map believed. The command plays the episode again."
+        "orange: what the object map believed. The commands play the episode again, and film it."
     )
     return Section("pictures", "Failed episodes", (intro, *galleries))
 
@@ -146,25 +147,40 @@ def _picture(record: EpisodeRecord, kept: keepsake.Keepsake) -> Picture:
         message=record.message,
         png=maps.draw(kept),
         jpeg=kept.camera_jpeg,
-        command=replay(record),
+        commands=tuple(filter(None, (replay(record), film(record)))),
     )
 
 
 def replay(record: EpisodeRecord) -> str:
     """The command that plays one episode again."""
-    settings = dict(record.settings)
     words = ["helios", "eval", record.benchmark, "--agents", record.agent]
-    words += ["--preset", record.preset, "--semantics", record.semantics]
-    words += ["--episodes", "1", "--seed0", str(record.seed)]
-    if record.noise is not None and record.noise.table != record.preset:
+    words += ["--episodes", "1", "--seed0", str(record.seed), *_condition(record)]
+    return shlex.join([*words, "--out", "runs/again"])
+
+
+def film(record: EpisodeRecord) -> str:
+    """The command that films it; empty for an agent that cannot be filmed."""
+    if record.agent == WALKER:
+        return ""
+    words = ["helios", "eval", "video", "--seed", str(record.seed), "--agent", record.agent]
+    if record.benchmark != "ovmm":
+        words += ["--benchmark", record.benchmark]
+    return shlex.join([*words, *_condition(record)])
+
+
+def _condition(record: EpisodeRecord) -> list[str]:
+    """The flags of what an episode was run under; of noise and settings those that differ."""
+    settings = dict(record.settings)
+    words = ["--preset", record.preset, "--semantics", record.semantics]
+    if record.noise is not None and record.noise.table != homes.noise_of(record.preset):
         words += ["--noise", record.noise.table]
     if record.noise is not None and record.noise.level != 1:
         words += ["--noise-level", f"{record.noise.level:g}"]
     if record.noise is not None and record.noise.correlation is not None:
         words += ["--noise-correlation", f"{record.noise.correlation:g}"]
-    for name in ("max_steps", "sensor"):  # settings with a flag of their own
+    for name in (MAX_STEPS, SENSOR):  # settings with a flag of their own
         if name in settings:
             words += [f"--{name.replace('_', '-')}", str(settings.pop(name))]
     for key, setting in settings.items():
         words += ["--set", f"{key}={setting}"]
-    return shlex.join([*words, "--out", "runs/again"])
+    return words

@@ -10,7 +10,7 @@ from typing import Any
 
 from helios_core.errors import InvalidInput
 
-from helios_eval.record import EpisodeRecord
+from helios_eval.record import EpisodeRecord, Noise
 from helios_eval.report import text
 from helios_eval.report.arms import Arm, correlation_name, most_common
 from helios_eval.report.metrics import TITLES, shares_of_causes
@@ -54,6 +54,13 @@ def section(
         warnings.append("The episodes come from more than one commit.")
     if len({(r.preset, r.preset_hash) for r in records}) > len({r.preset for r in records}):
         warnings.append("One preset had different contents in different episodes.")
+    absent = missing(records, run)
+    if absent:
+        what = text.plural(absent, "episode")
+        warnings.append(
+            f"The run was cut short: {what} of those that were asked for last are missing. The "
+            "same command plays them."
+        )
     errors = sum(r.cause == "system error" for r in records)
     if errors:
         what = text.plural(errors, "episode")
@@ -63,6 +70,22 @@ def section(
     if "command" in run:
         blocks.append(Command(_command(run["command"])))
     return Section("run", "What was run", tuple(blocks))
+
+
+def missing(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> int:
+    """How many of the episodes that `run.json` asks for are not there."""
+    try:
+        noise = Noise(**run["noise"]) if run["noise"] else None
+        first, count = int(run["seed0"]), int(run["episodes"])
+        asked = {(agent, s) for agent in run["agents"] for s in range(first, first + count)}
+        condition = run["benchmark"], run["semantics"], run["preset"], noise, run["settings"]
+    except (KeyError, TypeError, ValueError):
+        return 0  # another program's run.json
+    there = {
+        (r.agent, r.seed) for r in records
+        if (r.benchmark, r.semantics, r.preset, r.noise, r.settings) == condition
+    }  # fmt: skip
+    return len(asked - there)
 
 
 def _dirty(commit: str) -> bool:
@@ -147,11 +170,12 @@ def title(records: Sequence[EpisodeRecord], arms: Sequence[Arm]) -> tuple[str, s
     benchmarks = " and ".join(TITLES[b] for b in benchmarks_of(arms))
     agents = list(dict.fromkeys(a.agent for a in arms))
     causes = shares_of_causes(records)
-    worst = max((c for c in causes if c), key=lambda c: causes[c], default="")
+    most = max((n for c, n in causes.items() if c), default=0)
+    worst = sorted(c for c, n in causes.items() if c and n == most)
     lead = (
         f"{text.plural(len(records), 'episode')} of {text.plural(len(agents), 'agent')} in "
         f"{text.plural(len({r.seed for r in records}), 'home')}."
     )
-    if worst:
-        lead += f" The most frequent cause of failure: {worst}."
+    if len(worst) == 1:
+        lead += f" The most frequent cause of failure: {worst[0]}."
     return f"HELIOS evaluation: {benchmarks}", lead

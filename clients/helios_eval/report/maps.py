@@ -9,11 +9,14 @@ from collections.abc import Sequence
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
+from matplotlib.text import Annotation
+from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 from helios_eval.keepsake import Keepsake, Marked
@@ -21,6 +24,7 @@ from helios_eval.keepsake import Keepsake, Marked
 SIZE_IN, DPI = 4.0, 110
 COLOURS = 64  # of the PNG: a map has few
 MARGIN_M = 0.6
+EDGE_PX = 3  # between what is written and the rim
 UNKNOWN, FREE, OCCUPIED = (0.80, 0.82, 0.85), (1.0, 1.0, 1.0), (0.30, 0.34, 0.40)
 PATH, TRUTH, BELIEF = "#0072b2", "#00795a", "#d55e00"
 MOST_BELIEFS = 8
@@ -41,6 +45,7 @@ def draw(kept: Keepsake) -> bytes:
         for thing in believed:
             _box(axes, thing, BELIEF, "--", f"{thing.label} Ψ {thing.score:.2f}", above=False)
         _frame(axes, kept, believed)
+        _settle_labels(figure, axes)
         out = io.BytesIO()
         figure.savefig(out, format="png", facecolor=UNKNOWN)
     return _smaller(out.getvalue())
@@ -94,6 +99,30 @@ def _write(axes: Axes, x: float, y: float, words: str, colour: str, above: bool)
         ha="center", va="bottom" if above else "top", color=colour, fontweight="bold", zorder=6,
         annotation_clip=True, path_effects=[withStroke(linewidth=2.2, foreground="white")],
     )  # fmt: skip
+
+
+def _settle_labels(figure: Figure, axes: Axes) -> None:
+    """Move what was written into the picture, and off what was written before it."""
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    px_per_pt, side_px = DPI / 72, SIZE_IN * DPI
+    taken: list[Bbox] = []
+    for label in axes.texts:
+        if not isinstance(label, Annotation):
+            continue
+        box = label.get_window_extent(renderer)
+        right_px = max(0.0, EDGE_PX - box.x0) - max(0.0, box.x1 - side_px + EDGE_PX)
+        up_px = max(0.0, EDGE_PX - box.y0) - max(0.0, box.y1 - side_px + EDGE_PX)
+        for step in (0, 1, -1, 2, -2, 3, -3):
+            moved = box.translated(right_px, up_px + step * box.height)
+            if not any(moved.overlaps(other) for other in taken):
+                break
+        else:
+            moved = box.translated(right_px, up_px)
+        taken.append(moved)
+        x_pt, y_pt = label.xyann
+        label.xyann = (
+            x_pt + (moved.x0 - box.x0) / px_per_pt, y_pt + (moved.y0 - box.y0) / px_per_pt
+        )  # fmt: skip
 
 
 def _frame(axes: Axes, kept: Keepsake, believed: Sequence[Marked]) -> None:

@@ -76,7 +76,7 @@ class Picture:
     message: str
     png: bytes
     jpeg: bytes  # of the robot's camera; may be empty
-    command: str
+    commands: tuple[str, ...]  # that play it again
 
 
 @dataclass(frozen=True)

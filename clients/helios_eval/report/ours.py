@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from helios_eval.record import EpisodeRecord
@@ -18,6 +17,7 @@ from helios_eval.report.stats import (
     paired_difference,
     paired_ratio,
     sign_test,
+    untold,
     wilson,
 )
 
@@ -100,12 +100,12 @@ def paired_section(arms: Sequence[Arm]) -> Section:
             "first over second; both with 95 % intervals of a bootstrap over episodes (10,000 "
             "draws, fixed seed). p: McNemar's exact test where a metric is either so or not, the "
             "sign test elsewhere; two-sided, not corrected for the number of rows. Picks are "
-            "unlimited."
+            f"unlimited. {text.RULE}"
         )
     ]
     bars = []
     for a, b, mine, theirs in found:
-        for name in ("Pick", "SR"):
+        for name in ("Pick", "SPL", "SR"):
             if name in NAMES[a.benchmark]:
                 d = paired_difference(values(mine, name), values(theirs, name))
                 bars.append((name, f"{a.label} − {b.label}", d))
@@ -134,16 +134,15 @@ def _pair_row(name: str, x: Values, y: Values) -> list[Cell | str]:
     metric, k = METRICS[name], text.scale(name)
     d, ratio, digits = paired_difference(x, y), paired_ratio(x, y), metric.digits
     more, less = discordant(x, y)
-    sure = d.low > 0 or d.high < 0
-    tone = ("good" if (d.value > 0) == (metric.better > 0) else "bad") if sure else ""
+    tone = ("good" if (d.value > 0) == (metric.better > 0) else "bad") if d.sure else ""
     return [
         name,
         text.number(x.mean() * k, digits),
         text.number(y.mean() * k, digits),
         Cell(text.signed(d.value * k, digits), tone=tone),
-        text.bounds(d.low * k, d.high * k, digits, plus=True),
+        text.bounds(d.low * k, d.high * k, digits, plus=True) if d.told else untold(x, y),
         text.number(ratio.value, 2),
-        text.NONE if math.isnan(ratio.value) else text.bounds(ratio.low, ratio.high, 2),
+        text.bounds(ratio.low, ratio.high, 2) if ratio.told else text.NONE,
         f"{more} : {less}",
         text.p_value(sign_test(x, y)),
     ]

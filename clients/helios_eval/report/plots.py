@@ -87,13 +87,12 @@ def forest(rows: Sequence[tuple[str, str, Interval]]) -> Graphic:
     with _look():
         figure, axes = _axes(0.7 + 0.34 * len(rows))
         for y, (_, _, d) in enumerate(rows):
-            sure = d.low > 0 or d.high < 0
-            colour = style.SERIES[0 if sure else 7].light
-            axes.hlines(y, 100 * d.low, 100 * d.high, color=colour, linewidth=3, alpha=0.5)
+            colour = style.SERIES[0 if d.sure else 7].light
             axes.plot(100 * d.value, y, "o", color=colour, markersize=7.5)
-            label = f"{text.signed(100 * d.value, 1)}  " + text.bounds(
-                100 * d.low, 100 * d.high, 1, plus=True
-            )
+            label = text.signed(100 * d.value, 1)
+            if d.told:
+                axes.hlines(y, 100 * d.low, 100 * d.high, color=colour, linewidth=3, alpha=0.5)
+                label += f"  {text.bounds(100 * d.low, 100 * d.high, 1, plus=True)}"
             axes.text(1.015, y, label, va="center", fontsize=9.5, color=style.MUTED.light,
                       transform=axes.get_yaxis_transform())  # fmt: skip
         axes.axvline(0, color=style.INK.light, linewidth=1)
@@ -102,7 +101,8 @@ def forest(rows: Sequence[tuple[str, str, Interval]]) -> Graphic:
         axes.set_xlabel("percent points; right of 0: the first is better", fontsize=9.5)
         axes.grid(axis="x")
         return Graphic(
-            "Paired differences with 95 % intervals; grey where the interval holds 0.",
+            "Paired differences with 95 % intervals; grey where the interval holds 0, or where too "
+            "few homes differ for one.",
             _svg(figure),
         )
 
@@ -173,7 +173,7 @@ def effort(
             box.set_facecolor(colour)
         for y, (hit, colour) in enumerate(zip(hits, colours, strict=True)):
             right.hlines(y, 100 * hit.low, 100 * hit.high, color=colour, linewidth=3, alpha=0.5)
-            right.plot(100 * hit.value, y, "o", color=colour, markersize=7)
+            right.plot(100 * hit.value, y, "o", color=colour, markersize=7, clip_on=False)
             right.annotate(f"{100 * hit.value:.1f}", (100 * hit.high, y), xytext=(5, 0),
                            textcoords="offset points", va="center", fontsize=8.5,
                            color=style.MUTED.light)  # fmt: skip
@@ -202,7 +202,8 @@ def stages(agents: Sequence[str], names: Sequence[str], ms: Sequence[Sequence[fl
         axes.hlines(rows, 0, longest, color=style.LINE.light, linewidth=3)
         for i, agent in enumerate(agents):
             colour = style.SERIES[i % len(style.SERIES)].light
-            axes.plot(table[i], rows, "o", color=colour, markersize=8, alpha=0.85, label=agent)
+            axes.plot(table[i], rows, "o", color=colour, markersize=8, alpha=0.85, label=agent,
+                      clip_on=False)  # fmt: skip
         for y, value in enumerate(longest):
             axes.annotate(f"{value:.1f}", (value, y), xytext=(9, 0), va="center", fontsize=8.5,
                           textcoords="offset points", color=style.MUTED.light)  # fmt: skip

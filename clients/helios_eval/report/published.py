@@ -9,7 +9,7 @@ from helios_eval.report import paper, text
 from helios_eval.report.arms import Arm, in_common, plain_arm, swept_arm
 from helios_eval.report.metrics import values
 from helios_eval.report.model import Block, Cell, Paragraph, Rows, Section, Table
-from helios_eval.report.stats import mean_sem, paired_ratio
+from helios_eval.report.stats import Interval, mean_sem, paired_ratio, untold
 
 TAG = "another simulator"
 
@@ -24,20 +24,14 @@ def relations(arms: Sequence[Arm]) -> Table | None:
         mine, theirs = in_common(top, bottom)
         if not mine:
             continue
-        ratio = paired_ratio(values(mine, r.metric), values(theirs, r.metric))
-        ours = (
-            Cell(text.NONE, "nothing to divide by")
-            if math.isnan(ratio.value)
-            else Cell(text.number(ratio.value, 2), text.bounds(ratio.low, ratio.high, 2), "strong")
-        )
-        inside = ratio.low <= r.published <= ratio.high
-        verdict = (
-            "the paper's lies in our interval"
-            if inside
-            else ("ours is larger" if ratio.low > r.published else "ours is smaller")
-        )
+        x, y = values(mine, r.metric), values(theirs, r.metric)
+        ratio = paired_ratio(x, y)
         if math.isnan(ratio.value):
-            verdict = text.NONE
+            ours = Cell(text.NONE, "nothing to divide by")
+        else:
+            note = text.bounds(ratio.low, ratio.high, 2) if ratio.told else "no interval"
+            ours = Cell(text.number(ratio.value, 2), note, "strong")
+        verdict = verdict_of(ratio, r.published) or untold(x, y)
         rows.add([f"{r.metric}: {r.claim}", Cell(text.number(r.published, 2), r.where), ours,
                   str(len(mine)), verdict])  # fmt: skip
     if not rows.rows:
@@ -46,10 +40,19 @@ def relations(arms: Sequence[Arm]) -> Table | None:
         "Relations: the paper's and ours",
         ["ratio of", "paper", "here", "n", "so"],
         "Ratio of the means over the same homes, with the 95 % interval of a paired bootstrap. "
-        "Ratios may be held against the paper's, absolute figures may not.",
+        f"Ratios may be held against the paper's, absolute figures may not. {text.RULE}",
         TAG,
         words=["so"],
     )
+
+
+def verdict_of(ratio: Interval, published: float) -> str:
+    """What our ratio says of the paper's; empty where it says nothing."""
+    if not ratio.told:
+        return ""
+    if ratio.low > published:
+        return "larger here"
+    return "smaller here" if ratio.high < published else "the paper's lies in our interval"
 
 
 def section(arms: Sequence[Arm]) -> Section:
@@ -101,7 +104,7 @@ def _table(table: paper.Table, found: dict[int, Arm | None]) -> Table:
     for row in table.rows:
         arm = found[id(row)]
         name = Cell(row.name, row.agent if arm else "")
-        n = str(len(arm.records)) if arm else ("" if row.agent else text.NONE)
+        n = str(len(arm.records)) if arm else text.NONE
         cells = [_cell(table, row, metric, arm) for metric in table.metrics]
         rows.add([name, *cells, n], row.group)
     return rows.table(

@@ -24,6 +24,9 @@ def html_of(report: Report) -> str:
     environment.filters |= {
         "kind": lambda block: type(block).__name__,
         "base64": lambda data: base64.b64encode(data).decode("ascii"),
+        "unbroken": lambda words: Markup(" ").join(
+            Markup("<span>{}</span>").format(word) for word in words.split(" ")
+        ),
         "cause_colour": lambda cause: style.of_cause(cause).name,
     }
     page = resources.files("helios_eval.report") / "page"

@@ -63,7 +63,8 @@ def _lines(block: Block) -> list[str]:
             head = [f"### {escape(title)}", "", escape(caption), ""]
             return head + [
                 f"- **{escape(p.title)}, {escape(p.cause)}**: {escape(p.instruction)} "
-                f"The agent said: {escape(p.message) or '–'} Again: {_code(p.command)}"
+                f"The agent said: {escape(p.message) or '–'} Again: "
+                + " or ".join(map(_code, p.commands))
                 for p in pictures
             ]
         case Episodes(rows=rows):

@@ -1,6 +1,11 @@
 """The statistics of the report: numbers in, intervals out. Pure; random draws come from a seed.
 
 Pairs are the same seeds run by two agents, so that easy and hard homes cancel out.
+
+No interval, and so no verdict, is drawn from fewer than `FEWEST` pairs that differ. A bootstrap
+only shuffles what it was given: from one home, or from homes that are all alike, it makes an
+interval without width. And with n pairs that differ no exact two-sided test can say at 5 % that
+one is ahead unless 2 / 2^n <= 0.05, so n >= 6.
 """
 
 from __future__ import annotations
@@ -15,6 +20,7 @@ from numpy.typing import NDArray
 Z_95 = 1.959963984540054
 DRAWS = 10_000
 SEED = 20260
+FEWEST = 6  # smallest n with 2 / 2**n <= 0.05
 
 Values = NDArray[np.float64]
 
@@ -35,6 +41,16 @@ class Interval:
     value: float
     low: float
     high: float
+
+    @property
+    def told(self) -> bool:
+        """Whether there are bounds."""
+        return not math.isnan(self.low)
+
+    @property
+    def sure(self) -> bool:
+        """Whether there are bounds, and 0 lies outside."""
+        return self.low > 0 or self.high < 0
 
 
 def mean_sem(values: Values) -> Mean:
@@ -76,10 +92,12 @@ def paired_difference(
 ) -> Interval:
     """Mean of first - second over the same episodes [n]; percentile bootstrap over episodes.
 
-    Where no episode differs, the interval has no width: it says nothing about rare differences.
+    Without bounds where they would mean nothing; see the module.
     """
     a, b = _pair(first, second)
     difference = (a - b)[:, None]
+    if untold(a, b):
+        return Interval(float(difference.mean()), math.nan, math.nan)
     means = _resampled_sums(difference, draws, seed)[:, 0] / len(a)
     low, high = np.quantile(means, [0.025, 0.975])
     return Interval(float(difference.mean()), float(low), float(high))
@@ -89,17 +107,17 @@ def paired_ratio(first: Values, second: Values, draws: int = DRAWS, seed: int = 
     """Mean of first over mean of second, the same episodes [n]; percentile bootstrap.
 
     A draw that divides by zero counts as infinite, so that a bound may be infinite; 0/0 is left
-    out. All NaN where the ratio itself is 0/0.
+    out. All NaN where the ratio itself is 0/0. Without bounds where they would mean nothing; see
+    the module.
     """
     a, b = _pair(first, second)
-    sums = _resampled_sums(np.stack([a, b], axis=1), draws, seed)
-    top, bottom = np.append(sums[:, 0], a.sum()), np.append(sums[:, 1], b.sum())
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = top / bottom
-    value, drawn = float(ratios[-1]), ratios[:-1]
+        value = float(a.sum() / b.sum())
+        if math.isnan(value) or untold(a, b):
+            return Interval(value, math.nan, math.nan)
+        sums = _resampled_sums(np.stack([a, b], axis=1), draws, seed)
+        drawn = sums[:, 0] / sums[:, 1]
     drawn = drawn[~np.isnan(drawn)]
-    if math.isnan(value) or drawn.size == 0:
-        return Interval(math.nan, math.nan, math.nan)
     low, high = np.quantile(drawn, [0.025, 0.975], method="inverted_cdf")
     return Interval(value, float(low), float(high))
 
@@ -114,6 +132,17 @@ def sign_test(first: Values, second: Values) -> float:
     n = more + less
     tail = sum(math.comb(n, k) for k in range(min(more, less) + 1))
     return min(1.0, 2 * tail / 2**n)
+
+
+def untold(first: Values, second: Values) -> str:
+    """Why no interval is drawn from two paired samples [n]; empty where one is."""
+    a, b = _pair(first, second)
+    differ = sum(discordant(a, b))
+    if differ >= FEWEST:
+        return ""
+    if a.size < FEWEST:
+        return "too few homes to tell"
+    return "too few homes differ to tell" if differ else "no home differs"
 
 
 def discordant(first: Values, second: Values) -> tuple[int, int]:

@@ -39,7 +39,7 @@ _CAUSE_COLOURS: dict[str, Colour] = dict(
     zip(
         (SUCCESS, *CAUSES),
         (
-            Colour("c-success", "#117734", "#3fae66"),
+            Colour("c-success", "#117734", "#2a8a4c"),
             Colour("c-object", "#88ccee", "#88ccef"),
             Colour("c-receptacle", "#44aa99", "#45ab9a"),
             Colour("c-wrong", "#ddcc77", "#decd78"),
@@ -78,7 +78,7 @@ def of_cause(cause: str) -> Colour:
 def is_dark(colour: Colour) -> bool:
     """Whether white text is read better on it than black."""
     r, g, b = (int(colour.light[i : i + 2], 16) for i in (1, 3, 5))
-    return 0.299 * r + 0.587 * g + 0.114 * b < 140
+    return 0.299 * r + 0.587 * g + 0.114 * b < 128
 
 
 def with_variables(svg: str) -> str:

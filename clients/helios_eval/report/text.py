@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 
 from helios_eval.report.metrics import METRICS
-from helios_eval.report.stats import Interval, Mean
+from helios_eval.report.stats import FEWEST, Interval, Mean
 
 NOT_RUN = "not run"
 NONE = "–"
+RULE = (
+    f"An interval is drawn only where at least {FEWEST} homes differ: with fewer, no exact "
+    "two-sided test at 5 % can tell who is ahead."
+)
 
 
 def number(x: float, digits: int) -> str:

@@ -18,6 +18,9 @@ def video(
     semantics: Annotated[str, typer.Option(help="noisy or ground-truth")] = "noisy",
     benchmark: Annotated[str, typer.Option(help="ovmm or objectnav")] = "ovmm",
     fps: Annotated[float, typer.Option(help="frames a second", min=1, max=60)] = 8.0,
+    noise_table: Annotated[
+        str | None, typer.Option("--noise", help="noise table  [default: the preset's]")
+    ] = None,
     noise_level: Annotated[float, typer.Option(help="multiplies the noise", min=0, max=10)] = 1.0,
     noise_correlation: Annotated[
         float | None, typer.Option(help="1: errors stay, 0: drawn per frame")
@@ -63,7 +66,7 @@ def video(
         raise WrongUse(f"--out is {str(path)!r}; a video is written as FILE.mp4")
     try:
         noise = (
-            specs.noise_of(homes.noise_of(preset), noise_level, noise_correlation)
+            specs.noise_of(noise_table or homes.noise_of(preset), noise_level, noise_correlation)
             if semantics == "noisy"
             else None
         )

@@ -78,9 +78,10 @@ def test_every_section_and_every_agent_is_in_both(report):
 
 
 def test_it_says_what_was_run(report):
+    shown = report.replace("&#39;", "'").replace("<span>", "").replace("</span>", "")
     for words in ("helios eval ovmm --out 'a b'", "a desk", "1 h 02 min", "0000000-dirty",
                   "not committed", "0–4", "noise level"):  # fmt: skip
-        assert words in report.replace("&#39;", "'")
+        assert words in shown
 
 
 def test_it_says_that_the_simulator_is_another_one(report):
@@ -117,7 +118,12 @@ def test_pictures_of_failures_come_with_cause_and_command(whole):
     failed = sum(bool(episode(s, "trusting").cause) for s in range(5))
     assert failed > 0
     assert whole[0].count('alt="Map of the episode') >= failed
-    assert "--agents trusting --preset synthetic --semantics noisy --episodes 1 --seed0" in whole[0]
+    page = whole[0].replace("<span>", "").replace("</span>", "")
+    again = r"--agents trusting --episodes 1 --seed0 \d --preset synthetic --semantics noisy --out"
+    film = r"helios eval video --seed \d --agent trusting --preset synthetic --semantics noisy<"
+    assert re.search(again, page)
+    assert re.search(film, page)
+    assert "--agent ground-truth-walker" not in page  # it has no maps
     png = re.search(r"image/png;base64,([^\"]+)", whole[0])
     assert png is not None
     assert base64.b64decode(png[1]).startswith(b"\x89PNG")
@@ -161,13 +167,50 @@ def test_one_agent_without_failures_pictures_or_run_json(tmp_path):
     assert "There is one agent only" in markdown
     assert "none failed" in markdown
     assert "do not say how long each stage took" in markdown
-    assert "beliefs: not run" in markdown
+    assert "beliefs the episodes hold none" in markdown
 
 
 def test_a_single_episode_has_no_error_but_a_report(tmp_path):
     write(tmp_path, [episode(3, "helios")])
     write_report(tmp_path)
     assert "nan" not in (tmp_path / "report.md").read_text().lower()
+
+
+@pytest.mark.parametrize("homes", [1, 3])
+def test_few_homes_give_figures_and_no_verdict(tmp_path, homes):
+    won = {"find_object": True, "pick": True, "success": True, "cause": ""}
+    lost = {"find_object": False, "pick": False, "success": False, "cause": "stuck"}
+    arms = (("helios", won), ("trusting", lost))
+    write(tmp_path, [episode(s, a, **met) for s in range(homes) for a, met in arms], pictures=False)
+    write_report(tmp_path)
+    for name in ("report.md", "report.html"):
+        report = (tmp_path / name).read_text()
+        assert "too few homes to tell" in report
+        assert not re.search(r"(larger|smaller) here", report)
+        assert 'class="n good"' not in report
+        assert 'class="n bad"' not in report
+
+
+def test_a_run_that_was_cut_short_says_what_is_missing(tmp_path):
+    there = [episode(s, a) for s in (0, 1) for a in ("helios", "trusting")]
+    write(tmp_path, there[:3], pictures=False)
+    run = {"benchmark": "ovmm", "agents": ["helios", "trusting"], "semantics": "noisy",
+           "preset": "synthetic", "noise": NOISE.model_dump(), "settings": {}, "seed0": 0,
+           "episodes": 2}  # fmt: skip
+    (tmp_path / "run.json").write_text(json.dumps(run))
+    write_report(tmp_path)
+    assert "cut short: 1 episode of those" in (tmp_path / "report.md").read_text()
+    write(tmp_path, there, pictures=False)
+    write_report(tmp_path)
+    assert "cut short" not in (tmp_path / "report.md").read_text()
+
+
+def test_causes_that_are_as_frequent_as_one_another_are_not_ranked(tmp_path):
+    causes = ("stuck", "pick failed")
+    write(tmp_path, [episode(s, cause=c, success=False) for s, c in enumerate(causes)],
+          pictures=False)  # fmt: skip
+    write_report(tmp_path)
+    assert "most frequent cause" not in (tmp_path / "report.md").read_text()
 
 
 def test_an_episode_that_never_began_is_reported(tmp_path):

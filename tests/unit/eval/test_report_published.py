@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
+import pytest
 from helios_eval.report import metrics, paper, published
 from helios_eval.report.arms import arms_of, in_common, pairs, plain_arm, swept_arm
 from helios_eval.report.model import Table
+from helios_eval.report.published import relations, verdict_of
+from helios_eval.report.stats import Interval
 from helios_planner.task import Cause
 from synthetic_episodes import NOISE, episode
 
@@ -122,3 +127,36 @@ def test_the_colours_know_the_closed_list():
 
     assert set(style.CAUSES) == {c.value for c in Cause}
     assert len({style.of_cause(c).light for c in ("", *style.CAUSES, "unknown")}) == 12
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [(2.0, 3.0, "larger here"), (0.5, 0.9, "smaller here"), (0.5, 2.0, "lies in our interval"),
+     (1.0, math.inf, "lies in our interval"), (2.0, math.inf, "larger here"),
+     (math.nan, math.nan, "")],
+)  # fmt: skip
+def test_verdicts_on_the_papers_ratios(low, high, words):
+    verdict = verdict_of(Interval(1.0, low, high), published=1.0)
+    assert words in verdict
+    assert bool(words) == bool(verdict)
+
+
+@pytest.mark.parametrize("homes", [1, 3, 5])
+@pytest.mark.parametrize("won", [True, False])
+def test_few_homes_never_give_a_verdict(homes, won):
+    """One home each, both found it: the ratio is 1, the bootstrap's interval [1, 1], and the
+    paper's 1.93 is outside of it."""
+    met = {"find_object": won, "pick": won, "success": won, "place": won}
+    arms = arms_of([episode(s, a, **met) for s in range(homes) for a in ("helios", "trusting")])
+    table = relations(arms)
+    assert table is not None
+    assert {row.cells[-1].text for row in table.rows} == {"too few homes to tell"}
+    assert not any("[" in cell.note for row in table.rows for cell in row.cells)
+
+
+def test_homes_that_are_all_alike_give_no_verdict():
+    arms = arms_of([episode(s, a, find_object=True, pick=True, success=True)
+                    for s in range(20) for a in ("helios", "trusting")])  # fmt: skip
+    table = relations(arms)
+    assert table is not None
+    assert {row.cells[-1].text for row in table.rows} == {"no home differs"}

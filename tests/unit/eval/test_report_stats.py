@@ -61,9 +61,42 @@ def test_exact_mcnemar_has_the_published_p():
     assert stats.sign_test(second, first) == stats.sign_test(first, second)
 
 
-def test_no_difference_at_all_has_p_1_and_no_width():
+# --- where nothing can be told ----------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("homes", "differ", "why"),
+    [(1, 0, "too few homes to tell"), (1, 1, "too few homes to tell"),
+     (5, 5, "too few homes to tell"), (6, 5, "too few homes differ to tell"), (6, 6, ""),
+     (500, 0, "no home differs"), (500, 5, "too few homes differ to tell"), (500, 6, "")],
+)  # fmt: skip
+def test_an_interval_wants_six_homes_that_differ(homes, differ, why):
+    first = np.ones(homes)
+    second = first - (np.arange(homes) < differ)
+    assert stats.untold(first, second) == why
+    for found in (stats.paired_difference(first, second), stats.paired_ratio(first, second)):
+        assert found.told == (why == "")
+        assert found.told or not found.sure
+    assert stats.paired_difference(first, second).value == pytest.approx(differ / homes)
+
+
+def test_the_fewest_are_those_with_which_an_exact_test_can_tell_at_all():
+    def p_of_unanimous(homes: int) -> float:
+        return stats.sign_test(np.ones(homes), np.zeros(homes))
+
+    assert p_of_unanimous(stats.FEWEST) <= 0.05 < p_of_unanimous(stats.FEWEST - 1)
+
+
+@given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=40))
+def test_what_is_sure_has_bounds_with_width_or_is_unanimous(pairs):
+    first, second = np.array(pairs, dtype=np.float64).T
+    found = stats.paired_difference(first, second, draws=200)
+    if found.sure:
+        assert sum(stats.discordant(first, second)) >= stats.FEWEST
+        assert found.high > found.low or stats.sign_test(first, second) <= 0.05
+
+
+def test_no_difference_at_all_has_p_1():
     assert stats.sign_test(POLITICS, POLITICS) == 1
-    assert stats.paired_difference(POLITICS, POLITICS) == stats.Interval(0, 0, 0)
+    assert stats.paired_difference(POLITICS, POLITICS).value == 0
 
 
 def test_paired_bootstrap_covers_the_truth_as_often_as_it_says():
@@ -101,7 +134,7 @@ def test_same_seed_same_interval():
 
 def test_a_bound_that_divides_by_zero_is_infinite():
     once = np.array([1.0] + [0.0] * 9)
-    found = stats.paired_ratio(POLITICS, once)
+    found = stats.paired_ratio(POLITICS, once)  # six homes differ
     assert found.value == 7
     assert math.isfinite(found.low)
     assert found.high == math.inf
