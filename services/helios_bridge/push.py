@@ -108,11 +108,13 @@ class PushDesk:
         self._turn = turn
         self._estimated_depth, self._threshold = estimated_depth, threshold
         self._classes: tuple[str, ...] = ()
+        self._world = ("", 0)
         self._sought = threading.Event()  # something is looked for
         bus.subscribe(CONTEXT, lambda _: self._sought.set())
 
     def push(self, request: pb.PushRequest, told: Callable[[], None]) -> pb.PushReply:
-        """Make a keyframe of it and wait for the maps' answers. told: called when it is out.
+        """Make a keyframe of it and wait for the maps' answers. told: called when the state has
+        changed.
 
         Raises InvalidInput for a frame that does not hold together, and DeadlineExceeded when
         those before it take too long.
@@ -128,8 +130,11 @@ class PushDesk:
             )
         try:
             self._look_for(classes)
-            world = request.frame.id
-            self._driver.offer(capture, world.robot_boot_id, world.world_epoch)
+            world = (request.frame.id.robot_boot_id, request.frame.id.world_epoch)
+            self._driver.offer(capture, *world)
+            if world != self._world:  # the maps change worlds when the robot says so
+                self._world = world
+                told()
             id = self._lookout.take(keyframe=True)
         finally:
             self._turn.release()

@@ -104,8 +104,10 @@ def base_below_camera(T_world_cam: Matrix) -> Matrix:
 
 
 def is_rigid(T_a_b: Matrix, tolerance: float = 1e-3) -> bool:
-    """Whether the matrix is finite, [4, 4], with a right-handed rotation."""
+    """Whether the matrix is finite, [4, 4], a right-handed rotation over the row 0 0 0 1."""
     if T_a_b.shape != (4, 4) or not np.isfinite(T_a_b).all():
+        return False
+    if np.abs(T_a_b[3] - [0.0, 0.0, 0.0, 1.0]).max() >= tolerance:
         return False
     R = T_a_b[:3, :3]
     return bool(np.abs(R @ R.T - np.eye(3)).max() < tolerance and np.linalg.det(R) > 0)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -12,9 +14,11 @@ import cv2
 import numpy as np
 import pytest
 from helios_contract import DriverContract, Rig
+from helios_core.errors import Unavailable
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Capture, Forward, Turn
+from helios_core.zenoh_bus import ZenohBus
 from helios_examples.room_robot import CAMERA, RoomRobot
 from helios_replay.driver import ReplayDriver
 from helios_sim.driver import SimDriver
@@ -23,6 +27,9 @@ from helios_sim.home import PRESETS, generate_home
 from helios_sim.service import WorldService
 from helios_sim.thread import WorldThread
 from helios_sim.world import World
+
+from tests.bare_robot.processes import bare_robot, generate_messages
+from tests.support import free_port, wait_until
 
 
 class TestExample(DriverContract):
@@ -85,6 +92,34 @@ class TestSpot(DriverContract):
                 stage.fake.wire.mend()
 
             yield Rig(stage.driver(), away=away)
+
+
+class TestAnotherLanguage(DriverContract):
+    """`--robot bus`: a robot that is a process of bare messages, behind a real router."""
+
+    @classmethod
+    @contextmanager
+    def stand(cls) -> Iterator[Rig]:
+        router = f"tcp/127.0.0.1:{free_port()}"
+        process = subprocess.Popen([sys.executable, "-m", "helios_core.router", "--listen", router])
+        with TemporaryDirectory() as folder:
+            try:
+                generate_messages(Path(folder))
+                wait_until(lambda: can_open(router), 20, "the router answers")
+                with bare_robot(Path(folder), router), closing(ZenohBus(router)) as bus:
+                    yield Rig(SimDriver(bus), tolerance_m=0.01, depth_tolerance_m=0.02)
+            finally:
+                process.terminate()
+                process.wait(5)
+
+
+def can_open(router: str) -> bool:
+    """Whether the router is there."""
+    try:
+        ZenohBus(router).close()
+    except Unavailable:
+        return False
+    return True
 
 
 def record_folder(folder: Path, frames: int) -> None:

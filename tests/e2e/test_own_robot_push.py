@@ -1,0 +1,136 @@
+"""`helios up --robot push`: frames come by curl and over a WebSocket, as the docs say."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import httpx
+import numpy as np
+import pytest
+from helios_core.geometry import camera_on_base, se2_to_se3
+from helios_examples.room import look
+from helios_examples.room_robot import CAMERA
+from websockets.sync.client import connect
+
+from tests.e2e.own_robot_up import Up, helios_up
+from tests.support import wait_until
+
+
+@pytest.fixture(scope="module")
+def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+    with helios_up(tmp_path_factory.mktemp("push"), "push") as up:
+        yield up
+
+
+def write_frame(folder: Path, x_m: float = 0.0, yaw_rad: float = 0.0, **more: Any) -> None:
+    """meta.json, color.png and depth.png of the example's room."""
+    T_world_cam = camera_on_base(se2_to_se3(x_m, 0.0, yaw_rad), 1.2, 0.4)
+    color, depth_m = look(CAMERA, T_world_cam)
+    cv2.imwrite(str(folder / "color.png"), color[..., ::-1])
+    cv2.imwrite(str(folder / "depth.png"), np.rint(depth_m * 1000).astype(np.uint16))
+    meta = {"K": CAMERA.matrix.ravel().tolist(), "T_world_cam": T_world_cam.tolist(), **more}
+    (folder / "meta.json").write_text(json.dumps(meta))
+
+
+def post(up: Up, folder: Path) -> httpx.Response:
+    files = {name: (folder / f"{name}.png").read_bytes() for name in ("color", "depth")}
+    data = {"meta": (folder / "meta.json").read_text()}
+    return httpx.post(f"{up.address}/v1/frames", data=data, files=files, timeout=30)
+
+
+def test_the_curl_line_of_the_docs_works(up: Up, tmp_path: Path) -> None:
+    if shutil.which("curl") is None:
+        pytest.skip("there is no curl")
+    page = (Path(__file__).parents[2] / "docs/your-own-robot.md").read_text()
+    (line,) = (line for line in page.splitlines() if line.startswith("curl ") and "color=@" in line)
+    write_frame(tmp_path)
+    line = line.replace("http://127.0.0.1:8080", up.address)
+    done = subprocess.run(
+        ["bash", "-c", line], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True,
+        env=os.environ,
+    )  # fmt: skip
+    answer = json.loads(done.stdout)
+    assert answer["integrated"], answer
+    assert [m["map"] for m in answer["maps"]] == ["map2d/occupancy"]
+
+
+def test_pushed_frames_make_a_map(up: Up, tmp_path: Path) -> None:
+    for k in range(4):
+        write_frame(tmp_path, yaw_rad=k * np.pi / 2)
+        answer = post(up, tmp_path)
+        assert answer.status_code == 200, answer.text
+        assert answer.json()["integrated"]
+    wait_until(
+        lambda: httpx.get(f"{up.address}/v1/map/occupancy.png", timeout=10).status_code == 200,
+        20, "there is a picture of the map",
+    )  # fmt: skip
+    assert httpx.get(f"{up.address}/v1/camera.jpg", timeout=10).status_code == 200
+
+
+def test_what_asks_for_classes_waits_for_the_object_map_and_names_who_is_silent(
+    up: Up, tmp_path: Path
+) -> None:
+    """The detector of this test needs a simulator, so it answers nothing."""
+    write_frame(tmp_path, classes=["box"], wait_s=0.5)
+    answer = post(up, tmp_path).json()
+    assert {"map2d/occupancy"} <= {m["map"] for m in answer["maps"] if m["accepted"]}
+    assert answer["unanswered"] == ["map2d/value", "objectmap/objects"]
+    assert not answer["integrated"]
+
+
+def test_a_stream_over_a_socket_is_answered_frame_by_frame(up: Up, tmp_path: Path) -> None:
+    with connect(f"ws://127.0.0.1:{up.port}/v1/frames/ws") as socket:
+        numbers = []
+        for k in range(5):
+            write_frame(tmp_path, x_m=0.1 * k, wait_s=10, robot_boot_id="walk")
+            socket.send((tmp_path / "meta.json").read_text())
+            socket.send((tmp_path / "color.png").read_bytes())
+            socket.send((tmp_path / "depth.png").read_bytes())
+            answer = json.loads(socket.recv(timeout=30))
+            boot, _, number = answer["id"].split("/")
+            assert boot == "walk"
+            assert any(m["accepted"] for m in answer["maps"]), answer
+            numbers.append(int(number))
+    assert numbers == sorted(set(numbers))
+
+
+def test_nothing_that_is_sent_ends_a_service(up: Up, tmp_path: Path) -> None:
+    before = {name: s["pid"] for name, s in up.services().items()}
+    write_frame(tmp_path, wait_s=0)
+    meta = json.loads((tmp_path / "meta.json").read_text())
+    spoiled: list[dict[str, Any]] = [
+        {"meta": "{}"},
+        {"meta": json.dumps(meta | {"K": [1e300, 0, 0, 0, 1e300, 0, 0, 0, 1]})},
+        {"meta": json.dumps(meta | {"K": [0] * 9})},
+        {"meta": json.dumps(meta | {"T_world_cam": np.diag([1, 1, 1, 0]).tolist()})},
+        {"meta": (tmp_path / "meta.json").read_text().replace("1.2", "NaN")},
+        {"color": b""},
+        {"color": b"\x89PNG\r\n\x1a\n" + bytes(8) + b"\xff" * 64},
+        {"depth": (tmp_path / "color.png").read_bytes()},
+        {"depth": (tmp_path / "depth.png").read_bytes()[:50]},
+        {"color": os.urandom(2_000_000)},
+    ]
+    good: dict[str, Any] = {
+        "meta": json.dumps(meta),
+        "color": (tmp_path / "color.png").read_bytes(),
+        "depth": (tmp_path / "depth.png").read_bytes(),
+    }
+    for wrong in spoiled:
+        parts = good | wrong
+        answer = httpx.post(
+            f"{up.address}/v1/frames", data={"meta": parts["meta"]},
+            files={"color": parts["color"], "depth": parts["depth"]}, timeout=30,
+        )  # fmt: skip
+        assert answer.status_code == 400, (wrong.keys(), answer.text)
+        assert answer.headers["content-type"] == "application/problem+json"
+    refused = httpx.post(f"{up.address}/v1/frames", content=b"x" * 17_000_000, timeout=30)
+    assert refused.status_code == 413
+    assert post(up, tmp_path).status_code == 200
+    assert {name: s["pid"] for name, s in up.services().items()} == before
