@@ -16,6 +16,8 @@ from helios_planner.gaze import GazePoint
 from helios_planner.instruction import Instruction, Kind
 from helios_planner.legs import Legs, Outcome
 from helios_planner.look import Looking, nearest_to
+from helios_planner.mishaps import Dropped
+from helios_planner.placed import Seen, seen_after
 from helios_planner.recovery import LastAction
 from helios_planner.settings import Settings
 from helios_planner.skills import Done, Skills
@@ -61,12 +63,19 @@ class Mission:
         if i.kind is Kind.FIND:
             return self._show(self._begun(self.agent.seek_object(self.kit, i.object, i.start)))
         assert i.goal
-        if self.picked_at_m is None:
-            search = self._begun(self.agent.seek_object(self.kit, i.object, i.start))
-            self.picked_at_m = self._pick(search)
-        if not self.placed:
-            self._place(i.goal, self.picked_at_m if i.goal == i.start else None)
-        return f"put the {i.object} on the {i.goal}"
+        seen = "it was not seen there yet"
+        while not self.placed:
+            try:
+                if self.picked_at_m is None:
+                    search = self._begun(self.agent.seek_object(self.kit, i.object, i.start))
+                    self.picked_at_m = self._pick(search)
+                seen = self._place(i.goal, self.picked_at_m if i.goal == i.start else None)
+                self.placed = True
+            except Dropped as fall:
+                self.skills.count_fall(fall, i.object)
+                self.picked_at_m = None
+                self.body.tell_phase(Phase.FIND_OBJECT, i.object, f"the {i.object} fell: {fall}")
+        return f"put the {i.object} on the {i.goal}; {seen}"
 
     def _begun(self, search: Search) -> Search:
         """The search that goes on from now; one that was cut off remembers what it knew."""
@@ -74,6 +83,7 @@ class Mission:
         if recalled is not None and recalled["phase"] == search.phase:
             search.recall(recalled)
         self.search = search
+        search.tell(f"looking for the {search.name}")
         return search
 
     # --- over a restart ------------------------------------------------------------------------
@@ -85,7 +95,9 @@ class Mission:
             "target_m": _listed(self.target_m),
             "picked_at_m": _listed(self.picked_at_m),
             "picks": self.skills.picks,
+            "falls": self.skills.falls,
             "last_reason": self.skills.last_reason,
+            "felt": [list(f) for f in self.kit.legs.felt],
             "given_up": [list(f) for f in self.kit.given_up],
             "looked": self.kit.looking.memory(),
             "belief": self.kit.belief.memory(),
@@ -98,7 +110,9 @@ class Mission:
         self.looked_around = memory["looked_around"]
         self.target_m = _array(memory["target_m"])
         self.picked_at_m = _array(memory["picked_at_m"])
-        self.skills.picks, self.skills.last_reason = memory["picks"], memory["last_reason"]
+        self.skills.picks, self.skills.falls = memory["picks"], memory["falls"]
+        self.skills.last_reason = memory["last_reason"]
+        self.kit.legs.felt[:] = [(x, y, r) for x, y, r in memory["felt"]]
         self.kit.given_up[:] = [(x, y) for x, y in memory["given_up"]]
         self.kit.looking.recall(memory["looked"])
         self.kit.belief.recall(memory["belief"])
@@ -113,8 +127,10 @@ class Mission:
         elif self.picked_at_m is not None and not last.held:
             self.placed = isinstance(last.action, Place) and last.succeeded is not False
             if not self.placed:
-                how = last.reason or "it was held before the planner was away, and is no more"
-                raise TaskFailed(Cause.PLACE_MISSED, f"the {name} fell: {how}")
+                fall = Dropped(self.body.pose().xy, last.reason or "the planner was away")
+                self.skills.count_fall(fall, name)
+                self.picked_at_m = self._recalled = None
+        self.kit.legs.mishaps.carrying = self.picked_at_m is not None and not self.placed
 
     def _was_picked(self, name: str) -> None:
         """It was picked while nobody was there to see it."""
@@ -145,7 +161,8 @@ class Mission:
                 search.leave(found, done is Done.OUT_OF_REACH)
             search.tell(f"the pick did not work ({_words(done)}); searching on")
 
-    def _place(self, goal: str, not_at: np.ndarray | None) -> None:
+    def _place(self, goal: str, not_at: np.ndarray | None) -> str:
+        """Until it is put down; what is seen of it then."""
         search = self._begun(self.agent.seek_receptacle(self.kit, goal, not_at))
         while True:
             try:
@@ -157,11 +174,27 @@ class Mission:
                     raise TaskFailed(Cause.PLACE_MISSED, message) from failure
                 raise
             self.body.tell_phase(Phase.PLACE, goal, f"going to place on the {goal}")
+            name = self.instruction.object or ""
+            before = list(self.kit.belief.known(name))
             done = self.skills.place(found, goal)
             if done is Done.SUCCEEDED:
-                return
+                return self._seen(name, found, before)
             search.leave(found, done is Done.OUT_OF_REACH)
             search.tell(f"this {goal} did not work ({_words(done)}); another one")
+
+    def _seen(self, name: str, receptacle: ObjectInstance, before: Sequence[ObjectInstance]) -> str:
+        """The robot says that it placed it; is it seen there? Raises TaskFailed where it is seen
+        elsewhere."""
+        now = self.kit.belief.known(name)
+        seen, thing = seen_after(receptacle, before, now, self.settings.cs_g)
+        if seen is Seen.BESIDE_IT and thing is not None:
+            x, y, z = thing.center_m
+            raise TaskFailed(
+                Cause.ROLLED_OFF,
+                f"the {name} was placed on the {receptacle.class_name} and is seen beside it, at "
+                f"({x:.2f}, {y:.2f}, {z:.2f}) m",
+            )
+        return "it is seen there" if seen is Seen.ON_IT else "it was not seen there yet"
 
     def _go_to(self, goal: str) -> None:
         search = self._begun(self.agent.seek_receptacle(self.kit, goal, None))

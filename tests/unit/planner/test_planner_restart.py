@@ -117,17 +117,17 @@ def test_a_place_whose_answer_was_lost_ends_the_task() -> None:
     steps = world.steps
     again = mission(world)
     again.recall(memory, last(world.log[-1]))
-    assert again.run() == "put the mug on the counter"
+    assert again.run().startswith("put the mug on the counter")
     assert sum(isinstance(a, Place) for a in world.log) == 1
     assert world.steps - steps < 5
 
 
-def test_a_thing_that_was_lost_meanwhile_is_said() -> None:
+def test_a_thing_that_fell_meanwhile_is_searched_again() -> None:
     world = flat([coffee_table(), counter(), mug()])
     memory = until(world, Pick) | {"picked_at_m": [7.2, 5.35, 0.5]}
-    with pytest.raises(TaskFailed) as failure:
-        mission(world).recall(memory, last(Turn(0.1), held=""))
-    assert failure.value.cause is Cause.PLACE_MISSED
+    again = mission(world)
+    again.recall(memory, last(Turn(0.1), held=""))
+    assert (again.picked_at_m, again.skills.falls) == (None, 1)
 
 
 def until(world: FakeWorld, kind: type) -> dict:

@@ -1,0 +1,85 @@
+"""After placing, what is seen counts and not what the robot says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helios_core.robot import Action, ActionResult, Place
+from helios_core.types import ObjectInstance
+from helios_planner.flow import Mission
+from helios_planner.instruction import parse
+from helios_planner.placed import Seen, seen_after
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, TaskFailed
+from planner_world import coffee_table, counter, flat, mug
+
+
+def thing(name: str, center: tuple[float, float, float], size: tuple[float, float, float],
+          class_score: float = 0.57) -> ObjectInstance:  # fmt: skip
+    return ObjectInstance(
+        id=1, class_name=name, center_m=np.array(center), size_m=np.array(size), score=0.4,
+        class_score=class_score, uncertainty=0.17, views=1, gaussians=50, probabilities={},
+        top_m=center[2] + size[2] / 2, outline_m=np.empty((0, 2)),
+    )  # fmt: skip
+
+
+COUNTER = thing("counter", (2.0, 2.0, 0.85), (2.0, 0.6, 0.1))
+SIZE = (0.08, 0.08, 0.1)
+ON, BESIDE, FAR = (2.5, 2.1, 0.95), (2.5, 1.5, 0.05), (7.0, 7.0, 0.05)
+HIGH_BESIDE = (2.0, 3.2, 0.95)
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "seen"),
+    [
+        ([], [ON], Seen.ON_IT),
+        ([], [BESIDE], Seen.BESIDE_IT),
+        ([], [BESIDE, ON], Seen.ON_IT),  # another one lies there
+        ([], [HIGH_BESIDE], Seen.BESIDE_IT),
+        ([], [FAR], Seen.NOWHERE),
+        ([], [], Seen.NOWHERE),
+        ([BESIDE], [BESIDE], Seen.NOWHERE),  # it was there before
+        ([ON], [ON], Seen.NOWHERE),
+    ],
+)
+def test_what_was_not_there_before_is_what_was_placed(
+    before: list[tuple[float, float, float]], now: list[tuple[float, float, float]], seen: Seen
+) -> None:
+    was, is_now = ([thing("mug", p, SIZE) for p in points] for points in (before, now))
+    got, found = seen_after(COUNTER, was, is_now, 0.3)
+    assert got is seen
+    assert (found is None) == (seen is Seen.NOWHERE)
+
+
+def test_what_is_hardly_believed_does_not_count() -> None:
+    doubtful = [thing("mug", BESIDE, SIZE, class_score=0.2)]
+    assert seen_after(COUNTER, [], doubtful, 0.3) == (Seen.NOWHERE, None)
+
+
+def run(rolls: bool) -> str:
+    world = flat([coffee_table(), counter(), mug()])
+    place = world._do
+
+    def roll(action: Action) -> ActionResult:
+        result = place(action)
+        if rolls and isinstance(action, Place):
+            assert world.released is not None
+            at = world.pose()
+            ahead = 0.45 * np.array([np.cos(at.yaw_rad), np.sin(at.yaw_rad)])
+            world.released.center_m = np.array([*(ahead + at.xy), 0.05])
+        return result
+
+    world._do = roll  # pyright: ignore[reportAttributeAccessIssue]
+    return Mission(world, parse("Move the mug from the coffee table to the counter"),
+                   Settings()).run()  # fmt: skip
+
+
+def test_a_thing_that_is_seen_on_the_goal_is_said() -> None:
+    assert run(rolls=False) == "put the mug on the counter; it is seen there"
+
+
+def test_a_thing_that_rolled_off_is_a_failure_though_the_robot_reports_success() -> None:
+    with pytest.raises(TaskFailed) as failure:
+        run(rolls=True)
+    assert failure.value.cause is Cause.ROLLED_OFF
+    assert "is seen beside it" in failure.value.message
