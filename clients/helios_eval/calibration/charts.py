@@ -94,9 +94,12 @@ def views_png(samples: Samples, rows: Sequence[Row]) -> bytes:
                 _points(area, names, known, name, shift, "auroc")
             area.axhline(0.5, color=FAINT, lw=1.3, ls=(0, (4, 3)), label="a coin")
             claimed.set_ylim(-0.03, 1.03)
-            error.set_ylim(0, max(0.1, error.get_ylim()[1]))
+            error.set_ylim(0, max(0.1, 1.05 * error.get_ylim()[1]))
             area.set_ylim(min(0.35, area.get_ylim()[0]), 1.02)
             for axes in line:
+                if not known:
+                    axes.text(0.5, 0.5, f"no group of {FEWEST} beliefs", ha="center", va="center",
+                              color=FAINT, transform=axes.transAxes)  # fmt: skip
                 counts = [len(part.of_views(name)) for name in names]
                 ticks = [f"{n}\nn = {c}" for n, c in zip(names, counts, strict=True)]
                 axes.set_xticks(range(len(names)), ticks)
@@ -136,7 +139,7 @@ def settings_png(rows: Sequence[Row]) -> bytes:
                 axes.axvline(0.5, color=FAINT, lw=1.3, ls=(0, (4, 3)), label="a coin")
                 axes.set_xlim(min(0.4, axes.get_xlim()[0]), 1.01)
             else:
-                axes.set_xlim(0, max(0.1, axes.get_xlim()[1]))
+                axes.set_xlim(0, max(0.1, 1.05 * axes.get_xlim()[1]))
             axes.grid(axis="y", visible=False)
             for edge in np.arange(0.5, len(settings) - 1):
                 axes.axhline(edge, color=GRID, lw=1)
@@ -170,9 +173,10 @@ def _diagram(axes: Axes, below: Axes, part: Samples, name: str, row: Row | None)
     axes.errorbar(wide.score, wide.true, spread, fmt=MARKER[name], ms=8, color=color,
                   capsize=3, lw=1.8, mec="white", mew=1,
                   label="bins of equal width, 95 % interval")  # fmt: skip
-    spread_of_ece = f"{row.ece_low:.3f}–{row.ece_high:.3f}"
+    told = np.isfinite(row.ece_low)
+    spread_of_ece = f" ({row.ece_low:.3f}–{row.ece_high:.3f})" if told else ""
     lines = [
-        f"ECE {row.ece:.3f} ({spread_of_ece}), by chance ≤ {row.ece_by_chance:.3f}",
+        f"ECE {row.ece:.3f}{spread_of_ece}, by chance ≤ {row.ece_by_chance:.3f}",
         f"widest gap {row.mce:.2f}    Brier {row.brier:.3f}    AUROC {_figure(row.auroc)}",
     ]
     axes.text(0, 1.025, "\n".join(lines), transform=axes.transAxes, va="bottom", fontsize=11,
@@ -223,8 +227,9 @@ def _points(
             continue
         at.append(k + shift)
         values.append(value)
-        low.append(max(0.0, value - getattr(row, f"{figure}_low")))
-        high.append(max(0.0, getattr(row, f"{figure}_high") - value))
+        spread = value - getattr(row, f"{figure}_low"), getattr(row, f"{figure}_high") - value
+        low.append(max(0.0, spread[0]) if np.isfinite(spread[0]) else np.nan)
+        high.append(max(0.0, spread[1]) if np.isfinite(spread[1]) else np.nan)
     look = {"fmt": MARKER[name], "color": COLOR[name], "ms": 8, "capsize": 3, "lw": 1.8,
             "mec": "white", "mew": 1, "label": name}  # fmt: skip
     if upright:

@@ -7,7 +7,14 @@ from dataclasses import dataclass, field
 
 from helios_eval.calibration import charts
 from helios_eval.calibration.samples import by_setting, samples_of
-from helios_eval.calibration.summary import ALL, FEWEST, RESAMPLES, Row, rows_of
+from helios_eval.calibration.summary import (
+    ALL,
+    FEWEST,
+    FEWEST_EPISODES,
+    RESAMPLES,
+    Row,
+    rows_of,
+)
 from helios_eval.record import EpisodeRecord
 
 _SHORT = (
@@ -42,6 +49,7 @@ def figures(records: Sequence[EpisodeRecord], every_step: bool = False) -> list[
         own = [row for row in rows if row.setting == setting]
         if own:
             out.append(_reliability(setting, charts.reliability_png(samples, own), own))
+        if any(row.views != ALL for row in own):
             out.append(_views(setting, charts.views_png(samples, own), own))
     return out
 
@@ -51,21 +59,25 @@ def _settings(rows: list[Row]) -> Figure:
         "Calibration by the detector's noise",
         "Expected calibration error (lower is better) and area under the ROC curve (higher is "
         "better; 0.5 is a coin) of the class score S, of Ψ = S − α U, and of −U alone, against the "
-        "truth. Bars: 95 % by bootstrap over episodes.",
+        "truth. Bars: 95 % by bootstrap over episodes, where there are at least "
+        f"{FEWEST_EPISODES}.",
         charts.settings_png(rows),
         [_some(row) for row in rows if row.views == ALL],
     )
 
 
 def _reliability(setting: str, png: bytes, rows: list[Row]) -> Figure:
+    count = rows[0].episodes
+    interval = f"its 95 % interval by bootstrap over {count} episodes ({RESAMPLES} resamples)"
+    if count < FEWEST_EPISODES:
+        interval = f"no interval, since {count} episodes are too few for one"
     return Figure(
         f"Reliability: {setting}",
         "How often a belief is right, by what the map says of it. On the dashed line a score of "
         "0.7 is right seven times in ten; below it the map is too sure of itself. S is meant as a "
         "probability; Ψ is S less the uncertainty, so it should lie above the line. Below: beliefs "
-        "per bin, right ones in colour. ECE with its 95 % interval by bootstrap over "
-        f"{rows[0].episodes} episodes ({RESAMPLES} resamples); “by chance”: 95 % of perfectly "
-        "calibrated scores would show less.",
+        "per bin, right ones in colour. "
+        f"ECE with {interval}; “by chance”: 95 % of perfectly calibrated scores would show less.",
         png,
         [row.cells() for row in rows if row.views == ALL],
     )

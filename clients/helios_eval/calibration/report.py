@@ -10,7 +10,7 @@ from pathlib import Path
 from helios_core.errors import InvalidInput
 
 from helios_eval.calibration.figures import Figure, figures
-from helios_eval.calibration.summary import FEWEST, RESAMPLES
+from helios_eval.calibration.summary import FEWEST, FEWEST_EPISODES, RESAMPLES
 from helios_eval.record import EPISODES, EpisodeRecord, read
 
 REPORT = "calibration.md"
@@ -28,7 +28,8 @@ uncertainty U, and Ψ = S − α U (eq. 7). Here they are held against the truth
   ECE below this, so a smaller one cannot be told from 0.
 - **Brier** = reliability − resolution + uncertainty + within the bins.
 - **AUROC**: the chance that a right belief scores higher than a wrong one; 0.5 is a coin.
-- **Intervals** are 95 %, by {resamples} resamples of whole episodes; those of shares are Wilson's.
+- **Intervals** are 95 %, by {resamples} resamples of whole episodes, where there are at least
+  {fewest_episodes}; those of shares are Wilson's.
 - Groups of fewer than {fewest} samples are left out.
 
 {episodes} episodes with beliefs, from: {folders}.
@@ -71,9 +72,12 @@ def write(folders: Sequence[Path], out: Path, every_step: bool) -> Path:
             "of an agent with an object map"
         )
     out.mkdir(parents=True, exist_ok=True)
+    for former in out.glob("calibration-[0-9][0-9]-*.png"):
+        former.unlink()
     parts = [
         _INTRO.format(
             sample=_EVERY if every_step else _LAST, resamples=RESAMPLES, fewest=FEWEST,
+            fewest_episodes=FEWEST_EPISODES,
             episodes=len(records), folders=", ".join(f"`{f}`" for f in folders),
         )
     ]  # fmt: skip

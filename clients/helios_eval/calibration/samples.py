@@ -98,19 +98,22 @@ def by_setting(records: Iterable[EpisodeRecord]) -> dict[str, list[EpisodeRecord
     names = dict.fromkeys(name for facts, _ in told for name in facts)
     differ = [n for n in names if len({facts.get(n, _default(n)) for facts, _ in told} - {""}) > 1]
     out: dict[str, list[EpisodeRecord]] = {}
+    set_anywhere = any(r.noise and r.noise.correlation is not None for _, r in told)
     for facts, record in sorted(told, key=lambda pair: _order(pair[1])):
         extra = [facts.get(name, _default(name)) for name in differ]
-        name = ", ".join(part for part in (_noise(record), *extra) if part)
+        name = ", ".join(part for part in (_noise(record, set_anywhere), *extra) if part)
         out.setdefault(name, []).append(record)
     return out
 
 
-def _noise(record: EpisodeRecord) -> str:
+def _noise(record: EpisodeRecord, tell_correlation: bool) -> str:
     noise = record.noise
     if noise is None:
         return "ground truth"
-    if noise.correlation is None:
+    if not tell_correlation:
         return f"noise ×{noise.level:g}"
+    if noise.correlation is None:
+        return f"noise ×{noise.level:g}, correlation of the table"
     return f"noise ×{noise.level:g}, correlation {noise.correlation:g}"
 
 
@@ -118,7 +121,7 @@ def _order(record: EpisodeRecord) -> tuple[float, float, str, str]:
     noise = record.noise
     if noise is None:
         return -1.0, -1.0, "", record.agent
-    correlation = -1.0 if noise.correlation is None else noise.correlation
+    correlation = 0.5 if noise.correlation is None else noise.correlation  # between none and all
     return noise.level, correlation, noise.table, record.agent
 
 

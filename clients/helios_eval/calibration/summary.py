@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ from helios_eval.calibration.samples import ROLES, VIEWS, Samples
 
 ALL = "all"
 FEWEST = 20  # samples; below that a group is left out
+FEWEST_EPISODES = 6  # below that a bootstrap over episodes has too little to shuffle
 RESAMPLES = 1000
 SEED = 20250101  # of the resampling: the same records give the same report
 EDGES = st.equal_width_edges(10)
@@ -21,8 +22,9 @@ SCORES = ("S", "Ψ", "−U")
 
 @dataclass(frozen=True)
 class Row:
-    """One score of one group. NaN where a figure has no meaning: −U is no probability, and a
-    group without right or without wrong beliefs has no AUROC."""
+    """One score of one group. NaN where a figure has no meaning: −U is no probability, a group
+    without right or without wrong beliefs has no AUROC, and one of fewer than `FEWEST_EPISODES`
+    has no interval."""
 
     setting: str
     role: str  # of samples.ROLES
@@ -78,18 +80,20 @@ def adaptive_edges(score: st.Scores) -> st.Scores:
 def _row(setting: str, role: str, views: str, name: str, samples: Samples) -> Row:
     score, truth = score_of(samples, name), samples.correct
     rng = np.random.default_rng(SEED)
-    area = float(st.auroc(score, truth)[0])
-    area_low, area_high = st.percentile_interval(
-        st.bootstrap(lambda w: st.auroc(score, truth, w), samples.episode, RESAMPLES, rng)
-    )
     nan = math.nan
+
+    def interval(figure: Callable[[st.Weights], st.Scores]) -> tuple[float, float]:
+        if samples.episodes < FEWEST_EPISODES:
+            return nan, nan
+        return st.percentile_interval(st.bootstrap(figure, samples.episode, RESAMPLES, rng))
+
+    area = float(st.auroc(score, truth)[0])
+    area_low, area_high = interval(lambda w: st.auroc(score, truth, w))
     found = chance = low = high = adaptive = most = nan
     parts = st.Brier(nan, nan, nan, nan, nan)
     if name != "−U":
         found = float(st.ece(score, truth, EDGES)[0])
-        low, high = st.percentile_interval(
-            st.bootstrap(lambda w: st.ece(score, truth, EDGES, w), samples.episode, RESAMPLES, rng)
-        )
+        low, high = interval(lambda w: st.ece(score, truth, EDGES, w))
         _, chance = st.ece_if_calibrated(score, EDGES, RESAMPLES, rng)
         adaptive = float(st.ece(score, truth, adaptive_edges(score))[0])
         most = st.mce(st.reliability(score, truth, EDGES))

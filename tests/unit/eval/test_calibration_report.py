@@ -56,7 +56,9 @@ def test_settings_are_named_by_noise_and_by_what_differs():
         record(0, one), record(1, one, noise=CORRELATED),
         record(2, one, semantics="ground-truth", noise=None), record(3),
     ])  # fmt: skip
-    assert list(groups) == ["ground truth", "noise ×1", "noise ×2, correlation 1"]
+    assert list(groups) == [
+        "ground truth", "noise ×1, correlation of the table", "noise ×2, correlation 1"
+    ]  # fmt: skip
     assert [r.seed for rs in groups.values() for r in rs] == [2, 0, 1]
     groups = by_setting([
         record(0, one), record(0, one, agent="no-objective"), record(0, one, noise=table),
@@ -88,10 +90,26 @@ def test_groups_too_small_are_left_out_and_figures_need_beliefs():
     assert figures([record(0, (belief(1, True), belief(2, False)))]) == []
 
 
+def test_groups_too_small_to_be_told_apart_by_views_have_no_picture_of_them():
+    beliefs = tuple(belief(k, k % 3 > 0, views=1 + k) for k in range(24))
+    assert [f.title.split(":")[0] for f in figures([record(0, beliefs)])] == ["Reliability"]
+
+
 def test_beliefs_that_are_all_right_can_be_shown():
     told = [record(k, tuple(belief(i, True, 0.5 + i / 50) for i in range(20))) for k in range(3)]
     first, _ = figures(told)
     assert all(row["auroc"] is None for row in first.table)
+
+
+def test_fewer_than_six_episodes_have_no_interval():
+    """A bootstrap over one episode always draws that one: an interval without width."""
+    few, enough = (rows_of({"": samples_of(episodes(count))}) for count in (5, 6))
+    assert few
+    assert all(np.isnan([r.ece_low, r.ece_high, r.auroc_low, r.auroc_high]).all() for r in few)
+    assert all(np.isfinite(r.ece_low) for r in enough if r.score != "−U")
+    first, *_ = figures(episodes(5))
+    assert "5 episodes are too few" in first.caption
+    assert first.table[0]["ece_low"] is None
 
 
 def test_figures_are_pictures_with_numbers(made):
