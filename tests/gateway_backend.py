@@ -19,16 +19,19 @@ from helios_core.topics import (
     CLEAR_STOP,
     DECISION,
     DECISIONS,
+    EXPORT_OBJECTS,
     GET_TASK,
     KEYFRAME,
     LIST_TASKS,
     MAP2D_ACK,
+    OBJECT_DETAIL,
     OBJECTMAP_ACK,
     OBJECTS,
     OBSERVATION,
     PAUSE,
     PICTURE,
     PLAN,
+    RENDER_OBJECTS,
     RESUME,
     ROBOT_DESCRIPTION,
     ROBOT_STATE,
@@ -77,6 +80,7 @@ class Backend:
         self.pose = (3.1, 2.2, 2.5)
         self.stopped, self.stop_reason = False, ""
         self.map_version = 41
+        self.rendered: pb.RenderRequest | None = None
         self.seq = 0
 
     def start(self) -> None:
@@ -91,6 +95,9 @@ class Backend:
         serve(SNAPSHOT, self._snapshot)
         serve(PICTURE, self._picture)
         serve(OBJECTS, self._objects)
+        serve(OBJECT_DETAIL, self._detail)
+        serve(EXPORT_OBJECTS, self._export)
+        serve(RENDER_OBJECTS, self._render)
         serve(STOP, lambda request: self._latch(True, request.reason))
         serve(CLEAR_STOP, lambda _: self._latch(False, ""))
         serve(VOCABULARY, lambda _: pb.VocabularyReply(
@@ -251,6 +258,36 @@ class Backend:
     def _objects(self, _: pb.ObjectsRequest) -> pb.ObjectsReply:
         self.calls.append("objects")
         return pb.ObjectsReply(objects=self.found, version=9, gaussians=5120)
+
+    def _found(self, id: int) -> pb.ObjectInstance:
+        for found in self.found:
+            if found.id == id:
+                return found
+        raise InvalidInput(f"no object has the id {id}")
+
+    def _detail(self, request: pb.ObjectRequest) -> pb.ObjectDetail:
+        found = self._found(request.object_id)
+        scores = [found.score * share for share in (0.3, 0.5, 0.45, 0.8, 1.0)]
+        return pb.ObjectDetail(
+            object=found, box_center_m=found.center_m, box_size_m=found.size_m,
+            history=[
+                pb.Moment(stamp_ns=i * 10**9, views=i + 1, score=score, class_score=score + 0.05)
+                for i, score in enumerate(scores)
+            ],
+        )  # fmt: skip
+
+    def _export(self, request: pb.ExportRequest) -> pb.ExportReply:
+        if request.object_id:
+            self._found(request.object_id)
+        return pb.ExportReply(data=b"ply\n", gaussians=7)
+
+    def _render(self, request: pb.RenderRequest) -> pb.RenderReply:
+        self.rendered = request
+        side = request.camera.width
+        picture = np.full((side, side, 3), 90, np.uint8)
+        cv2.circle(picture, (side // 2, side // 2), side // 4, (40, 60, 200), -1)
+        _, png = cv2.imencode(".png", picture)
+        return pb.RenderReply(png=png.tobytes())
 
     def _snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot:
         self.calls.append("snapshot")

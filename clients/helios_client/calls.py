@@ -53,8 +53,13 @@ def event_query(types: Iterable[str], task_id: str | None) -> dict[str, str]:
     return {name: value for name, value in out.items() if value}
 
 
-def submit(instruction: str, max_steps: int | None, agent: str | None) -> Call[Task]:
-    asked = {"instruction": instruction, "max_steps": max_steps, "agent": agent}
+def submit(
+    instruction: str, max_steps: int | None, agent: str | None, time_limit_s: float | None
+) -> Call[Task]:
+    asked = {
+        "instruction": instruction, "max_steps": max_steps, "agent": agent,
+        "time_limit_s": time_limit_s,
+    }  # fmt: skip
     body = {name: value for name, value in asked.items() if value is not None}
     return Call("POST", "/tasks", lambda r: Task.from_json(_json(r)), body)
 

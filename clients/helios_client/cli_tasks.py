@@ -30,15 +30,23 @@ def task(
     agent: Annotated[
         str | None, typer.Option(help="who does it: helios, trusting …  [default: the setting]")
     ] = None,
+    max_steps: Annotated[
+        int | None, typer.Option(help="steps of the robot allowed  [default: the setting]", min=1)
+    ] = None,
+    time_limit_s: Annotated[
+        float | None,
+        typer.Option(help="seconds allowed from its start  [default: the setting]", min=0.1),
+    ] = None,
 ) -> None:
     """Submit a task and watch it; exit status 0 if it succeeded."""
-    from helios_client.task_view import run_task, wait_while_starting
+    from helios_client.task_view import wait_while_starting, watch_task
 
     with connect(port, url, key, robot) as helios:
         if url is None:
             wait_while_starting(helios, port, console(stderr=True))
         # With --json the live view goes to stderr, so that stdout holds JSON and nothing else.
-        ended = run_task(helios, instruction, timeout_s, console(stderr=as_json), agent)
+        asked = helios.submit(instruction, max_steps, agent, time_limit_s)
+        ended = watch_task(helios, asked, timeout_s, console(stderr=as_json))
     if as_json:
         print_json(ended.raw)
     if not ended.succeeded:

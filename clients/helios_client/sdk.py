@@ -56,10 +56,15 @@ class Helios:
 
     # --- tasks --------------------------------------------------------------------------------
     def submit(
-        self, instruction: str, max_steps: int | None = None, agent: str | None = None
+        self,
+        instruction: str,
+        max_steps: int | None = None,
+        agent: str | None = None,
+        time_limit_s: float | None = None,
     ) -> Task:
-        """Queue a task. Raises InvalidInput when the instruction cannot be understood."""
-        return self._do(calls.submit(instruction, max_steps, agent))
+        """Queue a task, with a budget of steps and seconds. Raises InvalidInput when the
+        instruction cannot be understood."""
+        return self._do(calls.submit(instruction, max_steps, agent, time_limit_s))
 
     def task(self, id: str) -> Task:
         """How a task is."""

@@ -53,9 +53,13 @@ class AsyncHelios:
 
     # --- tasks --------------------------------------------------------------------------------
     async def submit(
-        self, instruction: str, max_steps: int | None = None, agent: str | None = None
+        self,
+        instruction: str,
+        max_steps: int | None = None,
+        agent: str | None = None,
+        time_limit_s: float | None = None,
     ) -> Task:
-        return await self._do(calls.submit(instruction, max_steps, agent))
+        return await self._do(calls.submit(instruction, max_steps, agent, time_limit_s))
 
     async def task(self, id: str) -> Task:
         return await self._do(calls.task(id))

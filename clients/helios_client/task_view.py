@@ -48,18 +48,16 @@ def wait_while_starting(helios: Helios, port: int, console: Console) -> None:
         time.sleep(POLL_S)
 
 
-def run_task(
-    helios: Helios,
-    instruction: str,
-    timeout_s: float,
-    console: Console,
-    agent: str | None = None,
-) -> Task:
-    """Submit and wait; interrupting cancels the task.
+def run_task(helios: Helios, instruction: str, timeout_s: float, console: Console) -> Task:
+    """Submit and watch."""
+    return watch_task(helios, helios.submit(instruction), timeout_s, console)
+
+
+def watch_task(helios: Helios, task: Task, timeout_s: float, console: Console) -> Task:
+    """The task once it has ended; interrupting cancels it.
 
     Without a terminal each change of phase or message is a line. Raises HeliosError.
     """
-    task = helios.submit(instruction, agent=agent)
     try:
         if console.is_terminal:
             return _watch_live(helios, task, timeout_s, console)

@@ -23,6 +23,7 @@ from helios_gateway.routes_events import event_routes
 from helios_gateway.routes_frames import frame_routes
 from helios_gateway.routes_health import fleet_routes, health_routes, service_routes
 from helios_gateway.routes_map import map_routes
+from helios_gateway.routes_objects import object_routes
 from helios_gateway.routes_robot import robot_routes
 from helios_gateway.routes_tasks import task_routes
 from helios_gateway.settings import Settings
@@ -66,6 +67,7 @@ def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> Fa
         for routes in (
             task_routes(prefix, settings),
             event_routes(prefix, settings),
+            object_routes(prefix, settings),
             map_routes(prefix),
             frame_routes(prefix, settings),
             robot_routes(prefix, settings),

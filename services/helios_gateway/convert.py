@@ -146,6 +146,21 @@ def _object(o: pb.ObjectInstance) -> models.ObjectInstance:
     )  # fmt: skip
 
 
+def object_detail(message: pb.ObjectDetail) -> models.ObjectDetail:
+    return models.ObjectDetail(
+        object=_object(message.object),
+        history=[
+            models.Moment(
+                stamp_s=m.stamp_ns / 1e9, views=finite(m.views), score=finite(m.score),
+                class_score=finite(m.class_score),
+            )
+            for m in message.history
+        ],
+        box_center_m=_vector(message.box_center_m), box_size_m=_vector(message.box_size_m),
+        box_yaw_rad=finite(message.box_yaw_rad),
+    )  # fmt: skip
+
+
 def frontier(f: pb.Frontier) -> models.Frontier:
     return models.Frontier(
         id=f.id, center_m=[metres(f.x_m), metres(f.y_m)], size_m=metres(f.size_m),

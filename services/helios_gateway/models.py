@@ -193,6 +193,25 @@ class ObjectList(BaseModel):
     gaussians: int = Field(description="of the whole map")
 
 
+class Moment(BaseModel):
+    """What was believed of an object after a view that gave it evidence."""
+
+    stamp_s: float = Field(description="the robot's clock")
+    views: float | None
+    score: float | None = Field(description="Ψ")
+    class_score: float | None = Field(description="S")
+
+
+class ObjectDetail(BaseModel):
+    """One object: all figures, how belief in it went, and its upright box."""
+
+    object: ObjectInstance
+    history: list[Moment] = Field(description="oldest first; long ones are thinned")
+    box_center_m: Vector3 = Field(description="of the upright box, turned to be smallest")
+    box_size_m: Vector3 = Field(description="along its own axes; x is the narrow side")
+    box_yaw_rad: float | None = Field(description="of its x axis: where a gripper closes")
+
+
 class RobotPose(BaseModel):
     x_m: float
     y_m: float

@@ -19,6 +19,7 @@ from tests.gateway_process import Served, served
 from tests.support import wait_until
 
 INSTRUCTION = "Move the mug from the coffee table to the kitchen counter"
+SCORES = "score over 5 views: first 0.25, now 0.82"
 SIZES = {"light": (1600, 1150), "dark": (1600, 1150), "tablet": (820, 1180)}
 
 expect.set_options(timeout=DEADLINE_MS)
@@ -154,6 +155,10 @@ def test_an_object_shows_its_views_and_scores(page: Page) -> None:
     for words in ("score Ψ", "0.82", "views", "12", "detected in", "80 %"):
         expect(panel).to_contain_text(words)
     expect(panel.locator("meter").first).to_be_visible()
+    expect(panel.locator("#object-view")).to_have_attribute(
+        "alt", "what is modelled of coffee table 2"
+    )
+    expect(panel.locator("#object-history")).to_have_attribute("aria-label", SCORES)
     page.click("#object-close")
     expect(panel).to_be_hidden()
 

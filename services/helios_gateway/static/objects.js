@@ -1,5 +1,5 @@
 // The objects that are believed, and one of them in detail.
-import { $, ask, coalesced, element, facts, number } from "./api.js";
+import { $, Problem, ask, coalesced, element, facts, get, number } from "./api.js";
 
 export class Objects {
   /** `onList(objects)` with every new list, `onChoose(object)` with the one on show, or null. */
@@ -8,6 +8,7 @@ export class Objects {
     this.onChoose = onChoose;
     this.objects = [];
     this.chosen = null;
+    this.shown = "";
     this.load = coalesced(() => this.fetch());
     $("object-close").addEventListener("click", () => this.choose(null));
   }
@@ -56,11 +57,32 @@ export class Objects {
     this.drawOne();
   }
 
+  /** Its rendered view and history, asked for once for each state of the object. */
+  async showView(object) {
+    const shown = `${object.id} ${object.views} ${object.score}`;
+    if (shown === this.shown) return;
+    this.shown = shown;
+    try {
+      const { history } = await ask(`/objects/${object.id}/detail`);
+      const response = await get(`/objects/${object.id}/view.png`);
+      if (shown !== this.shown) return;
+      drawHistory(history);
+      const old = $("object-view").src;
+      $("object-view").hidden = !response.ok;
+      if (response.ok) $("object-view").src = URL.createObjectURL(await response.blob());
+      $("object-view").alt = `what is modelled of ${object.class} ${object.id}`;
+      if (old) URL.revokeObjectURL(old);
+    } catch (error) {
+      if (!(error instanceof Problem || error instanceof TypeError)) throw error;
+    }
+  }
+
   drawOne() {
     const object = this.objects.find((one) => one.id === this.chosen);
     $("object").hidden = !object;
     if (!object) return;
     $("object-title").textContent = `${object.class} ${object.id}`;
+    this.showView(object);
     facts($("object-facts"), [
       ["score Ψ", number(object.score)],
       ["class score", number(object.class_score)],
@@ -86,6 +108,18 @@ export class Objects {
       }),
     );
   }
+}
+
+/** A small curve of how the score went, 0 at the bottom and 1 at the top. */
+function drawHistory(history) {
+  const scores = history.map((moment) => moment.score ?? 0);
+  const x = (i) => (scores.length < 2 ? 50 : (100 * i) / (scores.length - 1));
+  const points = scores.map((score, i) => `${x(i)},${40 - 40 * Math.min(Math.max(score, 0), 1)}`);
+  $("object-curve").setAttribute("points", points.join(" "));
+  $("object-history").setAttribute(
+    "aria-label",
+    scores.length ? `score over ${scores.length} views: first ${number(scores[0])}, now ${number(scores.at(-1))}` : "no history",
+  );
 }
 
 const place = (point, digits = 2) => point.map((value) => number(value, digits)).join(" ");

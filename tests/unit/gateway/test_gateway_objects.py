@@ -1,0 +1,77 @@
+"""One object in full, rendered and exported."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+from helios_core.geometry import is_rigid, project
+from helios_gateway.look import camera, look_at
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.gateway_backend import Backend
+
+metres = st.floats(0.02, 3.0)
+
+
+@given(
+    center=st.tuples(*[st.floats(-20, 20)] * 3),
+    size=st.tuples(metres, metres, metres),
+    azimuth_rad=st.floats(-7, 7),
+)
+def test_the_whole_box_is_in_the_picture_and_upright(
+    center: tuple[float, ...], size: tuple[float, ...], azimuth_rad: float
+) -> None:
+    T_world_cam = look_at(np.array(center), np.array(size), azimuth_rad)
+    assert is_rigid(T_world_cam)
+    assert T_world_cam[2, 1] < 0  # the camera's y looks down
+    lens = camera(320)
+    corners = np.array(center) + np.array(size) / 2 * [
+        [i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)
+    ]
+    pixels, depth_m = project(corners, lens, T_world_cam)
+    assert (depth_m > 0).all()
+    assert (pixels > 0).all()
+    assert (pixels < 319).all()
+
+
+def test_an_object_is_told_in_full(backend: Backend, client: TestClient) -> None:
+    detail = client.get("/v1/objects/1/detail").json()
+    assert detail["object"]["class"] == "mug"
+    assert [m["views"] for m in detail["history"]] == [1, 2, 3, 4, 5]
+    assert detail["history"][-1]["score"] == detail["object"]["score"]
+
+
+def test_its_picture_is_taken_from_the_robot_s_side_or_as_asked(
+    backend: Backend, client: TestClient
+) -> None:
+    def camera_at(query: str = "") -> np.ndarray:
+        answer = client.get(f"/v1/objects/1/view.png{query}")
+        assert answer.headers["content-type"] == "image/png"
+        assert backend.rendered is not None
+        assert backend.rendered.class_name == "mug"
+        return np.array(backend.rendered.T_world_cam.rows).reshape(4, 4)[:2, 3]
+
+    mug = np.array([1.55, 1.45])
+    to_robot = np.array(backend.pose[:2]) - mug
+    offset = camera_at() - mug
+    assert math.atan2(*offset[::-1]) == pytest.approx(math.atan2(*to_robot[::-1]))
+    offset = camera_at(f"?azimuth_rad={math.pi / 2}&layer=uncertainty&size_px=64") - mug
+    assert offset[0] == pytest.approx(0, abs=1e-9)
+    assert backend.rendered is not None
+    assert (backend.rendered.layer, backend.rendered.camera.width) == ("uncertainty", 64)
+
+
+def test_gaussians_are_exported_and_what_is_not_there_is_a_404(
+    backend: Backend, client: TestClient
+) -> None:
+    for path in ("/v1/objects.ply", "/v1/objects.npz", "/v1/objects/1/gaussians.ply"):
+        answer = client.get(path)
+        assert (answer.status_code, answer.headers["x-gaussians"]) == (200, "7")
+        again = client.get(path, headers={"if-none-match": answer.headers["etag"]})
+        assert again.status_code == 304
+    for path in ("detail", "view.png", "gaussians.ply"):
+        assert client.get(f"/v1/objects/77/{path}").status_code == 404
