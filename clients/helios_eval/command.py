@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -13,10 +16,11 @@ from helios_core.errors import InvalidInput
 from helios_sim.sensor import SENSORS
 from rich.console import Console
 
-from helios_eval import homes, results, service_settings, spec
+from helios_eval import homes, record, results, service_settings, spec
 from helios_eval.calibration.command import calibration
 from helios_eval.record import Benchmark, Noise
-from helios_eval.report import write_report
+from helios_eval.report import MARKDOWN, write_report
+from helios_eval.report.header import run_of
 from helios_eval.run import Run, run
 from helios_eval.video.command import video
 
@@ -103,8 +107,9 @@ def objectnav(
 def report(
     folder: Annotated[Path, typer.Argument(help="of a run")],
 ) -> None:
-    """Write report.md and report.html of a folder anew."""
+    """Write results.json, report.md and report.html of a folder anew, of a killed run too."""
     write_report(folder)
+    results.write(folder, record.read(folder), results.picks_in(run_of(folder)))
     print(f"written to {folder / 'report.md'} and {folder / 'report.html'}")
 
 
@@ -161,11 +166,28 @@ def _run(
     )  # fmt: skip
     console = Console()
     try:
-        run(asked, console)
-    except KeyboardInterrupt:
-        print("helios: interrupted; the same command goes on from here", file=sys.stderr)
-        raise typer.Exit(130) from None
+        with _ended_by_sigterm():
+            run(asked, console)
+    except KeyboardInterrupt as interrupt:
+        told = f"a report of what was played is in {out}; " if (out / MARKDOWN).exists() else ""
+        print(f"helios: interrupted; {told}the same command goes on from here", file=sys.stderr)
+        number = interrupt.args[0] if interrupt.args else signal.SIGINT
+        raise typer.Exit(128 + number) from None
     console.print(f"written to {out}", highlight=False)
+
+
+@contextmanager
+def _ended_by_sigterm() -> Iterator[None]:
+    """SIGTERM ends it as Ctrl-C does."""
+
+    def interrupt(number: int, _: object) -> None:
+        raise KeyboardInterrupt(number)
+
+    former = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, former)
 
 
 def _names(text: str, flag: str) -> list[str]:

@@ -12,7 +12,7 @@ from helios_core.grids import FREE, OCCUPIED
 from helios_core.types import ObjectInstance
 from helios_sim.events import PickTried
 from helios_sim.home import Home
-from helios_sim.judge import Said
+from helios_sim.judge import STEP_BUDGET, Said
 from helios_sim.oracle import Oracle
 from helios_sim.sensor import SENSORS
 from helios_sim.thread import WorldThread
@@ -71,7 +71,11 @@ def play(spec: EpisodeSpec, commit: str) -> Played:
     thread = WorldThread(lambda: make_world(spec, home))
     try:
         world = thread.run(_watched)
-        said = thread.run(lambda _: _walk(world)) if spec.agent == WALKER else _live(spec, thread)
+        said = (
+            thread.run(lambda _: _walk(world, spec.max_steps))
+            if spec.agent == WALKER
+            else _live(spec, thread)
+        )
         return thread.run(lambda _: _played(spec, commit, world, said))
     finally:
         thread.close()
@@ -89,17 +93,21 @@ def _watched(world: object) -> WatchedWorld:
 
 
 # --- agents -------------------------------------------------------------------------------------
-def _walk(world: WatchedWorld) -> _Told:
+def _walk(world: WatchedWorld, max_steps: int) -> _Told:
     """The walker that knows the truth; on the world's thread."""
     began = time.perf_counter()
-    done = Oracle(world).run()
+    done = Oracle(world, max_steps).run()
     wall_s = time.perf_counter() - began
     free, origin_m = world.home.free_space(0.0, _PLAN_CELL_M)
     plan = np.where(free, FREE, OCCUPIED).astype(np.int8)
+    if done.place:
+        said = "succeeded", "placed it", ""
+    elif done.steps >= max_steps:
+        said = "failed", f"{max_steps} steps are used up", STEP_BUDGET
+    else:
+        said = "failed", "knows no other way", ""
     return _Told(
-        "succeeded" if done.place else "failed",
-        "placed it" if done.place else "knows no other way",
-        "",
+        *said,
         wall_s,
         _Floor(plan, origin_m, _PLAN_CELL_M),
         _stages(world),

@@ -114,20 +114,23 @@ def play_all(
 
 @contextmanager
 def _interrupts_put_off() -> Iterator[None]:
-    """Ctrl-C waits, and processes that are started meanwhile never get it: this one ends them."""
+    """Ctrl-C and SIGTERM wait; processes that are started meanwhile never get the former: this one
+    ends them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     came: list[int] = []
-    former = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    held = (signal.SIGINT, signal.SIGTERM)
+    former = {number: signal.signal(number, lambda n, _: came.append(n)) for number in held}
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-        signal.signal(signal.SIGINT, former)
+        for number, handler in former.items():
+            signal.signal(number, handler)
     if came:
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt(came[0])
 
 
 def _tidy_up() -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,11 @@ def picks_of(text: str) -> Picks:
     if text.isdecimal() and int(text) > 0:
         return int(text)
     raise InvalidInput(f"picks are {text!r}; wanted a number above 0, or {UNLIMITED}")
+
+
+def picks_in(run: Mapping[str, Any]) -> list[Picks]:
+    """The limits of what `run.json` tells; no limit alone where it tells none."""
+    return [picks_of(str(p)) for p in run.get("picks") or [UNLIMITED]]
 
 
 def rows(records: Iterable[EpisodeRecord], picks: Sequence[Picks]) -> list[dict[str, Any]]:

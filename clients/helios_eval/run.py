@@ -61,8 +61,9 @@ class Run:
 def run(asked: Run, console: Console) -> list[EpisodeRecord]:
     """Play what is missing, then write results and report; the records of this run's episodes.
 
-    Raises Unavailable where nothing can be played, InvalidInput for a folder that holds something
-    else.
+    Whatever ends it, results and report are left of the episodes that are there. Raises Unavailable
+    where nothing can be played, InvalidInput for a folder that holds something else, and
+    KeyboardInterrupt when it was interrupted.
     """
     asked.out.mkdir(parents=True, exist_ok=True)
     specs = asked.specs()
@@ -73,18 +74,21 @@ def run(asked: Run, console: Console) -> list[EpisodeRecord]:
     note(asked, here, began, None)
     where = "on Ray" if asked.ray else f"{asked.jobs} at a time"
     board = Board(console, [known[s.key] for s in specs if s.key in known], specs, where)
-    if missing:
-        with closing(_outcomes(asked, missing, here)) as outcomes, board:
-            for spec, came in outcomes:
-                played = lost(spec, came, here) if isinstance(came, str) else came.record
-                if not isinstance(came, str) and came.keepsake is not None:
-                    _keep(asked.out, came.keepsake)
-                record.append(asked.out, played)
-                known[spec.key] = played
-                board.add(played)
-    note(asked, here, began, time.time() - began)
-    results.write(asked.out, known.values(), asked.picks)
-    write_report(asked.out)
+    try:
+        if missing:
+            with closing(_outcomes(asked, missing, here)) as outcomes, board:
+                for spec, came in outcomes:
+                    played = lost(spec, came, here) if isinstance(came, str) else came.record
+                    if not isinstance(came, str) and came.keepsake is not None:
+                        _keep(asked.out, came.keepsake)
+                    record.append(asked.out, played)
+                    known[spec.key] = played
+                    board.add(played)
+    finally:
+        note(asked, here, began, time.time() - began)
+        if there := record.read(asked.out):
+            results.write(asked.out, there, asked.picks)
+            write_report(asked.out)
     return [known[spec.key] for spec in specs]
 
 
@@ -105,7 +109,7 @@ def note(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
     told: dict[str, Any] = asdict(asked) | {
         "out": str(asked.out),
         "noise": asked.noise.model_dump() if asked.noise else None,
-        "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
+        "command": ["helios", *sys.argv[1:]],
         "commit": here,
         "preset_hash": homes.digest_of(asked.preset),
         "noise_hash": asked.noise.digest if asked.noise else None,

@@ -12,6 +12,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 import cv2
 import numpy as np
@@ -33,18 +34,28 @@ _LIFT_M = 0.06  # above what is set down
 Cell = tuple[int, int]
 
 
+class _OutOfSteps(Exception):
+    """It may not act any more."""
+
+
 class Oracle:
     """Carries one task out in a world, knowing everything."""
 
-    def __init__(self, world: World) -> None:
-        self._world = world
+    def __init__(self, world: World, max_steps: int | None = None) -> None:
+        """max_steps: actions that the task may take; None for any number."""
+        self._world, self._max_steps = world, max_steps
         # Everything in a home can be reached with this much room; a drive ends up to 0.1 m off.
         radius_m = world.home.preset.passage_radius_m
         self._free, self._origin_m = reachable(world.home, radius_m, _CELL_M)
         self._actions = 0
 
     def run(self) -> Progress:
-        """The progress when it is done or cannot go on."""
+        """The progress when it is done, cannot go on, or has taken all its steps."""
+        with suppress(_OutOfSteps):
+            self._carry_out()
+        return self._world.progress
+
+    def _carry_out(self) -> None:
         for name in self._world.tracker.targets.objects:
             if self.fetch(name):
                 break
@@ -52,7 +63,6 @@ class Oracle:
             for name in self._world.tracker.targets.goals:
                 if self._bring(name):
                     break
-        return self._world.progress
 
     def fetch(self, name: str) -> bool:
         """Pick a thing by its body's name; whether it is held now."""
@@ -181,6 +191,8 @@ class Oracle:
         return self._act(Tilt(float(np.clip(down, *TILT_RANGE_RAD)))).succeeded
 
     def _act(self, action: Action) -> ActionResult:
+        if self._max_steps is not None and self._world.progress.steps >= self._max_steps:
+            raise _OutOfSteps
         self._actions += 1
         return self._world.act(action, f"oracle-{id(self)}-{self._actions}")
 

@@ -79,6 +79,13 @@ def test_the_walker_solves_the_task_by_the_truth() -> None:
     assert record.picks == 1
 
 
+def test_the_walker_takes_no_more_steps_than_it_may() -> None:
+    record = play(spec(WALKER, steps=5), "here").record
+    assert (record.steps, record.success, record.state) == (5, False, "failed")
+    assert record.message == "5 steps are used up"
+    assert record.cause == "object not found"
+
+
 def test_object_navigation_knows_the_shortest_way() -> None:
     asked = EpisodeSpec("objectnav", "helios", "ground-truth", "demo-v1", 0, None, {"max_steps": 4})
     record = play(asked, "here").record
