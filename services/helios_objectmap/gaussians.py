@@ -25,6 +25,7 @@ _FIELDS = (
     "believed",
     "through",
     "through_from",
+    "seen",
 )
 
 
@@ -50,6 +51,7 @@ class GaussianStore:
         self._believed = np.empty(0, np.int16)
         self._through = np.empty(0, np.float32)
         self._through_from = np.empty(0, np.int32)
+        self._seen = np.empty(0, np.int64)
         self._widest_m = 0.0
 
     def __len__(self) -> int:
@@ -106,9 +108,40 @@ class GaussianStore:
         return self._through_from[: self._n]
 
     @property
+    def seen(self) -> NDArray[np.int64]:
+        """[n] number of the last update that saw the Gaussian."""
+        return self._seen[: self._n]
+
+    @property
     def instance(self) -> NDArray[np.int32]:
         """[n] label of the instance, or NO_INSTANCE. Written by `instances.move`."""
         return self.instances.group[: self._n]
+
+    def arrays(self) -> dict[str, NDArray]:
+        """Copies of all that is known of each row."""
+        out = {name: getattr(self, name).copy() for name in _FIELDS}
+        return out | {"instance": self.instance.copy()}
+
+    def fill(self, arrays: dict[str, NDArray]) -> None:
+        """Take rows from `arrays()` into an empty store whose columns are named already.
+
+        Raises ValueError where they do not fit together, KeyError where some are missing.
+        """
+        n, classes = len(arrays["means"]), len(self.class_names)
+        self._grow(n)
+        for name in (*_FIELDS, "instance"):
+            like = self.instances.group if name == "instance" else getattr(self, f"_{name}")
+            if arrays[name].shape != (n, *like.shape[1:]) or arrays[name].dtype != like.dtype:
+                raise ValueError(
+                    f"{name} is {arrays[name].dtype} {arrays[name].shape}; wanted {like.dtype} for "
+                    f"{n} Gaussians and {classes} classes"
+                )
+            if name != "instance":
+                like[:n] = arrays[name]
+        self._n = n
+        self._widest_m = float(np.max(arrays["radius_m"], initial=0.0))
+        self.blocks.add(np.arange(n), self.means)
+        self.instances.move(np.arange(n), arrays["instance"])
 
     def column(self, class_name: str) -> int:
         """Column of a class name; a new name gets a new column without evidence."""
@@ -154,6 +187,7 @@ class GaussianStore:
         self._believed[rows] = OTHER
         self._through[rows] = 0
         self._through_from[rows] = NEVER
+        self._seen[rows] = born
         self._widest_m = max(self._widest_m, float(np.max(radius_m, initial=0.0)))
         self.blocks.add(np.arange(first, n), self._means[rows])
         return rows

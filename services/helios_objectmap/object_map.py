@@ -6,17 +6,21 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from helios_core.errors import InvalidInput
 from helios_core.types import ObjectInstance, Observation, Role, SearchContext
 from numpy.typing import NDArray
 
-from helios_objectmap import create, information_gain, splat
+from helios_objectmap import create, information_gain, picture, splat
 from helios_objectmap.accumulate import accumulate
 from helios_objectmap.belief import believe
 from helios_objectmap.carve import sight
+from helios_objectmap.detail import Grasp, grasp
 from helios_objectmap.dirichlet import marginal
-from helios_objectmap.gaussians import NO_INSTANCE, GaussianStore
+from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
 from helios_objectmap.information_gain import Expected, Member, Rates
-from helios_objectmap.objects import InstanceGaussians, describe, gaussians_of
+from helios_objectmap.limit import surplus
+from helios_objectmap.mapfile import Memory
+from helios_objectmap.objects import BELIEVED, InstanceGaussians, describe, gaussians_of
 from helios_objectmap.reading import OTHER_LABEL, Reading, read, without_held
 from helios_objectmap.registry import InstanceRegistry, Moment
 from helios_objectmap.reobserve import reobserved
@@ -52,10 +56,9 @@ class ObjectMap:
 
     def reset(self) -> None:
         """Forget everything."""
-        s = self._settings
         self._store = GaussianStore()
         self._registry = InstanceRegistry()
-        self._viewpoints = Viewpoints(s.viewpoint_moved_m, s.viewpoint_turned_rad)
+        self._viewpoints = self.no_viewpoints()
         self._context: SearchContext | None = None
         self._roles: dict[str, Role] = {}
         self._updates = 0
@@ -77,7 +80,11 @@ class ObjectMap:
         self._context = context
         for c in context.classes:
             store.column(c.name)
+            self._roles.pop(c.name, None)  # those at the end were asked for last
             self._roles[c.name] = c.role
+        self._forget_classes(
+            list(self._roles)[: -max(self._settings.max_classes, len(self._names))]
+        )
         lost = {
             label
             for label, record in self._registry.records.items()
@@ -115,6 +122,8 @@ class ObjectMap:
         labels = np.where(seen, reading.labels, -1).astype(np.int32)
         fused = self._fuse(projection, labels, look, lost, observation.frame.stamp_ns)
         self._updates += 1
+        gone = surplus(store.believed, store.seen, s.max_gaussians)
+        self._recluster(gone[:0], self._remove(gone))
         return UpdateReport(created, carved, len(projection.rows), fused, len(store))
 
     def retire(self, instance_id: int) -> int:
@@ -153,6 +162,11 @@ class ObjectMap:
         for label in self._registry.records.keys() - known.keys():
             known[label] = self._describe(label)
         return tuple(o for _, o in sorted(known.items()) if o is not None)
+
+    def class_of(self, instance_id: int) -> str:
+        """Class of an instance, "" where there is no such one."""
+        record = self._registry.records.get(instance_id)
+        return record.class_name if record is not None else ""
 
     def history(self, instance_id: int) -> tuple[Moment, ...]:
         """How the belief in an instance went, oldest first; empty where there is no such one."""
@@ -201,6 +215,62 @@ class ObjectMap:
             rows = self._store.instances.rows_of(np.array([instance_id]))
         return gaussians_of(self._store, rows, self._settings.prior_concentration)
 
+    def render(self, view: View, layer: str, class_name: str) -> bytes:
+        """PNG of a layer as a camera sees it; RGB, or for depth uint16 millimetres.
+
+        layer: one of `picture.LAYERS`; the last two are of a class. Raises InvalidInput.
+        """
+        store, prior = self._store, self._settings.prior_concentration
+        projection = self._project(view, splat.FAR_M)
+        rows = projection.rows
+        if layer == "color":
+            return picture.png(picture.color(projection, store.color[rows]))
+        if layer == "depth":
+            return picture.png(picture.depth_mm(projection))
+        if layer not in picture.LAYERS or class_name not in store.class_names:
+            raise InvalidInput(
+                f"no picture of layer {layer!r} and class {class_name!r}; wanted one of "
+                f"{', '.join(picture.LAYERS)}, and of {', '.join(store.class_names) or 'no class'}"
+            )
+        column = store.class_names.index(class_name)
+        mean, deviation = marginal(
+            store.positive[rows, column], store.asked[rows, column], prior, len(self._names) + 1
+        )
+        if layer == "probability":
+            return picture.png(picture.belief(projection, np.asarray(mean), 1.0))
+        return picture.png(picture.belief(projection, deviation, picture.MOST_UNCERTAIN))
+
+    def grasp(self, instance_id: int) -> Grasp | None:
+        """Points and box of the believed part of an instance; None where there is no such one."""
+        store = self._store
+        rows = store.instances.rows_of(np.array([instance_id]))
+        if not len(rows):
+            return None
+        column = store.class_names.index(self._registry.records[instance_id].class_name)
+        mean, _ = marginal(
+            store.positive[rows, column], store.asked[rows, column],
+            self._settings.prior_concentration, len(self._names) + 1,
+        )  # fmt: skip
+        believed = rows[mean > BELIEVED]
+        return grasp(store.means[believed if len(believed) else rows])
+
+    # On disk ------------------------------------------------------------------------------------
+
+    def memory(self) -> Memory:
+        """All that is known; its parts are the map's own, not copies."""
+        return Memory(self._store, self._registry, self._viewpoints, self._roles, self._updates)
+
+    def recall(self, memory: Memory) -> None:
+        """Know what a file holds, and nothing else."""
+        self.reset()
+        self._store, self._registry = memory.store, memory.registry
+        self._viewpoints, self._roles = memory.viewpoints, memory.roles
+        self._updates = memory.updates
+
+    def no_viewpoints(self) -> Viewpoints:
+        """Empty ones, as this map's settings want them."""
+        return Viewpoints(self._settings.viewpoint_moved_m, self._settings.viewpoint_turned_rad)
+
     # Parts --------------------------------------------------------------------------------------
 
     @property
@@ -212,10 +282,27 @@ class ObjectMap:
     def _names(self) -> list[str]:
         return [c.name for c in self._context.classes] if self._context is not None else []
 
-    def _project(self, view: View) -> splat.Projection:
-        store, far_m = self._store, self._settings.max_depth_m + SEEN_BEYOND_M
+    def _project(self, view: View, far_m: float | None = None) -> splat.Projection:
+        store = self._store
+        far_m = self._settings.max_depth_m + SEEN_BEYOND_M if far_m is None else far_m
         rows = store.seen_by(view, far_m)
         return splat.project(store.means, store.radius_m, store.opacity, view, rows, far_m)
+
+    def _forget_classes(self, names: list[str]) -> None:
+        """All evidence for some classes goes, and the instances of them."""
+        store = self._store
+        if not names:
+            return
+        columns = [store.class_names.index(name) for name in names]
+        rows = np.flatnonzero(np.isin(store.believed, columns))
+        lost = set(np.unique(store.instance[rows]).tolist())
+        store.believed[rows] = OTHER
+        store.instances.move(rows, NO_INSTANCE)
+        self._recluster(rows[:0], lost)
+        store.drop_columns(names)
+        for name in names:
+            self._viewpoints.forget(name)
+            del self._roles[name]
 
     def _carve(
         self, projection: splat.Projection, reading: Reading, look: Look
@@ -268,6 +355,7 @@ class ObjectMap:
         store, names = self._store, self._names
         kappa = splat.kappa_sums(projection, labels, 1 + len(names))
         rows = projection.rows
+        store.seen[rows[kappa.any(axis=1)]] = self._updates
         weights = self._viewpoints.weights(look, names, store.born[rows])
         takes = np.flatnonzero(kappa.any(axis=1) & weights.any(axis=1))
         rows, kappa, weights = rows[takes], kappa[takes], weights[takes]

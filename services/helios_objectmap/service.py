@@ -42,6 +42,7 @@ from helios_core.topics import (
 from helios_core.types import FrameId, ObjectInstance, Observation, SearchContext
 
 from helios_objectmap.epochs import EpochMaps
+from helios_objectmap.exchange import Exchange
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.view import View
 from helios_objectmap.warmup import warm_up
@@ -81,16 +82,21 @@ class ObjectMapService:
         bus.serve(RETIRE, self.retire)
         bus.serve(RESET_OBJECTS, self.reset)
         bus.serve(GAUSSIANS, self.gaussians)
+        self._exchange = Exchange(
+            bus, settings, health, self._lock, self._maps, lambda: self._version, self._replaced
+        )
+        self._note = self._exchange.begin()
         bus.subscribe(OBSERVATION, self.on_observation)
 
     def warm_up(self) -> None:
         """Compile the kernels, then be ready. Observations wait meanwhile; nothing is lost."""
         with self._lock:
             warm_up(self._settings)
-        self._health.ready()
+        self._health.ready(self._note)
 
     def close(self) -> None:
-        """The bus ends with the process; there is nothing else to take back."""
+        """Keep the map. The bus ends with the process."""
+        self._exchange.close()
 
     # --- what comes in ------------------------------------------------------------------------
     def on_context(self, message: pb.SearchContext) -> None:
@@ -203,15 +209,29 @@ class ObjectMapService:
                 if not np.isfinite(point).all():
                     raise InvalidInput(f"point_m is {point.tolist()}; wanted finite metres")
                 label = present.nearest_object(point, request.radius_m)
+            class_name = present.class_of(label) if label is not None else ""
             count = present.retire(label) if label is not None else 0
             after = self._newest
             self._changed()
-        told = pb.Retired(request=request, retired_gaussians=count)
+        reply = pb.RetireReply(retired_gaussians=count)
+        if count:
+            reply.object_id, reply.class_name = label or 0, class_name
+            log.info("retired %s %s (%d): %s", class_name, label, count, request.reason)
+        else:
+            reply.reason = (
+                f"there is no object {request.object_id}"
+                if request.object_id
+                else f"no object lies within {request.radius_m:g} m of the point"
+            )
+            log.warning("nothing was retired (%s): %s", request.reason, reply.reason)
+        told = pb.Retired(
+            request=request, retired_gaussians=count, object_id=reply.object_id,
+            class_name=reply.class_name,
+        )  # fmt: skip
         if after is not None:
             told.after.CopyFrom(frame_id_to_proto(after))
         self._bus.publish(RETIRED, told)
-        log.info("retired object %s (%d Gaussians): %s", label, count, request.reason)
-        return pb.RetireReply(retired_gaussians=count)
+        return reply
 
     def reset(self, _: pb.Empty) -> pb.Empty:
         """Forget the present map; parked ones stay."""
@@ -275,6 +295,12 @@ class ObjectMapService:
         self._newest = observation.frame.id
         self._changed()
         return report
+
+    def _replaced(self) -> None:
+        """A file took the present map's place."""
+        if self._context is not None:
+            self._maps.current.set_context(self._context)
+        self._changed()
 
     def _changed(self) -> None:
         self._version += 1

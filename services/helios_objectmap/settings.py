@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Literal
 
 from helios_core.settings import ServiceSettings, service_config
@@ -91,3 +92,20 @@ class ObjectMapSettings(ServiceSettings):
         description="Voxel that joins Gaussians of receptacles into instances, metres.",
     )
     min_gaussians: int = Field(default=5, ge=1, description="Smaller instances are not reported.")
+
+    max_gaussians: int = Field(
+        default=1_000_000,
+        ge=1000,
+        description="Beyond this, those of no class asked for go, then those unseen the longest.",
+    )
+    max_classes: int = Field(
+        default=32,
+        ge=1,
+        description="Beyond this, what is known of the class not asked for the longest goes.",
+    )
+    state_dir: Path | None = Field(
+        default=None, description="Folder in which the map survives a restart; none: it does not."
+    )
+    save_every_s: float = Field(
+        default=3.0, gt=0, description="A changed map is written this often, seconds."
+    )

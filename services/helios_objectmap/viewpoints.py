@@ -46,6 +46,35 @@ class Viewpoints:
     def __len__(self) -> int:
         return min(self._made, MOST)
 
+    def arrays(self) -> dict[str, NDArray]:
+        """Copies of all that is remembered."""
+        n = len(self)
+        last = {f"last.{name}": self._last_of(name)[:n].copy() for name in self._last}
+        return last | {
+            "positions": self._positions[:n].copy(),
+            "rotations": self._rotations[:n].copy(),
+            "made": np.array(self._made),
+        }
+
+    def fill(self, arrays: dict[str, NDArray]) -> None:
+        """Take what `arrays()` gave. Raises ValueError where it does not fit together."""
+        self._made = int(arrays["made"])
+        n = len(self)
+        size = 16
+        while size < n:
+            size *= 2
+        self._positions, self._rotations = np.empty((size, 3)), np.empty((size, 3, 3))
+        self._positions[:n] = arrays["positions"]
+        self._rotations[:n] = arrays["rotations"]
+        for name, last in arrays.items():
+            if name.startswith("last."):
+                kept = self._last[name.removeprefix("last.")] = np.full(size, NEVER, np.int64)
+                kept[:n] = last
+
+    def forget(self, class_name: str) -> None:
+        """A class is no longer known."""
+        self._last.pop(class_name, None)
+
     def look(self, T_world_cam: NDArray[np.float64]) -> Look:
         """Where a pose stands; one that differs from all viewpoints becomes a new one."""
         difference = self._differences(T_world_cam)

@@ -282,6 +282,30 @@ def test_instances_do_not_depend_on_the_order_of_views(order):
     assert len(of_class(objects, "table")) == 1
 
 
+def test_the_number_of_gaussians_stays_below_the_limit():
+    objects = ObjectMap(SETTINGS.model_copy(update={"max_gaussians": 2000}))
+    for o in seen_from(AROUND):
+        assert objects.update(o, CONTEXT).total <= 2000
+    assert of_class(objects, "table")
+
+
+def test_the_class_not_asked_for_the_longest_is_forgotten_and_the_others_keep_what_is_known():
+    few = ObjectMap(SETTINGS.model_copy(update={"max_classes": 2}))
+    many = ObjectMap(SETTINGS)
+    only_mug = SearchContext("c2", (MUG, COUNTER))
+    for objects in (few, many):
+        for o in seen_from(AROUND):
+            objects.update(o, CONTEXT)
+        objects.set_context(only_mug)
+    assert few.gaussians().class_names == ("other", "mug", "counter")
+    assert not of_class(few, "table")
+    assert of_class(many, "table")
+    ((mine,), (theirs,)) = (of_class(objects, "mug") for objects in (few, many))
+    assert mine.score == theirs.score
+    for o in seen_from(AROUND[:1], start=9, context=only_mug):
+        few.update(o, only_mug)
+
+
 def test_the_map_answers_before_it_has_seen_anything():
     objects = ObjectMap(SETTINGS)
     assert objects.objects() == ()

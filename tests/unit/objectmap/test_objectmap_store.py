@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from helios_objectmap import splat
 from helios_objectmap.gaussians import GaussianStore
+from helios_objectmap.limit import surplus
 from helios_objectmap.rows import RowGroups
 from helios_objectmap.view import View
 from hypothesis import given, settings
@@ -132,3 +133,11 @@ def test_a_new_column_has_no_evidence_and_a_dropped_one_is_forgotten():
     assert store.class_names == ["b"]
     assert (store.positive == 7).all()
     assert store.believed[:11].tolist() == [0] * 10 + [-1]
+
+
+def test_too_many_go_by_belief_first_and_then_by_when_they_were_seen():
+    believed = np.array([0, -1, 1, -1, 0, -1, 0, 0, 0, 0], np.int16)
+    seen = np.arange(10)
+    assert not len(surplus(believed, seen, 10))
+    assert surplus(believed, seen, 8).tolist() == [1, 3, 5]  # down to 7 of 8
+    assert surplus(believed, seen, 4).tolist() == [1, 3, 5, 0, 2, 4, 6]

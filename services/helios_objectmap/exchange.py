@@ -1,0 +1,175 @@
+"""The map for others: as a file, as PLY and NPZ, as a picture from anywhere, one object in full."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.codec import object_to_proto, vector_to_proto
+from helios_core.codec.frames import pinhole_from_proto, transform_from_proto
+from helios_core.errors import InvalidInput
+from helios_core.health import Health
+from helios_core.topics import (
+    EXPORT_OBJECTS,
+    LOAD_OBJECTS,
+    OBJECT_DETAIL,
+    RENDER_OBJECTS,
+    SAVE_OBJECTS,
+)
+
+from helios_objectmap import export, mapfile
+from helios_objectmap.epochs import EpochMaps
+from helios_objectmap.keeper import Keeper
+from helios_objectmap.settings import ObjectMapSettings
+from helios_objectmap.view import View
+
+log = logging.getLogger(__name__)
+
+MOST_PIXELS = 1920 * 1200
+_FORMATS = {"ply": export.ply, "npz": export.npz}
+
+
+class Exchange:
+    """Answers from the maps of the service, under its lock."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        settings: ObjectMapSettings,
+        health: Health,
+        lock: threading.Lock,
+        maps: EpochMaps,
+        version: Callable[[], int],
+        replaced: Callable[[], None],
+    ) -> None:
+        """version: of the map, under the lock; replaced: called under it after a load."""
+        self._lock, self._maps, self._health = lock, maps, health
+        self._version, self._replaced = version, replaced
+        self._kept_version = 0
+        self._keeper: Keeper | None = None
+        if settings.state_dir is not None:
+            self._keeper = Keeper(settings.state_dir, settings.save_every_s, self._unkept, health)
+        bus.serve(SAVE_OBJECTS, self.save)
+        bus.serve(LOAD_OBJECTS, self.load)
+        bus.serve(EXPORT_OBJECTS, self.export)
+        bus.serve(RENDER_OBJECTS, self.render)
+        bus.serve(OBJECT_DETAIL, self.detail)
+
+    def begin(self) -> str:
+        """Take up the map of an earlier process, if one was kept; returns what there is to say."""
+        if self._keeper is None:
+            return ""
+        note = ""
+        try:
+            data = self._keeper.found()
+            if data is not None:
+                gaussians = self._recall(data).gaussians
+                note = f"the map was restored: {gaussians} Gaussians, {len(data) / 1e6:.1f} MB"
+        except InvalidInput as error:
+            self._health.count("maps_refused")
+            note = f"the kept map was refused and put aside as {self._keeper.put_aside()}: {error}"
+        except OSError as error:
+            note = f"the kept map cannot be read: {error}"
+        if note:
+            log.warning("%s", note)
+        self._keeper.start()
+        return note
+
+    def close(self) -> None:
+        """Keep what is not kept yet."""
+        if self._keeper is not None:
+            self._keeper.close()
+
+    # --- what is asked ------------------------------------------------------------------------
+    def save(self, _: pb.Empty) -> pb.ObjectMapFile:
+        """The present map as a file."""
+        with self._lock:
+            arrays = mapfile.arrays_of(self._maps.current.memory(), self._maps.epoch)
+        return pb.ObjectMapFile(data=mapfile.written(arrays))
+
+    def load(self, request: pb.ObjectMapFile) -> pb.ObjectMapLoaded:
+        """Put the map of a file in the present one's place. A file that is refused changes nothing.
+
+        The file's world frame is taken to be the present one.
+        """
+        return self._recall(request.data)
+
+    def export(self, request: pb.ExportRequest) -> pb.ExportReply:
+        """Gaussians of all instances, or of one, for other programs."""
+        if request.format not in _FORMATS:
+            raise InvalidInput(f"no format {request.format!r}; wanted {' or '.join(_FORMATS)}")
+        with self._lock:
+            gaussians = self._maps.current.gaussians(request.object_id or None)
+        if request.object_id and not len(gaussians.means):
+            raise self._unknown(request.object_id)
+        return pb.ExportReply(
+            data=_FORMATS[request.format](gaussians), gaussians=len(gaussians.means)
+        )
+
+    def render(self, request: pb.RenderRequest) -> pb.RenderReply:
+        """The map as a camera anywhere would see it."""
+        c = pinhole_from_proto(request.camera)
+        if c.width * c.height > MOST_PIXELS:
+            raise InvalidInput(
+                f"{c.width}x{c.height} pixels asked for; at most {MOST_PIXELS} in one picture"
+            )
+        T_world_cam = transform_from_proto(request.T_world_cam)
+        view = View(c.fx, c.fy, c.cx, c.cy, c.width, c.height, T_world_cam)
+        with self._lock:
+            png = self._maps.current.render(view, request.layer or "color", request.class_name)
+        return pb.RenderReply(png=png)
+
+    def detail(self, request: pb.ObjectRequest) -> pb.ObjectDetail:
+        """One object: all figures, how belief in it went, and what a gripper wants to know."""
+        with self._lock:
+            present = self._maps.current
+            found = next((o for o in present.objects() if o.id == request.object_id), None)
+            history = present.history(request.object_id)
+            grasp = present.grasp(request.object_id)
+        if found is None or grasp is None:
+            raise self._unknown(request.object_id)
+        return pb.ObjectDetail(
+            object=object_to_proto(found),
+            history=[
+                pb.Moment(
+                    stamp_ns=m.stamp_ns, views=m.views, score=m.score, class_score=m.class_score
+                )
+                for m in history
+            ],
+            points_m=grasp.points_m.ravel().tolist(),
+            box_center_m=vector_to_proto(grasp.center_m),
+            box_size_m=vector_to_proto(grasp.size_m),
+            box_yaw_rad=grasp.yaw_rad,
+        )
+
+    # --- parts --------------------------------------------------------------------------------
+    def _recall(self, data: bytes) -> pb.ObjectMapLoaded:
+        began = time.perf_counter()
+        memory, epoch = mapfile.read(data, self._maps.current.no_viewpoints())
+        with self._lock:
+            present = self._maps.current
+            present.recall(memory)
+            if self._maps.epoch is None:
+                self._maps.epoch = epoch
+            self._replaced()
+            objects, gaussians = len(present.objects()), len(present)
+        log.info("%d Gaussians read in %.1f s", gaussians, time.perf_counter() - began)
+        return pb.ObjectMapLoaded(gaussians=gaussians, objects=objects)
+
+    def _unkept(self) -> bytes | None:
+        with self._lock:
+            version = self._version()
+            if version == self._kept_version:
+                return None
+            arrays = mapfile.arrays_of(self._maps.current.memory(), self._maps.epoch)
+        data = mapfile.written(arrays)
+        self._kept_version = version
+        return data
+
+    @staticmethod
+    def _unknown(object_id: int) -> InvalidInput:
+        return InvalidInput(f"no object {object_id}: ask for the objects again, they have changed")

@@ -1,0 +1,55 @@
+"""Gaussians for other programs: PLY as 3D Gaussian splatting tools read it, and NPZ.
+
+The PLY has the properties of the 3DGS reference code in its order and units: log scales, logit
+opacity, colour as the first spherical harmonic, quaternions w x y z. Coordinates are the world's.
+"""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helios_objectmap.objects import InstanceGaussians
+
+SH_C0 = 0.28209479177387814  # Y_00: colour = 0.5 + SH_C0 * f_dc
+_PROPERTIES = (
+    "x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity",
+    "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
+)  # fmt: skip
+
+
+def ply(gaussians: InstanceGaussians) -> bytes:
+    """Binary little-endian PLY."""
+    n = len(gaussians.means)
+    table = np.zeros((n, len(_PROPERTIES)), "<f4")
+    table[:, 0:3] = gaussians.means
+    table[:, 6:9] = (gaussians.color / 255.0 - 0.5) / SH_C0
+    opacity = np.clip(gaussians.opacity.astype(np.float64), 1e-4, 1 - 1e-4)
+    table[:, 9] = np.log(opacity / (1 - opacity))
+    table[:, 10:13] = np.log(gaussians.radius_m)[:, None]
+    table[:, 13] = 1.0  # no rotation: spheres
+    header = "\n".join(
+        [
+            "ply", "format binary_little_endian 1.0", f"element vertex {n}",
+            *(f"property float {name}" for name in _PROPERTIES), "end_header", "",
+        ]
+    )  # fmt: skip
+    return header.encode("ascii") + table.tobytes()
+
+
+def npz(gaussians: InstanceGaussians) -> bytes:
+    """All arrays by name, with the Dirichlet parameters of each class."""
+    arrays: dict[str, NDArray] = {
+        "means_m": gaussians.means,
+        "radius_m": gaussians.radius_m,
+        "opacity": gaussians.opacity,
+        "color": gaussians.color,
+        "instance": gaussians.instance,
+        "class_names": np.array(gaussians.class_names),
+        "concentration": gaussians.concentration,
+    }
+    out = io.BytesIO()
+    np.savez_compressed(out, allow_pickle=False, **arrays)
+    return out.getvalue()

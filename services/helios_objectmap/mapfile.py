@@ -1,0 +1,130 @@
+"""A map as a file: NPZ with a header, which is checked as a whole before any of it is used.
+
+The arrays are those of the store, one row a Gaussian; the header (JSON) holds the rest. Every
+member carries the checksum of the zip format, so a truncated or damaged file is refused.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from helios_core.errors import InvalidInput
+from helios_core.types import Role
+from numpy.typing import NDArray
+
+from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
+from helios_objectmap.registry import InstanceRecord, InstanceRegistry, Moment
+from helios_objectmap.viewpoints import Viewpoints
+
+FORMAT = "helios-objectmap"
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class Memory:
+    """All that a map knows, apart from what it is asked for now."""
+
+    store: GaussianStore
+    registry: InstanceRegistry
+    viewpoints: Viewpoints
+    roles: dict[str, Role]
+    updates: int
+
+
+def arrays_of(memory: Memory, epoch: tuple[str, int] | None) -> dict[str, NDArray]:
+    """Copies of everything, so that a file can be written while the map goes on."""
+    header: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "class_names": memory.store.class_names,
+        "roles": {name: role.value for name, role in memory.roles.items()},
+        "updates": memory.updates,
+        "epoch": epoch,
+        "next_label": memory.registry.next_label,
+        "records": {
+            label: [r.class_name, r.views, r.detected,
+                    [[m.stamp_ns, m.views, m.score, m.class_score] for m in r.history]]
+            for label, r in memory.registry.records.items()
+        },
+    }  # fmt: skip
+    text = np.frombuffer(json.dumps(header).encode(), np.uint8)
+    rows = {f"store.{name}": a for name, a in memory.store.arrays().items()}
+    views = {f"viewpoints.{name}": a for name, a in memory.viewpoints.arrays().items()}
+    return {"header": text} | rows | views
+
+
+def written(arrays: dict[str, NDArray]) -> bytes:
+    """The file."""
+    out = io.BytesIO()
+    np.savez(out, allow_pickle=False, **arrays)
+    return out.getvalue()
+
+
+def read(data: bytes, viewpoints: Viewpoints) -> tuple[Memory, tuple[str, int] | None]:
+    """What a file holds, and the world epoch it is of. viewpoints: empty ones, to be filled.
+
+    Raises InvalidInput for a truncated, damaged or foreign file.
+    """
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        header = json.loads(arrays.pop("header").tobytes())
+        if header["format"] != FORMAT or header["version"] != VERSION:
+            raise InvalidInput(
+                f"the file is {header['format']!r} version {header['version']}; wanted "
+                f"{FORMAT!r} version {VERSION}"
+            )
+        memory = _memory(header, arrays, viewpoints)
+        epoch = (str(header["epoch"][0]), int(header["epoch"][1])) if header["epoch"] else None
+    except InvalidInput:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, IndexError, EOFError,
+            zipfile.BadZipFile, AttributeError) as error:  # fmt: skip
+        raise InvalidInput(
+            f"this is no whole object map ({type(error).__name__}: {error}): give a file that "
+            "`helios map save` wrote"
+        ) from None
+    return memory, epoch
+
+
+def _memory(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) -> Memory:
+    def part(prefix: str) -> dict[str, NDArray]:
+        return {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
+
+    store = GaussianStore()
+    for name in header["class_names"]:
+        store.column(str(name))
+    store.fill(part("store."))
+    viewpoints.fill(part("viewpoints."))
+    registry = InstanceRegistry()
+    registry.next_label = int(header["next_label"])
+    registry.records = {
+        int(label): InstanceRecord(
+            str(name), float(views), float(detected),
+            [Moment(int(t), float(v), float(s), float(c)) for t, v, s, c in history],
+        )
+        for label, (name, views, detected, history) in header["records"].items()
+    }  # fmt: skip
+    roles = {str(name): Role(role) for name, role in header["roles"].items()}
+    _check(store, registry, roles)
+    return Memory(store, registry, viewpoints, roles, int(header["updates"]))
+
+
+def _check(store: GaussianStore, registry: InstanceRegistry, roles: dict[str, Role]) -> None:
+    """Everything that is referred to is there. Raises ValueError."""
+    labels = set(np.unique(store.instance).tolist()) - {NO_INSTANCE}
+    if labels != set(registry.records) or max(labels, default=0) >= registry.next_label:
+        raise ValueError("instances and Gaussians disagree")
+    names = {r.class_name for r in registry.records.values()} | set(store.class_names)
+    if not names <= roles.keys() or not names <= set(store.class_names):
+        raise ValueError("classes and their roles disagree")
+    believed = store.believed
+    if len(store) and (believed.min() < OTHER or believed.max() >= len(store.class_names)):
+        raise ValueError("a Gaussian is believed to be of no known class")
+    if not all(np.isfinite(a).all() for a in (store.means, store.positive, store.asked)):
+        raise ValueError("a number is not finite")

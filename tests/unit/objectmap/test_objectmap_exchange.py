@@ -1,0 +1,250 @@
+"""The map as a file, as PLY, as a picture, and after a kill."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.codec import context_to_proto, observation_to_proto
+from helios_core.codec.frames import pinhole_to_proto, transform_to_proto
+from helios_core.errors import InvalidInput
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import (
+    CONTEXT,
+    EXPORT_OBJECTS,
+    GAUSSIANS,
+    LOAD_OBJECTS,
+    OBJECT_DETAIL,
+    OBJECTS,
+    OBSERVATION,
+    RENDER_OBJECTS,
+    SAVE_OBJECTS,
+)
+from helios_objectmap.export import SH_C0
+from helios_objectmap.keeper import FILE_NAME
+from helios_objectmap.service import ObjectMapService
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from objectmap_scene import CAMERA, ROOM, SETTINGS, looking_at, mug_at, observe
+from objectmap_scene import CONTEXT as SOUGHT
+
+MUG_CENTER = (1.2, 0.0, 0.8)
+SCENE = (*ROOM, mug_at(1.2, 0.0))
+
+
+class Rig:
+    """A service that keeps its map in a folder, or nowhere."""
+
+    def __init__(self, folder: Path | None = None) -> None:
+        hub = MemoryHub()
+        self.bus, self.health = MemoryBus(hub), Health()
+        kept = SETTINGS.model_copy(update={"state_dir": folder, "save_every_s": 3600.0})
+        self.service = ObjectMapService(MemoryBus(hub), kept, self.health)
+
+    def look_around(self) -> Rig:
+        self.bus.publish(CONTEXT, context_to_proto(SOUGHT))
+        for seq, (x, y) in enumerate([(0.0, 0.0), (0.1, 0.3), (0.2, -0.3)]):
+            o = observe(SCENE, looking_at(x, y, MUG_CENTER), seq=seq)
+            self.bus.publish(OBSERVATION, observation_to_proto(o))
+        return self
+
+    def objects(self) -> list[pb.ObjectInstance]:
+        return list(self.bus.call(OBJECTS, pb.ObjectsRequest(), 5.0).objects)
+
+    def mug(self) -> pb.ObjectInstance:
+        return max((o for o in self.objects() if o.class_name == "mug"), key=lambda o: o.score)
+
+    def saved(self) -> bytes:
+        return self.bus.call(SAVE_OBJECTS, pb.Empty(), 5.0).data
+
+    def render(self, layer: str, class_name: str = "mug"):
+        request = pb.RenderRequest(
+            T_world_cam=transform_to_proto(looking_at(0.0, 0.0, MUG_CENTER)),
+            camera=pinhole_to_proto(CAMERA), layer=layer, class_name=class_name,
+        )  # fmt: skip
+        png = self.bus.call(RENDER_OBJECTS, request, 5.0).png
+        return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    return Rig().look_around()
+
+
+def test_a_loaded_map_knows_what_the_saved_one_knew_and_goes_on(rig):
+    other = Rig()
+    loaded = other.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=rig.saved()), 5.0)
+    assert loaded.objects == len(rig.objects())
+    other.bus.publish(CONTEXT, context_to_proto(SOUGHT))
+    assert other.objects() == rig.objects()
+    everything = pb.GaussiansRequest()
+    assert other.bus.call(GAUSSIANS, everything, 5.0) == rig.bus.call(GAUSSIANS, everything, 5.0)
+    before = other.mug()
+    o = observe(SCENE, looking_at(0.2, -0.3, MUG_CENTER), seq=9)
+    other.bus.publish(OBSERVATION, observation_to_proto(o))
+    assert other.mug().score == pytest.approx(before.score)  # that view has counted already
+    o = observe(SCENE, looking_at(0.4, 0.4, MUG_CENTER), seq=10)
+    other.bus.publish(OBSERVATION, observation_to_proto(o))
+    assert other.mug().id == before.id
+    assert other.mug().score > before.score
+
+
+@settings(max_examples=20, deadline=None)
+@given(share=st.floats(0, 0.999))
+def test_a_truncated_file_is_refused_and_changes_nothing(rig, share):
+    data, before = rig.saved(), rig.objects()
+    with pytest.raises(InvalidInput, match="helios map save"):
+        rig.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=data[: int(share * len(data))]), 5.0)
+    assert rig.objects() == before
+
+
+@settings(max_examples=20, deadline=None)
+@given(share=st.floats(0, 0.999))
+def test_a_damaged_file_never_changes_what_is_known(rig, share):
+    data, before = bytearray(rig.saved()), rig.objects()
+    data[int(share * len(data))] ^= 0xFF
+    # A few bytes of a zip mean nothing, such as times; all of an array's count.
+    with contextlib.suppress(InvalidInput):
+        rig.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=bytes(data)), 5.0)
+    assert rig.objects() == before
+
+
+def test_a_foreign_file_is_refused():
+    foreign = io.BytesIO()
+    np.savez(foreign, means=np.zeros((3, 3)))
+    for data in (b"", b"not a map", foreign.getvalue()):
+        with pytest.raises(InvalidInput, match="helios map save"):
+            Rig().bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=data), 5.0)
+
+
+def test_an_independent_reader_opens_the_ply_with_places_colours_and_sizes(rig):
+    trimesh = pytest.importorskip("trimesh")
+    reply = rig.bus.call(EXPORT_OBJECTS, pb.ExportRequest(format="ply"), 5.0)
+    held = rig.bus.call(GAUSSIANS, pb.GaussiansRequest(), 5.0)
+    cloud = trimesh.load(io.BytesIO(reply.data), file_type="ply")
+    means = np.frombuffer(held.means_m, "<f4").reshape(-1, 3)
+    assert reply.gaussians == held.count == len(cloud.vertices)
+    assert np.allclose(cloud.vertices, means)
+    vertex = cloud.metadata["_ply_raw"]["vertex"]["data"]
+    assert np.allclose(np.exp(vertex["scale_1"]).ravel(), np.frombuffer(held.scales_m, "<f4"))
+    opacity = 1 / (1 + np.exp(-vertex["opacity"].ravel()))
+    assert np.allclose(opacity, np.frombuffer(held.opacities, "<f4"), atol=1e-4)
+    red = np.frombuffer(held.colors, np.uint8).reshape(-1, 3)[:, 0] / 255
+    assert np.allclose(0.5 + SH_C0 * vertex["f_dc_0"].ravel(), red, atol=1e-5)
+    assert set(vertex["rot_0"].ravel()) == {1.0}
+
+
+def test_npz_of_one_object_holds_its_gaussians_only(rig):
+    mug = rig.mug()
+    request = pb.ExportRequest(format="npz", object_id=mug.id)
+    with np.load(io.BytesIO(rig.bus.call(EXPORT_OBJECTS, request, 5.0).data)) as file:
+        assert len(file["means_m"]) == mug.gaussians
+        assert set(file["instance"]) == {mug.id}
+        assert file["class_names"].tolist() == ["other", "mug", "table"]
+
+
+def test_what_is_not_there_is_refused_with_a_sentence(rig):
+    for request in (pb.ExportRequest(format="obj"), pb.ExportRequest(format="ply", object_id=999)):
+        with pytest.raises(InvalidInput):
+            rig.bus.call(EXPORT_OBJECTS, request, 5.0)
+    with pytest.raises(InvalidInput, match="no object 999"):
+        rig.bus.call(OBJECT_DETAIL, pb.ObjectRequest(object_id=999), 5.0)
+    with pytest.raises(InvalidInput, match="uncertainty"):
+        rig.render("heat")
+    with pytest.raises(InvalidInput, match="mug"):
+        rig.render("probability", "cat")
+
+
+def test_rendered_views_show_the_mug_at_its_place_and_depth(rig):
+    depth_mm = rig.render("depth")
+    assert depth_mm.dtype == np.uint16
+    middle = depth_mm[CAMERA.height // 2, CAMERA.width // 2] / 1000
+    truth = np.linalg.norm(np.array([0.0, 0.0, 1.3]) - MUG_CENTER)
+    assert middle == pytest.approx(truth, abs=0.08)
+    shown = rig.render("color")
+    assert shown.shape == (CAMERA.height, CAMERA.width, 3)
+    assert np.abs(shown[CAMERA.height // 2, CAMERA.width // 2].astype(int) - 128).max() < 6
+    assert (shown[0] == 255).all()  # the wall is not modelled
+    sure, unsure = rig.render("probability"), rig.render("uncertainty")
+    assert sure[60, 80, 1] > 120  # viridis: more green is more likely
+    assert unsure[60, 80, 1] < sure[60, 80, 1]
+
+
+def test_one_object_in_full_has_its_history_box_and_points(rig):
+    mug = rig.mug()
+    detail = rig.bus.call(OBJECT_DETAIL, pb.ObjectRequest(object_id=mug.id), 5.0)
+    assert detail.object == mug
+    assert [m.stamp_ns for m in detail.history] == [0, 1, 2]
+    assert detail.history[-1].score == pytest.approx(mug.score)
+    points = np.array(detail.points_m).reshape(-1, 3)
+    assert len(points) > 30
+    assert np.abs(points - MUG_CENTER).max() < 0.07
+    size = detail.box_size_m
+    assert size.x <= size.y
+    assert size.y == pytest.approx(0.09, abs=0.04)
+    assert abs(detail.box_yaw_rad) <= np.pi / 2
+
+
+def test_the_map_is_back_after_a_restart_and_says_so(tmp_path, rig):
+    first = Rig(tmp_path).look_around()
+    first.service.close()
+    again = Rig(tmp_path)
+    again.service.warm_up()
+    assert "restored" in again.health.state[1]
+    again.bus.publish(CONTEXT, context_to_proto(SOUGHT))
+    assert [o.id for o in again.objects()] == [o.id for o in rig.objects()]
+    o = observe(SCENE, looking_at(0.4, 0.4, MUG_CENTER), seq=9)
+    again.bus.publish(OBSERVATION, observation_to_proto(o))
+    assert again.mug().id == rig.mug().id  # frames of the same epoch go into the same map
+    again.service.close()
+
+
+def test_a_kept_map_that_is_cut_off_is_put_aside_and_said(tmp_path, rig):
+    (tmp_path / FILE_NAME).write_bytes(rig.saved()[:-100])
+    again = Rig(tmp_path)
+    again.service.warm_up()
+    assert "put aside" in again.health.state[1]
+    assert not again.objects()
+    (aside,) = tmp_path.iterdir()
+    assert aside.name.startswith(f"{FILE_NAME}.refused")
+    again.look_around().service.close()
+    assert (tmp_path / FILE_NAME).is_file()
+
+
+KILLED = """
+import sys, time, pathlib
+from test_objectmap_exchange import Rig
+from helios_objectmap.keeper import FILE_NAME
+folder = pathlib.Path(sys.argv[1])
+rig = Rig(folder).look_around()
+rig.service._exchange._keeper.write()
+print(rig.mug().id, flush=True)
+while True:
+    rig.look_around()
+    rig.service._exchange._keeper.write()
+"""
+
+
+def test_a_killed_service_leaves_a_whole_map(tmp_path, rig):
+    process = subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(tmp_path)], cwd=Path(__file__).parent,
+        stdout=subprocess.PIPE, text=True, env=os.environ | {"NUMBA_NUM_THREADS": "1"},
+    )  # fmt: skip
+    assert process.stdout is not None
+    mug = int(process.stdout.readline())
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    again = Rig(tmp_path)
+    again.bus.publish(CONTEXT, context_to_proto(SOUGHT))
+    assert again.mug().id == mug
+    assert again.objects()
