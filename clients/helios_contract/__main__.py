@@ -21,7 +21,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         prog="python -m helios_contract",
         description="Test a robot driver. THE ROBOT MOVES: it turns on the spot and drives ahead "
-        "twice the distance given; keep a hand on its emergency stop.",
+        "one and a half times the distance given; keep a hand on its emergency stop.",
         epilog="What follows -- goes to pytest: -- -x -k stop",
     )
     parser.add_argument("driver", help="my_package:MyRobot, importable from here")

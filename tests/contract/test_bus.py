@@ -268,6 +268,21 @@ def test_bytes_that_are_no_request_are_refused_as_invalid(router: str) -> None:
         bus.close()
 
 
+def test_a_retained_topic_is_heard_from_an_ordinary_publisher_too(router: str) -> None:
+    bus, got = _open(router, "r"), []
+    session = zenoh.open(client_config(router))
+    try:
+        bus.subscribe(CONTEXT, got.append)
+        data = pb.SearchContext(id="plain").SerializeToString()
+        wait_until(
+            lambda: session.put(CONTEXT.key("r"), data) or bool(got), 5, "the message is heard"
+        )
+        assert got[0].id == "plain"
+    finally:
+        session.close()
+        bus.close()
+
+
 def test_slow_calls_of_one_method_keep_no_other_waiting(make_bus: MakeBus) -> None:
     a, b = make_bus("r"), make_bus("r")
     if not isinstance(b, ZenohBus):
