@@ -145,15 +145,20 @@ class PlannerService:
         if queued:
             self._book.end(request.id, State.CANCELLED, "cancelled before it began")
             task = self._book.known(request.id)
+        elif not task.state.ended:
+            self._book.ask(request.id, State.CANCELLED)
         return task_to_proto(task)
 
     def pause(self, request: pb.TaskRequest) -> pb.Task:
         """The action that runs is finished; none is begun until `resume`."""
         self._hold_of(request.id, "paused").pause()
+        self._book.ask(request.id, State.PAUSED)
         return task_to_proto(self._book.known(request.id))
 
     def resume(self, request: pb.TaskRequest) -> pb.Task:
-        self._hold_of(request.id, "resumed").resume()
+        hold = self._hold_of(request.id, "resumed")
+        self._book.ask(request.id, None)
+        hold.resume()
         return task_to_proto(self._book.known(request.id))
 
     def decisions(self, request: pb.TaskRequest) -> pb.DecisionList:

@@ -32,6 +32,7 @@ class TaskBook:
         self._bus, self._settings, self._health, self._store = bus, settings, health, store
         self._lock = threading.Lock()
         self._tasks: dict[str, Task] = {}
+        self._asked: dict[str, State] = {}  # for what a running task is to be, but is not yet
         self.closing = threading.Event()
 
     def restore(self) -> list[str]:
@@ -92,21 +93,43 @@ class TaskBook:
         self._tell(task)
         return task
 
+    def ask(self, id: str, state: State | None) -> None:
+        """Somebody wants a running task paused or cancelled, or None: on. It is kept at once, so
+        that a planner which dies before the task obeys does not go on against it."""
+        with self._lock:
+            if state is None:
+                self._asked.pop(id, None)
+            else:
+                self._asked[id] = state
+            task = self._tasks[id]
+        self._keep(task)
+
     def end(self, id: str, state: State, message: str, cause: Cause | None = None) -> None:
         if state is State.CANCELLED and self.closing.is_set():
             return
         done = {"progress": 1.0} if state is State.SUCCEEDED else {}
         self.change(id, state=state, message=message, cause=cause, ended_s=time.time(), **done)
         self._store.settle(id)
+        with self._lock:
+            self._asked.pop(id, None)
         self._health.count(f"tasks_{state}")
         log.info("task %s %s: %s", id, state, message)
 
     # --- telling -------------------------------------------------------------------------------
     def _tell(self, task: Task) -> pb.Task:
+        self._keep(task)
         told = task_to_proto(task)
-        self._store.put(told)
         self.publish(TASK, told)
         return told
+
+    def _keep(self, task: Task) -> None:
+        with self._lock:
+            asked = self._asked.get(task.id)
+        if asked is State.CANCELLED and not task.state.ended:
+            task = task.with_(state=asked, message="cancelled", ended_s=time.time())
+        elif asked is State.PAUSED and not task.state.ended:
+            task = task.with_(state=asked)
+        self._store.put(task_to_proto(task))
 
     def keep(self, decision: pb.Decision) -> None:
         """Store a decision and tell it."""

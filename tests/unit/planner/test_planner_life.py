@@ -258,6 +258,32 @@ def test_a_planner_that_dies_in_a_pick_goes_on_and_picks_once(house: House, answ
     assert peers.contexts == [id], "a new search context would forget what was searched"
 
 
+def test_a_paused_task_stays_paused_over_the_planners_death(house: House) -> None:
+    peers = house.peers(home())
+    mortal, bus = house.mortal(lambda _: True)
+    id = submit(bus, GO)
+    wait_until(mortal.dead.is_set, 60, "its worker is dead")
+    bus.call(PAUSE, pb.TaskRequest(id=id), 5)  # it was still there to hear this
+    mortal.close()
+    bus = house.planner()
+    wait_until(lambda: "resume" in task(bus, id).message, 60, "it waits")
+    assert task(bus, id).state == "paused"
+    assert peers.world.steps == 1
+    bus.call(CANCEL, pb.TaskRequest(id=id), 5)
+    assert ended(bus, id).state == "cancelled"
+
+
+def test_a_cancelled_task_does_not_go_on_after_the_planners_death(house: House) -> None:
+    peers = house.peers(home())
+    mortal, bus = house.mortal(lambda _: True)
+    id = submit(bus, GO)
+    wait_until(mortal.dead.is_set, 60, "its worker is dead")
+    bus.call(CANCEL, pb.TaskRequest(id=id), 5)  # it was still there to hear this
+    mortal.close()
+    assert task(house.planner(), id).state == "cancelled"
+    assert peers.world.steps == 1
+
+
 def test_a_planner_that_was_away_for_too_long_leaves_the_task(house: House) -> None:
     peers = house.peers(home())
     mortal, bus = house.mortal(lambda r: r.action.HasField("turn"))
