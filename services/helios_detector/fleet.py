@@ -70,32 +70,41 @@ class Desk:
         self.bus.subscribe(FRAME, self._on_frame)
         return service
 
-    def close(self) -> None:
-        """Take nothing more, and let what is worked on be answered."""
+    def stop(self) -> None:
+        """Take nothing more."""
         self._closed = True
-        if self._turn.acquire(timeout=FINISH_WITHIN_S):
+
+    def finish(self, within_s: float) -> None:
+        """Let what is worked on be answered, then close the bus."""
+        if self._turn.acquire(timeout=max(0.0, within_s)):
             self._turn.release()
+        self.bus.close()
 
     def _keep(self) -> None:
         """Take what nobody took; serve methods while this robot is ours; say how it goes."""
         while not self._closed:
             with self._lock:
-                owner, me = self._members.owner(self.robot), self._members.me
-                strangers = self._members.strangers
-            if self._service is not None:
-                self._not_yet.close()
-                if owner == me:
-                    self._service.methods.open()
-                else:
-                    self._service.methods.close()
+                owner, strangers = self._members.owner(self.robot), self._members.strangers
+            try:
+                self._serve(owner)
                 self._work()
-            elif owner is None:
-                self._not_yet.open()
-            else:
-                self._not_yet.close()
-            if owner in (me, None):
-                self._report(strangers)
+                if owner in (self._members.me, None):
+                    self._report(strangers)
+            except HeliosError as error:
+                log.warning("%s: %s", self.robot, error.message)
             time.sleep(TICK_S)
+
+    def _serve(self, owner: str | None) -> None:
+        """The models answer where this robot is ours; where nobody's do yet, that is said."""
+        service = self._service
+        if service is None and owner is None:
+            self._not_yet.open()
+            return
+        self._not_yet.close()
+        if service is not None and owner == self._members.me:
+            service.methods.open()
+        elif service is not None:
+            service.methods.close()
 
     def _on_keyframe(self, message: pb.Frame) -> None:
         with self._lock:
@@ -143,7 +152,10 @@ class Desk:
         assert self._service is not None
         self._tell(self._claim(message, answered=False))
         done = self._claim(message, answered=True)
-        self._service.on_keyframe(message, sent=lambda: self._tell(done))
+        try:
+            self._service.on_keyframe(message, sent=lambda: self._tell(done))
+        except Exception:  # a fault of ours: the frame is lost, the robot is not
+            log.exception("%s: keyframe %d failed", self.robot, message.id.seq)
         with self._lock:
             self._ledger.note(done)
         self._tell(done)  # once more: a frame that was refused was not sent
@@ -207,12 +219,13 @@ class Fleet:
 
     def close(self) -> None:
         self._ending.set()
+        deadline = time.monotonic() + FINISH_WITHIN_S
         for desk in self._desks:
-            desk.close()
+            desk.stop()
+        for desk in self._desks:
+            desk.finish(deadline - time.monotonic())
         if self._models is not None:
             self._models.close()
-        for desk in self._desks:
-            desk.bus.close()
 
     def _on_alive(self, service: str, instance: str, alive: bool) -> None:
         if service == TOKEN:
