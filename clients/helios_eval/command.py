@@ -169,8 +169,8 @@ def _run(
         with _ended_by_sigterm():
             run(asked, console)
     except KeyboardInterrupt as interrupt:
-        told = f"a report of what was played is in {out}; " if (out / MARKDOWN).exists() else ""
-        print(f"helios: interrupted; {told}the same command goes on from here", file=sys.stderr)
+        where = f"a report of what was played is in {out}; " if (out / MARKDOWN).exists() else ""
+        print(f"helios: interrupted; {where}the same command goes on from here", file=sys.stderr)
         number = interrupt.args[0] if interrupt.args else signal.SIGINT
         raise typer.Exit(128 + number) from None
     console.print(f"written to {out}", highlight=False)
