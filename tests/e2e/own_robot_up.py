@@ -42,7 +42,10 @@ class Up:
 
 @contextmanager
 def helios_up(
-    folder: Path, robot: str, needed: tuple[str, ...] = ("bridge", "map2d")
+    folder: Path,
+    robot: str,
+    needed: tuple[str, ...] = ("bridge", "map2d"),
+    detector: str = "ground-truth",
 ) -> Iterator[Up]:
     """Until these are ready. Ends it, and shows its output where the test failed."""
     port, router_port = free_port(), free_port()
@@ -50,7 +53,7 @@ def helios_up(
     with log.open("wb") as out:
         process = subprocess.Popen(
             [sys.executable, "-m", "helios_client", "up", "--robot", robot,
-             "--detector", "ground-truth", "--port", str(port), "--router-port", str(router_port),
+             "--detector", detector, "--port", str(port), "--router-port", str(router_port),
              "--state", str(folder / "state")],
             stdout=out, stderr=subprocess.STDOUT,
             env=os.environ | {"XDG_STATE_HOME": str(folder / "home")},

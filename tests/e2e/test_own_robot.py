@@ -25,7 +25,8 @@ MOST_LINES = 80
 @pytest.fixture(scope="module")
 def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
     folder = tmp_path_factory.mktemp("own")
-    with helios_up(folder, "helios_examples.room_robot:RoomRobot") as up:
+    needed = ("bridge", "detector", "map2d", "objectmap", "planner")
+    with helios_up(folder, "helios_examples.room_robot:RoomRobot", needed, "paint") as up:
         yield up
 
 
@@ -96,3 +97,22 @@ def test_stop_now_over_http_holds_the_robot(up: Up, bus: ZenohBus) -> None:
         act(bus, "after the stop", pb.Action(turn=pb.Action.Turn(angle_rad=0.2)))
     assert httpx.post(f"{up.address}/v1/robot/clear-stop", timeout=10).status_code == 200
     assert act(bus, "after that", pb.Action(turn=pb.Action.Turn(angle_rad=0.2))).succeeded
+
+
+@pytest.mark.timeout(300)
+def test_the_planner_drives_it_to_find_a_thing(up: Up) -> None:
+    """The shelf stands behind the robot: it has to turn, and to look from several places."""
+    address = f"{up.address}/v1/tasks"
+    task = httpx.post(address, json={"instruction": "find the green shelf"}, timeout=20).json()
+
+    def ended() -> bool:
+        return httpx.get(f"{address}/{task['id']}", timeout=20).json()["state"] in (
+            "succeeded", "failed", "cancelled",
+        )  # fmt: skip
+
+    wait_until(ended, 240, "the task has ended")
+    task = httpx.get(f"{address}/{task['id']}", timeout=20).json()
+    assert task["state"] == "succeeded", task
+    objects = httpx.get(f"{up.address}/v1/objects", timeout=20).json()["objects"]
+    near_m = [np.linalg.norm(np.subtract(o["center_m"][:2], (-2.0, 1.5))) for o in objects]
+    assert min(near_m) < 0.5, objects
