@@ -1,1 +1,1 @@
-"""Robots to copy from: each runs without hardware (`docs/your-own-robot.md`)."""
+"""A robot and a detector to copy from, without hardware or model (`docs/your-own-robot.md`)."""
