@@ -19,17 +19,20 @@ class Hosted:
 
     def __init__(self, bus: Bus, health: Health, settings: Settings) -> None:
         self._ending = threading.Event()
+        self._service: Map2DService | None = None
         settings.rules(robot_max_depth_m=settings.max_depth_m, robot_radius_m=0.3)
 
         def prepare() -> None:
             warm_up()
             if not self._ending.is_set():
-                Map2DService(bus, settings, health)
+                self._service = Map2DService(bus, settings, health)
 
         threading.Thread(target=prepare, name="warm up", daemon=True).start()
 
     def close(self) -> None:
         self._ending.set()
+        if self._service is not None:
+            self._service.close()
 
 
 if __name__ == "__main__":

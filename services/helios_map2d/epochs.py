@@ -13,6 +13,8 @@ from helios_core.types import Frame, FrameId, SearchContext
 from helios_map2d.state import MapRules, MapState
 from helios_map2d.view import check_pose
 
+REMEMBERED_EPOCHS = 256
+
 
 @dataclass(frozen=True)
 class EpochKey:
@@ -46,7 +48,7 @@ class EpochMaps:
         self.key: EpochKey | None = None
         self._context: SearchContext | None = None
         self._parked: deque[tuple[EpochKey, MapState]] = deque(maxlen=most_parked)
-        self._gone: set[EpochKey] = set()
+        self._gone: deque[EpochKey] = deque(maxlen=REMEMBERED_EPOCHS)
         self._first_version = first_version
         self.robot_key: EpochKey | None = None  # the epoch that the robot itself is in
 
@@ -67,7 +69,8 @@ class EpochMaps:
         key = EpochKey.of(frame.id)
         if self.current is not None and key == self.key:
             return self.current
-        if key == self.robot_key and (again := self._brought_back(key)) is not None:
+        kept = key == self.robot_key or self.current is None
+        if kept and (again := self._brought_back(key)) is not None:
             return again
         older = self.key is not None and (
             key.robot_boot_id == self.key.robot_boot_id and key.world_epoch < self.key.world_epoch
@@ -89,28 +92,56 @@ class EpochMaps:
             fresh.reset_search(self._context)
         if self.current is not None and self.key is not None:
             self._parked.append((self.key, self.current))
-            self._gone.add(self.key)
+            self._gone.append(self.key)
         self.current, self.key = fresh, key
         return fresh
 
+    def robot_is_in(self, key: EpochKey) -> None:
+        """Note the epoch that the robot itself is in; where nothing is known yet but a kept map is
+        of that epoch, it goes on."""
+        self.robot_key = key
+        if self.current is None:
+            self._brought_back(key)
+
+    def keep(self, key: EpochKey, state: MapState) -> None:
+        """Park a map, in place of one of the same epoch."""
+        kept = [(k, other) for k, other in self._parked if k != key]
+        self._parked.clear()
+        self._parked.extend([*kept, (key, state)])
+
+    def replace(self, state: MapState) -> None:
+        """Take a map in place of the present one, in its epoch. Raises Conflict without any."""
+        key = self.key or self.robot_key
+        if key is None:
+            raise Conflict("no robot has said where it is; start its bridge, then load the map")
+        if state.frame_id is None or EpochKey.of(state.frame_id) != key:
+            state.continue_as(self.current)
+        state.go_on_from(self.version)
+        if self._context is not None:
+            state.reset_search(self._context)
+        self.current, self.key = state, key
+
     def _brought_back(self, key: EpochKey) -> MapState | None:
-        """The robot's own map, parked by a frame of somebody else; None when it is not kept."""
+        """The map that is kept of the robot's own epoch, in place of the present one; None when
+        there is none."""
         back = next((state for parked, state in self._parked if parked == key), None)
-        self._gone.discard(key)
-        if back is None or self.current is None or self.key is None:
+        if key in self._gone:
+            self._gone.remove(key)
+        if back is None:
             return None
         kept = [(k, state) for k, state in self._parked if k != key]
         self._parked.clear()
-        self._parked.extend([*kept, (self.key, self.current)])
-        self._gone.add(self.key)
+        self._parked.extend(kept)
+        if self.current is not None and self.key is not None:
+            self._parked.append((self.key, self.current))
+            self._gone.append(self.key)
         back.go_on_from(self.version)
         if self._context is not None:
             back.reset_search(self._context)
         self.current, self.key = back, key
         return back
 
-    def reset_search(self, context: SearchContext) -> None:
-        """Begin a search in the present map, and in those to come."""
+    def reset_search(self, context: SearchContext) -> bool:
+        """Begin a search in the present map and those to come; whether it is a new one there."""
         self._context = context
-        if self.current is not None:
-            self.current.reset_search(context)
+        return self.current is not None and self.current.reset_search(context)

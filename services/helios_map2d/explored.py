@@ -11,26 +11,32 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_map2d import frontier_kernels
-from helios_map2d.grid import Box, GridSpec
+from helios_map2d import frontier_kernels, kernels
+from helios_map2d.grid import EMPTY, Box, GridSpec, carried_over
 
 
 class SearchArea:
-    """`explored` uint8 [rows, columns]: 1 where this search has looked; `box` holds all of it."""
+    """`explored` uint8 [rows, columns]: 1 where this search has looked; `box` holds all of it, in
+    world cells."""
 
     def __init__(self, grid: GridSpec) -> None:
         self.grid = grid
         self.explored = np.zeros(grid.shape, np.uint8)
-        self.box = Box(0, 0, 0, 0)
+        self.box = EMPTY
+
+    def grow(self, grid: GridSpec) -> None:
+        """Go on over a larger grid."""
+        self.explored = carried_over(self.explored, self.grid, grid, self.box)
+        self.grid = grid
 
     def reset(self) -> None:
-        self.explored[self.box.slices] = 0
-        self.box = Box(0, 0, 0, 0)
+        self.explored[self.grid.to_local(self.box).slices] = 0
+        self.box = EMPTY
 
     def add(self, seen: NDArray[np.uint8], window: Box) -> None:
-        """Count what one view saw (uint8 over `window`) as searched."""
-        self.explored[window.slices] |= seen
-        self.box = window.union(self.box)
+        """Count what one view saw (flags over `window`, `kernels.SEEN_NOW`) as searched."""
+        kernels.merge_seen(seen, self.explored[window.slices])
+        self.box = self.grid.to_world(window).union(self.box)
 
     def add_near_robot(
         self, occupancy: NDArray[np.int8], x_m: float, y_m: float, radius_m: float

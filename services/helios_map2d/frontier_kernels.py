@@ -1,6 +1,6 @@
-"""Numba kernels over the known box: frontier cells and their clusters, near ground, identities.
+"""Numba kernels of the frontiers: their cells and clusters, near ground, identities, sight.
 
-Reached through `frontiers.py` and `explored.py`; readable twins stand in the tests.
+Reached through `frontiers.py`, `explored.py` and `sight.py`; readable twins stand in the tests.
 """
 
 from __future__ import annotations
@@ -10,17 +10,22 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def frontier_mask(occupancy, explored, mask):
-    """Free explored cells beside a cell that is neither explored nor occupied (4 neighbours).
+def cells_of_tiles(occupancy, explored, tiles, side, cells, counts):
+    """Frontier cells by tile: free explored cells beside one that is neither explored nor occupied.
 
-    A neighbour outside the arrays counts as unexplored.
+    4 neighbours; one outside the arrays counts as unexplored. `tiles` int32 [n, 2] are the first
+    row and column of each tile of `side` cells; `cells` int32 [n * side², 2] gets the rows and
+    columns, tile after tile in row order, `counts` int32 [n] how many each has. Returns their sum.
     """
     rows, columns = occupancy.shape
-    for r in range(rows):
-        for c in range(columns):
-            edge = False
-            if occupancy[r, c] == 0 and explored[r, c] != 0:
-                edge = (
+    n = 0
+    for t in range(tiles.shape[0]):
+        start = n
+        for r in range(tiles[t, 0], min(rows, tiles[t, 0] + side)):
+            for c in range(tiles[t, 1], min(columns, tiles[t, 1] + side)):
+                if occupancy[r, c] != 0 or explored[r, c] == 0:
+                    continue
+                if (
                     r == 0
                     or c == 0
                     or r == rows - 1
@@ -29,8 +34,12 @@ def frontier_mask(occupancy, explored, mask):
                     or (explored[r + 1, c] == 0 and occupancy[r + 1, c] != 100)
                     or (explored[r, c - 1] == 0 and occupancy[r, c - 1] != 100)
                     or (explored[r, c + 1] == 0 and occupancy[r, c + 1] != 100)
-                )
-            mask[r, c] = 1 if edge else 0
+                ):
+                    cells[n, 0] = r
+                    cells[n, 1] = c
+                    n += 1
+        counts[t] = n - start
+    return n
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -42,37 +51,104 @@ def find_root(parent, i):
 
 
 @njit(cache=True, nogil=True)
-def label_cells(mask, cells, parent):
-    """Union-find over the set cells, 8-connected, in row order.
+def cluster(cells, scratch, labels, sizes):
+    """Number the 8-connected clusters of cells by their first cell; how many there are.
 
-    Fills `cells` int32 [n, 2] (row, column) and `parent` int32 [n]: every entry becomes the
-    smallest index of its cluster. `n` must be the number of set cells.
+    `cells` int32 [n, 2]; `labels` int32 [n] gets the cluster of each, `sizes` int32 [n] the number
+    of cells by cluster. `scratch` int32 over the grid is all zeros, and is again afterwards.
     """
-    rows, columns = mask.shape
-    above = np.full(columns + 2, -1, np.int32)  # index of the cell above, shifted by one column
-    here = np.full(columns + 2, -1, np.int32)
-    n = 0
-    for r in range(rows):
-        here[:] = -1
-        for c in range(columns):
-            if mask[r, c] == 0:
-                continue
-            cells[n, 0] = r
-            cells[n, 1] = c
-            parent[n] = n
-            here[c + 1] = n
-            for other in (here[c], above[c], above[c + 1], above[c + 2]):
-                if other >= 0:
-                    a = find_root(parent, other)
-                    b = find_root(parent, n)
-                    if a < b:
-                        parent[b] = a
-                    else:
-                        parent[a] = b
-            n += 1
-        above, here = here, above
+    n = cells.shape[0]
+    columns = scratch.shape[1]
+    parent = np.arange(n).astype(np.int32)
     for i in range(n):
-        parent[i] = find_root(parent, i)
+        scratch[cells[i, 0], cells[i, 1]] = i + 1
+    for i in range(n):
+        r, c = cells[i, 0], cells[i, 1]
+        # Half of the neighbours: each pair is met once.
+        for dr, dc in ((-1, -1), (-1, 0), (-1, 1), (0, -1)):
+            y, x = r + dr, c + dc
+            if y < 0 or x < 0 or x >= columns or scratch[y, x] == 0:
+                continue
+            a, b = find_root(parent, scratch[y, x] - 1), find_root(parent, i)
+            if a < b:
+                parent[b] = a
+            else:
+                parent[a] = b
+    found = 0
+    for i in range(n):
+        root = find_root(parent, i)  # the smallest of its cluster
+        if root == i:
+            labels[i] = found
+            sizes[found] = 0
+            found += 1
+        else:
+            labels[i] = labels[root]
+        sizes[labels[i]] += 1
+    for i in range(n):
+        scratch[cells[i, 0], cells[i, 1]] = 0
+    return found
+
+
+@njit(cache=True, nogil=True)
+def gather(cells, labels, place, starts, out):
+    """Sort the cells of the wanted clusters: `out` int32 [m, 2] cluster after cluster.
+
+    `place` int32 [clusters] is the position of a cluster, -1 where it is not wanted; `starts`
+    int64 [wanted + 1] where each begins.
+    """
+    filled = starts[:-1].copy()
+    for i in range(cells.shape[0]):
+        k = place[labels[i]]
+        if k >= 0:
+            out[filled[k], 0] = cells[i, 0]
+            out[filled[k], 1] = cells[i, 1]
+            filled[k] += 1
+
+
+@njit(cache=True, nogil=True)
+def describe(cells, starts, labels, offsets, reached, near, near_corner, side, centres, reachable):
+    """Whether each cluster can be reached, and the cell nearest to the mean of what can be (or of
+    all its cells where nothing can): the first of equals.
+
+    `cells`, `starts` are those of `gather`, the rest is a `ground.Reached` and its labels.
+    """
+    for k in range(starts.size - 1):
+        any_reached = False
+        n = 0
+        total_r = total_c = 0.0
+        for attempt in range(2):
+            total_r = total_c = 0.0
+            n = 0
+            for i in range(starts[k], starts[k + 1]):
+                if attempt == 1 or is_reached(cells[i, 0], cells[i, 1], labels, offsets, reached,
+                                              near, near_corner, side):  # fmt: skip
+                    total_r += cells[i, 0]
+                    total_c += cells[i, 1]
+                    n += 1
+            if n > 0:
+                any_reached = attempt == 0
+                break
+        best = np.inf
+        for i in range(starts[k], starts[k + 1]):
+            if any_reached and not is_reached(cells[i, 0], cells[i, 1], labels, offsets, reached,
+                                              near, near_corner, side):  # fmt: skip
+                continue
+            off = (cells[i, 0] - total_r / n) ** 2 + (cells[i, 1] - total_c / n) ** 2
+            if off < best:
+                best = off
+                centres[k, 0] = cells[i, 0]
+                centres[k, 1] = cells[i, 1]
+        reachable[k] = any_reached
+
+
+@njit(cache=True, nogil=True, inline="always")
+def is_reached(r, c, labels, offsets, reached, near, near_corner, side):
+    """Whether a cell lies in a component that was reached, or on reached ground near the robot."""
+    label = labels[r, c]
+    if label > 0 and reached[offsets[r // side, c // side] + label - 1] != 0:
+        return True
+    y, x = r - near_corner[0], c - near_corner[1]
+    return 0 <= y < near.shape[0] and 0 <= x < near.shape[1] and near[y, x] != 0
 
 
 @njit(cache=True, nogil=True)
@@ -102,35 +178,32 @@ def near_ground(occupancy, row, column, radius_cells, near):
 
 
 @njit(cache=True, nogil=True)
-def shared_ground(cells, labels, former_cells, former_labels, reach, votes):
+def shared_ground(cells, labels, former_cells, former_labels, reach, scratch, votes):
     """How many cells of each cluster lie within `reach` cells (a square) of each former cluster.
 
     `cells` int32 [n, 2], `labels` int32 [n] 0..k-1; `former_*` alike; adds to `votes` int32 [k, m].
+    `scratch` int32 over the grid is all zeros, and is again afterwards.
     """
-    if cells.shape[0] == 0 or former_cells.shape[0] == 0:
-        return
-    r0 = min(cells[:, 0].min(), former_cells[:, 0].min()) - reach
-    c0 = min(cells[:, 1].min(), former_cells[:, 1].min()) - reach
-    rows = max(cells[:, 0].max(), former_cells[:, 0].max()) + reach + 1 - r0
-    columns = max(cells[:, 1].max(), former_cells[:, 1].max()) + reach + 1 - c0
-    former = np.full((rows, columns), -1, np.int32)
+    rows, columns = scratch.shape
     for i in range(former_cells.shape[0]):
-        former[former_cells[i, 0] - r0, former_cells[i, 1] - c0] = former_labels[i]
+        scratch[former_cells[i, 0], former_cells[i, 1]] = former_labels[i] + 1
     found = np.zeros(votes.shape[1], np.bool_)
     for i in range(cells.shape[0]):
         found[:] = False
-        r, c = cells[i, 0] - r0, cells[i, 1] - c0
-        for y in range(r - reach, r + reach + 1):
-            for x in range(c - reach, c + reach + 1):
-                k = former[y, x]
+        r, c = cells[i, 0], cells[i, 1]
+        for y in range(max(0, r - reach), min(rows, r + reach + 1)):
+            for x in range(max(0, c - reach), min(columns, c + reach + 1)):
+                k = scratch[y, x] - 1
                 if k >= 0 and not found[k]:
                     found[k] = True
                     votes[labels[i], k] += 1
+    for i in range(former_cells.shape[0]):
+        scratch[former_cells[i, 0], former_cells[i, 1]] = 0
 
 
 @njit(cache=True, nogil=True)
-def first_block(z_high, occupancy, start, end, target_cells, margin):
-    """The first cell on a straight line whose obstacle rises above the line, or (-1, -1).
+def first_block(z_low, z_high, occupancy, start, end, target_cells, margin, ground):
+    """The first cell on a straight line whose obstacle the line meets, or (-1, -1).
 
     `start`, `end` float64 [3]: row, column in cells (not rounded) and height in metres. Cells
     within `target_cells` of the end, and the start's own, do not block.
@@ -160,6 +233,11 @@ def first_block(z_high, occupancy, start, end, target_cells, margin):
         c = int(np.floor(start[1] + t * dc))
         if r < 0 or c < 0 or r >= rows or c >= columns or (r == own_r and c == own_c):
             continue
-        if occupancy[r, c] == 100 and z_high[r, c] > start[2] + t * dz + margin:
+        if occupancy[r, c] != 100:
+            continue
+        height = start[2] + t * dz
+        if z_high[r, c] > height + margin and (
+            z_low[r, c] <= ground or z_low[r, c] <= height + margin
+        ):
             return r, c
     return -1, -1

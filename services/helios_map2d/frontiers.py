@@ -1,19 +1,23 @@
-"""Frontiers: boundaries between searched free ground and what was not searched (paper 3.1.1)."""
+"""Frontiers: boundaries between searched free ground and what was not searched (paper 3.1.1).
+
+The cells of frontiers are kept by tile, and only tiles that changed are looked at again. What is
+done over all frontiers (clusters, centres, values) costs by their cells, not by the map.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from helios_map2d import frontier_kernels
-from helios_map2d.explored import near_ground
-from helios_map2d.grid import Box, GridSpec
-from helios_map2d.occupancy import FREE, OCCUPIED
-from helios_map2d.value import value_near
+from helios_map2d.grid import TILE, Box, GridSpec, Tile
+from helios_map2d.ground import OpenGround
+from helios_map2d.value import values_near
+
+NO_CELLS = np.empty((0, 2), np.int32)
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,7 @@ class Frontier:
     """One frontier.
 
     `centre_m` is the centre of one of its cells, in the world; `size_m` its length; `values` the
-    value of each layer by VLFM's rule; `cells` int32 [n, 2] its rows and columns on the map.
+    value of each layer by VLFM's rule; `cells` int32 [n, 2] its world cells (row, column).
     """
 
     id: int
@@ -43,121 +47,111 @@ class Frontier:
     cells: NDArray[np.int32]
 
 
-def frontier_cells(
-    occupancy: NDArray[np.int8], explored: NDArray[np.uint8]
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Frontier cells [n, 2] (row, column) and the cluster of each [n], counted from 0.
-
-    Clusters are 8-connected and numbered by their first cell in row order.
-    """
-    mask = np.empty(occupancy.shape, np.uint8)
-    frontier_kernels.frontier_mask(occupancy, explored, mask)
-    n = int(np.count_nonzero(mask))
-    cells = np.empty((n, 2), np.int32)
-    parent = np.empty(n, np.int32)
-    frontier_kernels.label_cells(mask, cells, parent)
-    _, labels = np.unique(parent, return_inverse=True)
-    return cells, labels.astype(np.int32)
-
-
-def reachable_ground(
-    occupancy: NDArray[np.int8],
-    robot_cell: tuple[int, int],
-    robot_radius_cells: float,
-    blind_radius_cells: float,
-) -> NDArray[np.bool_]:
-    """Cells that the robot's centre can get to: bool [rows, columns].
-
-    It keeps its radius from every obstacle and stays on free ground, save for unknown ground
-    right around it. The cells at its own place are open to it even beside an obstacle.
-    """
-    rows, columns = occupancy.shape
-    whole = Box(0, rows, 0, columns)
-    distance = cv2.distanceTransform(
-        (occupancy != OCCUPIED).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
-    )
-    clear = distance > robot_radius_cells
-    if not (occupancy == OCCUPIED).any():
-        clear[:] = True
-    known = occupancy == FREE
-    row, column = robot_cell
-    reach = int(blind_radius_cells) + 1
-    box = Box(row, row + 1, column, column + 1).grown(reach, whole)
-    if not box.empty:
-        known[box.slices] |= near_ground(occupancy, box, robot_cell, blind_radius_cells) > 0
-    open_ground = (clear & known).astype(np.uint8)
-    own = Box(row, row + 1, column, column + 1).grown(int(robot_radius_cells), whole)
-    if own.empty:
-        return np.zeros(occupancy.shape, np.bool_)
-    down = np.arange(own.row_lo, own.row_hi)[:, None] - row
-    across = np.arange(own.column_lo, own.column_hi) - column
-    disc = (down**2 + across**2 <= robot_radius_cells**2) & (occupancy[own.slices] != OCCUPIED)
-    open_ground[own.slices] |= disc.astype(np.uint8)
-    open_ground[row, column] = 1
-    _, labels = cv2.connectedComponents(open_ground, connectivity=4)
-    return np.asarray(labels == labels[row, column])
-
-
 class FrontierFinder:
     """Finds frontiers and keeps the identity of those that persist.
 
-    A frontier keeps its number while some of its cells lie within `same_within_m` of where it was;
-    of several that qualify, the one that shares most cells. When one splits, the others get new
-    numbers. Numbers are never used twice.
+    A frontier keeps its number while it does not change, and while some of its cells lie within
+    `same_within_m` of where it was; of several that qualify, the one that shares most cells. When
+    one splits, the others get new numbers. Numbers are never used twice.
     """
 
-    def __init__(self, grid: GridSpec, rules: FrontierRules) -> None:
+    def __init__(self, grid: GridSpec, rules: FrontierRules, next_id: int = 1) -> None:
         self.grid = grid
         self.rules = rules
+        self.next_id = next_id
+        self._cells: dict[Tile, NDArray[np.int32]] = {}  # world cells
+        self._scratch = np.zeros(grid.shape, np.int32)
         self._former: tuple[Frontier, ...] = ()
-        self._next_id = 1
+
+    def grow(self, grid: GridSpec) -> None:
+        """Go on over a larger grid."""
+        self.grid = grid
+        self._scratch = np.zeros(grid.shape, np.int32)
+
+    def reset(self) -> None:
+        """Nothing is searched any more."""
+        self._cells.clear()
+        self._former = ()
+
+    def remember(self, former: tuple[Frontier, ...]) -> None:
+        """Frontiers by whose cells those found next are recognised."""
+        self._former = former
+
+    def update(
+        self,
+        occupancy: NDArray[np.int8],
+        explored: NDArray[np.uint8],
+        tiles: Iterable[Tile],
+    ) -> None:
+        """Look at the given tiles again; arrays are over the whole grid."""
+        corner = np.array(self.grid.corner, np.int32)
+        whole = self.grid.to_world(self.grid.whole)
+        wanted = [t for t in tiles if whole.holds(Box.of_tile(t))]
+        if not wanted:
+            return
+        first = np.array(wanted, np.int32) * TILE - corner
+        cells = np.empty((len(wanted) * TILE**2, 2), np.int32)
+        counts = np.empty(len(wanted), np.int32)
+        n = frontier_kernels.cells_of_tiles(occupancy, explored, first, TILE, cells, counts)
+        parts = np.split(cells[:n] + corner, np.cumsum(counts)[:-1])
+        for tile, part in zip(wanted, parts, strict=True):
+            if len(part):
+                self._cells[tile] = part
+            else:
+                self._cells.pop(tile, None)
 
     def find(
         self,
         occupancy: NDArray[np.int8],
-        explored: NDArray[np.uint8],
-        box: Box,
+        ground: OpenGround,
         robot_xy_m: tuple[float, float],
         values: Mapping[str, NDArray[np.float32]],
     ) -> tuple[Frontier, ...]:
-        """The frontiers inside `box` (all arrays are over the whole grid), largest first."""
+        """The frontiers as they are now, largest first (all arrays are over the whole grid)."""
         rules, cell_m = self.rules, self.grid.cell_m
-        if box.empty:
+        corner = np.array(self.grid.corner, np.int32)
+        found = [self._cells[t] for t in sorted(self._cells)]
+        cells = (np.concatenate(found) if found else NO_CELLS) - corner
+        labels, sizes = np.empty((2, len(cells)), np.int32)
+        clusters = frontier_kernels.cluster(cells, self._scratch, labels, sizes)
+        sizes = sizes[:clusters]
+        least = rules.min_size_m / cell_m - 1e-9
+        kept = np.argsort(-sizes, kind="stable")[: int(np.count_nonzero(sizes >= least))]
+        if not len(kept):
             self._former = ()
             return ()
-        box = box.grown(1, self.grid.whole)
-        cells, labels = frontier_cells(occupancy[box.slices], explored[box.slices])
-        sizes = np.bincount(labels) if len(labels) else np.zeros(0, np.int64)
-        kept = [
-            k for k in np.argsort(-sizes, kind="stable") if sizes[k] * cell_m >= rules.min_size_m
-        ]
-        robot = self.grid.cell_of(*robot_xy_m)
-        ground = reachable_ground(
-            occupancy[box.slices],
-            (int(np.clip(robot[0] - box.row_lo, 0, box.rows - 1)),
-             int(np.clip(robot[1] - box.column_lo, 0, box.columns - 1))),
-            rules.robot_radius_m / cell_m,
-            rules.blind_radius_m / cell_m,
+        place = np.full(clusters, -1, np.int32)
+        place[kept] = np.arange(len(kept))
+        starts = np.zeros(len(kept) + 1, np.int64)
+        np.cumsum(sizes[kept], out=starts[1:])
+        own = np.empty((int(starts[-1]), 2), np.int32)
+        frontier_kernels.gather(cells, labels, place, starts, own)
+        row, column = self.grid.cell_of(*robot_xy_m)
+        robot = (min(max(row, 0), self.grid.rows - 1), min(max(column, 0), self.grid.columns - 1))
+        reached = ground.reached_from(occupancy, robot, rules.blind_radius_m / cell_m)
+        centres = np.empty((len(kept), 2), np.int32)
+        reachable = np.empty(len(kept), np.bool_)
+        frontier_kernels.describe(
+            own, starts, ground.labels, reached.offsets, reached.reached, reached.near,
+            reached.near_corner, TILE, centres, reachable,
         )  # fmt: skip
-        found: list[Frontier] = []
-        for k in kept:
-            own = cells[labels == k]
-            at_hand = ground[own[:, 0], own[:, 1]]
-            reachable = bool(at_hand.any())
-            centre = snapped_centre(own[at_hand] if reachable else own)
-            own = own + np.array([box.row_lo, box.column_lo], np.int32)
-            row, column = centre[0] + box.row_lo, centre[1] + box.column_lo
-            found.append(
-                Frontier(
-                    id=0,
-                    centre_m=self.grid.centre_of(row, column),
-                    size_m=float(sizes[k] * cell_m),
-                    reachable=reachable,
-                    values=self._values_near(row, column, values),
-                    cells=own,
-                )
+        by_layer = self._values_near(centres, values)
+        own += corner
+        self._former = tuple(
+            self._identified(
+                [
+                    Frontier(
+                        id=0,
+                        centre_m=self.grid.centre_of(int(centres[k, 0]), int(centres[k, 1])),
+                        size_m=float(sizes[j] * cell_m),
+                        reachable=bool(reachable[k]),
+                        values={name: float(near[k]) for name, near in by_layer.items()},
+                        cells=own[starts[k] : starts[k + 1]],
+                    )
+                    for k, j in enumerate(kept)
+                ]
             )
-        self._former = tuple(self._identified(found))
+        )
         return self._former
 
     def revalued(self, values: Mapping[str, NDArray[np.float32]]) -> tuple[Frontier, ...]:
@@ -165,47 +159,62 @@ class FrontierFinder:
 
         What `find` gives when nothing else has changed, at a fraction of its cost.
         """
+        centres = np.array([self.grid.cell_of(*f.centre_m) for f in self._former], np.int32)
+        by_layer = self._values_near(centres.reshape(-1, 2), values)
         self._former = tuple(
-            replace(f, values=self._values_near(*self.grid.cell_of(*f.centre_m), values))
-            for f in self._former
+            replace(f, values={name: float(near[k]) for name, near in by_layer.items()})
+            for k, f in enumerate(self._former)
         )
         return self._former
 
     def _values_near(
-        self, row: int, column: int, values: Mapping[str, NDArray[np.float32]]
-    ) -> dict[str, float]:
+        self, centres: NDArray[np.int32], values: Mapping[str, NDArray[np.float32]]
+    ) -> dict[str, NDArray[np.float64]]:
         radius_cells = self.rules.value_radius_m / self.grid.cell_m
-        return {n: value_near(layer, row, column, radius_cells) for n, layer in values.items()}
+        return {name: values_near(layer, centres, radius_cells) for name, layer in values.items()}
 
     def _identified(self, found: list[Frontier]) -> list[Frontier]:
-        former = self._former
-        votes = np.zeros((len(found), len(former)), np.int32)
-        if found and former:
-            frontier_kernels.shared_ground(
-                np.concatenate([f.cells for f in found]),
-                np.repeat(np.arange(len(found), dtype=np.int32), [len(f.cells) for f in found]),
-                np.concatenate([f.cells for f in former]),
-                np.repeat(np.arange(len(former), dtype=np.int32), [len(f.cells) for f in former]),
-                int(self.rules.same_within_m / self.grid.cell_m),
-                votes,
-            )
+        """The frontiers with their numbers: those of former ones, or new ones."""
+        same = {_first(f): f for f in self._former}
         ids = [0] * len(found)
         taken: set[int] = set()
-        order = np.argsort(-votes, axis=None, kind="stable")
-        for flat in order:
-            new, old = divmod(int(flat), len(former))
-            if votes[new, old] > 0 and ids[new] == 0 and old not in taken:
-                ids[new] = former[old].id
-                taken.add(old)
-        for new, number in enumerate(ids):
-            if number == 0:
-                ids[new] = self._next_id
-                self._next_id += 1
+        for k, f in enumerate(found):
+            g = same.get(_first(f))
+            if g is not None and np.array_equal(f.cells, g.cells):
+                ids[k] = g.id
+                taken.add(g.id)
+        new = [k for k, id in enumerate(ids) if id == 0]
+        old = [f for f in self._former if f.id not in taken]
+        if new and old:
+            votes = self._votes([found[k].cells for k in new], [f.cells for f in old])
+            for flat in np.argsort(-votes, axis=None, kind="stable"):
+                k, j = divmod(int(flat), len(old))
+                if votes[k, j] > 0 and ids[new[k]] == 0 and old[j].id not in taken:
+                    ids[new[k]] = old[j].id
+                    taken.add(old[j].id)
+        for k in new:
+            if ids[k] == 0:
+                ids[k] = self.next_id
+                self.next_id += 1
         return [replace(f, id=number) for f, number in zip(found, ids, strict=True)]
 
+    def _votes(
+        self, new: list[NDArray[np.int32]], old: list[NDArray[np.int32]]
+    ) -> NDArray[np.int32]:
+        """How many cells of each new cluster lie close to each old one, [new, old]."""
+        corner = np.array(self.grid.corner, np.int32)
+        votes = np.zeros((len(new), len(old)), np.int32)
+        frontier_kernels.shared_ground(
+            np.concatenate(new) - corner, _numbered(new), np.concatenate(old) - corner,
+            _numbered(old), int(self.rules.same_within_m / self.grid.cell_m), self._scratch, votes,
+        )  # fmt: skip
+        return votes
 
-def snapped_centre(cells: NDArray[np.int32]) -> tuple[int, int]:
-    """The cell (row, column) of a set that lies nearest to its mean; the first of equals."""
-    off = cells - cells.mean(axis=0)
-    row, column = cells[int(np.argmin((off**2).sum(axis=1)))]
-    return int(row), int(column)
+
+def _first(frontier: Frontier) -> tuple[int, int, int]:
+    row, column = frontier.cells[0]
+    return int(row), int(column), len(frontier.cells)
+
+
+def _numbered(parts: list[NDArray[np.int32]]) -> NDArray[np.int32]:
+    return np.repeat(np.arange(len(parts), dtype=np.int32), [len(part) for part in parts])

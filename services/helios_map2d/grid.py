@@ -1,12 +1,22 @@
-"""The square grid under every map layer: world metres to cells and back."""
+"""The square grid under every map layer: world metres to cells and back.
+
+World cells are counted from the world's origin: cell (row, column) spans y in [row, row + 1) and
+x in [column, column + 1) times the cell size. A grid is a window on them that may grow; so the
+place of a cell never depends on where a map began or how far it has grown. Tiles are squares of
+`TILE` world cells, counted alike.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+TILE = 64
+Tile = tuple[int, int]  # row, column of a tile, counted from the world's origin
 
 
 @dataclass(frozen=True)
@@ -14,28 +24,38 @@ class GridSpec:
     """A grid of square cells, axis-aligned with the world.
 
     Arrays over the grid are indexed `[row, column]`: the row counts along world y, the column
-    along world x. Cell (0, 0) has its lower-left corner at `origin_m`.
+    along world x. `corner` is the world cell (row, column) of cell (0, 0).
     """
 
     cell_m: float
     rows: int
     columns: int
-    origin_m: tuple[float, float]
+    corner: tuple[int, int]
 
     @staticmethod
     def centred_on(x_m: float, y_m: float, cell_m: float, size_cells: int) -> GridSpec:
-        """A square grid around a point; its origin is a whole number of cells from the world's.
+        """A square grid of whole tiles around a point, of at least `size_cells` a side."""
+        half = size_cells / 2
+        row, column = math.floor(y_m / cell_m), math.floor(x_m / cell_m)
+        around = Box(
+            math.floor(row - half), math.ceil(row + half),
+            math.floor(column - half), math.ceil(column + half),
+        )  # fmt: skip
+        return GridSpec.over(around.tiled, cell_m)
 
-        So two maps of one world differ by whole cells wherever each of them started.
-        """
-        half = size_cells // 2
-        column = math.floor(x_m / cell_m) - half
-        row = math.floor(y_m / cell_m) - half
-        return GridSpec(cell_m, size_cells, size_cells, (column * cell_m, row * cell_m))
+    @staticmethod
+    def over(box: Box, cell_m: float) -> GridSpec:
+        """The grid of a box of world cells."""
+        return GridSpec(cell_m, box.rows, box.columns, (box.row_lo, box.column_lo))
 
     @property
     def shape(self) -> tuple[int, int]:
         return self.rows, self.columns
+
+    @property
+    def origin_m(self) -> tuple[float, float]:
+        """World x, y of the lower-left corner of cell (0, 0)."""
+        return self.corner[1] * self.cell_m, self.corner[0] * self.cell_m
 
     @property
     def size_m(self) -> tuple[float, float]:
@@ -44,18 +64,15 @@ class GridSpec:
 
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
         """Row and column of a world point, which may lie outside (see `contains_cell`)."""
-        column = math.floor((x_m - self.origin_m[0]) / self.cell_m)
-        return math.floor((y_m - self.origin_m[1]) / self.cell_m), column
+        return (
+            math.floor(y_m / self.cell_m) - self.corner[0],
+            math.floor(x_m / self.cell_m) - self.corner[1],
+        )
 
     def centre_of(self, row: int, column: int) -> tuple[float, float]:
         """World x, y of a cell's centre, metres."""
-        x_m = self.origin_m[0] + (column + 0.5) * self.cell_m
-        return x_m, self.origin_m[1] + (row + 0.5) * self.cell_m
-
-    def cells_of(self, points_m: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Rows and columns [n, 2] of world points [n, 2] (x, y)."""
-        cells = np.floor((points_m - np.asarray(self.origin_m)) / self.cell_m).astype(np.int64)
-        return cells[:, ::-1]
+        x_m = (self.corner[1] + column + 0.5) * self.cell_m
+        return x_m, (self.corner[0] + row + 0.5) * self.cell_m
 
     def contains_cell(self, row: int, column: int) -> bool:
         return 0 <= row < self.rows and 0 <= column < self.columns
@@ -65,9 +82,15 @@ class GridSpec:
 
     def crop(self, box: Box) -> GridSpec:
         """The grid of a sub-array `array[box.slices]`."""
-        x_m = self.origin_m[0] + box.column_lo * self.cell_m
-        y_m = self.origin_m[1] + box.row_lo * self.cell_m
-        return GridSpec(self.cell_m, box.rows, box.columns, (x_m, y_m))
+        return GridSpec.over(self.to_world(box), self.cell_m)
+
+    def to_world(self, box: Box) -> Box:
+        """A box of this grid's cells in world cells."""
+        return box.moved(*self.corner)
+
+    def to_local(self, box: Box) -> Box:
+        """A box of world cells in this grid's."""
+        return box.moved(-self.corner[0], -self.corner[1])
 
     @property
     def whole(self) -> Box:
@@ -99,6 +122,37 @@ class Box:
     def slices(self) -> tuple[slice, slice]:
         return slice(self.row_lo, self.row_hi), slice(self.column_lo, self.column_hi)
 
+    @property
+    def tiled(self) -> Box:
+        """The smallest box of whole tiles around this one."""
+        return Box(
+            self.row_lo // TILE * TILE, -(-self.row_hi // TILE) * TILE,
+            self.column_lo // TILE * TILE, -(-self.column_hi // TILE) * TILE,
+        )  # fmt: skip
+
+    @property
+    def tiles(self) -> Iterator[Tile]:
+        """The tiles that a box of world cells touches."""
+        around = self.tiled
+        for row in range(around.row_lo // TILE, around.row_hi // TILE):
+            for column in range(around.column_lo // TILE, around.column_hi // TILE):
+                yield row, column
+
+    @staticmethod
+    def of_tile(tile: Tile) -> Box:
+        """The world cells of a tile."""
+        row, column = tile[0] * TILE, tile[1] * TILE
+        return Box(row, row + TILE, column, column + TILE)
+
+    def holds(self, other: Box) -> bool:
+        return self.union(other) == self
+
+    def moved(self, rows: int, columns: int) -> Box:
+        return Box(
+            self.row_lo + rows, self.row_hi + rows,
+            self.column_lo + columns, self.column_hi + columns,
+        )  # fmt: skip
+
     def union(self, other: Box | None) -> Box:
         """The smallest box that holds both; an empty or missing one adds nothing."""
         if other is None or other.empty:
@@ -112,11 +166,34 @@ class Box:
             max(self.column_hi, other.column_hi),
         )
 
-    def grown(self, cells: int, within: Box) -> Box:
+    def grown(self, cells: int, within: Box | None = None) -> Box:
         """This box with a margin on every side, cut to `within`."""
+        out = Box(
+            self.row_lo - cells, self.row_hi + cells,
+            self.column_lo - cells, self.column_hi + cells,
+        )  # fmt: skip
+        return out if within is None else out.cut(within)
+
+    def cut(self, within: Box) -> Box:
+        """What two boxes have in common; may be empty."""
         return Box(
-            max(self.row_lo - cells, within.row_lo),
-            min(self.row_hi + cells, within.row_hi),
-            max(self.column_lo - cells, within.column_lo),
-            min(self.column_hi + cells, within.column_hi),
-        )
+            max(self.row_lo, within.row_lo), min(self.row_hi, within.row_hi),
+            max(self.column_lo, within.column_lo), min(self.column_hi, within.column_hi),
+        )  # fmt: skip
+
+
+EMPTY = Box(0, 0, 0, 0)
+
+
+def carried_over(
+    array: NDArray, old: GridSpec, new: GridSpec, known: Box, fill: int = 0
+) -> NDArray:
+    """An array over `old` as one over the larger grid `new`; only `known` (world cells) is copied.
+
+    What is zero costs no memory until it is written: the system hands out zeroed pages lazily.
+    """
+    out = np.zeros(new.shape, array.dtype) if fill == 0 else np.full(new.shape, fill, array.dtype)
+    kept = known.cut(old.to_world(old.whole))
+    if not kept.empty:
+        out[new.to_local(kept).slices] = array[old.to_local(kept).slices]
+    return out

@@ -24,6 +24,10 @@ SURFACE = 1
 HIDDEN = 2
 HEIGHT_SAMPLES = 6
 
+SEEN_NOW = 1  # what came of a frame for a cell, as flags
+HEIGHTS = 2
+MEMORY = 4
+
 
 @njit(cache=True, nogil=True, inline="always", fastmath=FAST)
 def diamond_angle(forward, left):
@@ -244,11 +248,12 @@ def fuse_window(
     rules,  # int64 [7]: weak pixels, strong pixels, tail ratio, occupied, most, gain, loss
     tolerance,  # float32 [2]: m, ratio of depth
     far,  # float: the largest depth at which a cell is judged
-    evidence, floor_seen, z_low, z_high, occupancy, explored,  # the map's window [rows, columns]
-    seen_now,  # uint8 [rows, columns] out: what this frame saw
+    spans,  # int32 [rows, 2]: first and last column + 1 of each row that the view may touch
+    evidence, floor_seen, z_low, z_high, occupancy,  # the map's window [rows, columns]
+    came_of_it,  # uint8 [rows, columns] out: SEEN_NOW, HEIGHTS, MEMORY
 ):  # fmt: skip
     """Fold one frame into the map: hits, cells seen through, floor seen, and the states."""
-    rows, columns = count.shape
+    rows = count.shape[0]
     bins, ranges = polar.shape
     bin_scale = np.float32(bins / 4.0)
     c, s = heading[0], heading[1]
@@ -256,10 +261,13 @@ def fuse_window(
     occupied, most, gain, loss = rules[3], rules[4], rules[5], rules[6]
     for row in range(rows):
         dy = np.float32(row) + np.float32(0.5) - camera_cells[1]
-        for column in range(columns):
+        came_of_it[row, :] = 0
+        for column in range(spans[row, 0], spans[row, 1]):
             dx = np.float32(column) + np.float32(0.5) - camera_cells[0]
             hit = hit_of(count, row, column, weak, strong, tail_ratio)
-            e = evidence[row, column]
+            e = before = evidence[row, column]
+            low_before, high_before = z_low[row, column], z_high[row, column]
+            floor_before = floor_seen[row, column]
             if e > 0:
                 x = origin[0] + (column + 0.5) * origin[2]
                 y = origin[1] + (row + 0.5) * origin[2]
@@ -307,14 +315,70 @@ def fuse_window(
                 )
             if seen:
                 floor_seen[row, column] = 1
+            flags = 0
+            if e != before or floor_seen[row, column] != floor_before:
+                flags = MEMORY
+            if e > 0 and (z_low[row, column] != low_before or z_high[row, column] != high_before):
+                flags |= HEIGHTS | MEMORY
             if e >= occupied:
                 occupancy[row, column] = 100
-                explored[row, column] = 1
                 seen = seen or hit > 0
             elif floor_seen[row, column]:
                 occupancy[row, column] = 0
-                explored[row, column] = 1
             else:
                 occupancy[row, column] = -1
-                explored[row, column] = 0
-            seen_now[row, column] = 1 if seen else 0
+            came_of_it[row, column] = flags | SEEN_NOW if seen else flags
+
+
+@njit(cache=True, nogil=True)
+def merge_seen(came_of_it, explored):
+    """Count the cells that a frame saw as explored."""
+    rows, columns = explored.shape
+    for row in range(rows):
+        for column in range(columns):
+            explored[row, column] |= came_of_it[row, column] & SEEN_NOW
+
+
+@njit(cache=True, nogil=True)
+def note_changes(
+    before, after,  # int8 [rows, columns]: occupancy of a box of whole tiles
+    searched_before, searched,  # uint8 [rows, columns]
+    came_of_it,  # uint8 [rows, columns]
+    shown,  # uint8 [tile rows, tile columns] out: what others see of the tile has changed
+    kept,  # uint8 [tile rows, tile columns] out: or what is remembered of it
+    border,  # uint8 [tile rows + 2, tile columns + 2] out: a frontier may run differently there
+    tile,  # cells along a tile
+):  # fmt: skip
+    """Sort the changes of a box by tile; `border` begins one tile before the box."""
+    rows, columns = before.shape
+    for r in range(rows):
+        for c in range(columns):
+            flags = came_of_it[r, c]
+            other = before[r, c] != after[r, c] or searched_before[r, c] != searched[r, c]
+            if not other and flags < HEIGHTS:
+                continue
+            tr, tc = r // tile, c // tile
+            kept[tr, tc] = 1
+            if other or flags & HEIGHTS:
+                shown[tr, tc] = 1
+            if other:
+                border[tr + 1, tc + 1] = 1
+                border[(r - 1 + tile) // tile, tc + 1] = 1
+                border[(r + 1 + tile) // tile, tc + 1] = 1
+                border[tr + 1, (c - 1 + tile) // tile] = 1
+                border[tr + 1, (c + 1 + tile) // tile] = 1
+
+
+@njit(cache=True, nogil=True)
+def known_extent(occupancy, searched):
+    """The box of a window that is known or searched: row_lo, row_hi, column_lo, column_hi."""
+    rows, columns = occupancy.shape
+    row_lo, row_hi, column_lo, column_hi = rows, 0, columns, 0
+    for r in range(rows):
+        for c in range(columns):
+            if occupancy[r, c] != -1 or searched[r, c] != 0:
+                row_lo = min(row_lo, r)
+                row_hi = r + 1
+                column_lo = min(column_lo, c)
+                column_hi = max(column_hi, c + 1)
+    return row_lo, row_hi, column_lo, column_hi

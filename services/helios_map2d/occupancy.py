@@ -17,7 +17,7 @@ from helios_core.geometry import invert
 from numpy.typing import NDArray
 
 from helios_map2d import kernels
-from helios_map2d.grid import Box, GridSpec
+from helios_map2d.grid import Box, GridSpec, carried_over
 from helios_map2d.view import View
 
 UNKNOWN = -1
@@ -70,25 +70,35 @@ class OccupancyLayer:
     """The occupancy arrays over one grid, and the fold of a view into them.
 
     Attributes, all `[rows, columns]`: `occupancy` int8 (-1 unknown, 0 free, 100 occupied),
-    `explored` uint8 (seen as floor or as an obstacle), `z_low_m` and `z_high_m` float32 (lowest
-    and highest obstacle; meaningful where occupied), `evidence` uint8, `floor_seen` uint8.
+    `z_low_m` and `z_high_m` float32 (lowest and highest obstacle; meaningful where occupied),
+    `evidence` uint8, `floor_seen` uint8.
     """
 
     def __init__(self, grid: GridSpec, rules: OccupancyRules) -> None:
         self.grid = grid
         self.rules = rules
         self.occupancy = np.full(grid.shape, UNKNOWN, np.int8)
-        self.explored = np.zeros(grid.shape, np.uint8)
         self.z_low_m = np.zeros(grid.shape, np.float32)
         self.z_high_m = np.zeros(grid.shape, np.float32)
         self.evidence = np.zeros(grid.shape, np.uint8)
         self.floor_seen = np.zeros(grid.shape, np.uint8)
 
+    def grow(self, grid: GridSpec, known: Box) -> None:
+        """Go on over a larger grid; `known` (world cells) holds all that is not unknown."""
+        self.occupancy = carried_over(self.occupancy, self.grid, grid, known, UNKNOWN)
+        self.z_low_m = carried_over(self.z_low_m, self.grid, grid, known)
+        self.z_high_m = carried_over(self.z_high_m, self.grid, grid, known)
+        self.evidence = carried_over(self.evidence, self.grid, grid, known)
+        self.floor_seen = carried_over(self.floor_seen, self.grid, grid, known)
+        self.grid = grid
+
     def integrate(
         self, view: View, body_xy_m: tuple[float, float], body_radius_m: float
     ) -> NDArray[np.uint8]:
-        """Fold one view in; return what it saw as uint8 over `view.window`.
+        """Fold one view in; return by cell of `view.window` what came of it, as flags.
 
+        `kernels.SEEN_NOW`: this view saw it; `HEIGHTS`: an obstacle's heights changed;
+        `MEMORY`: what is remembered of the cell changed, though maybe nothing that shows.
         Pixels on the robot's own body (within `body_radius_m` and a margin of `body_xy_m`) are no
         obstacles.
         """
@@ -133,8 +143,9 @@ class OccupancyLayer:
                       rules.miss_loss]),
             np.array([rules.through_tolerance_m, rules.through_tolerance_ratio], np.float32),
             view.max_depth_m,
+            view.spans,
             self.evidence[box], self.floor_seen[box], self.z_low_m[box], self.z_high_m[box],
-            self.occupancy[box], self.explored[box], seen_now,
+            self.occupancy[box], seen_now,
         )  # fmt: skip
         return seen_now
 
@@ -145,7 +156,6 @@ class OccupancyLayer:
         self.evidence[at][disc] = 0
         self.floor_seen[at][disc] = 1
         self.occupancy[at][disc] = FREE
-        self.explored[at][disc] = 1
         return box
 
 

@@ -188,12 +188,10 @@ def value_range(snapshot: MapSnapshot, layer: str) -> tuple[float, float]:
 def _draw_frontier_cells(
     sheet: Sheet, snapshot: MapSnapshot, cells: NDArray[np.int32], reachable: bool
 ) -> None:
-    whole = snapshot.whole_grid
     radius = max(1, round(sheet.scale * 0.8), sheet.line_px)
     colour = FRONTIER_RGB if reachable else BEYOND_RGB
-    for row, column in cells:
-        cv2.circle(sheet.pixels, sheet.at(*whole.centre_of(int(row), int(column))), radius,
-                   colour, -1, cv2.LINE_AA)  # fmt: skip
+    for x_m, y_m in (cells[:, ::-1] + 0.5) * snapshot.grid.cell_m:
+        cv2.circle(sheet.pixels, sheet.at(x_m, y_m), radius, colour, -1, cv2.LINE_AA)
 
 
 def _draw_frontier_centres(sheet: Sheet, snapshot: MapSnapshot, layer: str) -> None:

@@ -13,7 +13,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-import numpy as np
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import (
@@ -28,26 +27,30 @@ from helios_core.topics import (
     CONTEXT,
     FRAME,
     KEYFRAME,
+    LOAD_MAP2D,
     MAP2D_ACK,
+    MAP_CHANGES,
     OBSERVATION,
+    PATH_COST,
     PICTURE,
+    RECALL,
     RESET_MAP2D,
     ROBOT_DESCRIPTION,
     ROBOT_STATE,
+    SAVE_MAP2D,
     SIGHT,
     SNAPSHOT,
 )
 
+from helios_map2d.answers import Answers
 from helios_map2d.epochs import EpochKey, EpochMaps
-from helios_map2d.picture import OCCUPANCY, Marked, png_of, render
+from helios_map2d.keeping import Keeping
+from helios_map2d.recollection import Recollection
 from helios_map2d.settings import Settings
-from helios_map2d.snapshot import MapSnapshot
-from helios_map2d.wire import snapshot_to_proto
 
 log = logging.getLogger(__name__)
 
 MOST_WAITING = 32
-DEFAULT_PICTURE_PX = 1024
 
 
 class Map2DService:
@@ -62,6 +65,10 @@ class Map2DService:
         self._robot_key: EpochKey | None = None  # the epoch that the robot itself is in
         self._frames_waiting: deque[pb.Frame] = deque()
         self._observations_waiting: deque[pb.Observation] = deque()
+        self._holding = False
+        self._answers = Answers(lambda: self._maps)
+        self._keeping = Keeping(settings, self._lock, lambda: self._maps, self._say)
+        self._recollection = Recollection(bus, self._lock, lambda: self._maps)
         health.ready("waits for the robot's description")
         bus.subscribe(CONTEXT, self.on_context)
         bus.subscribe(ROBOT_DESCRIPTION, self.on_description)
@@ -70,13 +77,19 @@ class Map2DService:
         bus.subscribe(OBSERVATION, self.on_observation)
         if settings.integrate_stream:
             bus.subscribe(FRAME, self.on_stream_frame)
-        bus.serve(SNAPSHOT, self.snapshot)
-        bus.serve(PICTURE, self.picture)
-        bus.serve(SIGHT, self.sight)
+        bus.serve(SNAPSHOT, self._answers.snapshot)
+        bus.serve(MAP_CHANGES, self._answers.changes)
+        bus.serve(PICTURE, self._answers.picture)
+        bus.serve(SIGHT, self._answers.sight)
+        bus.serve(PATH_COST, self._answers.path_cost)
+        bus.serve(RECALL, self._recollection.recall)
+        bus.serve(SAVE_MAP2D, self._keeping.save)
+        bus.serve(LOAD_MAP2D, self._keeping.load)
         bus.serve(RESET_MAP2D, self.reset)
 
     def close(self) -> None:
-        """Nothing to let go of: the bus ends the calls."""
+        """Keep the map a last time; the bus ends the calls."""
+        self._keeping.close()
 
     # --- what comes in ------------------------------------------------------------------------
     def on_description(self, message: pb.RobotDescription) -> None:
@@ -90,12 +103,15 @@ class Map2DService:
             same = self._maps is not None and (
                 self._maps.rules == rules and self._maps.footprint_radius_m == radius_m
             )
+            first = self._maps is None
             if not same:
                 self._maps = self._fresh(EpochMaps(rules, radius_m, first_version=self._version()))
+                if first:
+                    self._keeping.recover(self._maps)
             waiting = list(self._frames_waiting) + list(self._observations_waiting)
             self._frames_waiting.clear()
             self._observations_waiting.clear()
-        self._health.ready()
+        self._health.ready(self._keeping.trouble)
         self._again(waiting)
 
     def on_context(self, message: pb.SearchContext) -> None:
@@ -111,19 +127,21 @@ class Map2DService:
             if context.id not in self._contexts:
                 self._contexts.append(context.id)
                 del self._contexts[:-256]
-            if self._maps is not None:
-                self._maps.reset_search(context)
+            begins = self._maps is not None and self._maps.reset_search(context)
             waiting = list(self._observations_waiting)
             self._observations_waiting.clear()
         self._again(waiting)
+        if begins:
+            self._recollection.fill(context)
 
     def on_robot_state(self, message: pb.RobotState) -> None:
-        """Which world epoch the robot itself says it is in."""
+        """Which world epoch the robot itself says it is in, and whether it holds something."""
         if message.robot_boot_id:
             with self._lock:
                 self._robot_key = EpochKey(message.robot_boot_id, message.world_epoch)
+                self._holding = bool(message.held)
                 if self._maps is not None:
-                    self._maps.robot_key = self._robot_key
+                    self._maps.robot_is_in(self._robot_key)
 
     def on_keyframe(self, message: pb.Frame) -> None:
         late: pb.Frame | None = None
@@ -168,42 +186,6 @@ class Map2DService:
             )
 
     # --- methods ------------------------------------------------------------------------------
-    def snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot:
-        published = self._published()
-        if published is None:
-            return pb.MapSnapshot()
-        if request.if_newer and published.version <= request.if_newer:
-            return pb.MapSnapshot(version=published.version, unchanged=True)
-        return snapshot_to_proto(published, request.layers)
-
-    def picture(self, request: pb.PictureRequest) -> pb.PictureReply:
-        """A PNG; Unavailable while there is no map."""
-        published = self._known()
-        if len(request.path_m) % 2:
-            raise InvalidInput(f"the path has {len(request.path_m)} numbers; send x, y, x, y …")
-        things = [
-            Marked(o.label, (o.center_m.x, o.center_m.y), (o.size_m.x, o.size_m.y), o.score)
-            for o in request.objects
-        ]
-        pixels = render(
-            published,
-            request.layer or OCCUPANCY,
-            request.size_px or DEFAULT_PICTURE_PX,
-            np.array(request.path_m, np.float64).reshape(-1, 2),
-            things,
-        )
-        return pb.PictureReply(png=png_of(pixels), version=published.version)
-
-    def sight(self, request: pb.SightRequest) -> pb.SightReply:
-        """Which points can be seen from an eye; Unavailable while there is no map."""
-        published = self._known()
-        eye_m = (request.x_m, request.y_m, request.z_m)
-        return pb.SightReply(
-            visible=[
-                published.line_of_sight(eye_m, (p.x, p.y, p.z)).visible for p in request.targets_m
-            ]
-        )
-
     def reset(self, _: pb.Empty) -> pb.Empty:
         """Forget every map, the parked ones too; the present search goes on."""
         with self._lock:
@@ -219,7 +201,7 @@ class Map2DService:
         frame = frame_from_proto(message)
         with self._lock:
             if self._maps is not None:
-                self._maps.state_for(frame).integrate_frame(frame)
+                self._maps.state_for(frame).integrate_frame(frame, holding=self._holding)
 
     def _fold_values(self, message: pb.Observation) -> None:
         observation = observation_from_proto(message)
@@ -273,21 +255,16 @@ class Map2DService:
                 self.on_observation(message)
 
     def _fresh(self, maps: EpochMaps) -> EpochMaps:
-        maps.robot_key = self._robot_key
+        if self._robot_key is not None:
+            maps.robot_is_in(self._robot_key)
         if self._context is not None:
             maps.reset_search(context_from_proto(self._context))
         return maps
 
-    def _published(self) -> MapSnapshot | None:
-        maps = self._maps
-        state = maps.current if maps is not None else None
-        return state.published if state is not None else None
-
-    def _known(self) -> MapSnapshot:
-        published = self._published()
-        if published is None or published.empty:
-            raise Unavailable("the map is empty: no keyframe has come yet")
-        return published
+    def _say(self, trouble: str) -> None:
+        """Tell what is wrong with keeping the map, "" once nothing is."""
+        if self._maps is not None:
+            self._health.ready(trouble)
 
     def _version(self) -> int:
         with self._lock:

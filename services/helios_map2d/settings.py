@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field
 
@@ -18,7 +20,10 @@ class Settings(ServiceSettings):
 
     cell_m: float = Field(0.025, gt=0.002, le=1.0, description="edge of a cell")
     size_cells: int = Field(
-        2000, ge=64, le=8000, description="cells along each side of the map, centred on the start"
+        2000, ge=64, le=16000, description="cells along each side of the map at its start"
+    )
+    most_cells: int = Field(
+        16000, ge=64, le=100_000, description="cells along a side to which the map may grow"
     )
     min_depth_m: float = Field(0.10, ge=0, description="depth below this is not believed")
     max_depth_m: float = Field(
@@ -41,6 +46,26 @@ class Settings(ServiceSettings):
     blind_radius_m: float = Field(
         1.00, ge=0, description="ground this near to the robot, which its camera cannot see"
     )
+    most_leap_m: float = Field(
+        50.0, gt=0, description="a pose farther than this from the last one is not believed"
+    )
+    held_reach_m: float = Field(
+        0.30, ge=0, description="while something is held, what is this near to the body is not seen"
+    )
+    value_fusion: str = Field(
+        "weighted",
+        pattern="^(weighted|maximum)$",
+        description="weighted: by confidence; maximum: the more confident view decides",
+    )
+    most_views: int = Field(
+        512, ge=0, le=100_000, description="views that are kept to be asked about later"
+    )
+    state_dir: Path | None = Field(
+        default=None, description="where the map is kept from crashes; without it, it is not"
+    )
+    keep_period_s: float = Field(
+        3.0, gt=0, description="the kept map is at most this old, and as long as writing takes"
+    )
     integrate_stream: bool = Field(
         False, description="fold stream frames into the occupancy too, not keyframes alone"
     )
@@ -50,6 +75,7 @@ class Settings(ServiceSettings):
         return MapRules(
             cell_m=self.cell_m,
             size_cells=self.size_cells,
+            most_cells=self.most_cells,
             min_depth_m=self.min_depth_m,
             max_depth_m=min(self.max_depth_m, robot_max_depth_m),
             occupancy=OccupancyRules(
@@ -62,7 +88,10 @@ class Settings(ServiceSettings):
                 hit_gain=self.hit_gain,
                 miss_loss=self.miss_loss,
             ),
-            values=ValueRules(),
+            most_leap_m=self.most_leap_m,
+            held_reach_m=self.held_reach_m,
+            most_views=self.most_views,
+            values=ValueRules(fusion=self.value_fusion),
             frontiers=FrontierRules(
                 min_size_m=self.min_frontier_m,
                 value_radius_m=self.frontier_value_radius_m,

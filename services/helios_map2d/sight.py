@@ -23,17 +23,21 @@ class Sight:
 def line_of_sight(
     grid: GridSpec,
     occupancy: NDArray[np.int8],
+    z_low_m: NDArray[np.float32],
     z_high_m: NDArray[np.float32],
     eye_m: tuple[float, float, float],
     point_m: tuple[float, float, float],
     target_radius_m: float = 0.15,
     margin_m: float = 0.03,
+    ground_m: float = 0.30,
 ) -> Sight:
     """Follow the straight line from `eye_m` to `point_m` (world x, y, z) over all obstacles.
 
-    A known obstacle that rises more than `margin_m` above the line blocks it; unknown ground does
-    not. Obstacles within `target_radius_m` of the point are part of what is looked at. Obstacles
-    count as solid up to their top. Raises InvalidInput when a coordinate is not finite.
+    A known obstacle blocks the line where it rises more than `margin_m` above it and does not begin
+    more than `margin_m` above it: one can look over a chair and under a table. What begins below
+    `ground_m` is taken to stand on the floor. Unknown ground does not block. Obstacles within
+    `target_radius_m` of the point are part of what is looked at. Raises InvalidInput when a
+    coordinate is not finite.
     """
     if not np.isfinite([*eye_m, *point_m]).all():
         raise InvalidInput(f"cannot look from {eye_m} to {point_m}: send finite metres")
@@ -43,8 +47,9 @@ def line_of_sight(
         for x, y, z in (eye_m, point_m)
     ]
     row, column = frontier_kernels.first_block(
-        z_high_m, occupancy, ends[0], ends[1], target_radius_m / grid.cell_m, margin_m
-    )
+        z_low_m, z_high_m, occupancy, ends[0], ends[1], target_radius_m / grid.cell_m, margin_m,
+        ground_m,
+    )  # fmt: skip
     if row < 0:
         return Sight(True)
     return Sight(False, (*grid.centre_of(row, column), float(z_high_m[row, column])))

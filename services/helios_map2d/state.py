@@ -2,41 +2,57 @@
 
 from __future__ import annotations
 
+import uuid
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
-from helios_core.errors import Conflict
+from helios_core.errors import Conflict, InvalidInput
 from helios_core.geometry import yaw_of
 from helios_core.types import Frame, FrameId, Observation, SearchContext
 from numpy.typing import NDArray
 
+from helios_map2d import kernels
 from helios_map2d.explored import SearchArea
 from helios_map2d.frontiers import Frontier, FrontierFinder, FrontierRules
-from helios_map2d.grid import Box, GridSpec
-from helios_map2d.occupancy import OCCUPIED, UNKNOWN, OccupancyLayer, OccupancyRules
+from helios_map2d.grid import EMPTY, TILE, Box, GridSpec, Tile
+from helios_map2d.ground import OpenGround
+from helios_map2d.memory import SeenView, ViewMemory, small_picture
+from helios_map2d.occupancy import UNKNOWN, OccupancyLayer, OccupancyRules
+from helios_map2d.order import REMEMBERED_FRAMES, FrameOrder
 from helios_map2d.snapshot import MapSnapshot
-from helios_map2d.value import ValueLayers, ValueRules
-from helios_map2d.view import View, check_pose, require_inside, view_of
+from helios_map2d.tiles import GroundTile, ValueTile, ground_tile, value_tile
+from helios_map2d.trajectory import Trajectory
+from helios_map2d.value import Cone, ValueLayers, ValueRules, cone_of
+from helios_map2d.view import check_depth, check_pose, reach_of, view_of
 
-MOST_TRAJECTORY_POINTS = 20_000
-REMEMBERED_FRAMES = 4096
+CAMERA_WITHIN_M = 5.0  # of the robot's base
+GROWS_BY = 512  # cells beyond what is needed, so that growing is rare
 
 
 @dataclass(frozen=True)
 class MapRules:
-    """Every rule of the maps. Depth outside (min, max) is no evidence; lengths in metres."""
+    """Every rule of the maps. Depth outside (min, max) is no evidence; lengths in metres.
+
+    A map begins with `size_cells` a side and grows up to `most_cells`; a frame more than
+    `most_leap_m` from the last one is not believed. While something is held,
+    nothing within `held_reach_m` of the robot's body becomes an obstacle.
+    """
 
     cell_m: float = 0.025
     size_cells: int = 2000
+    most_cells: int = 16000
     min_depth_m: float = 0.10
     max_depth_m: float = 5.0
+    most_leap_m: float = 50.0
+    held_reach_m: float = 0.30
     occupancy: OccupancyRules = field(default_factory=OccupancyRules)
     values: ValueRules = field(default_factory=ValueRules)
     frontiers: FrontierRules = field(default_factory=FrontierRules)
     trajectory_step_m: float = 0.05
+    most_views: int = 512
 
 
 class MapState:
@@ -54,59 +70,82 @@ class MapState:
         first_version: int = 0,
     ) -> None:
         self.rules = rules
-        self.grid = GridSpec.centred_on(*centre_m, rules.cell_m, rules.size_cells)
+        self.map_id = uuid.uuid4().hex
         self.footprint_radius_m = footprint_radius_m
+        self.grid = GridSpec.centred_on(*centre_m, rules.cell_m, rules.size_cells)
         self.occupancy = OccupancyLayer(self.grid, rules.occupancy)
         self.search = SearchArea(self.grid)
         self.values = ValueLayers(self.grid, rules.values)
+        self.ground = OpenGround(self.grid, rules.frontiers.robot_radius_m / rules.cell_m)
         self.frontiers = FrontierFinder(self.grid, rules.frontiers)
+        self.memory = ViewMemory(rules.most_views)
+        self.order = FrameOrder()
         self.context_id = ""
         self.frame_id: FrameId | None = None
         self.stamp_ns = 0
         self.robot_pose: tuple[float, float, float] | None = None
-        self.trajectory: list[tuple[float, float]] = []
-        self._box = Box(0, 0, 0, 0)
-        self._version = first_version
-        self._frames_seen: deque[int] = deque(maxlen=REMEMBERED_FRAMES)
+        self.trajectory = Trajectory(rules.trajectory_step_m)
+        self.known = EMPTY  # world cells that hold all that is known
+        self.version = first_version + 1
+        self.ground_tiles: dict[Tile, GroundTile] = {}
+        self.value_tiles: dict[str, dict[Tile, ValueTile]] = {}
+        self._found: tuple[Frontier, ...] = ()
         self._observations_seen: deque[tuple[str, int]] = deque(maxlen=REMEMBERED_FRAMES)
-        self.published = self._publish()
+        self.published = self.publish()
 
-    def integrate_frame(self, frame: Frame) -> bool:
+    def integrate_frame(self, frame: Frame, *, holding: bool = False) -> bool:
         """Fold a posed depth image into occupancy, explored area and frontiers.
 
         Returns False when this very frame is in the map already (nothing changes). A keyframe may
         come late; a stream frame older than the newest is refused with Conflict, since what it saw
         is out of date. Raises InvalidInput, and changes nothing, for a pose that is not rigid,
-        sizes that disagree, or a robot outside the map. Pixels that are NaN, infinite, zero or
-        negative count as not measured.
+        sizes that disagree, or a place to which the map cannot grow. Pixels that are NaN, infinite,
+        zero or negative count as not measured. `holding`: the robot has something in its hand.
         """
-        if frame.id.seq in self._frames_seen:
+        if self.order.has(frame.id.seq):
             return False
-        if not frame.keyframe and self.frame_id and frame.id.seq < self.frame_id.seq:
+        x_m, y_m, yaw_rad = self._prepared(frame)
+        newest = self.order.is_newest(frame.id.seq)
+        if not frame.keyframe and not newest:
             raise Conflict(
-                f"stream frame {frame.id.seq} is older than frame {self.frame_id.seq}, which is in "
+                f"stream frame {frame.id.seq} is older than frame {self.order.newest}, which is in "
                 "the map: send frames in order, or as keyframes"
             )
-        view, (x_m, y_m, yaw_rad) = self._laid_out(frame)
-        seen = self.occupancy.integrate(view, (x_m, y_m), self.footprint_radius_m)
-        self.search.add(seen, view.window)
-        self._box = view.window.union(self._box)
+        rules = self.rules
+        view = view_of(frame.depth_m, frame.camera, frame.T_world_cam, self.grid,
+                       rules.min_depth_m, rules.max_depth_m)  # fmt: skip
+        row, column = self.grid.cell_of(x_m, y_m)
+        near_m = max(self.footprint_radius_m, rules.frontiers.blind_radius_m)
+        around = Box(row, row + 1, column, column + 1).grown(int(near_m / rules.cell_m) + 2)
+        box = self.grid.to_local(self.grid.to_world(view.window.union(around)).tiled)
+        at = box.slices
+        before, searched = self.occupancy.occupancy[at].copy(), self.search.explored[at].copy()
+        body_m = self.footprint_radius_m
+        if body_m > 0 and holding:
+            body_m += rules.held_reach_m
+        came_of_it = np.zeros((box.rows, box.columns), np.uint8)
+        came_of_it[view.window.moved(-box.row_lo, -box.column_lo).slices] = (
+            self.occupancy.integrate(view, (x_m, y_m), body_m)
+        )
+        self.search.add(came_of_it, box)
         if self.footprint_radius_m > 0:
             disc = self.occupancy.clear_disc(x_m, y_m, self.footprint_radius_m)
-            self._box = disc.union(self._box)
-            near_m = self.rules.frontiers.blind_radius_m
-            self.search.add_near_robot(self.occupancy.occupancy, x_m, y_m, near_m)
-        self._frames_seen.append(frame.id.seq)
-        if self.frame_id is None or frame.id.seq > self.frame_id.seq:
-            self.frame_id = frame.id
-            self.stamp_ns = frame.stamp_ns
+            came_of_it[disc.moved(-box.row_lo, -box.column_lo).slices] |= np.uint8(kernels.MEMORY)
+            self.search.add_near_robot(
+                self.occupancy.occupancy, x_m, y_m, rules.frontiers.blind_radius_m
+            )
+        self.order.take(frame.id.seq)
+        if newest:
+            self.frame_id, self.stamp_ns = frame.id, frame.stamp_ns
             self.robot_pose = (x_m, y_m, yaw_rad)
-            self._follow(x_m, y_m)
-        self.published = self._publish()
+            self.trajectory.follow(x_m, y_m)
+        self._settle(box, before, searched, came_of_it)
+        self.published = self.publish()
         return True
 
     def integrate_values(self, observation: Observation) -> bool:
-        """Fold an observation's layer scores into the value layers of the present search.
+        """Fold an observation's layer scores into the value layers of the present search, and
+        keep its view where the scorer embeds images.
 
         Returns False when this observation is in the map already. Raises Conflict when it belongs
         to another search context, InvalidInput as `integrate_frame` does or for a score that is
@@ -117,15 +156,37 @@ class MapState:
                 f"the observation belongs to search context {observation.context_id!r}, the map is "
                 f"at {self.context_id!r}: observe again under the present context"
             )
-        key = (observation.context_id, observation.frame.id.seq)
+        frame = observation.frame
+        key = (observation.context_id, frame.id.seq)
         if key in self._observations_seen:
             return False
-        view, _ = self._laid_out(observation.frame)
-        window = self.values.integrate(view, observation.layer_scores)
-        self._box = window.union(self._box)
+        self._prepared(frame)
+        rules = self.rules
+        view = view_of(frame.depth_m, frame.camera, frame.T_world_cam, self.grid,
+                       rules.min_depth_m, rules.max_depth_m)  # fmt: skip
+        cone = cone_of(view)
+        changed = self.values.integrate(cone, observation.layer_scores)
+        self.version += 1
+        self._retile_values(observation.layer_scores, changed)
+        if observation.image_embedding is not None and rules.most_views > 0:
+            self.memory.add(SeenView(frame.id, frame.stamp_ns, cone, observation.image_embedding,
+                                     small_picture(frame.color)))  # fmt: skip
         self._observations_seen.append(key)
-        self.published = self._publish(ground_changed=False)
+        self.published = self.publish(ground_changed=False)
         return True
+
+    def set_layer(self, name: str, scored: Iterable[tuple[Cone, float]]) -> None:
+        """Make a value layer anew of views and their scores, in the order given."""
+        self.values.layers.pop(name, None)
+        changed = EMPTY
+        for cone, score in scored:
+            self._make_room(cone.box(self.rules.cell_m))
+            changed = changed.union(self.values.integrate(cone, {name: score}))
+        self.values.touch(name)
+        self.version += 1
+        self.value_tiles[name] = {}
+        self._retile_values([name], changed)
+        self.published = self.publish(ground_changed=False)
 
     def reset_search(self, context: SearchContext) -> bool:
         """Begin a search: forget what was searched and every value; keep the occupancy.
@@ -135,98 +196,211 @@ class MapState:
         if context.id == self.context_id:
             return False
         self.context_id = context.id
+        searched = self.search.box
         self.search.reset()
+        self.frontiers.reset()
         self.values.reset(tuple(context.prompts))
-        self.published = self._publish()
+        self.version += 1
+        self.value_tiles = {name: {} for name in context.prompts}
+        for tile in searched.tiles:
+            if tile in self.ground_tiles:
+                self._retile(tile, shown=True)
+        self.published = self.publish()
         return True
 
     def go_on_from(self, version: int) -> None:
         """Publish again with a version above this one."""
-        self._version = max(self._version, version)
-        self.published = self._publish()
+        self.version = max(self.version, version) + 1
+        self.published = self.publish()
+
+    def continue_as(self, other: MapState | None) -> None:
+        """Belong to the epoch and the place of another map, or of none yet: frames go on there."""
+        self.frame_id, self.stamp_ns, self.robot_pose = None, 0, None
+        self.order = FrameOrder()
+        if other is not None:
+            self.frame_id, self.stamp_ns = other.frame_id, other.stamp_ns
+            self.robot_pose, self.order = other.robot_pose, other.order
 
     def snapshot(self) -> MapSnapshot:
         """The newest published version."""
         return self.published
 
-    def _laid_out(self, frame: Frame) -> tuple[View, tuple[float, float, float]]:
-        T_world_base = check_pose(frame.T_world_base, "T_world_base")
-        x_m, y_m = float(T_world_base[0, 3]), float(T_world_base[1, 3])
-        require_inside(self.grid, x_m, y_m, "the robot")
-        rules = self.rules
-        view = view_of(frame.depth_m, frame.camera, frame.T_world_cam, self.grid,
-                       rules.min_depth_m, rules.max_depth_m)  # fmt: skip
-        return view, (x_m, y_m, float(yaw_of(T_world_base)))
+    def restore(
+        self,
+        tiles: Mapping[Tile, GroundTile],
+        layers: Mapping[str, Mapping[Tile, ValueTile]],
+    ) -> None:
+        """Take tiles of ground and values for what is known, in place of nothing."""
+        for place in {*tiles, *(place for values in layers.values() for place in values)}:
+            self._make_room(Box.of_tile(place))
+        layer, everything = self.occupancy, EMPTY
+        for place, tile in tiles.items():
+            box = self.grid.to_local(Box.of_tile(place))
+            at = box.slices
+            layer.occupancy[at], layer.evidence[at] = tile.occupancy, tile.evidence
+            layer.floor_seen[at] = tile.floor_seen
+            layer.z_low_m[at], layer.z_high_m[at] = tile.z_low_m, tile.z_high_m
+            self.search.add(tile.searched, box)
+            everything = everything.union(box)
+        self.ground_tiles = dict(tiles)
+        if not everything.empty:
+            nothing = np.full((everything.rows, everything.columns), UNKNOWN, np.int8)
+            self.ground.update(layer.occupancy, nothing, everything)
+            self.frontiers.update(layer.occupancy, self.search.explored, tiles)
+            self._note_known(everything)
+        for name, values in layers.items():
+            self.values.restore(name, values.values())
+            self.value_tiles[name] = dict(values)
+        self.known = self.known.union(self.values.box)
 
-    def _follow(self, x_m: float, y_m: float) -> None:
-        last = self.trajectory[-1] if self.trajectory else None
-        step_m = self.rules.trajectory_step_m
-        if last is None or np.hypot(x_m - last[0], y_m - last[1]) >= step_m:
-            self.trajectory.append((x_m, y_m))
-        if len(self.trajectory) > MOST_TRAJECTORY_POINTS:
-            self.trajectory = self.trajectory[::2]
-
-    def _publish(self, *, ground_changed: bool = True) -> MapSnapshot:
-        """The next version. ground_changed: whether anything but the value layers has."""
-        self._version += 1
-        layers = self.values.layers
-        values = {name: layer.value for name, layer in layers.items()}
-        found = self._find_frontiers(values) if ground_changed else self.frontiers.revalued(values)
-        box = self._known_box()
-        at = box.slices
-        occupancy = frozen(self.occupancy.occupancy[at])
-        occupied = occupancy == OCCUPIED
+    def publish(self, *, ground_changed: bool = True) -> MapSnapshot:
+        """The present version. ground_changed: whether anything but the value layers has."""
+        values = {name: layer.value for name, layer in self.values.layers.items()}
+        self._found = (
+            self.frontiers.find(self.occupancy.occupancy, self.ground, self._robot_xy(), values)
+            if ground_changed
+            else self.frontiers.revalued(values)
+        )
+        known = self.known
+        if known.empty:
+            row, column = self.grid.cell_of(*self._robot_xy())
+            known = self.grid.to_world(Box(row, row + 1, column, column + 1))
         return MapSnapshot(
-            version=self._version,
+            map_id=self.map_id,
+            version=self.version,
             frame_id=self.frame_id,
             stamp_ns=self.stamp_ns,
             context_id=self.context_id,
-            grid=self.grid.crop(box),
-            whole_grid=self.grid,
-            occupancy=occupancy,
-            explored=frozen(self.occupancy.explored[at]),
-            explored_for_search=frozen(self.search.explored[at]),
-            z_low_m=frozen(np.where(occupied, self.occupancy.z_low_m[at], np.float32(0))),
-            z_high_m=frozen(np.where(occupied, self.occupancy.z_high_m[at], np.float32(0))),
-            values=MappingProxyType({n: frozen(layer.value[at]) for n, layer in layers.items()}),
-            confidences=MappingProxyType(
-                {n: frozen(layer.confidence[at]) for n, layer in layers.items()}
+            grid=GridSpec.over(known, self.grid.cell_m),
+            ground=MappingProxyType(dict(self.ground_tiles)),
+            layers=MappingProxyType(
+                {n: MappingProxyType(dict(tiles)) for n, tiles in self.value_tiles.items()}
             ),
-            frontiers=found,
+            frontiers=self._found,
             robot_pose=self.robot_pose,
-            trajectory_m=frozen(np.array(self.trajectory, np.float64).reshape(-1, 2)),
+            trajectory_m=self.trajectory.points_m,
+            next_frontier_id=self.frontiers.next_id,
         )
 
-    def _find_frontiers(self, values: Mapping[str, NDArray[np.float32]]) -> tuple[Frontier, ...]:
-        middle = self.grid.centre_of(self.grid.rows // 2, self.grid.columns // 2)
-        return self.frontiers.find(
-            self.occupancy.occupancy,
-            self.search.explored,
-            self.search.box,
-            self.robot_pose[:2] if self.robot_pose else middle,
-            values,
-        )
+    def _prepared(self, frame: Frame) -> tuple[float, float, float]:
+        """Check a frame and make room for it; the robot's x, y (m) and yaw (rad)."""
+        T_world_base = check_pose(frame.T_world_base, "T_world_base")
+        check_depth(frame.depth_m, frame.camera)
+        cell_m = self.rules.cell_m
+        x_m, y_m = float(T_world_base[0, 3]), float(T_world_base[1, 3])
+        self._refuse_a_leap(x_m, y_m, check_pose(frame.T_world_cam, "T_world_cam"))
+        reach = reach_of(frame.camera, frame.T_world_cam, cell_m, self.rules.max_depth_m)
+        near_m = max(self.footprint_radius_m, self.rules.frontiers.blind_radius_m)
+        row, column = int(y_m // cell_m), int(x_m // cell_m)
+        around = Box(row, row + 1, column, column + 1).grown(int(near_m / cell_m) + 2)
+        self._make_room(reach.union(around))
+        return x_m, y_m, float(yaw_of(T_world_base))
 
-    def _known_box(self) -> Box:
-        """The smallest box with everything that is known; one cell when nothing is."""
-        at = self._box.slices
-        known = self.occupancy.occupancy[at] != UNKNOWN
-        known |= self.search.explored[at] != 0
-        for layer in self.values.layers.values():
-            known |= layer.confidence[at] > 0
-        rows = np.flatnonzero(known.any(axis=1))
-        columns = np.flatnonzero(known.any(axis=0))
-        if not len(rows):
-            row, column = self.grid.rows // 2, self.grid.columns // 2
-            return Box(row, row + 1, column, column + 1)
-        return Box(
-            self._box.row_lo + int(rows[0]), self._box.row_lo + int(rows[-1]) + 1,
-            self._box.column_lo + int(columns[0]), self._box.column_lo + int(columns[-1]) + 1,
+    def _refuse_a_leap(self, x_m: float, y_m: float, T_world_cam: NDArray[np.float64]) -> None:
+        """InvalidInput for a place that the robot, or its camera, cannot have come to."""
+        camera_x, camera_y = T_world_cam[:2, 3]
+        apart_m = float(np.hypot(camera_x - x_m, camera_y - y_m))
+        if apart_m > CAMERA_WITHIN_M:
+            raise InvalidInput(
+                f"the camera is at ({camera_x:.2f}, {camera_y:.2f}) m, {apart_m:.2f} m from the "
+                f"robot at ({x_m:.2f}, {y_m:.2f}) m: send both poses in one world"
+            )
+        if self.robot_pose is None:
+            return
+        leap_m = float(np.hypot(x_m - self.robot_pose[0], y_m - self.robot_pose[1]))
+        if leap_m > self.rules.most_leap_m:
+            raise InvalidInput(
+                f"the robot is at ({x_m:.2f}, {y_m:.2f}) m, {leap_m:.0f} m from where it last was: "
+                "if its localisation jumped, a new world epoch must begin; if it went there "
+                "unseen, raise HELIOS_MAP2D_MOST_LEAP_M"
+            )
+
+    def _make_room(self, needed: Box) -> None:
+        """Grow the grid where it does not hold a box of world cells with a margin.
+
+        Raises InvalidInput when it would be larger than the rules allow.
+        """
+        margin = max(TILE, self.ground.reach + 2)
+        whole = self.grid.to_world(self.grid.whole)
+        wanted = needed.grown(margin)
+        if needed.empty or whole.holds(wanted):
+            return
+        spare = wanted.grown(GROWS_BY).tiled
+        grown = Box(
+            min(whole.row_lo, spare.row_lo) if wanted.row_lo < whole.row_lo else whole.row_lo,
+            max(whole.row_hi, spare.row_hi) if wanted.row_hi > whole.row_hi else whole.row_hi,
+            min(whole.column_lo, spare.column_lo)
+            if wanted.column_lo < whole.column_lo else whole.column_lo,
+            max(whole.column_hi, spare.column_hi)
+            if wanted.column_hi > whole.column_hi else whole.column_hi,
         )  # fmt: skip
+        if max(grown.rows, grown.columns) > self.rules.most_cells + 2 * (GROWS_BY + TILE):
+            cell_m = self.rules.cell_m
+            raise InvalidInput(
+                f"a view around ({(needed.column_lo + needed.columns / 2) * cell_m:.2f}, "
+                f"{(needed.row_lo + needed.rows / 2) * cell_m:.2f}) m would make the map "
+                f"{grown.columns}x{grown.rows} cells: if the pose is right, start the service with "
+                f"a larger HELIOS_MAP2D_MOST_CELLS (now {self.rules.most_cells}); if the robot's "
+                "localisation jumped, a new world epoch must begin"
+            )
+        grid = GridSpec.over(grown, self.grid.cell_m)
+        self.occupancy.grow(grid, self.known)
+        self.ground.grow(grid, self.known)
+        self.search.grow(grid)
+        self.values.grow(grid)
+        self.frontiers.grow(grid)
+        self.grid = grid
 
+    def _settle(
+        self,
+        box: Box,
+        before: NDArray[np.int8],
+        searched: NDArray[np.uint8],
+        came_of_it: NDArray[np.uint8],
+    ) -> None:
+        """Follow up on a change within `box`, of whole tiles on the grid."""
+        at = box.slices
+        rows, columns = box.rows // TILE, box.columns // TILE
+        shown, kept = np.zeros((2, rows, columns), np.uint8)
+        border = np.zeros((rows + 2, columns + 2), np.uint8)
+        kernels.note_changes(
+            before, self.occupancy.occupancy[at], searched, self.search.explored[at], came_of_it,
+            shown, kept, border, TILE,
+        )  # fmt: skip
+        self.ground.update(self.occupancy.occupancy, before, box)
+        world = self.grid.to_world(box)
+        row, column = world.row_lo // TILE, world.column_lo // TILE
+        edges = [(int(r) + row - 1, int(c) + column - 1) for r, c in np.argwhere(border)]
+        self.frontiers.update(self.occupancy.occupancy, self.search.explored, edges)
+        self.version += 1
+        for r, c in np.argwhere(kept):
+            self._retile((int(r) + row, int(c) + column), shown=bool(shown[r, c]))
+        self._note_known(box)
 
-def frozen(array: NDArray) -> NDArray:
-    """A contiguous copy that cannot be written."""
-    copy = np.array(array, order="C")
-    copy.flags.writeable = False
-    return copy
+    def _note_known(self, box: Box) -> None:
+        at = box.slices
+        extent = kernels.known_extent(self.occupancy.occupancy[at], self.search.explored[at])
+        found = Box(*(int(v) for v in extent))
+        if not found.empty:
+            found = found.moved(box.row_lo, box.column_lo)
+            self.known = self.known.union(self.grid.to_world(found))
+
+    def _retile(self, place: Tile, *, shown: bool) -> None:
+        old = self.ground_tiles.get(place)
+        version = self.version if shown or old is None else old.version
+        self.ground_tiles[place] = ground_tile(
+            self.occupancy, self.search.explored, place, version, self.version
+        )
+
+    def _retile_values(self, names: Iterable[str], changed: Box) -> None:
+        """New tiles of the layers within a box of world cells."""
+        self.known = self.known.union(changed)
+        for name in names:
+            layer, tiles = self.values.layers[name], self.value_tiles.setdefault(name, {})
+            for place in changed.tiles:
+                tiles[place] = value_tile(layer, name, self.grid, place, self.version)
+
+    def _robot_xy(self) -> tuple[float, float]:
+        if self.robot_pose is not None:
+            return self.robot_pose[:2]
+        return self.grid.centre_of(self.grid.rows // 2, self.grid.columns // 2)

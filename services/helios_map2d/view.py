@@ -40,6 +40,7 @@ class View:
     azimuth_bins: int
     range_cells: int
     window: Box
+    spans: NDArray[np.int32]  # [window rows, 2] the columns that it may touch, half open
 
     @property
     def camera_xy_cells(self) -> tuple[float, float]:
@@ -57,8 +58,14 @@ def check_pose(T: NDArray[np.float64], name: str) -> NDArray[np.float64]:
     if not np.isfinite(pose).all():
         raise InvalidInput(f"{name} holds NaN or infinity: send the pose only once it is known")
     rotation = pose[:3, :3]
-    rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3)
-    if not rigid or np.linalg.det(rotation) < 0 or not np.allclose(pose[3], (0, 0, 0, 1)):
+    off = np.abs(rotation @ rotation.T - np.eye(3)).max()
+    a, b, c = rotation
+    handed = (
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+        - a[1] * (b[0] * c[2] - b[2] * c[0])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )
+    if off > 1e-3 or handed < 0 or np.abs(pose[3] - (0, 0, 0, 1)).max() > 1e-6:
         raise InvalidInput(f"{name} is not a rigid motion: its rotation must be orthonormal")
     return np.ascontiguousarray(pose)
 
@@ -89,24 +96,13 @@ def view_of(
 ) -> View:
     """Check an image and its pose, and lay it over the grid.
 
-    Raises InvalidInput when sizes disagree, the pose is not a rigid motion, or the camera stands
-    outside the grid.
+    What it may touch beyond the grid is left out (see `reach_of`). Raises InvalidInput when sizes
+    disagree or the pose is not a rigid motion.
     """
     depth = check_depth(depth_m, camera)
     pose = check_pose(T_world_cam, "T_world_cam")
-    require_inside(grid, pose[0, 3], pose[1, 3], "the camera")
-
-    u = np.array([-0.5, camera.width - 0.5])
-    v = np.array([-0.5, camera.height - 0.5])
-    corners = np.array([[(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0]
-                        for x in u for y in v])  # fmt: skip
-    reach = corners @ pose[:3, :3].T * max_depth_m
-    reach_xy = np.vstack([reach[:, :2], np.zeros(2)]) + pose[:2, 3]
-    cells = grid.cells_of(reach_xy)
-    row_lo, column_lo = cells.min(axis=0)
-    row_hi, column_hi = cells.max(axis=0) + 1
-    window = Box(int(row_lo), int(row_hi), int(column_lo), int(column_hi)).grown(1, grid.whole)
-
+    rays = corner_rays(camera, pose, max_depth_m)
+    window = grid.to_local(box_of(rays, pose, grid.cell_m)).cut(grid.whole)
     bins = int(np.clip(2.6 * camera.fx, MIN_AZIMUTH_BINS, MAX_AZIMUTH_BINS))
     half_fov_rad = max(math.atan(camera.cx / camera.fx),
                        math.atan((camera.width - camera.cx) / camera.fx))  # fmt: skip
@@ -120,9 +116,70 @@ def view_of(
         heading=heading_of(pose),
         half_fov_rad=half_fov_rad,
         azimuth_bins=bins,
-        range_cells=int(np.linalg.norm(reach[:, :2], axis=1).max() / grid.cell_m) + 2,
+        range_cells=int(np.linalg.norm(rays[:, :2], axis=1).max() / grid.cell_m) + 2,
         window=window,
+        spans=spans_of(rays, pose, grid, window),
     )
+
+
+def reach_of(
+    camera: Pinhole, T_world_cam: NDArray[np.float64], cell_m: float, max_depth_m: float
+) -> Box:
+    """The world cells that a view may touch. Raises InvalidInput for a pose that is none."""
+    pose = check_pose(T_world_cam, "T_world_cam")
+    return box_of(corner_rays(camera, pose, max_depth_m), pose, cell_m)
+
+
+def corner_rays(
+    camera: Pinhole, T_world_cam: NDArray[np.float64], depth_m: float
+) -> NDArray[np.float64]:
+    """From the camera to the image's corners at a depth, [4, 3] in world axes."""
+    u = np.array([-0.5, camera.width - 0.5])
+    v = np.array([-0.5, camera.height - 0.5])
+    corners = np.array([[(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0]
+                        for x in u for y in v])  # fmt: skip
+    return corners @ T_world_cam[:3, :3].T * depth_m
+
+
+def box_of(rays_m: NDArray[np.float64], T_world_cam: NDArray[np.float64], cell_m: float) -> Box:
+    """The world cells around a camera and the ends of its rays, and one more on each side."""
+    ends = np.vstack([rays_m[:, :2], np.zeros(2)]) + T_world_cam[:2, 3]
+    column_lo, row_lo = np.floor(ends.min(axis=0) / cell_m)
+    column_hi, row_hi = np.floor(ends.max(axis=0) / cell_m) + 1
+    return Box(int(row_lo), int(row_hi), int(column_lo), int(column_hi)).grown(1)
+
+
+def spans_of(
+    rays_m: NDArray[np.float64], T_world_cam: NDArray[np.float64], grid: GridSpec, window: Box
+) -> NDArray[np.int32]:
+    """The columns of each row of `window` within two cells of the ground under a view: [rows, 2].
+
+    A view lies within the convex hull of its camera and the ends of its corner rays.
+    """
+    ends = np.vstack([rays_m[:, :2], np.zeros(2)]) + T_world_cam[:2, 3]
+    corner = np.array([grid.corner[1] + window.column_lo, grid.corner[0] + window.row_lo])
+    points = ends / grid.cell_m - corner
+    low = np.full(window.rows, np.inf)
+    high = np.full(window.rows, -np.inf)
+    bottom, top = np.arange(window.rows) - 2.0, np.arange(window.rows) + 3.0
+    for i in range(len(points)):
+        for j in range(i):  # every segment between two points lies within the hull
+            (x0, y0), (x1, y1) = points[i], points[j]
+            if y0 > y1:
+                x0, y0, x1, y1 = x1, y1, x0, y0
+            met = (top >= y0) & (bottom <= y1)
+            slope = (x1 - x0) / (y1 - y0) if y1 - y0 > 1e-9 else 0.0
+            a = x0 + slope * (np.clip(bottom, y0, y1) - y0)
+            b = x0 + slope * (np.clip(top, y0, y1) - y0)
+            if y1 - y0 <= 1e-9:
+                a, b = np.full(window.rows, x0), np.full(window.rows, x1)
+            low = np.where(met, np.minimum(low, np.minimum(a, b)), low)
+            high = np.where(met, np.maximum(high, np.maximum(a, b)), high)
+    empty = low > high
+    first = np.clip(np.floor(np.where(empty, 0, low)) - 2, 0, window.columns)
+    last = np.clip(np.ceil(np.where(empty, 0, high)) + 3, 0, window.columns)
+    last[empty] = first[empty]
+    return np.stack([first, last], 1).astype(np.int32)
 
 
 def heading_of(T_world_cam: NDArray[np.float64]) -> tuple[float, float]:
@@ -132,15 +189,3 @@ def heading_of(T_world_cam: NDArray[np.float64]) -> tuple[float, float]:
         axis = -T_world_cam[:2, 1] * (1.0 if T_world_cam[2, 2] < 0 else -1.0)
     axis = axis / np.hypot(*axis)
     return float(axis[0]), float(axis[1])
-
-
-def require_inside(grid: GridSpec, x_m: float, y_m: float, who: str) -> None:
-    """InvalidInput when a place lies outside the grid."""
-    if not grid.contains(x_m, y_m):
-        width_m, height_m = grid.size_m
-        x0, y0 = grid.origin_m
-        raise InvalidInput(
-            f"{who} is at ({x_m:.2f}, {y_m:.2f}) m, outside the map, which spans x {x0:.2f} to "
-            f"{x0 + width_m:.2f} and y {y0:.2f} to {y0 + height_m:.2f} m: "
-            "start the service with a larger HELIOS_MAP2D_SIZE_CELLS"
-        )

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from helios_core.geometry import Pinhole, camera_on_base
 from helios_core.types import Frame, FrameId, Observation, SearchContext
 
+from helios_map2d.frontiers import FrontierRules
 from helios_map2d.state import MapRules, MapState
+from helios_map2d.value_kernels import fuse_maximum
 
 
 def warm_up() -> None:
     """Run a small map through everything once."""
     camera = Pinhole(32.0, 32.0, 31.5, 23.5, 64, 48)
-    state = MapState(MapRules(size_cells=256), (0.0, 0.0), 0.2)
+    rules = MapRules(size_cells=256, frontiers=FrontierRules(min_size_m=0.0))
+    state = MapState(rules, (0.0, 0.0), 0.2)
     state.reset_search(SearchContext("warm-up", (), {"pick": ""}))
     for seq in (1, 2):
         frame = Frame(
@@ -22,4 +27,11 @@ def warm_up() -> None:
         )  # fmt: skip
         state.integrate_frame(frame)
         state.integrate_values(Observation(frame, "warm-up", (), {"pick": 0.5}, "warm-up"))
+    state.frontiers.remember(
+        tuple(replace(f, cells=f.cells[:-1]) for f in state.published.frontiers if len(f.cells) > 1)
+    )
+    state.go_on_from(0)
+    layer, spread = state.values.layers["pick"], np.zeros((2, 2), np.float32)
+    fuse_maximum(layer.value[:2, :2], layer.confidence[:2, :2], spread, np.float32(0),
+                 np.float32(0))  # fmt: skip
     state.snapshot().line_of_sight((0.0, 0.0, 1.0), (1.0, 0.5, 0.5))

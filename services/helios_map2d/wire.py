@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import zlib
+import threading
 
 import numpy as np
 from helios_core import proto as pb
 from helios_core.codec import frame_id_to_proto
-from numpy.typing import NDArray
 
+from helios_map2d.changes import frontier_messages
 from helios_map2d.occupancy import OCCUPIED
 from helios_map2d.snapshot import MapSnapshot
+from helios_map2d.tiles import in_mm, packed
 
 
 def snapshot_to_proto(snapshot: MapSnapshot, layers: bool) -> pb.MapSnapshot:
     """The message of a version; without arrays, and with a cell size of 0, while nothing is known.
 
-    `explored` is what was seen since the search began; tops are sent in millimetres.
+    `explored` is what was seen since the search began; heights are sent in millimetres.
     """
     out = pb.MapSnapshot(version=snapshot.version, context_id=snapshot.context_id)
     if snapshot.frame_id is None or snapshot.robot_pose is None:
@@ -27,23 +28,14 @@ def snapshot_to_proto(snapshot: MapSnapshot, layers: bool) -> pb.MapSnapshot:
     out.cell_m = grid.cell_m
     out.origin_x_m, out.origin_y_m = grid.origin_m
     out.height, out.width = grid.shape
-    out.occupancy = _packed(snapshot.occupancy)
-    out.explored = _packed(snapshot.explored_for_search)
-    out.top_mm = _packed(np.rint(np.clip(snapshot.z_high_m, 0, 65) * 1000).astype("<u2"))
+    out.occupancy = packed(snapshot.occupancy)
+    out.explored = packed(snapshot.explored_for_search)
+    out.top_mm = packed(in_mm(snapshot.z_high_m))
+    out.bottom_mm = packed(in_mm(snapshot.z_low_m))
     if layers:
         for name, value in snapshot.values.items():
-            out.values[name] = _packed(value.astype("<f2"))
-    for frontier in snapshot.frontiers:
-        out.frontiers.append(
-            pb.Frontier(
-                id=frontier.id,
-                x_m=frontier.centre_m[0],
-                y_m=frontier.centre_m[1],
-                size_m=frontier.size_m,
-                values=dict(frontier.values),
-                reachable=frontier.reachable,
-            )
-        )
+            out.values[name] = packed(value.astype("<f2"))
+    out.frontiers.extend(frontier_messages(snapshot))
     out.robot.CopyFrom(pb.Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad))
     out.trajectory_m.extend(snapshot.trajectory_m.ravel().tolist())
     cell_m2 = grid.cell_m**2
@@ -52,5 +44,18 @@ def snapshot_to_proto(snapshot: MapSnapshot, layers: bool) -> pb.MapSnapshot:
     return out
 
 
-def _packed(array: NDArray) -> bytes:
-    return zlib.compress(np.ascontiguousarray(array).tobytes(), 1)
+class EncodedOnce:
+    """The newest version's message, encoded once for all who ask; safe from any thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._made: dict[bool, tuple[MapSnapshot, pb.MapSnapshot]] = {}
+
+    def of(self, snapshot: MapSnapshot, layers: bool) -> pb.MapSnapshot:
+        """The message of a version, made by whoever asks first."""
+        with self._lock:
+            made = self._made.get(layers)
+            if made is None or made[0] is not snapshot:
+                made = (snapshot, snapshot_to_proto(snapshot, layers))
+                self._made[layers] = made
+            return made[1]

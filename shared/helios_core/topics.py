@@ -98,6 +98,11 @@ MAP2D_ACK = Topic("map2d/ack", pb.Ack, QoS.NEVER_DROP)
 SNAPSHOT = Method("map2d/snapshot", pb.SnapshotRequest, pb.MapSnapshot)
 PICTURE = Method("map2d/picture", pb.PictureRequest, pb.PictureReply)
 SIGHT = Method("map2d/sight", pb.SightRequest, pb.SightReply)
+MAP_CHANGES = Method("map2d/changes", pb.MapChangesRequest, pb.MapChanges)
+PATH_COST = Method("map2d/path_cost", pb.PathCostRequest, pb.PathCostReply)
+RECALL = Method("map2d/recall", pb.RecallRequest, pb.RecallReply)
+SAVE_MAP2D = Method("map2d/save", pb.SaveMap2DRequest, pb.SaveMap2DReply)
+LOAD_MAP2D = Method("map2d/load", pb.LoadMap2DRequest, pb.LoadMap2DReply)
 RESET_MAP2D = Method("map2d/reset", pb.Empty, pb.Empty)
 
 # --- planner --------------------------------------------------------------------------------
@@ -150,7 +155,8 @@ TOPICS: tuple[Topic, ...] = (
 METHODS: tuple[Method, ...] = (
     ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, PUSH, VOCABULARY, EMBED_TEXT, ESTIMATE_DEPTH, OBJECTS,
     WHAT_IF, RETIRE, GAUSSIANS, RESET_OBJECTS, SAVE_OBJECTS, LOAD_OBJECTS, EXPORT_OBJECTS,
-    RENDER_OBJECTS, OBJECT_DETAIL, SNAPSHOT, PICTURE, SIGHT, RESET_MAP2D, SUBMIT,
+    RENDER_OBJECTS, OBJECT_DETAIL, SNAPSHOT, PICTURE, SIGHT, MAP_CHANGES, PATH_COST, RECALL,
+    SAVE_MAP2D, LOAD_MAP2D, RESET_MAP2D, SUBMIT,
     GET_TASK, LIST_TASKS, CANCEL, PAUSE, RESUME, DECISIONS, WORLD_DESCRIBE, WORLD_STATE,
     WORLD_CAPTURE, WORLD_ACT, WORLD_STOP, WORLD_CLEAR_STOP, TRUTH_SEGMENTATION,
     TRUTH_EPISODE, TRUTH_METRICS,

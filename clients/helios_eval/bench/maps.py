@@ -10,8 +10,9 @@ from helios_core.types import Frame
 from helios_map2d.explored import SearchArea
 from helios_map2d.frontiers import FrontierFinder, FrontierRules
 from helios_map2d.grid import GridSpec
+from helios_map2d.ground import OpenGround
 from helios_map2d.occupancy import OccupancyLayer, OccupancyRules
-from helios_map2d.value import ValueLayers, ValueRules
+from helios_map2d.value import ValueLayers, ValueRules, cone_of
 from helios_map2d.view import View, view_of
 from numpy.typing import NDArray
 
@@ -96,15 +97,37 @@ class PlainMaps:
         return int(found)
 
 
+class OurMaps:
+    """Occupancy, searched area and frontiers as the service folds them, without publishing."""
+
+    def __init__(self, cells: int = CELLS) -> None:
+        self.grid = GridSpec.centred_on(0.0, 0.0, CELL_M, cells)
+        rules = FrontierRules()
+        self.layer = OccupancyLayer(self.grid, OccupancyRules())
+        self.search = SearchArea(self.grid)
+        self.ground = OpenGround(self.grid, rules.robot_radius_m / CELL_M)
+        self.finder = FrontierFinder(self.grid, rules)
+
+    def occupancy(self, frame: Frame) -> None:
+        view = lay(frame, self.grid)
+        box = self.grid.to_local(self.grid.to_world(view.window).tiled)
+        at = box.slices
+        before = self.layer.occupancy[at].copy()
+        self.search.add(self.layer.integrate(view, (0.0, 0.0), 0.3), view.window)
+        self.ground.update(self.layer.occupancy, before, box)
+        self.finder.update(
+            self.layer.occupancy, self.search.explored, self.grid.to_world(box.grown(1)).tiles
+        )
+
+    def frontiers(self) -> int:
+        return len(self.finder.find(self.layer.occupancy, self.ground, (0.8, 0.0), {}))
+
+
 def occupancy_update() -> Row:
-    layer, search, plain = OccupancyLayer(grid(), OccupancyRules()), SearchArea(grid()), PlainMaps()
-
-    def ours(i: int) -> None:
-        view = lay(frames()[i % FRAMES], layer.grid)
-        search.add(layer.integrate(view, (0.0, 0.0), 0.3), view.window)
-
+    ours, plain = OurMaps(), PlainMaps()
     return compare(
-        "occupancy_update", f"640x480 depth into {CELLS}x{CELLS} cells", ours,
+        "occupancy_update", f"640x480 depth into {CELLS}x{CELLS} cells",
+        lambda i: ours.occupancy(frames()[i % FRAMES]),
         "OpenCV and numpy on whole arrays", lambda i: plain.occupancy(frames()[i % FRAMES]),
     )  # fmt: skip
 
@@ -112,23 +135,21 @@ def occupancy_update() -> Row:
 def value_fusion() -> Row:
     layers, plain, on = ValueLayers(grid(), ValueRules()), PlainMaps(), grid()
     layers.reset(("pick", "place"))
+    scores = {"pick": 0.3, "place": 0.6}
     return compare(
         "value_fusion", f"2 layers, {CELLS}x{CELLS} cells",
-        lambda i: layers.integrate(lay(frames()[i % FRAMES], on), {"pick": 0.3, "place": 0.6}),
+        lambda i: layers.integrate(cone_of(lay(frames()[i % FRAMES], on)), scores),
         "OpenCV and numpy on whole arrays",
         lambda i: plain.value(frames()[i % FRAMES], (0.3, 0.6)), runs=7,
     )  # fmt: skip
 
 
 def frontiers() -> Row:
-    layer, search, plain = OccupancyLayer(grid(), OccupancyRules()), SearchArea(grid()), PlainMaps()
+    ours, plain = OurMaps(), PlainMaps()
     for frame in frames():
-        view = lay(frame, layer.grid)
-        search.add(layer.integrate(view, (0.0, 0.0), 0.3), view.window)
+        ours.occupancy(frame)
         plain.occupancy(frame)
-    finder = FrontierFinder(layer.grid, FrontierRules())
     return compare(
-        "frontiers", f"{CELLS}x{CELLS} cells",
-        lambda _: finder.find(layer.occupancy, search.explored, search.box, (0.8, 0.0), {}),
+        "frontiers", f"{CELLS}x{CELLS} cells", lambda _: ours.frontiers(),
         "OpenCV on whole arrays", lambda _: plain.frontiers(),
     )  # fmt: skip

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helios_map2d import frontier_kernels
 from helios_map2d.explored import SearchArea, near_ground
-from helios_map2d.frontiers import (
-    Frontier,
-    FrontierFinder,
-    FrontierRules,
-    frontier_cells,
-    reachable_ground,
-    snapped_centre,
-)
+from helios_map2d.frontiers import Frontier, FrontierFinder, FrontierRules
 from helios_map2d.grid import Box, GridSpec
-from hypothesis import assume, given, settings
+from helios_map2d.ground import OpenGround
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
@@ -23,7 +18,7 @@ from scipy import ndimage
 SHAPE = (17, 23)
 OCCUPANCIES = arrays(np.int8, SHAPE, elements=st.sampled_from([-1, 0, 0, 0, 100]))
 EXPLOREDS = arrays(np.uint8, SHAPE, elements=st.sampled_from([0, 1, 1]))
-GRID = GridSpec(0.025, 200, 200, (-2.5, -2.5))
+GRID = GridSpec(0.025, 256, 256, (-128, -128))
 RULES = FrontierRules(robot_radius_m=0.1, blind_radius_m=0.1, min_size_m=0.3)
 
 
@@ -44,7 +39,15 @@ def brute_mask(occupancy: NDArray[np.int8], explored: NDArray[np.uint8]) -> NDAr
 def test_frontier_cells_and_clusters_equal_brute_force(
     occupancy: NDArray[np.int8], explored: NDArray[np.uint8]
 ) -> None:
-    cells, labels = frontier_cells(occupancy, explored)
+    tiles = np.array([(r, c) for r in range(0, 17, 8) for c in range(0, 23, 8)], np.int32)
+    cells, counts = np.empty((len(tiles) * 64, 2), np.int32), np.empty(len(tiles), np.int32)
+    n = frontier_kernels.cells_of_tiles(occupancy, explored, tiles, 8, cells, counts)
+    cells, labels, sizes = cells[:n], np.empty(n, np.int32), np.empty(n, np.int32)
+    scratch = np.zeros(SHAPE, np.int32)
+    clusters = frontier_kernels.cluster(cells, scratch, labels, sizes)
+    assert not scratch.any()
+    assert counts.sum() == n
+    assert sizes[:clusters].tolist() == np.bincount(labels, minlength=clusters).tolist()
     mask = brute_mask(occupancy, explored)
     found = np.zeros(SHAPE, int)
     found[cells[:, 0], cells[:, 1]] = labels + 1
@@ -69,37 +72,6 @@ def test_near_ground_is_the_flood_of_open_cells_in_the_disc(
     assert (near.astype(bool) == expected).all()
 
 
-@settings(max_examples=60, deadline=None)
-@given(OCCUPANCIES, st.integers(0, 16), st.integers(0, 22), st.floats(0.5, 3), st.floats(0, 4))
-def test_reachable_ground_equals_brute_force(
-    occupancy: NDArray[np.int8], row: int, column: int, radius: float, blind: float
-) -> None:
-    # Distances between cells are roots of whole numbers, and rounded: not where that decides.
-    assume(abs(radius**2 - round(radius**2)) > 1e-3)
-    got = reachable_ground(occupancy, (row, column), radius, blind)
-    r, c = np.indices(SHAPE)
-    obstacles = np.argwhere(occupancy == 100)
-    off = (r[..., None] - obstacles[:, 0]) ** 2 + (c[..., None] - obstacles[:, 1]) ** 2
-    clear = (off > radius**2).all(axis=-1) if len(obstacles) else np.ones(SHAPE, bool)
-    whole = Box(0, SHAPE[0], 0, SHAPE[1])
-    known = (occupancy == 0) | (near_ground(occupancy, whole, (row, column), blind) > 0)
-    own = ((r - row) ** 2 + (c - column) ** 2 <= radius**2) & (occupancy != 100)
-    own &= (abs(r - row) <= int(radius)) & (abs(c - column) <= int(radius))
-    open_cells = (clear & known) | own
-    open_cells[row, column] = True
-    labels, _ = labelled(open_cells, 4)
-    assert (got == (labels == labels[row, column])).all()
-
-
-@given(st.lists(st.tuples(st.integers(0, 50), st.integers(0, 50)), min_size=1, max_size=30))
-def test_a_centre_is_one_of_its_cells_and_nearest_to_the_mean(cells: list[tuple[int, int]]) -> None:
-    own = np.array(cells, np.int32)
-    centre = snapped_centre(own)
-    assert centre in cells
-    off = np.hypot(*(own - own.mean(axis=0)).T)
-    assert np.hypot(*(np.array(centre) - own.mean(axis=0))) == pytest.approx(off.min())
-
-
 def labelled(mask: NDArray[np.bool_], connectivity: int) -> tuple[NDArray[np.int32], int]:
     """Connected components of a mask by scipy, counted from 1, and how many there are."""
     labels = np.zeros(mask.shape, np.int32)
@@ -115,21 +87,27 @@ class World:
         self.occupancy = np.full(GRID.shape, -1, np.int8)
         self.area = SearchArea(GRID)
         self.finder = FrontierFinder(GRID, rules)
+        self.ground = OpenGround(GRID, rules.robot_radius_m / GRID.cell_m)
         self.values = {"pick": np.zeros(GRID.shape, np.float32)}
+        self._before = self.occupancy.copy()
 
     def free(self, rows: slice, columns: slice) -> None:
-        self.occupancy[rows, columns] = 0
-        box = Box(rows.start, rows.stop, columns.start, columns.stop)
+        box = Box(rows.start, rows.stop, columns.start, columns.stop).moved(28, 28)
+        self.occupancy[box.slices] = 0
         self.area.add(np.ones((box.rows, box.columns), np.uint8), box)
 
     def wall(self, rows: slice, columns: slice) -> None:
         self.free(rows, columns)
-        self.occupancy[rows, columns] = 100
+        self.occupancy[
+            Box(rows.start, rows.stop, columns.start, columns.stop).moved(28, 28).slices
+        ] = 100
 
     def find(self, x_m: float = 0.0, y_m: float = 0.0) -> tuple[Frontier, ...]:
-        return self.finder.find(
-            self.occupancy, self.area.explored, self.area.box, (x_m, y_m), self.values
-        )
+        self.ground.update(self.occupancy, self._before, GRID.whole)
+        self._before = self.occupancy.copy()
+        everywhere = GRID.to_world(GRID.whole).tiles
+        self.finder.update(self.occupancy, self.area.explored, everywhere)
+        return self.finder.find(self.occupancy, self.ground, (x_m, y_m), self.values)
 
 
 def corridor() -> World:
@@ -218,6 +196,7 @@ def test_a_new_search_area_has_no_frontiers() -> None:
     world = corridor()
     assert world.find()
     world.area.reset()
+    world.finder.reset()
     assert world.find() == ()
 
 
@@ -230,10 +209,10 @@ def test_new_values_alone_give_what_finding_anew_gives(rng: np.random.Generator)
         row, column = rng.integers(60, 110, 2)
         for world in (quick, anew):
             world.free(slice(row, row + 30), slice(column, column + 40))
-            world.find(*GRID.centre_of(100, 100))
+            world.find(0.0, 0.0)
         layer = rng.random(GRID.shape, dtype=np.float32)
         quick.values["pick"], anew.values["pick"] = layer, layer
-        fast, slow = quick.finder.revalued(quick.values), anew.find(*GRID.centre_of(100, 100))
+        fast, slow = quick.finder.revalued(quick.values), anew.find(0.0, 0.0)
         assert len(fast) == len(slow)
         for a, b in zip(fast, slow, strict=True):
             assert (a.id, a.centre_m, a.size_m, a.reachable, a.values) == (

@@ -9,79 +9,17 @@ import cv2
 import numpy as np
 import pytest
 from helios_core import proto as pb
-from helios_core.codec import (
-    context_to_proto,
-    description_to_proto,
-    frame_to_proto,
-    observation_to_proto,
-)
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.grids import decode_snapshot
-from helios_core.health import Health
-from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import (
-    CONTEXT,
     KEYFRAME,
-    MAP2D_ACK,
-    OBSERVATION,
     PICTURE,
     RESET_MAP2D,
-    ROBOT_DESCRIPTION,
     ROBOT_STATE,
     SIGHT,
-    SNAPSHOT,
 )
-from helios_core.types import Frame, FrameId, Observation, RobotDescription, SearchContext
-from helios_map2d.service import Map2DService
-from helios_map2d.settings import Settings
-from map2d_scene import CAMERA, CAMERA_HEIGHT_M, Walk, room, table
-
-ROBOT = RobotDescription(
-    name="test",
-    footprint_radius_m=0.2,
-    height_m=1.4,
-    camera=CAMERA,
-    camera_height_m=CAMERA_HEIGHT_M,
-    reach_m=0.8,
-    max_depth_m=10.0,
-)
-
-
-class House:
-    """A service, and everybody else in one."""
-
-    def __init__(self, described: bool = True) -> None:
-        self.bus = MemoryBus(MemoryHub())
-        self.health = Health()
-        self.acks: list[pb.Ack] = []
-        self.bus.subscribe(MAP2D_ACK, self.acks.append)
-        self.service = Map2DService(self.bus, Settings.load(["--size-cells", "400"]), self.health)
-        self.walk = Walk([*room(), *table(2.5, 2.4)])
-        if described:
-            self.describe()
-
-    def describe(self, robot: RobotDescription = ROBOT) -> None:
-        self.bus.publish(ROBOT_DESCRIPTION, description_to_proto(robot))
-
-    def search(self, name: str) -> None:
-        context = SearchContext(name, (), {"pick": "a mug", "place": "a counter"})
-        self.bus.publish(CONTEXT, context_to_proto(context))
-
-    def keyframe(self, frame: Frame) -> None:
-        self.bus.publish(KEYFRAME, frame_to_proto(frame))
-
-    def observe(self, frame: Frame, context_id: str) -> None:
-        seen = Observation(frame, context_id, (), {"pick": 0.4, "place": 0.2}, "test")
-        self.bus.publish(OBSERVATION, observation_to_proto(seen))
-
-    def snapshot(self, **request: int) -> pb.MapSnapshot:
-        return self.bus.call(SNAPSHOT, pb.SnapshotRequest(layers=True, **request), 5)
-
-    def settle(self) -> None:
-        self.search("first")
-        for frame in self.walk.look_around(2.0, 1.5):
-            self.keyframe(frame)
-            self.observe(frame, "first")
+from helios_core.types import FrameId
+from map2d_house import House
 
 
 @pytest.fixture
@@ -142,7 +80,7 @@ def test_a_frame_that_cannot_be_used_is_refused_with_a_reason_and_the_next_is_ta
     bad = dataclasses.replace(house.walk.frame(2.0, 1.5, 0.0), T_world_base=far)
     house.keyframe(bad)
     assert not house.acks[-1].accepted
-    assert "outside the map" in house.acks[-1].reason
+    assert "send both poses in one world" in house.acks[-1].reason
     house.bus.publish(KEYFRAME, pb.Frame(id=pb.FrameId(robot_boot_id="boot", seq=77)))
     assert not house.acks[-1].accepted
     assert house.acks[-1].reason

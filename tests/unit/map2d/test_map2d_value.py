@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_map2d.grid import GridSpec
-from helios_map2d.value import ValueLayers, ValueRules, value_near
+from helios_map2d.value import ValueLayers, ValueRules, cone_of, values_near
 from helios_map2d.view import View, view_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -62,7 +62,7 @@ def test_fusion_equals_vlfms_formula_for_a_level_camera(looks: list[tuple[float,
     value, confidence = np.zeros(GRID.shape), np.zeros(GRID.shape)
     for yaw, score in looks:
         view = seen_from(2.0, 1.5, yaw)
-        layers.integrate(view, {"pick": score})
+        layers.integrate(cone_of(view), {"pick": score})
         value, confidence = fused(value, confidence, vlfm_cone(view, 2.0, 1.5, yaw), score)
     got = layers.layers["pick"]
     both = (got.confidence > 0) & (confidence > 0)
@@ -78,7 +78,9 @@ def test_fusion_equals_vlfms_formula_for_a_level_camera(looks: list[tuple[float,
 def test_values_stop_at_the_walls_whatever_the_pitch(pitch_deg: int) -> None:
     layers = ValueLayers(GRID, ValueRules())
     for k in range(12):
-        layers.integrate(seen_from(2.0, 1.5, k * math.pi / 6, math.radians(pitch_deg)), {"a": 0.5})
+        layers.integrate(
+            cone_of(seen_from(2.0, 1.5, k * math.pi / 6, math.radians(pitch_deg))), {"a": 0.5}
+        )
     rows, columns = np.nonzero(layers.layers["a"].confidence)
     x = GRID.origin_m[0] + (columns + 0.5) * GRID.cell_m
     y = GRID.origin_m[1] + (rows + 0.5) * GRID.cell_m
@@ -91,7 +93,7 @@ def test_values_stop_at_the_walls_whatever_the_pitch(pitch_deg: int) -> None:
 
 def test_any_number_of_layers_is_kept_apart() -> None:
     layers = ValueLayers(GRID, ValueRules())
-    layers.integrate(seen_from(2.0, 1.5, 0.0), {"pick": 0.3, "place": 0.1, "a third": 0.9})
+    layers.integrate(cone_of(seen_from(2.0, 1.5, 0.0)), {"pick": 0.3, "place": 0.1, "a third": 0.9})
     row, column = GRID.cell_of(3.0, 1.5)
     got = {name: round(float(layer.value[row, column]), 3) for name, layer in layers.layers.items()}
     assert got == {"pick": 0.3, "place": 0.1, "a third": 0.9}
@@ -105,15 +107,40 @@ def test_the_same_score_again_leaves_the_value(score: float, times: int) -> None
     layers = ValueLayers(GRID, ValueRules())
     view = SAME_VIEW
     for _ in range(times):
-        layers.integrate(view, {"pick": score})
+        layers.integrate(cone_of(view), {"pick": score})
     layer = layers.layers["pick"]
     assert layer.value[layer.confidence > 0] == pytest.approx(score, abs=1e-5)
+
+
+@given(st.lists(st.tuples(ANGLES, st.floats(-1, 1)), min_size=1, max_size=4))
+@settings(max_examples=10, deadline=None)
+def test_by_maximum_fusion_the_most_confident_view_decides(
+    looks: list[tuple[float, float]],
+) -> None:
+    layers = ValueLayers(GRID, ValueRules(fusion="maximum"))
+    alone = []
+    for yaw, score in looks:
+        cone = cone_of(seen_from(2.0, 1.5, yaw))
+        layers.integrate(cone, {"pick": score})
+        single = ValueLayers(GRID, ValueRules())
+        single.integrate(cone, {"pick": score})
+        alone.append(single.layers["pick"].confidence)
+    got, stack = layers.layers["pick"], np.stack(alone)
+    np.testing.assert_allclose(got.confidence, stack.max(axis=0), atol=1e-6)
+    expected = np.array([score for _, score in looks])[stack.argmax(axis=0)]
+    seen = got.confidence > 0
+    np.testing.assert_allclose(got.value[seen], expected[seen], atol=1e-6)
+
+
+def test_an_unknown_fusion_is_refused() -> None:
+    with pytest.raises(InvalidInput, match="no value fusion is called 'mean'"):
+        ValueRules(fusion="mean")
 
 
 def test_a_score_that_is_not_finite_is_refused_and_changes_nothing() -> None:
     layers = ValueLayers(GRID, ValueRules())
     with pytest.raises(InvalidInput, match="score of layer 'place' is nan"):
-        layers.integrate(SAME_VIEW, {"pick": 0.5, "place": math.nan})
+        layers.integrate(cone_of(SAME_VIEW), {"pick": 0.5, "place": math.nan})
     assert not layers.layers
 
 
@@ -121,12 +148,15 @@ def test_nothing_measured_changes_nothing() -> None:
     frame = Walk(room()).frame(2.0, 1.5, 0.0)
     depth = np.full_like(frame.depth_m, np.nan)
     layers = ValueLayers(GRID, ValueRules())
-    layers.integrate(view_of(depth, CAMERA, frame.T_world_cam, GRID, 0.1, 5.0), {"pick": 0.5})
+    layers.integrate(
+        cone_of(view_of(depth, CAMERA, frame.T_world_cam, GRID, 0.1, 5.0)), {"pick": 0.5}
+    )
     assert not layers.layers["pick"].confidence.any()
 
 
 def test_the_value_near_a_place_without_values_is_zero() -> None:
-    assert value_near(np.zeros((20, 20), np.float32), 3, 3, 5.0) == 0.0
+    nothing = np.zeros((20, 20), np.float32)
+    assert values_near(nothing, np.array([[3, 3], [19, 0]], np.int32), 5.0).tolist() == [0.0, 0.0]
 
 
 SAME_VIEW = seen_from(2.0, 1.5, 0.3, 0.4)

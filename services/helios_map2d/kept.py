@@ -1,0 +1,230 @@
+"""The file that holds a map with all it needs to go on, and its recovery.
+
+A head line, the SHA-256 of the rest, and the rest: a `KeptMap` message, put together from the
+encoded tiles of a published version. So writing a file costs by what changed since the last one,
+and a file that was cut short, changed or never ours is told apart from a good one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from google.protobuf.message import DecodeError
+from helios_core import proto as pb
+from helios_core.codec import frame_id_from_proto, frame_id_to_proto
+from helios_core.errors import HeliosError, InvalidInput, Unavailable
+from helios_core.types import FrameId
+from numpy.typing import NDArray
+
+from helios_map2d.frontiers import Frontier
+from helios_map2d.grid import TILE, Tile
+from helios_map2d.memory import SeenView, read_view
+from helios_map2d.snapshot import MapSnapshot
+from helios_map2d.state import MapRules, MapState
+from helios_map2d.tiles import GroundTile, ValueTile, read_ground, read_values
+from helios_map2d.trajectory import Trajectory
+
+log = logging.getLogger(__name__)
+
+HEAD = b"helios map2d 1\n"
+FILE_NAME = "map2d.map"
+
+
+def encode_map(snapshot: MapSnapshot, views: tuple[SeenView, ...]) -> bytes:
+    """The file of a version and the views that can be asked about later."""
+    head = pb.KeptMap(
+        map_id=snapshot.map_id, stamp_ns=snapshot.stamp_ns, version=snapshot.version,
+        cell_m=snapshot.grid.cell_m, tile_cells=TILE, context_id=snapshot.context_id,
+        layers=list(snapshot.layers), trajectory_m=snapshot.trajectory_m.ravel().tolist(),
+        next_frontier_id=snapshot.next_frontier_id,
+        frontiers=[pb.KeptFrontier(id=f.id, cells=f.cells.ravel().tolist())
+                   for f in snapshot.frontiers],
+    )  # fmt: skip
+    if snapshot.frame_id is not None:
+        head.id.CopyFrom(frame_id_to_proto(snapshot.frame_id))
+    if snapshot.robot_pose is not None:
+        x_m, y_m, yaw_rad = snapshot.robot_pose
+        head.robot.CopyFrom(pb.Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad))
+    body = b"".join(
+        [head.SerializeToString()]
+        + [tile.kept for tile in snapshot.ground.values()]
+        + [tile.kept for tiles in snapshot.layers.values() for tile in tiles.values()]
+        + [view.kept for view in views]
+    )
+    return HEAD + hashlib.sha256(body).digest() + body
+
+
+def decode_map(data: bytes, rules: MapRules, footprint_radius_m: float, version: int) -> MapState:
+    """The map of a file, with a version above `version`.
+
+    Raises InvalidInput when the file is cut short, damaged, not ours, or of another cell size.
+    """
+    start = len(HEAD) + hashlib.sha256().digest_size
+    if not data.startswith(HEAD):
+        raise InvalidInput(f"these {len(data)} bytes are no map file of this version of HELIOS")
+    if hashlib.sha256(data[start:]).digest() != data[len(HEAD) : start]:
+        raise InvalidInput(f"the map file is damaged or cut short, at {len(data)} bytes")
+    try:
+        message = pb.KeptMap.FromString(data[start:])
+    except DecodeError as error:
+        raise InvalidInput(f"the map file cannot be read: {error}") from error
+    if abs(message.cell_m - rules.cell_m) > 1e-9 or message.tile_cells != TILE:
+        raise InvalidInput(
+            f"the map file has cells of {message.cell_m} m, this service {rules.cell_m} m: start "
+            f"it with HELIOS_MAP2D_CELL_M={message.cell_m}, or load an export (npz) instead"
+        )
+    version = max(version, message.version)
+    ground = [read_ground(tile, version + 1) for tile in message.ground]
+    values: dict[str, dict[Tile, ValueTile]] = {name: {} for name in message.layers}
+    for kept in message.values:
+        tile = read_values(kept, version + 1)
+        values.setdefault(tile.layer, {})[tile.place] = tile
+    state = rebuilt(
+        MapContent(
+            frame_id=frame_id_from_proto(message.id) if message.HasField("id") else None,
+            stamp_ns=message.stamp_ns,
+            context_id=message.context_id,
+            ground={tile.place: tile for tile in ground},
+            values=values,
+            robot_pose=(message.robot.x_m, message.robot.y_m, message.robot.yaw_rad)
+            if message.HasField("robot") else None,
+            trajectory_m=np.array(message.trajectory_m, np.float64).reshape(-1, 2),
+            frontiers={f.id: np.array(f.cells, np.int32).reshape(-1, 2)
+                       for f in message.frontiers},
+            next_frontier_id=message.next_frontier_id,
+        ),
+        rules, footprint_radius_m, version,
+    )  # fmt: skip
+    for view in message.views:
+        state.memory.add(read_view(view))
+    return state
+
+
+@dataclass(frozen=True)
+class MapContent:
+    """What a map is made of, wherever it comes from. `frontiers`: id -> world cells [n, 2]."""
+
+    frame_id: FrameId | None
+    stamp_ns: int
+    context_id: str
+    ground: dict[Tile, GroundTile]
+    values: dict[str, dict[Tile, ValueTile]]
+    robot_pose: tuple[float, float, float] | None
+    trajectory_m: NDArray[np.float64]
+    frontiers: dict[int, NDArray[np.int32]]
+    next_frontier_id: int
+
+
+def rebuilt(
+    content: MapContent, rules: MapRules, footprint_radius_m: float, version: int
+) -> MapState:
+    """A map that goes on from there, under a new id: who watched the old one begins afresh.
+
+    Raises InvalidInput when it would be larger than allowed.
+    """
+    centre = content.robot_pose[:2] if content.robot_pose is not None else (0.0, 0.0)
+    if content.robot_pose is None and content.ground:
+        row, column = next(iter(content.ground))
+        centre = column * TILE * rules.cell_m, row * TILE * rules.cell_m
+    if not np.isfinite([*centre, *content.trajectory_m.ravel()]).all():
+        raise InvalidInput("the map's poses are not finite")
+    state = MapState(rules, centre, footprint_radius_m, version)
+    state.context_id = content.context_id
+    state.frame_id, state.stamp_ns = content.frame_id, content.stamp_ns
+    state.order.newest = content.frame_id.seq if content.frame_id is not None else None
+    state.robot_pose = content.robot_pose
+    state.trajectory = Trajectory(rules.trajectory_step_m, content.trajectory_m)
+    state.frontiers.next_id = max(1, content.next_frontier_id)
+    state.frontiers.remember(
+        tuple(Frontier(id, (0.0, 0.0), 0.0, False, {}, cells)
+              for id, cells in content.frontiers.items() if len(cells))
+    )  # fmt: skip
+    state.restore(content.ground, content.values)
+    state.go_on_from(version)
+    return state
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Replace a file so that after a crash there is the old one or the new one.
+
+    Raises Unavailable where that cannot be done.
+    """
+    new = path.with_suffix(".new")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with new.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(path)
+    except OSError as error:
+        raise Unavailable(
+            f"the map cannot be kept in {path}: {error.strerror}; make room there, or give another "
+            "--state-dir"
+        ) from error
+
+
+def put_aside(path: Path) -> Path:
+    """Move a file that is refused out of the way, under a name that is free."""
+    n = 1
+    while (aside := path.with_name(f"{path.name}.refused-{n}")).exists():
+        n += 1
+    path.replace(aside)
+    return aside
+
+
+class Keeper:
+    """Writes the file of the present map every `period_s` while it changes."""
+
+    def __init__(
+        self,
+        path: Path,
+        period_s: float,
+        encoded: Callable[[], tuple[int, bytes] | None],
+        troubled: Callable[[str], None],
+    ) -> None:
+        """`encoded` gives version and file, None while there is no map; `troubled` is told why
+        writing failed, or "" once it has not."""
+        self._path, self._period_s = path, period_s
+        self._encoded, self._troubled = encoded, troubled
+        self._version = 0
+        self._stopped = threading.Event()
+        self._turn = threading.Lock()
+        self._thread = threading.Thread(target=self._run, name="keep map", daemon=True)
+        self._thread.start()
+
+    def write(self) -> bool:
+        """Write now if anything has changed; whether it was written."""
+        with self._turn:
+            try:
+                made = self._encoded()
+                if made is None or made[0] == self._version:
+                    return False
+                write_whole(self._path, made[1])
+                self._version = made[0]
+                self._troubled("")
+                return True
+            except HeliosError as error:
+                log.warning("%s", error.message)
+                self._troubled(error.message)
+                return False
+
+    def close(self) -> None:
+        """Write a last time and end."""
+        self._stopped.set()
+        self._thread.join(1.0)
+        self.write()
+
+    def _run(self) -> None:
+        while not self._stopped.wait(self._period_s):
+            try:
+                self.write()
+            except Exception:  # a fault here must not end the keeping
+                log.exception("the map could not be kept")

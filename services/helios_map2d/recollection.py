@@ -1,0 +1,101 @@
+"""Questions to the views of the past, through the detector's text model."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Sequence
+
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.errors import Conflict, HeliosError, InvalidInput, Unavailable
+from helios_core.topics import EMBED_TEXT
+from helios_core.types import SearchContext
+
+from helios_map2d.epochs import EpochMaps
+from helios_map2d.memory import SeenView
+from helios_map2d.recall import (
+    Question,
+    as_layer,
+    best_places,
+    place_message,
+    questions,
+    scored,
+)
+from helios_map2d.state import MapState
+
+log = logging.getLogger(__name__)
+
+EMBED_WITHIN_S = 10.0
+DEFAULT_PLACES, MOST_PLACES = 5, 50
+
+
+class Recollection:
+    """Asks the detector what a text means, and the kept views how well they fit.
+
+    The lock of the maps is never held while the detector is asked.
+    """
+
+    def __init__(
+        self, bus: Bus, lock: threading.RLock, maps: Callable[[], EpochMaps | None]
+    ) -> None:
+        self._bus, self._lock, self._maps = bus, lock, maps
+
+    def recall(self, request: pb.RecallRequest) -> pb.RecallReply:
+        """Where a prompt was seen, and its value layer if one is asked for.
+
+        Raises Unavailable when no view was kept or nobody embeds texts.
+        """
+        if not request.prompt.strip():
+            raise InvalidInput("an empty prompt was asked; send what is looked for")
+        state, views = self._views()
+        if not views:
+            raise Unavailable(
+                "no view has been kept: the detector's scorer does not embed images, or nothing "
+                "was seen yet; start the detector with a scorer that does"
+            )
+        (question,) = self._questions([request.prompt])
+        answers = scored(views, question)
+        version = state.published.version
+        if request.layer:
+            version = self._put(state, {request.layer: question})
+        most = min(request.most_places or DEFAULT_PLACES, MOST_PLACES)
+        places = [place_message(*answer) for answer in best_places(answers, most)]
+        return pb.RecallReply(places=places, views=len(answers), version=version)
+
+    def fill(self, context: SearchContext) -> None:
+        """Give the layers of a search what past views say; nothing where they cannot be asked."""
+        try:
+            state, views = self._views()
+            if not views or not context.prompts:
+                return
+            asked = self._questions(list(context.prompts.values()))
+            self._put(state, dict(zip(context.prompts, asked, strict=True)), context.id)
+        except HeliosError as error:
+            log.info("search %.60s begins without the past: %s", context.id, error.message)
+
+    def _views(self) -> tuple[MapState, tuple[SeenView, ...]]:
+        with self._lock:
+            maps = self._maps()
+            if maps is None or maps.current is None:
+                raise Unavailable("the map is empty: no keyframe has come yet")
+            return maps.current, maps.current.memory.snapshot()
+
+    def _questions(self, prompts: Sequence[str]) -> list[Question]:
+        request = pb.EmbedTextRequest(prompts=prompts)
+        return questions(prompts, self._bus.call(EMBED_TEXT, request, EMBED_WITHIN_S))
+
+    def _put(
+        self, state: MapState, layers: dict[str, Question], context_id: str | None = None
+    ) -> int:
+        """Set layers by all views there are by now; the version that has them."""
+        with self._lock:
+            maps = self._maps()
+            if maps is None or maps.current is not state:
+                raise Conflict("the map was replaced meanwhile; ask again")
+            if context_id is not None and state.context_id != context_id:
+                raise Conflict("another search has begun meanwhile")
+            for name, question in layers.items():
+                answers = scored(state.memory.snapshot(), question)
+                state.set_layer(name, as_layer(answers))
+            return state.published.version

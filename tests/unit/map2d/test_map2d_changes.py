@@ -1,0 +1,127 @@
+"""A viewer gets the whole map once, in chunks, and then only what changed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.errors import InvalidInput
+from helios_core.grids import decode_snapshot
+from helios_core.map_mirror import MapMirror
+from helios_core.topics import MAP_CHANGES, RESET_MAP2D
+from helios_map2d import tiles
+from map2d_house import House
+
+
+def follow(house: House, mirror: MapMirror) -> int:
+    """Bring a mirror up to date; how many tiles that took."""
+    taken = 0
+    while True:
+        changes = house.bus.call(MAP_CHANGES, mirror.request(), 5)
+        taken += len(changes.tiles)
+        if not mirror.apply(changes):
+            return taken
+
+
+def assert_same(house: House, mirror: MapMirror) -> None:
+    whole = decode_snapshot(house.snapshot())
+    got, origin_m = mirror.occupancy()
+    row, column = (round((a - b) / whole.cell_m)
+                   for a, b in zip(whole.origin_m[::-1], origin_m[::-1], strict=True))  # fmt: skip
+    rows, columns = whole.shape
+    part = got[row : row + rows, column : column + columns]
+    np.testing.assert_array_equal(part, whole.occupancy)
+    assert (got != -1).sum() == (whole.occupancy != -1).sum()
+    assert mirror.version == whole.version
+    assert {f.id for f in mirror.frontiers} == {f.id for f in whole.frontiers}
+    for name, layer in whole.values.items():
+        seen = sum(float(v.sum()) for v in mirror.values.get(name, {}).values())
+        assert seen == pytest.approx(float(layer.sum()), rel=1e-3)
+
+
+def test_a_late_viewer_gets_the_whole_in_chunks_and_then_only_changes() -> None:
+    house = House()
+    house.settle()
+    mirror = MapMirror(layers=True, tiles_at_once=3)
+    whole = follow(house, mirror)
+    assert whole > 6
+    assert_same(house, mirror)
+    assert follow(house, mirror) == 0
+    frame = house.walk.frame(2.0, 1.5, 0.0)
+    house.walk.blocks = house.walk.blocks[:4]  # the table is gone
+    house.keyframe(house.walk.frame(2.0, 1.5, math.pi / 4))
+    house.observe(frame, "first")
+    assert 0 < follow(house, mirror) < whole
+    assert_same(house, mirror)
+
+
+def test_a_map_that_changes_while_it_is_read_is_read_right() -> None:
+    house = House()
+    house.search("first")
+    mirror = MapMirror(layers=True, tiles_at_once=2)
+    for frame in house.walk.look_around(2.0, 1.5):
+        house.keyframe(frame)
+        house.observe(frame, "first")
+        mirror.apply(house.bus.call(MAP_CHANGES, mirror.request(), 5))
+    follow(house, mirror)
+    assert_same(house, mirror)
+
+
+def test_another_search_and_another_map_are_noticed() -> None:
+    house = House()
+    house.settle()
+    mirror = MapMirror(layers=True)
+    follow(house, mirror)
+    assert set(mirror.values) == {"pick", "place"}
+    house.search("second", {"third": "a sofa"})
+    follow(house, mirror)
+    assert not mirror.values
+    assert_same(house, mirror)
+    house.bus.call(RESET_MAP2D, pb.Empty(), 5)
+    house.keyframe(house.walk.frame(2.0, 1.5, 0.0))
+    follow(house, mirror)
+    assert_same(house, mirror)
+
+
+def test_a_tile_is_encoded_once_whatever_the_number_of_viewers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    house = House()
+    house.settle()
+    packed, calls = tiles.packed, []
+    monkeypatch.setattr(tiles, "packed", lambda array: (calls.append(1), packed(array))[1])
+    follow(house, MapMirror(layers=True))
+    first = len(calls)
+    assert first > 0
+    for _ in range(5):
+        follow(house, MapMirror(layers=True))
+    assert len(calls) == first
+
+
+def test_the_whole_snapshot_is_encoded_once_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    from helios_map2d import wire
+
+    house = House()
+    house.settle()
+    packed, calls = wire.packed, []
+    monkeypatch.setattr(wire, "packed", lambda array: (calls.append(1), packed(array))[1])
+    house.snapshot()
+    first = len(calls)
+    for _ in range(5):
+        house.snapshot()
+    assert len(calls) == first > 0
+
+
+def test_before_the_first_keyframe_there_is_nothing_to_mirror() -> None:
+    house, mirror = House(), MapMirror()
+    assert follow(house, mirror) == 0
+    assert mirror.occupancy()[0].size == 0
+
+
+def test_a_damaged_tile_is_refused() -> None:
+    mirror = MapMirror()
+    tile = pb.MapTile(ground=pb.GroundTile(occupancy=b"no zlib"))
+    with pytest.raises(InvalidInput, match="damaged"):
+        mirror.apply(pb.MapChanges(tile_cells=64, cell_m=0.025, tiles=[tile]))

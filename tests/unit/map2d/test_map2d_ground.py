@@ -1,0 +1,95 @@
+"""What can be reached, against brute force, while obstacles come and go."""
+
+from __future__ import annotations
+
+import numpy as np
+from helios_map2d.explored import near_ground
+from helios_map2d.grid import EMPTY, TILE, Box, GridSpec
+from helios_map2d.ground import OpenGround
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import ndimage
+
+GRID = GridSpec(0.025, 3 * TILE, 2 * TILE, (-TILE, 5 * TILE))
+
+
+def brute(
+    occupancy: NDArray[np.int8], cell: tuple[int, int], radius: float, blind: float
+) -> NDArray[np.bool_]:
+    """Every cell by its distance to every obstacle, then one flood over the whole grid."""
+    row, column = cell
+    r, c = np.indices(occupancy.shape)
+    occupied = occupancy == 100
+    clear = np.ones(occupancy.shape, bool)
+    if occupied.any():
+        clear = np.asarray(ndimage.distance_transform_edt(~occupied)) > radius
+    whole = Box(0, occupancy.shape[0], 0, occupancy.shape[1])
+    known = (occupancy == 0) | (near_ground(occupancy, whole, cell, blind) > 0)
+    own = ((r - row) ** 2 + (c - column) ** 2 <= radius**2) & ~occupied
+    open_cells = (clear & known) | own
+    open_cells[row, column] = True
+    labels = np.zeros(occupancy.shape, np.int32)
+    ndimage.label(open_cells, output=labels)
+    return labels == labels[row, column]
+
+
+def rooms(rng: np.random.Generator) -> NDArray[np.int8]:
+    """Random rectangles of free ground and obstacles on unknown."""
+    out = np.full(GRID.shape, -1, np.int8)
+    for _ in range(rng.integers(5, 40)):
+        scribble(rng, out)
+    return out
+
+
+def scribble(rng: np.random.Generator, occupancy: NDArray[np.int8]) -> Box:
+    """Change one rectangle; its box."""
+    height, width = rng.integers(1, 60, 2) if rng.random() < 0.7 else rng.integers(1, 4, 2)
+    row, column = rng.integers(0, GRID.rows - 1), rng.integers(0, GRID.columns - 1)
+    box = Box(int(row), int(row + height), int(column), int(column + width)).cut(GRID.whole)
+    occupancy[box.slices] = rng.choice([-1, 0, 0, 0, 100])
+    return box
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.integers(0, 2**32 - 1).map(np.random.default_rng),
+    st.sampled_from([1.3, 4.1, 12.2]),
+    st.sampled_from([0.0, 5.0, 40.0]),
+)
+def test_what_can_be_reached_equals_brute_force_as_the_map_changes(
+    rng: np.random.Generator, radius: float, blind: float
+) -> None:
+    ground = OpenGround(GRID, radius)
+    occupancy = np.full(GRID.shape, -1, np.int8)
+    for change in range(4):
+        before = occupancy.copy()
+        if change == 0:
+            occupancy, box = rooms(rng), GRID.whole
+        else:
+            box = EMPTY
+            for _ in range(3):
+                box = box.union(scribble(rng, occupancy))
+        ground.update(occupancy, before[box.slices], box)
+        cell = (int(rng.integers(0, GRID.rows)), int(rng.integers(0, GRID.columns)))
+        got = ground.mask_of(ground.reached_from(occupancy, cell, blind))
+        np.testing.assert_array_equal(got, brute(occupancy, cell, radius, blind))
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 2**32 - 1).map(np.random.default_rng))
+def test_a_grown_grid_gives_what_a_large_one_gives(rng: np.random.Generator) -> None:
+    large = GridSpec(0.025, 6 * TILE, 5 * TILE, (-3 * TILE, 3 * TILE))
+    occupancy = rooms(rng)
+    # The margin that a map keeps around what it knows.
+    occupancy[:20], occupancy[-20:], occupancy[:, :20], occupancy[:, -20:] = -1, -1, -1, -1
+    ground = OpenGround(GRID, 6.2)
+    ground.update(occupancy, np.full(GRID.shape, -1, np.int8), GRID.whole)
+    ground.grow(large, GRID.to_world(GRID.whole))
+    over = np.full(large.shape, -1, np.int8)
+    over[large.to_local(GRID.to_world(GRID.whole)).slices] = occupancy
+    anew = OpenGround(large, 6.2)
+    anew.update(over, np.full(large.shape, -1, np.int8), large.whole)
+    np.testing.assert_array_equal(ground.crowd, anew.crowd)
+    np.testing.assert_array_equal(ground.labels, anew.labels)
+    np.testing.assert_array_equal(ground.counts, anew.counts)

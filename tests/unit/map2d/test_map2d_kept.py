@@ -1,0 +1,271 @@
+"""Maps that are saved, loaded, and kept from crashes."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.errors import Conflict, InvalidInput, Unavailable
+from helios_core.topics import LOAD_MAP2D, RECALL, SAVE_MAP2D
+from helios_map2d.kept import FILE_NAME
+from helios_map2d.state import MapState
+from map2d_house import House
+
+
+def state_of(house: House) -> MapState:
+    maps = house.service._maps
+    assert maps is not None
+    assert maps.current is not None
+    return maps.current
+
+
+def saved(house: House, kind: str) -> list[pb.Map2DFile]:
+    return list(house.bus.call(SAVE_MAP2D, pb.SaveMap2DRequest(format=kind), 10).files)
+
+
+def load(house: House, files: list[pb.Map2DFile]) -> pb.LoadMap2DReply:
+    return house.bus.call(LOAD_MAP2D, pb.LoadMap2DRequest(files=files), 10)
+
+
+def walked(*flags: str) -> House:
+    """A house that was looked at, with views that can be asked later."""
+    house = House(*flags)
+    house.say_epoch("boot")
+    house.search("first")
+    for frame in house.walk.look_around(2.0, 1.5):
+        house.keyframe(frame)
+        house.observe(frame, "first", {"pick": 0.3, "place": 0.6})
+    return house
+
+
+def assert_same_state(one: MapState, other: MapState) -> None:
+    a, b = one.published, other.published
+    assert a.grid == b.grid
+    for name in ("occupancy", "explored_for_search", "z_low_m", "z_high_m"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
+    for name, value in a.values.items():
+        np.testing.assert_array_equal(value, b.values[name])
+        np.testing.assert_array_equal(a.confidences[name], b.confidences[name])
+    assert [(f.id, f.centre_m, f.size_m, f.reachable, f.values) for f in a.frontiers] == [
+        (f.id, f.centre_m, f.size_m, f.reachable, f.values) for f in b.frontiers
+    ]
+    np.testing.assert_array_equal(a.trajectory_m, b.trajectory_m)
+    assert len(one.memory) == len(other.memory)
+
+
+def test_a_saved_map_goes_on_as_if_nothing_had_happened() -> None:
+    house, other = walked(), House()
+    other.say_epoch("boot")
+    other.search("first")
+    reply = load(other, saved(house, "map"))
+    assert reply.known_m2 > 5
+    assert reply.occupied_m2 > 0.3
+    assert reply.views == 12
+    assert_same_state(state_of(house), state_of(other))
+    # What is not shown, such as evidence, is there too: the next frames change both alike.
+    house.walk.blocks = house.walk.blocks[:4]
+    for frame in house.walk.look_around(2.2, 1.4):
+        for each in (house, other):
+            each.keyframe(frame)
+    assert_same_state(state_of(house), state_of(other))
+
+
+def test_a_map_of_another_day_is_taken_into_the_robots_present_world() -> None:
+    files = saved(walked(), "map")
+    today = House()
+    with pytest.raises(Conflict, match="start its bridge"):
+        load(today, files)
+    today.say_epoch("another boot")
+    load(today, files)
+    frame = today.walk.frame(1.0, 1.0, 0.0)
+    today.keyframe(
+        dataclasses.replace(frame, id=dataclasses.replace(frame.id, robot_boot_id="another boot"))
+    )
+    assert today.acks[-1].accepted
+    after = state_of(today).published
+    assert after.robot_pose == pytest.approx((1.0, 1.0, 0.0))
+    assert (after.occupancy != -1).sum() * 0.025**2 > 5
+
+
+def test_an_export_comes_back_with_occupancy_heights_and_values() -> None:
+    house, other = walked(), House()
+    other.say_epoch("boot")
+    other.search("first")
+    load(other, saved(house, "npz"))
+    a, b = state_of(house).published, state_of(other).published
+    for name in ("occupancy", "explored_for_search", "z_low_m", "z_high_m"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
+    np.testing.assert_array_equal(a.values["pick"], b.values["pick"])
+    assert {f.id for f in a.frontiers} == {f.id for f in b.frontiers}
+
+
+def test_a_map_goes_through_ros_map_server_and_back() -> None:
+    house, other = walked(), House()
+    files = saved(house, "ros")
+    by_name = {f.name: f.data for f in files}
+    assert set(by_name) == {"map.pgm", "map.yaml"}
+    text = by_name["map.yaml"].decode()
+    assert "image: map.pgm" in text
+    assert "resolution: 0.025" in text
+    picture = cv2.imdecode(np.frombuffer(by_name["map.pgm"], np.uint8), cv2.IMREAD_GRAYSCALE)
+    before = state_of(house).published
+    assert picture is not None
+    assert picture.shape == before.occupancy.shape
+    np.testing.assert_array_equal(picture[::-1] == 0, before.occupancy == 100)  # top row: high y
+    other.say_epoch("boot")
+    load(other, files)
+    after = state_of(other).published
+    assert after.grid.centre_of(0, 0) == pytest.approx(before.grid.centre_of(0, 0))
+    np.testing.assert_array_equal(before.occupancy, after.occupancy)
+
+
+def test_a_ros_map_in_block_style_on_other_cells_is_moved_by_less_than_half_a_cell() -> None:
+    house = House()
+    house.say_epoch("boot")
+    grey = np.full((40, 60), 205, np.uint8)
+    grey[10, 20] = 0
+    ok, png = cv2.imencode(".png", grey)
+    assert ok
+    about = (b"image: floor.png\nresolution: 0.025\norigin:\n- -1.01\n- 2.004\n- 0.0\n"
+             b"negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n")  # fmt: skip
+    load(house, [pb.Map2DFile(name="floor.yaml", data=about),
+                 pb.Map2DFile(name="floor.png", data=png.tobytes())])  # fmt: skip
+    after = state_of(house).published
+    ((row, column),) = np.argwhere(after.occupancy == 100)
+    x, y = after.grid.centre_of(int(row), int(column))
+    assert x == pytest.approx(-1.01 + 20.5 * 0.025, abs=0.0126)
+    assert y == pytest.approx(2.004 + 29.5 * 0.025, abs=0.0126)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "reason"),
+    [
+        ("a.map", b"helios map2d 1\n", "damaged or cut short"),
+        ("a.map", b"something else", "no map file"),
+        ("a.npz", b"something else", "no map snapshot"),
+        ("a.txt", b"", "send one .map, one .npz, or a .yaml"),
+    ],
+)
+def test_a_file_that_is_no_map_is_refused_and_changes_nothing(
+    name: str, data: bytes, reason: str
+) -> None:
+    house = walked()
+    before = state_of(house).published
+    with pytest.raises(InvalidInput, match=reason):
+        load(house, [pb.Map2DFile(name=name, data=data)])
+    assert state_of(house).published is before
+
+
+@pytest.mark.parametrize(
+    ("about", "reason"),
+    [
+        (b"resolution: 0.05\norigin: [0, 0, 0]\noccupied_thresh: 0.6\nfree_thresh: 0.2", "0.05 m"),
+        (b"resolution: 0.025\norigin: [0, 0, 1]\noccupied_thresh: 0.6\nfree_thresh: 0.2", "turned"),
+        (
+            b"resolution: x\norigin: [0, 0, 0]\noccupied_thresh: 0.6\nfree_thresh: 0.2",
+            "no map_serv",
+        ),
+        (b"resolution: 0.025\norigin: [nan, 0, 0]\noccupied_thresh: 0.6\nfree_thresh: 0", "finite"),
+        (
+            b"resolution: 0.025\norigin: [0, 0, 0]\noccupied_thresh: 0.6\nfree_thresh: 0",
+            "no picture",
+        ),
+    ],
+)
+def test_a_ros_map_that_does_not_fit_is_refused(about: bytes, reason: str) -> None:
+    house = House()
+    house.say_epoch("boot")
+    files = [pb.Map2DFile(name="m.yaml", data=about), pb.Map2DFile(name="m.pgm", data=b"P5")]
+    with pytest.raises(InvalidInput, match=reason):
+        load(house, files)
+
+
+def test_there_is_nothing_to_save_before_the_first_keyframe() -> None:
+    with pytest.raises(Unavailable, match="no keyframe"):
+        saved(House(), "map")
+    with pytest.raises(InvalidInput, match="map, npz, ros or png"):
+        saved(walked(), "jpeg2000")
+
+
+def kept(tmp_path: Path) -> tuple[str, ...]:
+    return "--state-dir", str(tmp_path), "--keep-period-s", "3600"
+
+
+def test_a_killed_service_goes_on_with_its_map_when_the_robot_is_still_in_its_world(
+    tmp_path: Path,
+) -> None:
+    house = walked(*kept(tmp_path))
+    keeper = house.service._keeping._keeper
+    assert keeper is not None
+    assert keeper.write()
+    assert not keeper.write()  # nothing has changed
+    version = state_of(house).published.version
+    again = House(*kept(tmp_path))  # the first one is never closed: it was killed
+    again.say_epoch("boot")
+    assert_same_state(state_of(house), state_of(again))
+    assert state_of(again).published.version > version
+    again.search("first")
+    assert_same_state(state_of(house), state_of(again))
+    again.keyframe(house.walk.frame(2.0, 1.5, 0.1))
+    assert again.acks[-1].accepted
+
+
+def test_a_kept_map_of_another_world_is_not_used(tmp_path: Path) -> None:
+    house = walked(*kept(tmp_path))
+    house.service.close()
+    again = House(*kept(tmp_path))
+    again.say_epoch("another boot")
+    assert again.snapshot().cell_m == 0
+
+
+@pytest.mark.parametrize("damage", ["cut", "changed", "foreign", "empty"])
+def test_a_damaged_kept_map_is_put_aside_and_told_of(tmp_path: Path, damage: str) -> None:
+    house = walked(*kept(tmp_path))
+    house.service.close()
+    path = tmp_path / FILE_NAME
+    data = path.read_bytes()
+    bad = {"cut": data[:-100], "changed": data[:-5] + b"12345", "foreign": b"\x7fELF" * 100,
+           "empty": b""}[damage]  # fmt: skip
+    path.write_bytes(bad)
+    again = House(*kept(tmp_path))
+    state, reason = again.health.state
+    assert state == "ready"
+    assert "put aside as" in reason
+    (aside,) = tmp_path.glob("*.refused-*")
+    assert aside.read_bytes() == bad
+    again.say_epoch("boot")
+    again.keyframe(again.walk.frame(2.0, 1.5, 0.0))
+    assert again.acks[-1].accepted
+    again.service.close()
+    assert path.read_bytes().startswith(b"helios map2d")
+
+
+def test_a_state_directory_that_cannot_be_written_is_told_of_and_ends_nothing(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "file").write_text("no directory")
+    house = walked(*kept(tmp_path / "file"))
+    keeper = house.service._keeping._keeper
+    assert keeper is not None
+    assert not keeper.write()
+    assert "cannot be" in house.health.state[1]
+    house.keyframe(house.walk.frame(2.0, 1.5, 0.1))
+    assert house.acks[-1].accepted
+
+
+def test_views_come_back_with_a_saved_map() -> None:
+    house, other = walked(), House()
+    other.say_epoch("boot")
+    load(other, saved(house, "map"))
+    for each in (house, other):
+        each.scorer.serve(each.bus)
+    asked = pb.RecallRequest(prompt="a teapot", most_places=3)
+    one, two = (each.bus.call(RECALL, asked, 5) for each in (house, other))
+    assert one.views == two.views == 12
+    assert [(p.id, p.score, p.jpeg) for p in one.places] == [
+        (p.id, p.score, p.jpeg) for p in two.places
+    ]

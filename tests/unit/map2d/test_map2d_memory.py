@@ -1,0 +1,149 @@
+"""What past views saw can be asked about later."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.errors import InvalidInput, Unavailable
+from helios_core.grids import decode_snapshot
+from helios_core.topics import RECALL
+from helios_core.types import Embedding, FrameId
+from helios_map2d.memory import SeenView, ViewMemory, read_view
+from helios_map2d.value import Cone
+from map2d_house import House
+from numpy.typing import NDArray
+
+PROMPTS = {"pick": "a blue mug", "place": "a wooden counter"}
+
+
+def look(house: House, context_id: str, prompts: dict[str, str], places: list[float]) -> None:
+    """Looking around at some places, as a detector with an embedding scorer reports it."""
+    for x in places:
+        for frame in house.walk.look_around(x, 1.4):
+            house.keyframe(frame)
+            scores = {name: house.scorer.score(frame, p) for name, p in prompts.items()}
+            house.observe(frame, context_id, scores)
+
+
+def asked_from_the_start() -> House:
+    house = House()
+    house.scorer.serve(house.bus)
+    house.search("search", PROMPTS)
+    look(house, "search", PROMPTS, [1.2, 2.0, 2.8])
+    return house
+
+
+def layers(house: House) -> dict[str, NDArray[np.float32]]:
+    return dict(decode_snapshot(house.snapshot()).values)
+
+
+def test_a_layer_asked_for_afterwards_equals_the_one_from_the_start() -> None:
+    start, later = asked_from_the_start(), House()
+    later.scorer.serve(later.bus)
+    later.search("idle", {"other": "a plant"})
+    look(later, "idle", {"other": "a plant"}, [1.2, 2.0, 2.8])
+    later.search("search", PROMPTS)  # the same walk, the sentence comes at its end
+    one, two = layers(start), layers(later)
+    assert set(one) == set(two) == set(PROMPTS)
+    for name, layer in one.items():
+        assert (layer > 0).sum() > 5000
+        # Image and text travel as float16.
+        np.testing.assert_allclose(two[name], layer, atol=2e-3)
+
+
+def test_a_layer_goes_on_with_what_is_seen_next() -> None:
+    start, later = asked_from_the_start(), House()
+    later.scorer.serve(later.bus)
+    later.search("idle", {})
+    look(later, "idle", {}, [1.2, 2.0])
+    later.search("search", PROMPTS)
+    look(later, "search", PROMPTS, [2.8])
+    for name, layer in layers(start).items():
+        np.testing.assert_allclose(layers(later)[name], layer, atol=2e-3)
+
+
+def test_where_a_thing_was_seen_is_answered_with_pictures_best_first() -> None:
+    house = asked_from_the_start()
+    reply = house.bus.call(RECALL, pb.RecallRequest(prompt="a teapot", most_places=4), 5)
+    assert reply.views == 36
+    assert 1 < len(reply.places) <= 4
+    scores = [p.score for p in reply.places]
+    assert scores == sorted(scores, reverse=True)
+    best = reply.places[0]
+    assert best.id.robot_boot_id == "boot"
+    picture = cv2.imdecode(np.frombuffer(best.jpeg, np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None
+    assert picture.shape == (120, 160, 3)
+    ahead = math.atan2(best.y_m - best.camera.y_m, best.x_m - best.camera.x_m)
+    assert abs(math.remainder(ahead - best.camera.yaw_rad, math.tau)) < 0.6
+    assert set(layers(house)) == set(PROMPTS)  # no layer was asked for
+
+
+def test_a_recalled_layer_is_kept_under_its_name() -> None:
+    house = asked_from_the_start()
+    before = house.snapshot().version
+    reply = house.bus.call(RECALL, pb.RecallRequest(prompt="a teapot", layer="tea"), 5)
+    assert reply.version > before
+    assert layers(house)["tea"].max() > 0
+    frontier_values = [dict(f.values) for f in house.snapshot().frontiers]
+    assert all("tea" in values for values in frontier_values)
+
+
+def test_without_views_or_without_a_text_model_the_question_is_refused_with_what_to_do() -> None:
+    house = House()
+    with pytest.raises(Unavailable, match="no keyframe"):
+        house.bus.call(RECALL, pb.RecallRequest(prompt="a mug"), 5)
+    house.settle()  # by a scorer that does not embed
+    with pytest.raises(Unavailable, match="does not embed"):
+        house.bus.call(RECALL, pb.RecallRequest(prompt="a mug"), 5)
+    with pytest.raises(InvalidInput, match="empty prompt"):
+        house.bus.call(RECALL, pb.RecallRequest(prompt=" "), 5)
+    look(house, "first", {}, [2.0])
+    with pytest.raises(Unavailable):
+        house.bus.call(RECALL, pb.RecallRequest(prompt="a mug"), 5)
+    house.search("second", PROMPTS)  # and a search begins all the same
+    assert house.snapshot().context_id == "second"
+
+
+def view(seq: int, x: float, y: float, yaw: float) -> SeenView:
+    reach = np.zeros(400, np.float32)
+    reach[180:220] = 3.0
+    cone = Cone(x, y, (math.cos(yaw), math.sin(yaw)), 0.4, reach)
+    vectors = np.array([[1.0, 0.0]], np.float32)
+    return SeenView(FrameId("boot", 0, seq), seq, cone, Embedding("model", vectors), b"jpeg")
+
+
+def test_of_too_many_views_the_one_goes_that_others_saw_best() -> None:
+    memory = ViewMemory(4)
+    memory.add(view(1, 0.0, 0.0, 0.0))
+    memory.add(view(2, 10.0, 0.0, 0.0))
+    memory.add(view(3, 10.1, 0.0, 0.02))
+    memory.add(view(4, 0.0, 0.0, math.pi))  # the same place, but the other way
+    memory.add(view(5, 20.0, 5.0, 1.0))
+    assert {v.id.seq for v in memory} in ({1, 3, 4, 5}, {1, 2, 4, 5})
+
+
+def test_many_views_of_one_room_stay_within_the_bound_and_the_far_one_is_kept() -> None:
+    memory = ViewMemory(20)
+    memory.add(view(0, 50.0, 50.0, 0.0))
+    rng = np.random.default_rng(1)
+    for seq in range(1, 200):
+        memory.add(view(seq, rng.uniform(0, 1), rng.uniform(0, 1), rng.uniform(-3, 3)))
+    assert len(memory) == 20
+    assert any(v.id.seq == 0 for v in memory)
+    assert sum(memory._seen_by.values()) == sum(len(v.patches) for v in memory)
+
+
+def test_a_kept_view_round_trips_and_a_damaged_one_is_refused() -> None:
+    one = view(7, 1.0, 2.0, 0.5)
+    message = pb.KeptMap.FromString(one.kept).views[0]
+    again = read_view(message)
+    np.testing.assert_array_equal(again.cone.reach_m, one.cone.reach_m)
+    assert (again.id, again.cone.heading, again.jpeg) == (one.id, one.cone.heading, one.jpeg)
+    message.first_bin = 390
+    with pytest.raises(InvalidInput, match="kept view"):
+        read_view(message)
