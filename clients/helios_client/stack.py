@@ -80,10 +80,11 @@ class Stack:
             out.append(self._service("detector", "helios_replay", source=self.source))
         else:
             out.append(self._service("detector", "helios_detector", detector=self.detector))
-        out.append(self._service("objectmap", "helios_objectmap"))
-        # What a replay leaves is its results; only a robot's map is kept from crashes.
-        map_dir = self.state_dir / "map2d" if self.port is not None else None
-        out.append(self._service("map2d", "helios_map2d", state_dir=map_dir))
+        kept = self.state_dir if self.port is not None else None  # a replay starts from nothing
+        out.append(
+            self._service("objectmap", "helios_objectmap", state_dir=kept and kept / "objectmap")
+        )
+        out.append(self._service("map2d", "helios_map2d", state_dir=kept and kept / "map2d"))
         if self.port is not None:
             out.append(
                 self._service("planner", "helios_planner", state_dir=self.state_dir / "planner")

@@ -29,11 +29,13 @@ class EpochMaps:
         self.epoch: Epoch | None = None
         self.robot_epoch: Epoch | None = None  # the one that the robot itself is in
         self.current = ObjectMap(settings)
+        self.from_disk = False  # no frame has come since the present map was read
         self.parked: deque[tuple[Epoch, ObjectMap]] = deque(maxlen=MOST_PARKED)
 
     def map_for(self, id: FrameId) -> ObjectMap:
         """The map a frame belongs to. Raises Conflict for an epoch that is over."""
         if id.epoch == self.epoch:
+            self.from_disk = False
             return self.current
         if id.epoch == self.robot_epoch:
             return self._bring_back(id.epoch)
@@ -47,6 +49,17 @@ class EpochMaps:
             )
         self._go_to(id.epoch, ObjectMap(self._settings))
         return self.current
+
+    def robot_is_in(self, epoch: Epoch) -> bool:
+        """Note it. A map that was read from disk and is of another epoch makes room at once.
+
+        Returns whether the present map is another one now.
+        """
+        self.robot_epoch = epoch
+        if not self.from_disk or epoch == self.epoch:
+            return False
+        self._go_to(epoch, ObjectMap(self._settings))
+        return True
 
     def _bring_back(self, epoch: Epoch) -> ObjectMap:
         back = next((m for e, m in self.parked if e == epoch), None)
@@ -65,4 +78,5 @@ class EpochMaps:
             self._over.append(self.epoch)
             self.parked.append((self.epoch, self.current))
             self.current = fresh
+        self.from_disk = False
         self.epoch = epoch

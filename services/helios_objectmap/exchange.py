@@ -154,7 +154,7 @@ class Exchange:
             present = self._maps.current
             present.recall(memory)
             if self._maps.epoch is None:
-                self._maps.epoch = epoch
+                self._maps.epoch, self._maps.from_disk = epoch, epoch is not None
             self._replaced()
             objects, gaussians = len(present.objects()), len(present)
         log.info("%d Gaussians read in %.1f s", gaussians, time.perf_counter() - began)

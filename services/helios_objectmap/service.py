@@ -127,8 +127,11 @@ class ObjectMapService:
             return
         with self._lock:
             self._held = held
-            if message.robot_boot_id:
-                self._maps.robot_epoch = (message.robot_boot_id, message.world_epoch)
+            if message.robot_boot_id and self._maps.robot_is_in(
+                (message.robot_boot_id, message.world_epoch)
+            ):
+                log.warning("the kept map is of a world that is over: it is parked")
+                self._replaced()
 
     def on_observation(self, message: pb.Observation) -> None:
         """Integrate, or say why not. Never raises."""

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 from helios_core import proto as pb
-from helios_core.codec import context_to_proto, observation_to_proto
+from helios_core.codec import context_to_proto, observation_to_proto, state_to_proto
 from helios_core.codec.frames import pinhole_to_proto, transform_to_proto
 from helios_core.errors import InvalidInput
 from helios_core.health import Health
@@ -28,8 +28,10 @@ from helios_core.topics import (
     OBJECTS,
     OBSERVATION,
     RENDER_OBJECTS,
+    ROBOT_STATE,
     SAVE_OBJECTS,
 )
+from helios_core.types import RobotState
 from helios_objectmap.export import SH_C0
 from helios_objectmap.keeper import FILE_NAME
 from helios_objectmap.service import ObjectMapService
@@ -207,6 +209,19 @@ def test_the_map_is_back_after_a_restart_and_says_so(tmp_path, rig):
     again.bus.publish(OBSERVATION, observation_to_proto(o))
     assert again.mug().id == rig.mug().id  # frames of the same epoch go into the same map
     again.service.close()
+
+
+def test_a_kept_map_of_a_world_that_is_over_makes_room_at_once(tmp_path):
+    first = Rig(tmp_path).look_around()
+    first.service.close()
+    again = Rig(tmp_path)
+    again.bus.publish(CONTEXT, context_to_proto(SOUGHT))
+    assert again.objects()
+    boot = observe(SCENE, looking_at(0, 0, MUG_CENTER)).frame.id.robot_boot_id
+    for id, left in ((boot, True), ("another", False)):
+        state = RobotState(np.eye(4), robot_boot_id=id)
+        again.bus.publish(ROBOT_STATE, state_to_proto(state))
+        assert bool(again.objects()) == left
 
 
 def test_a_kept_map_that_is_cut_off_is_put_aside_and_said(tmp_path, rig):

@@ -23,6 +23,7 @@ from helios_core.topics import (
     OBSERVATION,
     RESET_OBJECTS,
     RETIRE,
+    RETIRED,
     ROBOT_STATE,
     WHAT_IF,
 )
@@ -224,10 +225,17 @@ def test_retire_by_id_or_point_takes_the_object_out(rig):
             if by_point
             else pb.RetireRequest(object_id=mug.id, reason="picked")
         )
-        assert rig.bus.call(RETIRE, request, 1.0).retired_gaussians >= mug.gaussians
+        told: list[pb.Retired] = []
+        rig.bus.subscribe(RETIRED, told.append)
+        reply = rig.bus.call(RETIRE, request, 1.0)
+        assert reply.retired_gaussians >= mug.gaussians
+        assert (reply.object_id, reply.class_name) == (mug.id, "mug")
+        assert (told[-1].object_id, told[-1].class_name) == (mug.id, "mug")
         assert not rig.objects("mug")
         assert rig.objects("table")
-        assert rig.bus.call(RETIRE, request, 1.0).retired_gaussians == 0
+        again = rig.bus.call(RETIRE, request, 1.0)
+        assert again.retired_gaussians == 0
+        assert "no object" in again.reason
     with pytest.raises(InvalidInput):
         rig.bus.call(RETIRE, pb.RetireRequest(), 1.0)
 
