@@ -1,6 +1,6 @@
 """Back ends that run models of the `transformers` library, named by model id or folder.
 
-    boxes.py      pure: phrases of a search context, one class per box, suppression
+    phrases.py    pure: what is asked for, and which class an answer belongs to
     runtime.py    device, precision, loading, unloading; every failure as one sentence (faults.py)
     grounding.py  text to boxes: OWL-ViT, OWLv2, Grounding DINO, MM Grounding DINO, OmDet-Turbo
     sam.py        boxes to masks: SAM 2 and kin

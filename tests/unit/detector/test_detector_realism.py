@@ -1,5 +1,9 @@
 """How recognition of simulated things is counted. Pictures themselves are for the eye."""
 
+import json
+from pathlib import Path
+
+import cv2
 import numpy as np
 import pytest
 from helios_core.errors import Unavailable
@@ -11,6 +15,7 @@ from helios_eval.realism import Row, Sight, judged, main, names_for, rows_of, ta
 from helios_eval.realism_views import Eye, Thing, iou, looking, outline_of
 from helios_sim.home import PRESETS, generate_home
 
+MODEL = Path(__file__).resolve().parents[4] / "shared" / "models" / "yolox_nano.onnx"
 CHAIR = Thing("chair_1", "chair", (10, 10, 30, 50), 600, 0.9, 0.8, None)
 
 
@@ -103,3 +108,20 @@ def test_what_is_missing_is_one_sentence(
     monkeypatch.setattr(realism, "realistic", nothing_baked)
     assert main(args) == 1
     assert "helios assets bake" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not MODEL.is_file(), reason=f"no model at {MODEL}")
+def test_the_command_leaves_figures_a_table_and_pictures(tmp_path: Path):
+    status = main(
+        ["--detector", f"onnx:{MODEL}", "--preset", "demo-v1", "--furniture", "parametric",
+         "--seeds", "0", "--out", str(tmp_path)]
+    )  # fmt: skip
+    assert status == 0
+    figures = json.loads((tmp_path / "realism.json").read_text())
+    assert figures["views"]["parametric"] > 5
+    seen = {row["class"]: row for row in figures["rows"]}
+    assert all(row["recognised"] <= row["seen"] for row in seen.values())
+    assert "| thing | counts as |" in (tmp_path / "realism.md").read_text()
+    for name in ("realism-classes.png", "realism-parametric.jpg"):
+        assert cv2.imread(str(tmp_path / name)) is not None
+    assert not (tmp_path / "attributions.md").exists()
