@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from helios_core.errors import HeliosError, InvalidInput, Unavailable
+from helios_core.errors import HeliosError, Unavailable
 from rich.markup import escape
 from rich.table import Table
 
@@ -19,16 +19,13 @@ def find_status(helios: Helios, port: int | None, state_dir: Path | None) -> Sta
     """`{ready, stopped, services: [{name, state, reason, restarts, pid}]}`.
 
     The supervisor's file of `port` knows the services while the gateway is down; whether stop-now
-    is latched only the gateway can say. Raises Unavailable when neither is there, InvalidInput
-    where the gateway refuses.
+    is latched only the gateway can say. Raises Unavailable when neither is there.
     """
     found = None
     if port is not None:
         found = state_file.read(state_dir or state_file.default_state_dir(port))
     try:
         live = helios.status()
-    except InvalidInput:
-        raise
     except HeliosError as error:
         if found is not None:
             return {"ready": found["ready"], "stopped": None, "services": found["services"]}
