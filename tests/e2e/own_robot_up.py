@@ -60,7 +60,11 @@ def helios_up(
         )  # fmt: skip
     up = Up(port, f"tcp/127.0.0.1:{router_port}")
     try:
-        wait_until(lambda: up.ready(*needed), 120, f"{' and '.join(needed)} are ready")
+        wait_until(
+            lambda: process.poll() is not None or up.ready(*needed),
+            120, f"{' and '.join(needed)} are ready",
+        )  # fmt: skip
+        assert process.poll() is None, "helios up ended"
         yield up
     except BaseException:
         print(log.read_text())
