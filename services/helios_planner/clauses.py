@@ -169,15 +169,15 @@ def _clause(words: list[str]) -> Clause:
 
     while at < len(words):
         nothing_yet = not noun(here)
-        if (n := length_at(words, at, w.ASIDES)) and not nothing_yet:
+        if not nothing_yet and (
+            (n := length_at(words, at, w.RELATIVES)) and _leads_to_place(words, at + n)
+        ):
+            relative, at = True, at + n
+        elif not nothing_yet and (n := length_at(words, at, w.ASIDES)):
             close()
             end = next((k for k in range(at + n, len(words)) if _is_place(words, k)), len(words))
             out.asides.append(" ".join(trimmed(words[at:end])))
             here, at = [], end
-        elif (n := length_at(words, at, w.RELATIVES)) and not nothing_yet and (
-            _leads_to_place(words, at + n)
-        ):  # fmt: skip
-            relative, at = True, at + n
         elif n := length_at(words, at, w.PLACES):
             close()
             kind = w.PLACES[tuple(words[at : at + n])]

@@ -53,8 +53,9 @@ VERBS: dict[Phrase, Verb] = {
         "lay down, put away, drop off, send, insert, stick, rest, stash",
         TAKE="take, fetch, grab, get, pick, pick up, collect, retrieve, remove, lift, lift up, "
         "grasp, get hold of, clear",
-        FIND="find, locate, look for, search for, search, seek, spot, look, hunt for, where is, "
-        "where are, where's, wheres, where did i leave, where did i put, show me, show, see, "
+        FIND="find, find out where, locate, look for, search for, search, seek, spot, look, "
+        "hunt for, where is, where are, where's, wheres, where did i leave, "
+        "where did i put, show me, show, see, "
         "do you see, is there, are there, have you seen, check for, tell me where, "
         "show me where, see where, watch out for, keep an eye out for",
         GO="go, drive, navigate, walk, head, come, travel, run, roll, go over, come over",
@@ -70,16 +71,17 @@ PLACES: dict[Phrase, Place] = {
         "back into, towards, toward, to, into, onto",
         ON="on top of, on the top of, back on, back in, down on, down in, over on, up on, "
         "over in, upon, atop, on, inside of, inside, within, in, at",
-        BESIDE="next to, close to, in front of, to the left of, to the right of, left of, "
-        "right of, near, beside, by, behind, under, underneath, below, beneath, between, above, "
-        "against, around, opposite",
+        BESIDE="next to, close to, closer to, nearer to, in front of, to the left of, "
+        "to the right of, left of, right of, near, beside, by, behind, under, underneath, "
+        "below, beneath, between, above, against, around, opposite",
         FOR="for",
     ).items()
 }  # fmt: skip
 
 # Words that open what does not change the task; it is told that it was not used.
 ASIDES = frozenset(_phrases(
-    "with, that has, which has, that have, because, since, so that, so, as soon as possible"
+    "with, that, which, that has, which has, that have, because, since, so that, so, "
+    "as soon as possible"
 ))  # fmt: skip
 # Words that open a condition: what comes after it would have to be judged, so it is refused.
 CONDITIONS = frozenset(
@@ -103,7 +105,8 @@ POLITE = frozenset(_phrases(
     "i'd like you to, i need you to, i want to, you should, you must, your task is to, "
     "your job is to, task, try to, let's, lets, go ahead and, go and, come and, help me to, "
     "help me, would you mind, do me a favour and, do me a favor and, be so kind as to, first, "
-    "next, quickly, carefully, good morning, dear"
+    "next, quickly, carefully, good morning, dear, if you can, if possible, when you can, "
+    "when you have time, if you have time"
 ))  # fmt: skip
 POLITE_END = frozenset(_phrases(
     "please, pls, now, right now, for me, for us, immediately, quickly, carefully, gently, slowly, "
@@ -120,9 +123,14 @@ MANY = frozenset(_phrases(
     "all of the, all the, all of my, all my, all, every, both, both of the, many, several, two, "
     "three, four, five, six, seven, eight, nine, ten, a few, a couple of, everything, things"
 ))  # fmt: skip
-PARTICLES = _words("up over back away down again there here out together off along")
+PARTICLES = _words(
+    "up over back away down again there here out together off along very carefully gently slowly "
+    "quickly directly straight"
+)
 PRONOUNS = _words("it them that this one something anything stuff thing those these what")
-PEOPLE = _words("me us him her them you myself here there somewhere anywhere home everyone someone")
+PEOPLE = _words(
+    "me us him her them you myself here there somewhere anywhere everywhere home everyone someone"
+)
 ROOMS = frozenset(_phrases(
     "kitchen, bedroom, living room, livingroom, bathroom, hall, hallway, corridor, office, study, "
     "garage, garden, dining room, guest room, kids room, kid's room, children's room, basement, "

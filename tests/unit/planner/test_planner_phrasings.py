@@ -91,6 +91,10 @@ move the coffee_mug from the coffee_table to the TV_stand | coffee mug | coffee 
 move the mug from the table in the kitchen to the sofa in the living room | mug | table | sofa
 bring the mug from the kitchen to the sofa         | mug | | sofa
 bring the mug with the blue handle to the sofa     | mug | | sofa
+bring the mug that I like to the sofa              | mug | | sofa
+move the mug, which is red, from the table to the sofa | mug | table | sofa
+move the mug very carefully to the sofa            | mug | | sofa
+if you can, move the mug to the sofa               | mug | | sofa
 bring the mug to the sofa for grandma              | mug | | sofa
 bring the mug to the sofa because I am thirsty     | mug | | sofa
 bring the mug to the sofa, please                  | mug | | sofa
@@ -125,6 +129,8 @@ Where is the remote?                   | remote |
 where's my phone                       | phone |
 where are my keys                      | keys |
 tell me where the phone is             | phone |
+could you find out where my keys are   | keys |
+search everywhere for the phone        | phone |
 can you see the phone?                 | phone |
 have you seen my phone                 | phone |
 is there a mug on the table?           | mug | table
@@ -190,6 +196,7 @@ don't move the mug to the sofa                      | not to be done (“don't�
 never put the mug on the sofa                       | not to be done
 put the mug not on the sofa but on the bed          | not to be done
 put the mug next to the plate                       | “next to the plate” cannot be done
+move the chair closer to the table                  | “closer to the table” cannot be done
 move the mug under the table to the sofa            | “under the table” cannot be done
 if the mug is dirty, put it in the sink             | a condition (“if”)
 bring the mug to the sofa if it is dirty            | a condition (“if”)
