@@ -6,6 +6,7 @@ Rows hold the messages as they travel, so that what is told later is what was to
 from __future__ import annotations
 
 import json
+import logging
 import sqlite3
 import threading
 import time
@@ -15,6 +16,8 @@ from helios_core import proto as pb
 from helios_core.errors import Unavailable
 
 from helios_planner.journal import Entry
+
+log = logging.getLogger(__name__)
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS tasks (
@@ -32,7 +35,7 @@ CREATE TABLE IF NOT EXISTS journal (
 
 
 class Store:
-    """Safe from any thread. Raises Unavailable where the file cannot be used.
+    """Safe from any thread. Raises Unavailable where the file cannot be used at the start.
 
     Of each task the newest `most_decisions` stay; `forget` takes a task out.
     """
@@ -40,6 +43,7 @@ class Store:
     def __init__(self, directory: Path, most_decisions: int = 2000) -> None:
         self._lock = threading.Lock()
         self._most_decisions = most_decisions
+        self._said = ""  # the last error of writing
         self.path = directory / "tasks.sqlite"
         try:
             directory.mkdir(parents=True, exist_ok=True)
@@ -57,23 +61,24 @@ class Store:
     def put(self, task: pb.Task) -> None:
         """Keep a task as it is now."""
         row = (task.id, task.created_s, task.state, task.SerializeToString())
-        with self._lock, self._db:
-            self._db.execute("INSERT OR REPLACE INTO tasks VALUES (?, ?, ?, ?)", row)
+        self._write(("INSERT OR REPLACE INTO tasks VALUES (?, ?, ?, ?)", row))
 
     def add(self, decision: pb.Decision) -> None:
         """Keep a decision under its task and number, and let go of the oldest one too many."""
         row = (decision.task_id, decision.index, decision.SerializeToString())
         over = (decision.task_id, decision.index - self._most_decisions)
-        with self._lock, self._db:
-            self._db.execute("INSERT OR REPLACE INTO decisions VALUES (?, ?, ?)", row)
-            self._db.execute("DELETE FROM decisions WHERE task_id = ? AND number <= ?", over)
+        self._write(
+            ("INSERT OR REPLACE INTO decisions VALUES (?, ?, ?)", row),
+            ("DELETE FROM decisions WHERE task_id = ? AND number <= ?", over),
+        )
 
     def forget(self, id: str) -> None:
         """Let go of a task and all that is kept of it."""
-        with self._lock, self._db:
-            self._db.execute("DELETE FROM decisions WHERE task_id = ?", (id,))
-            self._db.execute("DELETE FROM journal WHERE task_id = ?", (id,))
-            self._db.execute("DELETE FROM tasks WHERE id = ?", (id,))
+        self._write(
+            ("DELETE FROM decisions WHERE task_id = ?", (id,)),
+            ("DELETE FROM journal WHERE task_id = ?", (id,)),
+            ("DELETE FROM tasks WHERE id = ?", (id,)),
+        )
 
     def get(self, id: str) -> pb.Task | None:
         """A task by its id."""
@@ -110,8 +115,7 @@ class Store:
         result = entry.result.SerializeToString() if entry.result is not None else None
         row = (task_id, entry.life, request, result, json.dumps(entry.memory),
                json.dumps(entry.epoch), time.time())  # fmt: skip
-        with self._lock, self._db:
-            self._db.execute("INSERT OR REPLACE INTO journal VALUES (?, ?, ?, ?, ?, ?, ?)", row)
+        self._write(("INSERT OR REPLACE INTO journal VALUES (?, ?, ?, ?, ?, ?, ?)", row))
 
     def entry(self, task_id: str) -> Entry | None:
         """What was kept of a running task."""
@@ -135,9 +139,21 @@ class Store:
 
     def settle(self, task_id: str) -> None:
         """The task has ended: its journal is needed no more."""
-        with self._lock, self._db:
-            self._db.execute("DELETE FROM journal WHERE task_id = ?", (task_id,))
+        self._write(("DELETE FROM journal WHERE task_id = ?", (task_id,)))
 
     def close(self) -> None:
         with self._lock:
             self._db.close()
+
+    def _write(self, *statements: tuple[str, tuple]) -> None:
+        """All or nothing. A full disk ends no task: what could not be kept is said once."""
+        try:
+            with self._lock, self._db:
+                for statement, values in statements:
+                    self._db.execute(statement, values)
+        except sqlite3.Error as error:
+            if str(error) != self._said:
+                log.error("cannot keep tasks in %s: %s; the task goes on", self.path, error)
+            self._said = str(error)
+        else:
+            self._said = ""

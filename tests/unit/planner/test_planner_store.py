@@ -1,0 +1,72 @@
+"""What is kept of tasks: bounded, read back as it was, and no full disk ends a task."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import pytest
+from helios_core import proto as pb
+from helios_planner.journal import Entry
+from helios_planner.store import Store
+
+
+def decisions(store: Store, count: int) -> list[int]:
+    for k in range(count):
+        store.add(pb.Decision(task_id="a", index=k))
+    return [d.index for d in store.decisions("a")]
+
+
+def test_of_a_task_the_newest_decisions_stay(tmp_path: Path) -> None:
+    store = Store(tmp_path, most_decisions=3)
+    assert decisions(store, 5) == [2, 3, 4]
+    assert store.last_number("a") == 4
+    assert store.last_number("b") == -1
+    store.close()
+
+
+def test_a_journal_comes_back_as_it_was(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    request = pb.ActionRequest(action_id="a-1", action=pb.Action(turn=pb.Action.Turn(angle_rad=1)))
+    result = pb.ActionResult(action_id="a-1", succeeded=True)
+    for entry in (
+        Entry(),
+        Entry(life=2, request=request, memory={"looked": [[1.5, 2.0]]}, epoch=("boot", 3)),
+        Entry(life=2, request=request, result=result, epoch=("boot", 3)),
+    ):
+        store.keep("a", entry)
+        again = store.entry("a")
+        assert again is not None
+        assert again.saved_s > 0
+        assert (again.life, again.request, again.result, again.memory, again.epoch) == (
+            entry.life, entry.request, entry.result, entry.memory, entry.epoch
+        )  # fmt: skip
+    store.settle("a")
+    assert store.entry("a") is None
+    store.close()
+
+
+def test_what_is_forgotten_is_gone(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    store.put(pb.Task(id="a", state="failed"))
+    store.keep("a", Entry())
+    decisions(store, 2)
+    store.forget("a")
+    assert (store.tasks(), store.decisions("a"), store.entry("a")) == ([], [], None)
+    store.close()
+
+
+def test_a_full_disk_is_said_once_and_ends_nothing(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    store = Store(tmp_path)
+    store.put(pb.Task(id="a", state="running"))
+    store._db.execute("PRAGMA max_page_count=12")
+    with caplog.at_level(logging.ERROR):
+        for k in range(3):
+            store.add(pb.Decision(task_id="a", index=k, why="x" * 200_000))
+    assert len(caplog.records) == 1
+    assert "full" in caplog.text
+    store.put(pb.Task(id="a", state="failed"))
+    assert [t.state for t in store.tasks()] == ["failed"]
+    store.close()
