@@ -29,9 +29,8 @@ TURN_S = 12.0  # that the bridge may need for the frames before this one
 def frame_routes(prefix: str, settings: Settings) -> APIRouter:
     """`/frames` and `/frames/ws`."""
     routes = APIRouter(prefix=prefix, tags=["frames"])
-    own_threads = CapacityLimiter(
-        MOST_SENDERS + MOST_LARGE
-    )  # waiting for maps holds nobody else up
+    # Of its own, so that waiting for the maps holds nobody else up.
+    own_threads = CapacityLimiter(MOST_SENDERS + MOST_LARGE)
     sockets = _Places(MOST_SENDERS)
 
     async def give(at: Served, meta: str | bytes, color: bytes, depth: bytes | None) -> FrameTaken:

@@ -43,7 +43,7 @@ def write_frame(folder: Path, x_m: float = 0.0, yaw_rad: float = 0.0, **more: An
 def post(up: Up, folder: Path) -> httpx.Response:
     files = {name: (folder / f"{name}.png").read_bytes() for name in ("color", "depth")}
     data = {"meta": (folder / "meta.json").read_text()}
-    return httpx.post(f"{up.address}/v1/frames", data=data, files=files, timeout=30)
+    return httpx.post(f"{up.address}/v1/frames", data=data, files=files, timeout=60)
 
 
 def test_the_curl_line_of_the_docs_works(up: Up, tmp_path: Path) -> None:
@@ -101,6 +101,22 @@ def test_a_stream_over_a_socket_is_answered_frame_by_frame(up: Up, tmp_path: Pat
             assert any(m["accepted"] for m in answer["maps"]), answer
             numbers.append(int(number))
     assert numbers == sorted(set(numbers))
+
+
+def test_a_picture_of_many_megabytes_is_taken(up: Up, tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).integers(0, 255, (1080, 1920, 3), np.uint8)
+    depth = np.full((1080, 1920), 2000, np.uint16)
+    cv2.imwrite(str(tmp_path / "color.png"), noise)
+    cv2.imwrite(str(tmp_path / "depth.png"), depth)
+    assert (tmp_path / "color.png").stat().st_size > 5_000_000
+    T_world_cam = camera_on_base(se2_to_se3(0.0, 0.0, 0.0), 1.2, 0.4)
+    K = [1400.0, 0, 959.5, 0, 1400.0, 539.5, 0, 0, 1]
+    meta = {"K": K, "T_world_cam": T_world_cam.tolist(), "wait_s": 30, "robot_boot_id": "large"}
+    (tmp_path / "meta.json").write_text(json.dumps(meta))
+    answer = post(up, tmp_path)
+    assert answer.status_code == 200, answer.text
+    taken = [m["map"] for m in answer.json()["maps"] if m["accepted"]]
+    assert "map2d/occupancy" in taken, answer.text
 
 
 def test_nothing_that_is_sent_ends_a_service(up: Up, tmp_path: Path) -> None:
