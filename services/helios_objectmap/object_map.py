@@ -1,35 +1,26 @@
-"""The map of objects: one state, updated by observations, asked for objects and what-ifs."""
+"""The map of objects: how observations, contexts and retirements change what it knows."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from helios_core.errors import InvalidInput
-from helios_core.types import ObjectInstance, Observation, Role, SearchContext
+from helios_core.types import Observation, SearchContext
 from numpy.typing import NDArray
 
-from helios_objectmap import create, information_gain, picture, splat
+from helios_objectmap import create, splat
 from helios_objectmap.accumulate import accumulate
 from helios_objectmap.belief import believe
 from helios_objectmap.carve import sight
-from helios_objectmap.detail import Grasp, grasp
-from helios_objectmap.dirichlet import marginal
-from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
-from helios_objectmap.information_gain import Expected, Member, Rates
+from helios_objectmap.gaussians import NO_INSTANCE, OTHER
+from helios_objectmap.knowledge import Knowledge
 from helios_objectmap.limit import surplus
-from helios_objectmap.mapfile import Memory
-from helios_objectmap.objects import BELIEVED, InstanceGaussians, describe, gaussians_of
 from helios_objectmap.reading import OTHER_LABEL, Reading, read, without_held
-from helios_objectmap.registry import InstanceRegistry, Moment
+from helios_objectmap.registry import Moment
 from helios_objectmap.reobserve import reobserved
-from helios_objectmap.settings import ObjectMapSettings
-from helios_objectmap.view import View
-from helios_objectmap.viewpoints import NEVER, Look, Viewpoints
+from helios_objectmap.viewpoints import NEVER, Look
 
-SEEN_BEYOND_M = 1.0  # Gaussians this far beyond the depth that is used still cover what is behind
-HALF = 0.5
 WHOLE = 0.999  # sums of float32 shares that make a whole view
 
 
@@ -44,28 +35,11 @@ class UpdateReport:
     total: int
 
 
-class ObjectMap:
+class ObjectMap(Knowledge):
     """Sparse 3D Gaussian map of the objects of interest. Not thread-safe: its owner locks.
 
     What an update costs follows what is in view, not the size of the map.
     """
-
-    def __init__(self, settings: ObjectMapSettings) -> None:
-        self._settings = settings
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget everything."""
-        self._store = GaussianStore()
-        self._registry = InstanceRegistry()
-        self._viewpoints = self.no_viewpoints()
-        self._context: SearchContext | None = None
-        self._roles: dict[str, Role] = {}
-        self._updates = 0
-        self._described: dict[int, ObjectInstance | None] = {}  # None: too small to be reported
-
-    def __len__(self) -> int:
-        return len(self._store)
 
     # Updates ------------------------------------------------------------------------------------
 
@@ -144,149 +118,7 @@ class ObjectMap:
         self._recluster(gone[:0], self._remove(gone))
         return len(gone)
 
-    def nearest_object(self, point_m: NDArray[np.float64], within_m: float) -> int | None:
-        """Id of the nearest instance that is no receptacle, or None where none is that near."""
-        near = [
-            (float(np.linalg.norm(o.center_m - point_m)), o.id)
-            for o in self.objects()
-            if not self._is_receptacle(o.class_name)
-        ]
-        distance, label = min(near, default=(np.inf, NO_INSTANCE))
-        return label if distance <= within_m else None
-
-    # Questions ----------------------------------------------------------------------------------
-
-    def objects(self) -> tuple[ObjectInstance, ...]:
-        """All instances with enough Gaussians, by id."""
-        known = self._described
-        for label in self._registry.records.keys() - known.keys():
-            known[label] = self._describe(label)
-        return tuple(o for _, o in sorted(known.items()) if o is not None)
-
-    def class_of(self, instance_id: int) -> str:
-        """Class of an instance, "" where there is no such one."""
-        record = self._registry.records.get(instance_id)
-        return record.class_name if record is not None else ""
-
-    def history(self, instance_id: int) -> tuple[Moment, ...]:
-        """How the belief in an instance went, oldest first; empty where there is no such one."""
-        record = self._registry.records.get(instance_id)
-        return tuple(record.history) if record is not None else ()
-
-    def what_if(
-        self, instance_id: int, class_name: str, views: Sequence[View]
-    ) -> tuple[list[Expected], Expected] | None:
-        """Score and information gain if views showed an instance as a class (eq. 11 and 12).
-
-        views: full-resolution cameras with poses. Returns the outcome of each view alone and of
-        all together, or None where there is no such instance or class.
-        """
-        store, s = self._store, self._settings
-        rows = store.instances.rows_of(np.array([instance_id]))
-        if not len(rows) or class_name not in store.class_names:
-            return None
-        column = store.class_names.index(class_name)
-        columns = self._columns if column in self._columns else [*self._columns, column]
-        member = Member(
-            store.means[rows],
-            store.radius_m[rows],
-            store.opacity[rows],
-            store.positive[rows][:, columns],
-            store.asked[rows, column],
-        )
-        return information_gain.what_if(
-            member,
-            columns.index(column),
-            [view.strided(s.stride_px) for view in views],
-            Rates(
-                s.prior_concentration,
-                s.alpha_cpa,
-                s.alpha_cs,
-                HALF if s.assumption == "50-50" else 0.0,
-            ),
-            s.max_depth_m,
-        )
-
-    def gaussians(self, instance_id: int | None = None) -> InstanceGaussians:
-        """Copies of the Gaussians of an instance, or of all instances."""
-        if instance_id is None:
-            rows = np.flatnonzero(self._store.instance != NO_INSTANCE)
-        else:
-            rows = self._store.instances.rows_of(np.array([instance_id]))
-        return gaussians_of(self._store, rows, self._settings.prior_concentration)
-
-    def render(self, view: View, layer: str, class_name: str) -> bytes:
-        """PNG of a layer as a camera sees it; RGB, or for depth uint16 millimetres.
-
-        layer: one of `picture.LAYERS`; the last two are of a class. Raises InvalidInput.
-        """
-        store, prior = self._store, self._settings.prior_concentration
-        projection = self._project(view, splat.FAR_M)
-        rows = projection.rows
-        if layer == "color":
-            return picture.png(picture.color(projection, store.color[rows]))
-        if layer == "depth":
-            return picture.png(picture.depth_mm(projection))
-        if layer not in picture.LAYERS or class_name not in store.class_names:
-            raise InvalidInput(
-                f"no picture of layer {layer!r} and class {class_name!r}; wanted one of "
-                f"{', '.join(picture.LAYERS)}, and of {', '.join(store.class_names) or 'no class'}"
-            )
-        column = store.class_names.index(class_name)
-        mean, deviation = marginal(
-            store.positive[rows, column], store.asked[rows, column], prior, len(self._names) + 1
-        )
-        if layer == "probability":
-            return picture.png(picture.belief(projection, np.asarray(mean), 1.0))
-        return picture.png(picture.belief(projection, deviation, picture.MOST_UNCERTAIN))
-
-    def grasp(self, instance_id: int) -> Grasp | None:
-        """Points and box of the believed part of an instance; None where there is no such one."""
-        store = self._store
-        rows = store.instances.rows_of(np.array([instance_id]))
-        if not len(rows):
-            return None
-        column = store.class_names.index(self._registry.records[instance_id].class_name)
-        mean, _ = marginal(
-            store.positive[rows, column], store.asked[rows, column],
-            self._settings.prior_concentration, len(self._names) + 1,
-        )  # fmt: skip
-        believed = rows[mean > BELIEVED]
-        return grasp(store.means[believed if len(believed) else rows])
-
-    # On disk ------------------------------------------------------------------------------------
-
-    def memory(self) -> Memory:
-        """All that is known; its parts are the map's own, not copies."""
-        return Memory(self._store, self._registry, self._viewpoints, self._roles, self._updates)
-
-    def recall(self, memory: Memory) -> None:
-        """Know what a file holds, and nothing else."""
-        self.reset()
-        self._store, self._registry = memory.store, memory.registry
-        self._viewpoints, self._roles = memory.viewpoints, memory.roles
-        self._updates = memory.updates
-
-    def no_viewpoints(self) -> Viewpoints:
-        """Empty ones, as this map's settings want them."""
-        return Viewpoints(self._settings.viewpoint_moved_m, self._settings.viewpoint_turned_rad)
-
-    # Parts --------------------------------------------------------------------------------------
-
-    @property
-    def _columns(self) -> list[int]:
-        """Of the context's classes in the store."""
-        return [self._store.class_names.index(name) for name in self._names]
-
-    @property
-    def _names(self) -> list[str]:
-        return [c.name for c in self._context.classes] if self._context is not None else []
-
-    def _project(self, view: View, far_m: float | None = None) -> splat.Projection:
-        store = self._store
-        far_m = self._settings.max_depth_m + SEEN_BEYOND_M if far_m is None else far_m
-        rows = store.seen_by(view, far_m)
-        return splat.project(store.means, store.radius_m, store.opacity, view, rows, far_m)
+    # Parts ----------------------------------------------------------------------------------------
 
     def _forget_classes(self, names: list[str]) -> None:
         """All evidence for some classes goes, and the instances of them."""
@@ -398,28 +230,3 @@ class ObjectMap:
     def _recluster(self, rows: NDArray[np.integer], lost: Iterable[int]) -> None:
         for label in self._registry.cluster(self._store, rows, lost, self._voxel_m):
             self._described.pop(label, None)
-
-    def _is_receptacle(self, class_name: str) -> bool:
-        return self._roles[class_name].is_receptacle
-
-    def _voxel_m(self, class_name: str) -> float:
-        s = self._settings
-        return s.receptacle_voxel_m if self._is_receptacle(class_name) else s.object_voxel_m
-
-    def _describe(self, label: int) -> ObjectInstance | None:
-        store, s = self._store, self._settings
-        rows = store.instances.rows_of(np.array([label]))
-        if len(rows) < s.min_gaussians:
-            return None
-        record = self._registry.records[label]
-        names, columns = list(self._names), list(self._columns)
-        if record.class_name not in names:
-            names.append(record.class_name)
-            columns.append(store.class_names.index(record.class_name))
-        mean, deviation = marginal(
-            store.positive[rows][:, columns],
-            store.asked[rows][:, columns],
-            s.prior_concentration,
-            len(self._names) + 1,
-        )
-        return describe(label, record, store.means[rows], mean, deviation, names, s.alpha_cs)

@@ -62,11 +62,15 @@ def read(
 def without_held(
     reading: Reading, context: SearchContext, held: str, held_object_m: float
 ) -> Reading:
-    """The reading without what the robot holds: near pixels of the held class are not seen."""
-    names = [c.name for c in context.classes]
-    if held not in names:
+    """The reading without what the robot holds: near pixels of things that can be held.
+
+    A detector may take the held thing for another one, so all classes of objects count; receptacles
+    are still seen. held: class name of what is held, "" for nothing.
+    """
+    if not held:
         return reading
-    mine = (reading.labels == 1 + names.index(held)) & (reading.depth_m < held_object_m)
+    things = [1 + i for i, c in enumerate(context.classes) if not c.role.is_receptacle]
+    mine = np.isin(reading.labels, things) & (reading.depth_m < held_object_m)
     return replace(
         reading,
         depth_m=np.where(mine, np.float32(0), reading.depth_m),

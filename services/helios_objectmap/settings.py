@@ -25,7 +25,7 @@ class ObjectMapSettings(ServiceSettings):
     held_object_m: float = Field(
         default=1.0,
         ge=0,
-        description="Detections of the held class nearer than this are the held object.",
+        description="While something is held, objects detected nearer than this are it.",
     )
 
     prior_concentration: float = Field(

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helios_core.types import ObjectInstance, SearchContext
+from helios_core.types import ObjectInstance, Role, SearchClass, SearchContext
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.view import View
 from hypothesis import given, settings
@@ -169,6 +169,10 @@ def test_depth_nearer_than_the_setting_and_the_held_object_make_no_gaussians():
     near = (*ROOM, ("mug", (0.5, -0.1, 0.9), (0.6, 0.1, 1.1)))
     objects.update(observe(near, pose()), CONTEXT, held="mug")
     assert not of_class(objects, "mug")
+    mistaken = SearchContext("c", (MUG, SearchClass("bowl", Role.OBJECT, 0.3), TABLE))
+    o = observe(near, pose(), context=mistaken, called={2: "table", 3: "bowl"})
+    objects.update(o, mistaken, held="mug")
+    assert {x.class_name for x in objects.objects()} == {"table"}
     objects.reset()
     objects.update(observe(near, pose()), CONTEXT)
     assert of_class(objects, "mug")
