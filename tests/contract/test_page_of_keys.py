@@ -2,22 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import pytest
-from helios_core.topics import METHODS, TOPICS, Method, Topic
-
-PAGE = (Path(__file__).parents[2] / "docs/wire-contract.md").read_text()
+from scripts.page_of_keys import PAGE, tables
 
 
-@pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: topic.name)
-def test_the_page_names_each_topic_with_its_message_and_quality(topic: Topic) -> None:
-    row = f"| `{topic.name}` | `{topic.type.DESCRIPTOR.name}` | `{topic.qos.name}` |"
-    assert row in PAGE, f"add to docs/wire-contract.md: {row}"
-
-
-@pytest.mark.parametrize("method", METHODS, ids=lambda method: method.name)
-def test_the_page_names_each_method_with_its_messages(method: Method) -> None:
-    name = f"truth: {method.name}" if method.truth else method.name
-    row = f"| `{name}` | `{method.request.DESCRIPTOR.name}` | `{method.reply.DESCRIPTOR.name}` |"
-    assert row in PAGE, f"add to docs/wire-contract.md: {row}"
+def test_the_page_names_every_key_with_its_messages() -> None:
+    page = PAGE.read_text()
+    missing = [row for row in tables().splitlines() if row not in page]
+    assert not missing, "run scripts/page_of_keys.py"
+    assert page.endswith(tables()), "run scripts/page_of_keys.py"
