@@ -86,6 +86,7 @@ class SpotDriver(RobotDriver):
         return RobotDescription(
             name="Spot",
             footprint_radius_m=self._s.footprint_radius_m,
+            footprint_box_m=(self._s.length_m, self._s.width_m),
             height_m=self._s.hand_height_m + 0.1 if by_hand else 0.8,
             camera=self._eyes.mount.camera,
             camera_height_m=self._s.hand_height_m

@@ -84,8 +84,10 @@ class SpotSettings(ServiceSettings):
     hand_height_m: float = Field(default=1.15, gt=0, description="hand while looking, above ground")
     tilt_rad: float = Field(default=0.52, description="its first tilt, down")
     footprint_radius_m: float = Field(
-        default=0.55, gt=0, description="what the planner keeps clear around the body's middle"
+        default=0.55, gt=0, description="of a disc around the body's middle that stands for it"
     )
+    length_m: float = Field(default=1.1, gt=0, description="of the body with its legs, walking")
+    width_m: float = Field(default=0.5, gt=0, description="likewise; the planner turns it to fit")
     reach_m: float = Field(default=1.0, gt=0, description="body's middle to a thing, on the ground")
     walk_to_grasp: bool = Field(
         default=False, description="let the robot walk by itself while it grasps"

@@ -97,8 +97,8 @@ class Map2DService:
         robot = description_from_proto(message)
         # A carried camera has no body that pushes things aside.
         has_body = robot.can_move or robot.recorded
-        radius_m = robot.footprint_radius_m if has_body else 0.0
-        rules = self._settings.rules(robot.max_depth_m, robot.footprint_radius_m)
+        radius_m = robot.inner_radius_m if has_body else 0.0
+        rules = self._settings.rules(robot.max_depth_m, robot.inner_radius_m)
         with self._lock:
             same = self._maps is not None and (
                 self._maps.rules == rules and self._maps.footprint_radius_m == radius_m

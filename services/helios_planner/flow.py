@@ -14,10 +14,11 @@ from helios_planner.body import Body
 from helios_planner.explore import Kit, Search
 from helios_planner.gaze import GazePoint
 from helios_planner.instruction import Instruction, Kind
-from helios_planner.legs import Legs, Outcome
+from helios_planner.legs import Outcome
 from helios_planner.look import Looking, nearest_to
 from helios_planner.mishaps import Dropped
 from helios_planner.placed import Seen, seen_after
+from helios_planner.pose_legs import legs_of
 from helios_planner.recovery import LastAction
 from helios_planner.settings import Settings
 from helios_planner.skills import Done, Skills
@@ -33,7 +34,7 @@ class Mission:
         """agent: a name of `agents.AGENTS`; empty for that of the settings."""
         self.body, self.instruction, self.settings = body, instruction, settings
         self.agent = agent_named(agent or settings.agent)
-        legs = Legs(body, settings)
+        legs = legs_of(body, settings)
         belief = self.agent.belief(body, settings)
         self.kit = Kit(
             body, settings, legs, Looking(body, legs, settings), belief,

@@ -70,6 +70,14 @@ def tilt_towards(distance_m: float, height_m: float, robot: RobotDescription) ->
     return float(np.clip(tilt, low, high))
 
 
+def eye_of(pose: Pose2, robot: RobotDescription) -> tuple[float, float]:
+    """Where the camera is over the ground (x, y) when the base stands at a pose."""
+    return (
+        pose.x_m + robot.camera_forward_m * math.cos(pose.yaw_rad),
+        pose.y_m + robot.camera_forward_m * math.sin(pose.yaw_rad),
+    )
+
+
 def in_sight(
     ground: GroundMap,
     eye_xy: tuple[float, float],
@@ -120,11 +128,11 @@ def gaze_points(
             if any(g.pose.distance_m((x_m, y_m)) < rules.spacing_m for g in chosen):
                 continue
             target = (*middle, top_m)
-            seen = in_sight(ground, (x_m, y_m), robot.camera_height_m, target,
-                            extent_m + rules.near_m, rules.block_height_m)  # fmt: skip
-            if not seen:
-                continue
             pose = facing(float(x_m), float(y_m), middle)
+            seen = in_sight(ground, eye_of(pose, robot), robot.camera_height_m, target,
+                            extent_m + rules.near_m, rules.block_height_m)  # fmt: skip
+            if not seen or not reached.fits(pose):
+                continue
             distance_m = pose.distance_m(middle)
             aim = (tilt_towards(distance_m, top_m, robot)
                    + tilt_towards(distance_m, float(candidate.center_m[2]), robot)) / 2  # fmt: skip

@@ -12,7 +12,7 @@ from helios_core.geometry import wrap_angle
 from helios_core.robot import Forward, Observe, Tilt, Turn
 
 from helios_planner.body import Body
-from helios_planner.grid import Pose2, facing, unknown_near
+from helios_planner.grid import GroundMap, Pose2, facing, unknown_near
 from helios_planner.mishaps import NO_MOTION_M, Mishaps
 from helios_planner.motion import (
     MotionRules,
@@ -70,10 +70,13 @@ class Legs:
         if key not in self._cached:
             if len(self._cached) > 8:
                 self._cached.clear()
-            rules = replace(self.rules, margin_m=self.settings.margins_m[level])
-            marks = np.array(self.felt, float).reshape(-1, 3)
-            self._cached[key] = reach(ground, robot, rules, marks)
+            self._cached[key] = self._reach_on(ground, level)
         return self._cached[key]
+
+    def _reach_on(self, ground: GroundMap, level: int) -> Reach:
+        rules = replace(self.rules, margin_m=self.settings.margins_m[level])
+        marks = np.array(self.felt, float).reshape(-1, 3)
+        return reach(ground, self.body.pose(), rules, marks)
 
     @property
     def levels(self) -> range:
@@ -194,9 +197,7 @@ class Legs:
         only unknown ground that does. Whether there was any that was not looked at before."""
         ground, level = self.body.ground(), self.levels[-1]
         known = np.where(ground.occupancy < 0, np.int8(0), ground.occupancy)
-        rules = replace(self.rules, margin_m=self.settings.margins_m[level])
-        marks = np.array(self.felt, float).reshape(-1, 3)
-        hopeful = reach(replace(ground, occupancy=known), self.body.pose(), rules, marks)
+        hopeful = self._reach_on(replace(ground, occupancy=known), level)
         place = hopeful.nearest(target, within_m)
         if place is None:
             return False
@@ -210,7 +211,7 @@ class Legs:
             return False
         self._cleared.append(barred)
         stand = route[max(first - 1, 0)]
-        unknown = unknown_near(ground, barred, rules.footprint_m + 0.2)
+        unknown = unknown_near(ground, barred, self.rules.footprint_m + 0.2)
         goal = facing(float(stand[0]), float(stand[1]), unknown)
         if self.go_to(goal, "look at unknown ground in the way") is not Outcome.ARRIVED:
             return True
@@ -230,7 +231,13 @@ class Legs:
             if abs(error) < self.rules.min_turn_rad:
                 return
             most = self.rules.max_turn_rad
-            self.mishaps.act(Turn(float(np.clip(error, -most, most))))
+            if not self._turn(float(np.clip(error, -most, most))):
+                return
+
+    def _turn(self, angle_rad: float) -> bool:
+        """Turn on the spot; False when that would touch something."""
+        self.mishaps.act(Turn(angle_rad))
+        return True
 
     def tilt(self, tilt_rad: float) -> bool:
         """Point the head; whether that took an action."""
@@ -266,7 +273,8 @@ class Legs:
             if both and k % apart == 0:
                 self.tilt(down)
                 self.tilt(travel)
-            self.mishaps.act(Turn(step))
+            if not self._turn(step):
+                return
 
     def _down_tilt(self) -> float:
         """Tilt at which the ground at the rim is at the image's lower edge."""

@@ -63,6 +63,10 @@ class Reach:
         out[inside] = self.arrival[cells[inside, 0], cells[inside, 1]]
         return out
 
+    def fits(self, pose: Pose2) -> bool:
+        """Whether the robot fits there with that heading; a disc does wherever it can get."""
+        return True
+
     def nearest(self, point: tuple[float, float], within_m: float) -> tuple[float, float] | None:
         """The reachable place nearest to a point, if any lies within `within_m`."""
         ground = self.ground

@@ -11,7 +11,7 @@ import numpy as np
 from helios_core.types import ObjectInstance, RobotDescription
 from numpy.typing import NDArray
 
-from helios_planner.gaze import in_sight, outline_mask, outline_of
+from helios_planner.gaze import eye_of, in_sight, outline_mask, outline_of
 from helios_planner.grid import GroundMap, Pose2, facing
 from helios_planner.motion import Reach
 
@@ -73,9 +73,11 @@ def stand_for(
         reached.slack[cells[:, 0], cells[:, 1]], 0.1
     )
     for k in np.argsort(cost, kind="stable")[:400:4]:
-        spot = (float(xy[k, 0]), float(xy[k, 1]))
-        if in_sight(ground, spot, robot.camera_height_m, target_m, 0.15, robot.height_m):
-            return facing(*spot, (float(target_m[0]), float(target_m[1])))
+        pose = facing(float(xy[k, 0]), float(xy[k, 1]), (float(target_m[0]), float(target_m[1])))
+        eye = eye_of(pose, robot)
+        seen = in_sight(ground, eye, robot.camera_height_m, target_m, 0.15, robot.height_m)
+        if seen and reached.fits(pose):
+            return pose
     return None
 
 
@@ -107,13 +109,30 @@ def place_spots(
         in_reach = np.flatnonzero(away <= reach_m)
         if not len(in_reach):
             continue
-        k = in_reach[np.argmin(way_m[in_reach])]
+        stand = _nearest_that_fits((x_m, y_m), stand_xy, way_m, in_reach, reached)
+        if stand is None:
+            continue
+        pose, way = stand
         z_m = _top_around_m(part, int(row), int(column), rules.patch_m)
         depth = min(float(inset[row, column]), rules.best_inset_m)
-        pose = facing(float(stand_xy[k, 0]), float(stand_xy[k, 1]), (x_m, y_m))
         spot = Spot((float(x_m), float(y_m), z_m), pose, float(inset[row, column]))
-        spots.append((-10 * depth + 0.2 * float(way_m[k]), spot))
+        spots.append((-10 * depth + 0.2 * way, spot))
     return [spot for _, spot in sorted(spots, key=lambda pair: pair[0])]
+
+
+def _nearest_that_fits(
+    target: tuple[float, float],
+    xy: NDArray[np.float64],
+    way_m: NDArray[np.float32],
+    in_reach: NDArray[np.integer],
+    reached: Reach,
+) -> tuple[Pose2, float] | None:
+    """The pose at one of the places that faces the target, by the shortest way, and that way."""
+    for k in in_reach[np.argsort(way_m[in_reach], kind="stable")][:200:10]:
+        pose = facing(float(xy[k, 0]), float(xy[k, 1]), target)
+        if reached.fits(pose):
+            return pose, float(way_m[k])
+    return None
 
 
 def highest_ahead(

@@ -130,6 +130,12 @@ class RobotDescription:
     can_place: bool = True
     simulated: bool = False
     recorded: bool = False  # plays what a robot did: its body was there, but it cannot act
+    footprint_box_m: tuple[float, float] | None = None  # length, width; None: a disc
+
+    @property
+    def inner_radius_m(self) -> float:
+        """Of the largest disc around the base's middle that its body covers."""
+        return min(self.footprint_box_m) / 2 if self.footprint_box_m else self.footprint_radius_m
 
 
 @dataclass(frozen=True)

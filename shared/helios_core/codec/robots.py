@@ -26,6 +26,7 @@ from helios_core.types import RobotDescription, RobotState
 
 
 def description_to_proto(robot: RobotDescription) -> pb.RobotDescription:
+    length_m, width_m = robot.footprint_box_m or (0.0, 0.0)
     return pb.RobotDescription(
         name=robot.name,
         footprint_radius_m=robot.footprint_radius_m,
@@ -46,10 +47,13 @@ def description_to_proto(robot: RobotDescription) -> pb.RobotDescription:
         max_depth_m=robot.max_depth_m,
         simulated=robot.simulated,
         recorded=robot.recorded,
+        footprint_length_m=length_m,
+        footprint_width_m=width_m,
     )
 
 
 def description_from_proto(robot: pb.RobotDescription) -> RobotDescription:
+    box = (robot.footprint_length_m, robot.footprint_width_m)
     return RobotDescription(
         name=robot.name,
         footprint_radius_m=robot.footprint_radius_m,
@@ -69,6 +73,7 @@ def description_from_proto(robot: pb.RobotDescription) -> RobotDescription:
         can_place=robot.can_place,
         simulated=robot.simulated,
         recorded=robot.recorded,
+        footprint_box_m=box if min(box) > 0 else None,
     )
 
 

@@ -1,0 +1,150 @@
+"""A robot that is no disc: it passes a door when turned to it, and never touches anything."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helios_core.robot import ActionResult, Forward, Turn
+from helios_planner.grid import GroundMap, Pose2
+from helios_planner.legs import Legs, Outcome
+from helios_planner.motion import MotionRules, reach
+from helios_planner.pose_legs import PoseLegs, legs_of
+from helios_planner.poses import Capsule, PoseReach, pose_reach
+from helios_planner.settings import Settings
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planner_world import CELL_M, ROBOT, Box, FakeWorld
+
+BOX_M = (1.1, 0.5)
+SPOT = Capsule.around(*BOX_M)
+RULES = MotionRules(footprint_m=SPOT.reach_m, margin_m=0.05)
+
+
+def two_rooms(door_m: float) -> GroundMap:
+    """7 x 4 m, a wall at x = 3.5 with a door in its middle."""
+    occupancy = np.zeros((160, 280), np.int8)
+    occupancy[[0, -1]], occupancy[:, [0, -1]] = 100, 100
+    half = round(door_m / CELL_M / 2)
+    occupancy[: 80 - half, 138:142], occupancy[80 + half :, 138:142] = 100, 100
+    return GroundMap(occupancy, np.zeros(occupancy.shape, np.float32), CELL_M, (0.0, 0.0))
+
+
+def box_points(pose: Pose2) -> np.ndarray:
+    """Points [n, 2] all over the box at a pose."""
+    x, y = np.meshgrid(np.linspace(-0.55, 0.55, 56), np.linspace(-0.25, 0.25, 26))
+    c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    return np.stack([pose.x_m + c * x - s * y, pose.y_m + s * x + c * y], -1).reshape(-1, 2)
+
+
+def touches(ground: GroundMap, pose: Pose2) -> bool:
+    cells = ground.cells_of(box_points(pose))
+    return bool((ground.occupancy[cells[:, 0], cells[:, 1]] > 0).any())
+
+
+def after(pose: Pose2, move: Forward | Turn, share: float = 1.0) -> Pose2:
+    if isinstance(move, Turn):
+        return Pose2(pose.x_m, pose.y_m, pose.yaw_rad + share * move.angle_rad)
+    away = share * move.distance_m
+    return Pose2(pose.x_m + away * math.cos(pose.yaw_rad),
+                 pose.y_m + away * math.sin(pose.yaw_rad), pose.yaw_rad)  # fmt: skip
+
+
+@pytest.mark.parametrize(("door_m", "passes"), [(0.6, False), (0.8, True), (0.9, True)])
+def test_a_door_is_passed_only_if_the_box_fits_lengthwise(door_m: float, passes: bool) -> None:
+    ground = two_rooms(door_m)
+    reached = pose_reach(ground, Pose2(1.5, 1.2, 2.0), SPOT, RULES)
+    there = Pose2(5.5, 2.0, 0.0)
+    assert (reached.best_near(there, 0.2) is not None) is passes
+    disc = reach(ground, Pose2(1.5, 1.2, 2.0), MotionRules(SPOT.reach_m))
+    assert not np.isfinite(disc.at(np.array([there.xy]))[0])
+
+
+def test_in_a_door_it_stands_lengthwise_only() -> None:
+    reached = pose_reach(two_rooms(0.9), Pose2(1.5, 2.0, 0.0), SPOT, RULES)
+    assert reached.fits(Pose2(3.5, 2.0, 0.0))
+    assert not reached.fits(Pose2(3.5, 2.0, math.pi / 2))
+
+
+def drive(ground: GroundMap, pose: Pose2, goal: Pose2) -> Pose2:
+    """Follow the plan, made anew before every motion; no intermediate pose may touch anything."""
+    for _ in range(120):
+        reached = pose_reach(ground, pose, SPOT, RULES)
+        end = reached.best_near(goal, 0.2)
+        assert end is not None
+        move = reached.next_move(reached.way_to(end), RULES)
+        if move is None:
+            return pose
+        if isinstance(move, Turn):
+            assert RULES.min_turn_rad - 1e-9 <= abs(move.angle_rad) <= RULES.max_turn_rad + 1e-9
+        else:
+            assert RULES.min_forward_m - 1e-9 <= move.distance_m <= RULES.max_forward_m
+        assert not any(touches(ground, after(pose, move, s)) for s in np.linspace(0, 1, 12))
+        pose = after(pose, move)
+    raise AssertionError("it drives and drives")
+
+
+def test_it_comes_through_a_door_facing_as_asked() -> None:
+    goal = Pose2(5.5, 2.6, math.pi / 2)
+    end = drive(two_rooms(0.9), Pose2(1.5, 1.2, 2.0), goal)
+    assert end.distance_m(goal.xy) < 0.2
+    assert abs(end.yaw_rad % (2 * math.pi) - math.pi / 2) < math.radians(12)
+
+
+@settings(max_examples=6, deadline=None)
+@given(st.integers(0, 10_000))
+def test_no_pose_on_its_way_touches_anything(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    ground = two_rooms(0.9)
+    for _ in range(4):
+        r, c = rng.integers(4, 150), rng.integers(4, 270)
+        h, w = rng.integers(2, 14, 2)
+        ground.occupancy[r : r + h, c : c + w] = 100
+    start, goal = Pose2(1.2, 2.0, float(rng.uniform(-3, 3))), Pose2(5.8, 2.0, 0.0)
+    clear = pose_reach(ground, start, SPOT, RULES)
+    if clear.least_slack_m < 0 or clear.best_near(goal, 0.2) is None:
+        return
+    assert drive(ground, start, goal).distance_m(goal.xy) < 0.25
+
+
+class BoxWorld(FakeWorld):
+    """The flat, with a robot of that box in it."""
+
+    description = replace(ROBOT, footprint_radius_m=SPOT.reach_m, footprint_box_m=BOX_M)
+
+    def _touches(self, pose: Pose2) -> bool:
+        points = box_points(pose)
+        rows, columns = (points[:, 1] / CELL_M).astype(int), (points[:, 0] / CELL_M).astype(int)
+        return bool((self.truth_top[rows, columns] > 0).any())
+
+    def _do(self, action: object) -> ActionResult:
+        if not isinstance(action, Forward | Turn):
+            return super()._do(action)  # pyright: ignore[reportArgumentType]
+        for share in np.linspace(0, 1, 12):
+            if self._touches(after(self._pose, action, float(share))):
+                self.contacts += 1
+                return ActionResult(False, "touched something", collided=True)
+        before, self._pose = self._pose, after(self._pose, action)
+        moved_m = before.distance_m(self._pose.xy)
+        return ActionResult(True, moved_m=moved_m,
+                            turned_rad=getattr(action, "angle_rad", 0.0))  # fmt: skip
+
+
+def test_its_legs_go_through_an_unknown_home_without_contact() -> None:
+    walls = [Box(3.4, 0, 3.5, 1.5, 2.5), Box(3.4, 2.4, 3.5, 4, 2.5)]
+    world = BoxWorld((7, 4), walls, [], Pose2(1.5, 2.0, 0.4))
+    world.description = BoxWorld.description
+    legs = legs_of(world, Settings())
+    assert isinstance(legs, PoseLegs)
+    legs.look_around()
+    assert legs.go_to(Pose2(2.6, 1.95, 0.0), "test") is Outcome.ARRIVED
+    assert legs.go_to(Pose2(5.2, 2.0, 0.0), "test") is Outcome.ARRIVED
+    assert world.contacts == 0
+    assert isinstance(legs.reach(), PoseReach)
+
+
+def test_a_disc_keeps_its_own_legs() -> None:
+    world = FakeWorld((7, 4), [], [], Pose2(1.5, 2.0, 0.4))
+    assert type(legs_of(world, Settings())) is Legs
