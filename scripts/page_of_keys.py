@@ -26,7 +26,8 @@ def tables() -> str:
     return "\n".join([
         HEADING + "Data, below `helios/v1/<robot>/`:\n",
         "| data | message | quality of service |\n|---|---|---|", *data,
-        "\nMethods, below `helios/v1/<robot>/svc/` (`truth`: below `helios/v1/<robot>/truth/svc/`):\n",
+        "\nMethods, below `helios/v1/<robot>/svc/` (`truth`: below "
+        "`helios/v1/<robot>/truth/svc/`):\n",
         "| method | request | reply |\n|---|---|---|", *methods,
     ]) + "\n"  # fmt: skip
 
