@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helios_core.robot import Place
 from helios_core.types import ObjectInstance
 from helios_planner.flow import Mission
+from helios_planner.gaze import eye_of, in_sight
 from helios_planner.grid import GroundMap, Pose2
 from helios_planner.instruction import parse
 from helios_planner.motion import MotionRules, reach
 from helios_planner.settings import Settings
 from helios_planner.stand import AheadRules, PlaceRules, highest_ahead, place_spots
-from planner_world import coffee_table, counter, flat, mug
+from planner_world import CELL_M, ROBOT, coffee_table, counter, flat, mug
 
-CELL_M = 0.025
 TABLE_TOP_M = 0.7
 
 
@@ -60,6 +62,17 @@ def test_the_flat_area_is_free_and_away_from_the_edge() -> None:
         assert 1.1 <= y <= 1.9
         assert max(abs(x - 2.5), abs(y - 1.5)) > 0.1
         assert spot.stand.distance_m((x, y)) <= 0.8
+
+
+def test_sight_begins_at_the_camera_and_not_at_the_base() -> None:
+    """A post beside the neck, under the hand that looks from further ahead, hides nothing."""
+    ground, _ = table_with_a_box()
+    ground.top_m[round(1.5 / CELL_M), round(1.3 / CELL_M)] = 1.4
+    stand, target = Pose2(1.0, 1.5, 0.0), (2.2, 1.5, 0.7)
+    by_hand = replace(ROBOT, camera_forward_m=0.5)
+    seen = [in_sight(ground, eye_of(stand, robot), 1.3, target, 0.15, 2.0)
+            for robot in (ROBOT, by_hand)]  # fmt: skip
+    assert seen == [False, True]
 
 
 @pytest.mark.parametrize("rule", ["flat", "paper"])
