@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import os
 import sys
 
 from helios_core.service import run_service
@@ -15,4 +17,9 @@ if __name__ == "__main__":
     if settings.robots:
         settings = settings.model_copy(update={"robot": HOME})
     host = Fleet if settings.robots else Hosted
-    sys.exit(run_service("detector", settings, lambda bus, health: host(bus, health, settings)))
+    status = run_service("detector", settings, lambda bus, health: host(bus, health, settings))
+    # Everything is closed. Taking torch apart would keep the process for seconds of work.
+    logging.shutdown()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)

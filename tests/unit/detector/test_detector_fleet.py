@@ -160,7 +160,7 @@ def test_two_detectors_share_four_robots_and_answer_every_keyframe_once(fleets: 
         )
         assert all(r.answers[n] == 1 for r, n in zip(robots, last, strict=True))
         second.send_signal(signal.SIGTERM)
-        assert second.wait(10) == 0
+        assert second.wait(30) == 0
     finally:
         for robot in robots:
             robot.bus.close()

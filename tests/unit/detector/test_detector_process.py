@@ -57,7 +57,7 @@ def test_a_process_says_what_it_waits_for_then_answers_and_ends_when_told(tmp_pa
         assert seen[0].detections
         wait_until(lambda: states[-1].metrics.get("memory_mb", 0) > 50, 10, "its figures are told")
         detector.send_signal(signal.SIGTERM)
-        assert detector.wait(10) == 0
+        assert detector.wait(30) == 0
     finally:
         if bus is not None:
             bus.close()
