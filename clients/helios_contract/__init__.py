@@ -6,7 +6,8 @@ On one's own driver, from the shell:
 
 or among one's own tests:
 
-    from helios_contract import DriverContract, Rig
+    from helios_contract.rig import Rig
+    from helios_contract.suite import DriverContract
 
     class TestMyRobot(DriverContract):
         @classmethod
@@ -14,13 +15,3 @@ or among one's own tests:
         def stand(cls):
             yield Rig(MyRobot())
 """
-
-import pytest
-
-_CLAIMS = ("describing", "hosted", "moving", "seeing", "stopping")
-pytest.register_assert_rewrite(*(f"helios_contract.{name}" for name in _CLAIMS))
-
-from helios_contract.rig import Rig  # noqa: E402 - asserts are rewritten first
-from helios_contract.suite import DriverContract  # noqa: E402
-
-__all__ = ["DriverContract", "Rig"]

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from helios_contract import DriverContract, Rig, chosen
+from helios_contract import chosen
+from helios_contract.rig import Rig
+from helios_contract.suite import DriverContract
 
 
 class TestDriver(DriverContract):

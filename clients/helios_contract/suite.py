@@ -8,12 +8,15 @@ from typing import ClassVar
 
 import pytest
 
-from helios_contract.describing import Describing
-from helios_contract.hosted import Hosted
-from helios_contract.moving import Moving
-from helios_contract.rig import Rig
-from helios_contract.seeing import Seeing
-from helios_contract.stopping import Stopping
+_CLAIMS = ("describing", "hosted", "moving", "seeing", "stopping")
+pytest.register_assert_rewrite(*(f"helios_contract.{name}" for name in _CLAIMS))
+
+from helios_contract.describing import Describing  # noqa: E402 - so that asserts say their values
+from helios_contract.hosted import Hosted  # noqa: E402
+from helios_contract.moving import Moving  # noqa: E402
+from helios_contract.rig import Rig  # noqa: E402
+from helios_contract.seeing import Seeing  # noqa: E402
+from helios_contract.stopping import Stopping  # noqa: E402
 
 
 class DriverContract(Describing, Seeing, Moving, Stopping, Hosted):

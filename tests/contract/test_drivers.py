@@ -13,7 +13,8 @@ from tempfile import TemporaryDirectory
 import cv2
 import numpy as np
 import pytest
-from helios_contract import DriverContract, Rig
+from helios_contract.rig import Rig
+from helios_contract.suite import DriverContract
 from helios_core.errors import Unavailable
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub

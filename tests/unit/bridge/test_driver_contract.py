@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helios_contract import DriverContract, Rig
+from helios_contract.rig import Rig
+from helios_contract.suite import DriverContract
 from helios_core.errors import HeliosError
 from helios_core.geometry import R_BODY_CAM, se2_to_se3
 from helios_core.robot import ActionResult, Capture, Forward, Turn
