@@ -14,12 +14,12 @@ from helios_client.tasks import FoundObject, Task
 from helios_client.wrong_use import WrongUse
 
 _COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "running": "cyan"}
-_PLAIN: dict[str, Any] = {"box": None, "pad_edge": False, "header_style": "dim"}
+PLAIN: dict[str, Any] = {"box": None, "pad_edge": False, "header_style": "dim"}
 
 
 def task_table(tasks: Sequence[Task]) -> Table:
     """One row a task."""
-    out = Table("id", "state", "took", "steps", "instruction", "message", **_PLAIN)
+    out = Table("id", "state", "took", "steps", "instruction", "message", **PLAIN)
     for task in tasks:
         color = _COLORS.get(task.state, "default")
         out.add_row(
@@ -31,7 +31,7 @@ def task_table(tasks: Sequence[Task]) -> Table:
 
 def object_table(objects: Sequence[FoundObject]) -> Table:
     """One row an instance: score Ψ, class score S and uncertainty U of eq. 7."""
-    out = Table("id", "class", "Ψ", "S", "U", "views", "centre (m)", "size (m)", **_PLAIN)
+    out = Table("id", "class", "Ψ", "S", "U", "views", "centre (m)", "size (m)", **PLAIN)
     for found in objects:
         out.add_row(
             str(found.id), escape(found.class_name), f"{found.score:.2f}",
@@ -55,7 +55,7 @@ def task_by_prefix(helios: Helios, id: str) -> Task:
 def _took(task: Task) -> str:
     if not task.started_s:
         return "-"
-    return f"{(task.ended_s or time.time()) - task.started_s:.0f} s"
+    return f"{max((task.ended_s or time.time()) - task.started_s, 0):.0f} s"
 
 
 def _metres(values: Sequence[float | None]) -> str:

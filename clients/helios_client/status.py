@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from helios_client import state_file
+from helios_client.lists import PLAIN
 from helios_client.sdk import Helios
 from helios_client.tasks import Status
 
@@ -46,7 +47,7 @@ def find_status(helios: Helios, port: int | None, state_dir: Path | None) -> Sta
 
 def status_table(found: Status) -> Table:
     """One row a service."""
-    out = Table("service", "state", "pid", "restarts", "reason")
+    out = Table("service", "state", "pid", "restarts", "reason", **PLAIN)
     for s in found["services"]:
         color = _COLORS.get(s["state"], "red")
         pid = str(s["pid"]) if s["pid"] else "-"
