@@ -109,12 +109,11 @@ def fleets(tmp_path: Path) -> Iterator[Fleets]:
     out.close()
 
 
-def owners(robots: list[Robot]) -> set[str]:
-    return {r.statuses[-1].instance for r in robots if r.statuses}
-
-
-def ready(robots: list[Robot]) -> bool:
-    return all(r.statuses and r.statuses[-1].state == "ready" for r in robots)
+def shares(robots: list[Robot]) -> list[int]:
+    """How many robots each detector says it serves; empty until all of them are served."""
+    if not all(r.statuses and r.statuses[-1].state == "ready" for r in robots):
+        return []
+    return sorted(Counter(r.statuses[-1].instance for r in robots).values())
 
 
 @pytest.mark.timeout(240)
@@ -122,9 +121,7 @@ def test_two_detectors_share_four_robots_and_answer_every_keyframe_once(fleets: 
     first, second = fleets.detector(), fleets.detector()
     robots = fleets.robots()
     try:
-        wait_until(lambda: ready(robots) and len(owners(robots)) == 2, 60, "both are at work")
-        work = Counter(r.statuses[-1].instance for r in robots)
-        assert sorted(work.values()) == [2, 2]
+        wait_until(lambda: shares(robots) == [2, 2], 60, "both have half of the robots")
         for robot in robots:
             robot.meet()
         for _ in range(5):
@@ -145,7 +142,7 @@ def test_two_detectors_share_four_robots_and_answer_every_keyframe_once(fleets: 
             lambda: all(r.answers[n] for r, n in zip(robots, later, strict=True)), 40,
             "the one that is left answers for all robots",
         )  # fmt: skip
-        wait_until(lambda: len(owners(robots)) == 1 and ready(robots), 20, "it says so")
+        wait_until(lambda: shares(robots) == [4], 20, "it says so")
         for robot in robots:
             assert all(robot.answers[n] == 1 for n in robot.answers), robot.answers
             reply = robot.bus.call(VOCABULARY, pb.Empty(), 5.0)
@@ -153,7 +150,7 @@ def test_two_detectors_share_four_robots_and_answer_every_keyframe_once(fleets: 
 
         # One that comes back takes its share again.
         fleets.detector()
-        wait_until(lambda: len(owners(robots)) == 2 and ready(robots), 60, "two are at work")
+        wait_until(lambda: shares(robots) == [2, 2], 60, "two are at work again")
         last = [robot.send() for robot in robots]
         wait_until(
             lambda: all(r.answers[n] for r, n in zip(robots, last, strict=True)), 30, "answered"
