@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from helios_core.geometry import wrap_angle
-from helios_core.robot import Action, ActionResult, Forward, Place, Turn
+from helios_core.robot import Action, ActionResult, Forward, Observe, Place, Turn
 
 from helios_planner.body import Body
 from helios_planner.grid import Pose2
@@ -51,10 +51,16 @@ class Mishaps:
             turned = abs(wrap_angle(after.yaw_rad - before.yaw_rad))
             if max(turned, abs(result.turned_rad)) < 0.5 * abs(action.angle_rad):
                 self.blocked()
-        if self.carrying and not isinstance(action, Place) and not self.body.held():
+        if self.carrying and not isinstance(action, Place) and not self._still_held():
             self.carrying = False
             raise Dropped(after.xy, "it is held no more")
         return result
+
+    def _still_held(self) -> bool:
+        """A gripper's word is asked for twice before what is carried counts as fallen."""
+        if not self.body.held():
+            self.body.act(Observe())
+        return bool(self.body.held())
 
     def stood_still(self, move: Forward, result: ActionResult) -> bool:
         """Whether a move met something unseen; stop-now and jumps say nothing of that."""
