@@ -13,7 +13,6 @@ from helios_gateway.settings import Settings
 
 from tests.gateway_backend import Backend
 
-
 # Made-up services report once, and tests do not wait for the next tick.
 QUICK = ("--tick-s", "0.05", "--silent-after-s", "3600")
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from helios_core import proto as pb
 from helios_core.errors import Internal
 
-from helios_gateway import models
+from helios_gateway import map_models, models
 
 PHASES = {
     "move": ("find_object", "pick", "find_receptacle", "place"),
@@ -128,16 +128,16 @@ def plan(message: pb.Plan) -> models.Plan:
     )
 
 
-def object_list(message: pb.ObjectsReply) -> models.ObjectList:
-    return models.ObjectList(
+def object_list(message: pb.ObjectsReply) -> map_models.ObjectList:
+    return map_models.ObjectList(
         objects=[_object(o) for o in message.objects],
         version=message.version,
         gaussians=message.gaussians,
     )
 
 
-def _object(o: pb.ObjectInstance) -> models.ObjectInstance:
-    return models.ObjectInstance(
+def _object(o: pb.ObjectInstance) -> map_models.ObjectInstance:
+    return map_models.ObjectInstance(
         id=o.id, class_name=o.class_name, center_m=_vector(o.center_m), size_m=_vector(o.size_m),
         score=finite(o.score), class_score=finite(o.class_score),
         uncertainty=finite(o.uncertainty), views=o.views, gaussians=o.gaussians,
@@ -146,11 +146,11 @@ def _object(o: pb.ObjectInstance) -> models.ObjectInstance:
     )  # fmt: skip
 
 
-def object_detail(message: pb.ObjectDetail) -> models.ObjectDetail:
-    return models.ObjectDetail(
+def object_detail(message: pb.ObjectDetail) -> map_models.ObjectDetail:
+    return map_models.ObjectDetail(
         object=_object(message.object),
         history=[
-            models.Moment(
+            map_models.Moment(
                 stamp_s=m.stamp_ns / 1e9, views=finite(m.views), score=finite(m.score),
                 class_score=finite(m.class_score),
             )
@@ -161,8 +161,8 @@ def object_detail(message: pb.ObjectDetail) -> models.ObjectDetail:
     )  # fmt: skip
 
 
-def frontier(f: pb.Frontier) -> models.Frontier:
-    return models.Frontier(
+def frontier(f: pb.Frontier) -> map_models.Frontier:
+    return map_models.Frontier(
         id=f.id, center_m=[metres(f.x_m), metres(f.y_m)], size_m=metres(f.size_m),
         reachable=f.reachable, values=_numbers(f.values),
     )  # fmt: skip

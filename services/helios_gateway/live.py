@@ -24,7 +24,7 @@ from helios_core.topics import (
     status_topic,
 )
 
-from helios_gateway import convert, models
+from helios_gateway import convert, map_models, models
 from helios_gateway.camera import Camera
 from helios_gateway.events import EventHub
 from helios_gateway.maps import Maps
@@ -120,7 +120,7 @@ class Live:
             self._tell_if_new("ready", "ready", readiness)
 
     def _tell_if_new(
-        self, type: str, state_key: str, now: models.Robot | models.MapChange | models.Service
+        self, type: str, state_key: str, now: models.Robot | map_models.MapChange | models.Service
         | models.Readiness
     ) -> None:  # fmt: skip
         if self._told.get(state_key) != now:

@@ -11,7 +11,7 @@ from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
 from helios_core.grids import MapView, decode_snapshot
 from helios_core.topics import OBJECTS, PICTURE, SNAPSHOT
 
-from helios_gateway import cells, convert, models
+from helios_gateway import cells, convert, map_models
 from helios_gateway.problems import NotFound
 from helios_gateway.responses import NPZ, PNG, Encoded
 from helios_gateway.shared_results import SharedResults
@@ -48,27 +48,27 @@ class Maps:
         with self._lock:
             self._path_m = tuple(plan.path_m)
 
-    def change(self) -> models.MapChange:
+    def change(self) -> map_models.MapChange:
         """Numbers that rise with every change of the maps."""
         with self._lock:
-            return models.MapChange(map2d=self._changes["map2d"],
+            return map_models.MapChange(map2d=self._changes["map2d"],
                                     objects=self._changes["objectmap"])  # fmt: skip
 
     def view(self) -> MapView:
         """The newest map. Raises Unavailable, DeadlineExceeded, Internal."""
         return self._views.get("map", self._state("map2d"), self._ask_snapshot)
 
-    def info(self) -> models.MapInfo:
+    def info(self) -> map_models.MapInfo:
         view = self.view()
         rows, columns = view.shape
-        return models.MapInfo(
+        return map_models.MapInfo(
             version=view.version, context_id=view.context_id, cell_m=view.cell_m,
             width_cells=columns, height_cells=rows,
             origin_m=[convert.metres(v) for v in view.origin_m],
             explored_m2=convert.finite(view.explored_m2),
             occupied_m2=convert.finite(view.occupied_m2),
             layers=[
-                models.MapLayer(name=name, max_value=cells.layer_maximum(view, name))
+                map_models.MapLayer(name=name, max_value=cells.layer_maximum(view, name))
                 for name in sorted(view.values)
             ],
             robot=convert.pose(*view.robot_pose),
@@ -84,7 +84,7 @@ class Maps:
 
         def make(view: MapView) -> Encoded:
             frontiers = [convert.frontier(f) for f in view.frontiers]
-            return Encoded.json(models.FrontierList(version=view.version, frontiers=frontiers))
+            return Encoded.json(map_models.FrontierList(version=view.version, frontiers=frontiers))
 
         return self._file("frontiers", self.view(), make)
 
@@ -121,7 +121,7 @@ class Maps:
 
         return self._pictures.get((layer, size_px), state, make)
 
-    def objects(self) -> models.ObjectList:
+    def objects(self) -> map_models.ObjectList:
         """Every instance of the object map."""
         return convert.object_list(self._ask_objects())
 
@@ -191,7 +191,9 @@ def _state(view: MapView) -> tuple[int, str, str]:
     return view.version, str(view.frame_id), view.context_id
 
 
-def _fits(found: models.ObjectInstance, class_name: str | None, min_score: float | None) -> bool:
+def _fits(
+    found: map_models.ObjectInstance, class_name: str | None, min_score: float | None
+) -> bool:
     if class_name is not None and found.class_name != class_name:
         return False
     return min_score is None or (found.score is not None and found.score >= min_score)

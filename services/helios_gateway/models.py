@@ -162,56 +162,6 @@ class Plan(BaseModel):
     purpose: str
 
 
-class ObjectInstance(BaseModel):
-    """One instance of the object map (paper section 3.1.3)."""
-
-    model_config = ConfigDict(populate_by_name=True)
-
-    id: int
-    class_name: str = Field(
-        validation_alias="class_name", serialization_alias="class", examples=["mug"]
-    )
-    center_m: Vector3 = Field(description="middle of its box")
-    size_m: Vector3
-    score: float | None = Field(description="Ψ, eq. 7: class score less uncertainty")
-    class_score: float | None = Field(description="S")
-    uncertainty: float | None = Field(description="U")
-    views: int = Field(description="distinct viewpoints fused")
-    gaussians: int
-    probabilities: dict[str, float | None] = Field(
-        description="class → mean expected probability", examples=[{"mug": 0.8, "other": 0.2}]
-    )
-    detection_rate: float | None = Field(
-        description="share of its views in which it was detected as its class"
-    )
-    outline_m: list[Vector2] = Field(description="hull of its projection to the ground")
-
-
-class ObjectList(BaseModel):
-    objects: list[ObjectInstance]
-    version: int
-    gaussians: int = Field(description="of the whole map")
-
-
-class Moment(BaseModel):
-    """What was believed of an object after a view that gave it evidence."""
-
-    stamp_s: float = Field(description="the robot's clock")
-    views: float | None
-    score: float | None = Field(description="Ψ")
-    class_score: float | None = Field(description="S")
-
-
-class ObjectDetail(BaseModel):
-    """One object: all figures, how belief in it went, and its upright box."""
-
-    object: ObjectInstance
-    history: list[Moment] = Field(description="oldest first; long ones are thinned")
-    box_center_m: Vector3 = Field(description="of the upright box, turned to be smallest")
-    box_size_m: Vector3 = Field(description="along its own axes; x is the narrow side")
-    box_yaw_rad: float | None = Field(description="of its x axis: where a gripper closes")
-
-
 class RobotPose(BaseModel):
     x_m: float
     y_m: float
@@ -255,42 +205,6 @@ class Robot(BaseModel):
     description: RobotDescription | None
 
 
-class Frontier(BaseModel):
-    """A border of what was seen since the search began."""
-
-    id: int
-    center_m: Vector2
-    size_m: float | None
-    reachable: bool
-    values: dict[str, float | None] = Field(examples=[{"pick": 0.31, "place": 0.12}])
-
-
-class FrontierList(BaseModel):
-    version: int
-    frontiers: list[Frontier]
-
-
-class MapLayer(BaseModel):
-    name: str = Field(examples=["pick"])
-    max_value: float = Field(description="the value that 255 stands for in the cells picture")
-
-
-class MapInfo(BaseModel):
-    """The 2D map without its arrays."""
-
-    version: int
-    context_id: str
-    cell_m: float
-    origin_m: Vector2 = Field(description="corner of the lower left cell")
-    width_cells: int
-    height_cells: int
-    explored_m2: float | None
-    occupied_m2: float | None
-    layers: list[MapLayer]
-    robot: RobotPose | None
-    trajectory_m: list[Vector2]
-
-
 class Service(BaseModel):
     """One process of the robot's backend."""
 
@@ -332,13 +246,6 @@ class StopRequest(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     reason: str = Field(default="stop-now was asked for over HTTP", max_length=500)
-
-
-class MapChange(BaseModel):
-    """Event: the 2D map or the object map has a new version."""
-
-    map2d: int
-    objects: int
 
 
 class RobotEntry(BaseModel):

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response
 
-from helios_gateway import models
+from helios_gateway import map_models
 from helios_gateway.access import secured
 from helios_gateway.fleet import At
 from helios_gateway.keys import Scope
@@ -28,7 +28,7 @@ def map_routes(prefix: str) -> APIRouter:
     @routes.get(
         "/map",
         summary="The 2D map's size, place and layers",
-        response_model=models.MapInfo,
+        response_model=map_models.MapInfo,
         responses=UNCHANGED,
     )
     def info(at: At, request: Request) -> Response:
@@ -37,7 +37,7 @@ def map_routes(prefix: str) -> APIRouter:
     @routes.get(
         "/map/frontiers",
         summary="Borders of what was seen, with their values",
-        response_model=models.FrontierList,
+        response_model=map_models.FrontierList,
         responses=UNCHANGED,
     )
     def frontiers(at: At, request: Request) -> Response:
@@ -100,7 +100,7 @@ def map_routes(prefix: str) -> APIRouter:
     @routes.get(
         "/objects",
         summary="What is believed to be where",
-        response_model=models.ObjectList,
+        response_model=map_models.ObjectList,
         responses=UNCHANGED,
     )
     def objects(
@@ -119,7 +119,7 @@ def map_routes(prefix: str) -> APIRouter:
     @routes.get("/objects/{id}", summary="One object", responses=problems(404))
     def one_object(
         at: At, id: Annotated[int, Path(ge=0, lt=2**64, description="as /v1/objects gives it")]
-    ) -> models.ObjectInstance:
+    ) -> map_models.ObjectInstance:
         for found in at.live.maps.objects().objects:
             if found.id == id:
                 return found

@@ -12,7 +12,7 @@ from helios_core.codec.frames import pinhole_to_proto, transform_to_proto
 from helios_core.errors import InvalidInput
 from helios_core.topics import EXPORT_OBJECTS, OBJECT_DETAIL, RENDER_OBJECTS, M, Method, Req
 
-from helios_gateway import convert, models
+from helios_gateway import convert, map_models
 from helios_gateway.access import secured
 from helios_gateway.fleet import At, Served
 from helios_gateway.keys import Scope
@@ -68,7 +68,7 @@ def object_routes(prefix: str, settings: Settings) -> APIRouter:
         return export(at, request, "ply", id)
 
     @routes.get("/objects/{id}/detail", summary="One object in full", responses=problems(404))
-    def detail(at: At, id: ObjectId) -> models.ObjectDetail:
+    def detail(at: At, id: ObjectId) -> map_models.ObjectDetail:
         """With the history of its score, and the upright box that a gripper wants to know."""
         return convert.object_detail(told(at, OBJECT_DETAIL, pb.ObjectRequest(object_id=id)))
 

@@ -14,7 +14,8 @@ from helios_core.errors import Unavailable
 from helios_core.topics import TASK
 from helios_gateway.events import KEEPALIVE, EventHub, as_sse
 from helios_gateway.live import Live
-from helios_gateway.models import Healthy, MapChange, RobotPose
+from helios_gateway.map_models import MapChange
+from helios_gateway.models import Healthy, RobotPose
 
 from tests.gateway_backend import Backend
 

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from helios_gateway.events import EventHub, as_sse
 from helios_gateway.live import Live
-from helios_gateway.models import MapChange
+from helios_gateway.map_models import MapChange
 from helios_gateway.responses import Encoded
 
 from tests.gateway_backend import Backend
