@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from helios_core.robot import Pick, Place
+from helios_core.robot import Observe, Pick, Place
 from helios_core.types import ObjectInstance
 
 from helios_planner.agents import agent_named
@@ -186,8 +187,14 @@ class Mission:
     def _seen(self, name: str, receptacle: ObjectInstance, before: Sequence[ObjectInstance]) -> str:
         """The robot says that it placed it; is it seen there? Raises TaskFailed where it is seen
         elsewhere."""
-        now = self.kit.belief.known(name)
-        seen, thing = seen_after(receptacle, before, now, self.settings.cs_g)
+        least = self.settings.cs_g
+        seen, thing = seen_after(receptacle, before, self.kit.belief.known(name), least)
+        if seen is Seen.NOWHERE:
+            # In the image of the placing the map took it for still held. Where no step is left to
+            # look once more, it is placed all the same.
+            with contextlib.suppress(TaskFailed):
+                self.body.act(Observe())
+            seen, thing = seen_after(receptacle, before, self.kit.belief.known(name), least)
         if seen is Seen.BESIDE_IT and thing is not None:
             x, y, z = thing.center_m
             raise TaskFailed(
