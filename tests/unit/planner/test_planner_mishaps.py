@@ -194,6 +194,19 @@ def test_a_place_that_let_it_fall_is_made_good() -> None:
     assert world.released is not None
 
 
+def test_a_place_that_is_refused_is_tried_elsewhere_and_then_given_up() -> None:
+    def refusing(world: FakeWorld, action: Action) -> ActionResult | None:
+        return ActionResult(False, "no room") if isinstance(action, Place) else None
+
+    world = troubled(flat([coffee_table(), counter(), mug()]), refusing)
+    with pytest.raises(TaskFailed, match="no room") as failure:
+        bring(world, rounds=1)
+    assert failure.value.cause is Cause.PLACE_MISSED
+    asked = [a.point_world_m[:2] for a in world.log if isinstance(a, Place)]
+    assert 2 <= len(asked) <= Settings().places_per_receptacle
+    assert min(math.dist(a, b) for a in asked for b in asked if a is not b) > 0.1
+
+
 # --- localisation jump -----------------------------------------------------------------------
 def jumping(times: int) -> Trouble:
     left = [times]

@@ -129,6 +129,19 @@ def test_stop_now_pauses_and_clearing_it_goes_on(start: Start) -> None:
     assert ended(bus, id).state == "succeeded"
 
 
+def test_a_robot_that_begins_a_new_world_in_mid_task_is_a_system_error(start: Start) -> None:
+    _, bus, peers = start()
+    peers.gate = threading.Event()
+    id = submit(bus).id
+    wait_until(peers.acting.is_set, 5, "it acts")
+    peers.gate.set()
+    wait_until(lambda: peers.world.steps > 3, 30, "it acts on")
+    peers.boot = "another boot"
+    done = ended(bus, id)
+    assert (done.state, done.cause) == ("failed", "system error")
+    assert "localisation jumped" in done.message
+
+
 def test_a_map_that_stays_silent_fails_the_task_and_is_named(start: Start) -> None:
     _, bus, peers = start()
     peers.silent.add("objects")
