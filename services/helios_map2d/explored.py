@@ -38,6 +38,10 @@ class SearchArea:
         kernels.merge_seen(seen, self.explored[window.slices])
         self.box = self.grid.to_world(window).union(self.box)
 
+    def take_back(self, cells: NDArray[np.bool_], window: Box) -> None:
+        """Count cells (bool over `window`) as not searched."""
+        self.explored[window.slices][cells] = 0
+
     def add_near_robot(
         self, occupancy: NDArray[np.int8], x_m: float, y_m: float, radius_m: float
     ) -> None:

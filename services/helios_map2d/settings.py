@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from helios_core.settings import ServiceSettings, service_config
@@ -18,6 +19,12 @@ class Settings(ServiceSettings):
 
     model_config = service_config("map2d")
 
+    preset: str = Field(
+        "default",
+        pattern="^(default|vlfm-compatible)$",
+        description="vlfm-compatible: every pixel in the band is an obstacle for good, and the "
+        "cone of view is explored; to compare with VLFM",
+    )
     cell_m: float = Field(0.025, gt=0.002, le=1.0, description="edge of a cell")
     size_cells: int = Field(
         2000, ge=64, le=16000, description="cells along each side of the map at its start"
@@ -72,6 +79,10 @@ class Settings(ServiceSettings):
 
     def rules(self, robot_max_depth_m: float, robot_radius_m: float) -> MapRules:
         """The rules of the maps for a robot."""
+        rules = self._rules(robot_max_depth_m, robot_radius_m)
+        return vlfm_compatible(rules) if self.preset == "vlfm-compatible" else rules
+
+    def _rules(self, robot_max_depth_m: float, robot_radius_m: float) -> MapRules:
         return MapRules(
             cell_m=self.cell_m,
             size_cells=self.size_cells,
@@ -99,3 +110,16 @@ class Settings(ServiceSettings):
                 blind_radius_m=self.blind_radius_m,
             ),
         )
+
+
+def vlfm_compatible(rules: MapRules) -> MapRules:
+    """The rules by which the maps agree with VLFM's on the same frames.
+
+    No noise is filtered, nothing is freed again, the band's edge does not rise with depth, and the
+    cone of view counts as explored up to known obstacles, measured or not.
+    """
+    occupancy = replace(
+        rules.occupancy, band_rise_per_m=0.0, weak_pixels=1, strong_pixels=1, tail_ratio=10**6,
+        occupied_evidence=1, hit_gain=1, miss_loss=0, veil_jump_m=1e6,
+    )  # fmt: skip
+    return replace(rules, occupancy=occupancy, explored_by_cone=True)

@@ -22,6 +22,7 @@ from helios_map2d.ground import OpenGround
 from helios_map2d.memory import SeenView, ViewMemory, small_picture
 from helios_map2d.occupancy import UNKNOWN, OccupancyLayer, OccupancyRules
 from helios_map2d.order import REMEMBERED_FRAMES, FrameOrder
+from helios_map2d.reveal import cone_by_column, part_around, reveal
 from helios_map2d.snapshot import MapSnapshot
 from helios_map2d.tiles import GroundTile, ValueTile, ground_tile, value_tile
 from helios_map2d.trajectory import Trajectory
@@ -53,6 +54,7 @@ class MapRules:
     frontiers: FrontierRules = field(default_factory=FrontierRules)
     trajectory_step_m: float = 0.05
     most_views: int = 512
+    explored_by_cone: bool = False  # VLFM's explored area, see `reveal`
 
 
 class MapState:
@@ -115,7 +117,7 @@ class MapState:
         view = view_of(frame.depth_m, frame.camera, frame.T_world_cam, self.grid,
                        rules.min_depth_m, rules.max_depth_m)  # fmt: skip
         row, column = self.grid.cell_of(x_m, y_m)
-        near_m = max(self.footprint_radius_m, rules.frontiers.blind_radius_m)
+        near_m = self._near_m
         around = Box(row, row + 1, column, column + 1).grown(int(near_m / rules.cell_m) + 2)
         box = self.grid.to_local(self.grid.to_world(view.window.union(around)).tiled)
         at = box.slices
@@ -124,15 +126,28 @@ class MapState:
         if body_m > 0 and holding:
             body_m += rules.held_reach_m
         came_of_it = np.zeros((box.rows, box.columns), np.uint8)
-        came_of_it[view.window.moved(-box.row_lo, -box.column_lo).slices] = (
-            self.occupancy.integrate(view, (x_m, y_m), body_m)
-        )
+        seen = self.occupancy.integrate(view, (x_m, y_m), body_m)
+        followed = before
+        if rules.explored_by_cone:
+            self.ground.update(self.occupancy.occupancy, before, box)
+            followed = self.occupancy.occupancy[at].copy()
+        came_of_it[view.window.moved(-box.row_lo, -box.column_lo).slices] = seen
+        if rules.explored_by_cone:
+            reveal(self.occupancy, view, self.ground.crowd, came_of_it, box)
         self.search.add(came_of_it, box)
         if self.footprint_radius_m > 0:
             disc = self.occupancy.clear_disc(x_m, y_m, self.footprint_radius_m)
             came_of_it[disc.moved(-box.row_lo, -box.column_lo).slices] |= np.uint8(kernels.MEMORY)
             self.search.add_near_robot(
                 self.occupancy.occupancy, x_m, y_m, rules.frontiers.blind_radius_m
+            )
+        self.ground.update(self.occupancy.occupancy, followed, box)
+        if rules.explored_by_cone:
+            self.search.take_back(self.ground.crowd[at] > 0, box)
+            part = self.grid.to_local(self.search.box)
+            self.search.explored[part.slices] = part_around(
+                self.search.explored[part.slices].copy(),
+                (row - part.row_lo, column - part.column_lo),
             )
         self.order.take(frame.id.seq)
         if newest:
@@ -164,7 +179,7 @@ class MapState:
         rules = self.rules
         view = view_of(frame.depth_m, frame.camera, frame.T_world_cam, self.grid,
                        rules.min_depth_m, rules.max_depth_m)  # fmt: skip
-        cone = cone_of(view)
+        cone = cone_by_column(view) if rules.explored_by_cone else cone_of(view)
         changed = self.values.integrate(cone, observation.layer_scores)
         self.version += 1
         self._retile_values(observation.layer_scores, changed)
@@ -290,7 +305,7 @@ class MapState:
         x_m, y_m = float(T_world_base[0, 3]), float(T_world_base[1, 3])
         self._refuse_a_leap(x_m, y_m, check_pose(frame.T_world_cam, "T_world_cam"))
         reach = reach_of(frame.camera, frame.T_world_cam, cell_m, self.rules.max_depth_m)
-        near_m = max(self.footprint_radius_m, self.rules.frontiers.blind_radius_m)
+        near_m = self._near_m
         row, column = int(y_m // cell_m), int(x_m // cell_m)
         around = Box(row, row + 1, column, column + 1).grown(int(near_m / cell_m) + 2)
         self._make_room(reach.union(around))
@@ -314,6 +329,12 @@ class MapState:
                 "if its localisation jumped, a new world epoch must begin; if it went there "
                 "unseen, raise HELIOS_MAP2D_MOST_LEAP_M"
             )
+
+    @property
+    def _near_m(self) -> float:
+        """How far from the robot a frame may change what it does not see."""
+        near_m = max(self.footprint_radius_m, self.rules.frontiers.blind_radius_m)
+        return max(near_m, self.rules.max_depth_m) if self.rules.explored_by_cone else near_m
 
     def _make_room(self, needed: Box) -> None:
         """Grow the grid where it does not hold a box of world cells with a margin.
@@ -367,7 +388,6 @@ class MapState:
             before, self.occupancy.occupancy[at], searched, self.search.explored[at], came_of_it,
             shown, kept, border, TILE,
         )  # fmt: skip
-        self.ground.update(self.occupancy.occupancy, before, box)
         world = self.grid.to_world(box)
         row, column = world.row_lo // TILE, world.column_lo // TILE
         edges = [(int(r) + row - 1, int(c) + column - 1) for r, c in np.argwhere(border)]

@@ -1,0 +1,280 @@
+"""Our 2D maps beside VLFM's own, on the same frames: speed, and how far they agree.
+
+    python tests/bench/against_vlfm.py --vlfm DIR --frontier-exploration DIR [--frames F] [--out D]
+
+The directories are checkouts of bdaiinstitute/vlfm and naokiyokoyama/frontier_exploration; nothing
+of them is part of this project. Frames are those of `helios bench`, or of a folder of RGB-D frames
+(`--frames redkitchen:DIR`). Times are medians
+in one run, taken in turn, of the processor time used, so that other work on the machine counts
+less. VLFM's maps are compared at 20 cells a metre, the only size its value map has.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import math
+import statistics
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from helios_core.geometry import Pinhole, se2_to_se3
+from helios_core.types import Frame, FrameId, Observation, SearchContext
+from helios_eval.bench.scene import frames as bench_frames
+from helios_map2d.frontiers import FrontierRules
+from helios_map2d.occupancy import OccupancyRules
+from helios_map2d.settings import vlfm_compatible
+from helios_map2d.state import MapRules, MapState
+from helios_map2d.value import ValueLayers, ValueRules, cone_of
+from helios_map2d.view import heading_of, view_of
+from helios_map2d.warm_up import warm_up
+from numpy.typing import NDArray
+
+NEAR_M, FAR_M = 0.1, 5.0
+BAND_M = (0.30, 1.50)  # VLFM filters no noise: below it, far floor becomes obstacles
+RADIUS_M = 0.18
+SCORES = {"pick": 0.3, "place": 0.6}
+
+
+class Vlfm:
+    """VLFM's maps of `cells` a side, fed with our frames in its own conventions."""
+
+    def __init__(self, cells: int, per_m: int, fusion_max: bool = False) -> None:
+        from vlfm.mapping.obstacle_map import ObstacleMap  # pyright: ignore[reportMissingImports]
+        from vlfm.mapping.value_map import ValueMap  # pyright: ignore[reportMissingImports]
+
+        self.per_m = per_m
+        self.obstacles: Any = ObstacleMap(
+            min_height=BAND_M[0], max_height=BAND_M[1], agent_radius=RADIUS_M, area_thresh=1.5,
+            hole_area_thresh=-1, size=cells, pixels_per_meter=per_m,
+        )  # fmt: skip
+        self.values: Any = ValueMap(len(SCORES), size=cells, use_max_confidence=fusion_max)
+        self.cells = cells
+
+    def see(self, frame: Frame) -> None:
+        camera = frame.camera
+        self.obstacles.update_map(
+            depth_of(frame), pose_of(frame), NEAR_M, FAR_M, camera.fx, camera.fy, camera.hfov_rad
+        )
+
+    def value(self, frame: Frame, scores: dict[str, float]) -> None:
+        self.values.update_map(
+            np.array(list(scores.values())), depth_of(frame), pose_of(frame), NEAR_M, FAR_M,
+            frame.camera.hfov_rad,
+        )  # fmt: skip
+
+    def frontiers(self) -> Any:
+        return self.obstacles._get_frontiers()
+
+    def upright(self, array: NDArray) -> NDArray:
+        """One of its arrays as ours are: its rows are x, its columns run against y."""
+        return np.roll(array.T[::-1], 1, axis=0)
+
+
+def depth_of(frame: Frame) -> NDArray[np.float32]:
+    """Depth as VLFM takes it: 0 to 1 between the limits, what was not measured as far away."""
+    good = (frame.depth_m > NEAR_M) & (frame.depth_m < FAR_M)
+    return np.where(good, (frame.depth_m - NEAR_M) / (FAR_M - NEAR_M), 1.0).astype(np.float32)
+
+
+def pose_of(frame: Frame) -> NDArray[np.float64]:
+    """VLFM's camera has x forward, y left, z up."""
+    out = frame.T_world_cam.copy()
+    out[:3, :3] = frame.T_world_cam[:3, :3] @ np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])
+    return out
+
+
+def load(source: str) -> list[Frame]:
+    """The frames to compare on."""
+    kind, _, where = source.partition(":")
+    if kind == "bench":
+        return list(bench_frames())
+    if kind == "redkitchen":
+        return list(redkitchen(Path(where)))
+    raise SystemExit(f"--frames {source!r}: wanted bench or redkitchen:DIR")
+
+
+def redkitchen(folder: Path) -> Iterator[Frame]:
+    """Every tenth frame of a folder of RGB-D frames with `meta.json` and `poses.csv`."""
+    meta = json.loads((folder / "meta.json").read_text())
+    camera = Pinhole(*(meta[k] for k in ("fx", "fy", "cx", "cy", "width", "height")))
+    rows = np.loadtxt(folder / "poses.csv", delimiter=",", skiprows=1)
+    for row in rows[::10]:
+        name = folder / "frames" / f"{int(row[0]):06d}"
+        depth = cv2.imread(f"{name}.png", cv2.IMREAD_UNCHANGED)
+        color = cv2.imread(f"{name}.jpg")
+        if depth is None or color is None:
+            raise SystemExit(f"{name}.png or .jpg cannot be read")
+        T = np.vstack([row[2:14].reshape(3, 4), [0, 0, 0, 1]])
+        base = se2_to_se3(T[0, 3], T[1, 3], math.atan2(*heading_of(T)[::-1]))
+        yield Frame(
+            FrameId("redkitchen", 0, int(row[0])), int(row[1] * 1e9), True,
+            np.asarray(color[..., ::-1], np.uint8),
+            (depth * meta["depth_scale_m"]).astype(np.float32), camera, T, base,
+        )  # fmt: skip
+
+
+def timed(work: Callable[[], object]) -> float:
+    """Processor time in ms."""
+    began = time.process_time()
+    work()
+    return (time.process_time() - began) * 1e3
+
+
+def numbered(frame: Frame, seq: int) -> Frame:
+    return dataclasses.replace(frame, id=FrameId("bench", 0, seq))
+
+
+def speed(frames: list[Frame], cells: int, runs: int) -> dict[str, dict[str, float]]:
+    """Medians of one run over `cells` x `cells` maps at 2.5 cm (values: VLFM's own 5 cm)."""
+    cv2.setNumThreads(1)
+    rules = MapRules(size_cells=cells, frontiers=FrontierRules(robot_radius_m=RADIUS_M))
+    ours, theirs = MapState(rules, (0.0, 0.0), RADIUS_M), Vlfm(cells, 40)
+    ours.reset_search(SearchContext("bench", (), {}))
+    layers = ValueLayers(ours.grid, ValueRules())
+    times: dict[str, list[float]] = {
+        k: [] for k in ("map", "vlfm map", "values", "vlfm values", "frontiers", "vlfm frontiers",
+                        "published")
+    }  # fmt: skip
+    for i in range(runs):
+        frame = numbered(frames[i % len(frames)], i + 1)
+        times["map"].append(timed(lambda f=frame: ours.integrate_frame(f)))
+        seen = Observation(frame, "bench", (), SCORES, "bench")
+        times["published"].append(times["map"][-1] + timed(lambda o=seen: ours.integrate_values(o)))
+        times["vlfm map"].append(timed(lambda f=frame: theirs.see(f)))
+        view = view_of(frame.depth_m, frame.camera, frame.T_world_cam, ours.grid, NEAR_M, FAR_M)
+        times["values"].append(timed(lambda v=view: layers.integrate(cone_of(v), SCORES)))
+        times["vlfm values"].append(timed(lambda f=frame: theirs.value(f, SCORES)))
+        xy = ours.robot_pose[:2] if ours.robot_pose else (0.0, 0.0)
+        times["frontiers"].append(
+            timed(lambda p=xy: ours.frontiers.find(ours.occupancy.occupancy, ours.ground, p, {}))
+        )
+        times["vlfm frontiers"].append(timed(theirs.frontiers))
+    half = {k: statistics.median(v[len(v) // 3 :]) for k, v in times.items()}
+    out = {
+        name: {"ours_ms": round(half[name], 3), "vlfm_ms": round(half[f"vlfm {name}"], 2),
+               "ratio": round(half[f"vlfm {name}"] / half[name], 1)}
+        for name in ("map", "values", "frontiers")
+    }  # fmt: skip
+    out["frame and observation, all published"] = {"ours_ms": round(half["published"], 3)}
+    return out
+
+
+def agreement(frames: list[Frame], cells: int, out: Path | None) -> dict[str, float]:
+    """IoU of obstacles and of explored area, and the mean difference of values both have."""
+    rules = MapRules(
+        cell_m=0.05, size_cells=cells, min_depth_m=NEAR_M, max_depth_m=FAR_M,
+        occupancy=OccupancyRules(band_lo_m=BAND_M[0], band_hi_m=BAND_M[1]),
+        frontiers=FrontierRules(robot_radius_m=RADIUS_M),
+    )  # fmt: skip
+    same, default = MapState(vlfm_compatible(rules), (0.0, 0.0), 0.0), MapState(rules, (0, 0), 0.0)
+    theirs = Vlfm(cells, 20)
+    for state in (same, default):
+        state.reset_search(SearchContext("bench", (), {"pick": "", "place": ""}))
+    for i, frame in enumerate(frames):
+        frame = numbered(frame, i + 1)
+        moved = by_half_a_cell(frame, 0.05)
+        scores = {"pick": 0.2 + 0.6 * (i * 7 % 10) / 10, "place": 0.5}
+        for state in (same, default):
+            state.integrate_frame(moved)
+            state.integrate_values(Observation(moved, "bench", (), scores, "bench"))
+        theirs.see(frame)
+        theirs.value(frame, scores)
+    obstacles = theirs.upright(theirs.obstacles._map)
+    explored = theirs.upright(theirs.obstacles.explored_area)
+    values = theirs.upright(theirs.values._value_map[..., 0])
+    mine = [aligned(same, a, cells) for a in (same.occupancy.occupancy == 100,
+                                               same.search.explored > 0,
+                                               same.values.layers["pick"].value)]  # fmt: skip
+    both = (mine[2] != 0) & (values != 0)
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        usual = (aligned(default, default.occupancy.occupancy == 100, cells),
+                 aligned(default, default.search.explored > 0, cells))  # fmt: skip
+        picture(out / "vlfm.png", [(obstacles, explored), (mine[0], mine[1]), usual])
+    return {
+        "obstacle_iou": round(iou(mine[0], obstacles, 1), 4),
+        "obstacle_iou_exact": round(iou(mine[0], obstacles, 0), 4),
+        "explored_iou": round(iou(mine[1], explored, 0), 4),
+        "value_cells_iou": round(iou(mine[2] != 0, values != 0, 0), 4),
+        "mean_value_difference": round(float(np.abs(mine[2] - values)[both].mean()), 5),
+    }
+
+
+def by_half_a_cell(frame: Frame, cell_m: float) -> Frame:
+    """VLFM rounds to its cells where ours span from a multiple of their size to the next."""
+    shift = np.eye(4)
+    shift[:2, 3] = cell_m / 2
+    return dataclasses.replace(
+        frame, T_world_cam=shift @ frame.T_world_cam, T_world_base=shift @ frame.T_world_base
+    )
+
+
+def aligned(state: MapState, array: NDArray, cells: int) -> NDArray:
+    """The part of one of our arrays that VLFM's map covers."""
+    row, column = -cells // 2 - state.grid.corner[0], -cells // 2 - state.grid.corner[1]
+    return array[row : row + cells, column : column + cells]
+
+
+def iou(a: NDArray, b: NDArray, slack: int) -> float:
+    """Intersection over union; cells within `slack` cells of the other's count as shared."""
+    if slack:
+        kernel = np.ones((2 * slack + 1,) * 2, np.uint8)
+        wide_a = cv2.dilate(a.astype(np.uint8), kernel) > 0
+        wide_b = cv2.dilate(b.astype(np.uint8), kernel) > 0
+        shared = ((a & wide_b).sum() + (b & wide_a).sum()) / 2
+        return float(shared / ((a.sum() + b.sum()) - shared))
+    return float((a & b).sum() / max(1, (a | b).sum()))
+
+
+def picture(path: Path, maps: list[tuple[NDArray, NDArray]]) -> None:
+    """Maps beside each other: explored green, obstacles black."""
+    known = np.argwhere(np.any([o | e for o, e in maps], axis=0))
+    (r0, c0), (r1, c1) = known.min(axis=0) - 5, known.max(axis=0) + 6
+    parts = []
+    for (obstacles, explored), name in zip(
+        maps, ("VLFM", "preset vlfm-compatible", "default"), strict=True
+    ):
+        rgb = np.full((*obstacles.shape, 3), 225, np.uint8)
+        rgb[explored] = (200, 240, 200)
+        rgb[obstacles] = (40, 40, 50)
+        part = cv2.resize(rgb[r0:r1, c0:c1][::-1], None, fx=3, fy=3,
+                          interpolation=cv2.INTER_NEAREST)  # fmt: skip
+        head = np.full((26, part.shape[1], 3), 255, np.uint8)
+        cv2.putText(
+            head, name, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (44, 50, 62), 1, cv2.LINE_AA
+        )
+        parts += [np.vstack([head, part]), np.full((part.shape[0] + 26, 8, 3), 255, np.uint8)]
+    cv2.imwrite(str(path), cv2.cvtColor(np.hstack(parts[:-1]), cv2.COLOR_RGB2BGR))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--vlfm", type=Path, required=True)
+    parser.add_argument("--frontier-exploration", type=Path, required=True)
+    parser.add_argument("--frames", default="bench")
+    parser.add_argument("--cells", type=int, default=2000)
+    parser.add_argument("--runs", type=int, default=36)
+    parser.add_argument("--out", type=Path)
+    args = parser.parse_args()
+    sys.path[:0] = [str(args.vlfm), str(args.frontier_exploration)]
+    warm_up()
+    frames = load(args.frames)
+    result = {
+        "frames": f"{args.frames}: {len(frames)}",
+        "agreement": agreement(frames, 1000, args.out),
+        "speed": speed(frames, args.cells, args.runs) if args.runs else {},
+    }
+    print(json.dumps(result, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,64 @@
+"""The preset that agrees with VLFM."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from helios_map2d.reveal import part_around
+from helios_map2d.settings import Settings
+from helios_map2d.state import MapRules, MapState
+from map2d_scene import Walk, room, table
+
+
+def mapped(rules: MapRules, walk: Walk) -> MapState:
+    state = MapState(rules, (1.0, 1.5), 0.0)
+    state.integrate_frame(walk.frame(1.0, 1.5, 0.0))
+    return state
+
+
+def rules(*flags: str) -> MapRules:
+    return Settings.load(["--size-cells", "400", *flags]).rules(5.0, 0.2)
+
+
+def test_the_cone_is_explored_up_to_known_obstacles_measured_or_not() -> None:
+    walk = Walk([*room(), *table(2.5, 1.5)])
+    usual, vlfm = mapped(rules(), walk), mapped(rules("--preset", "vlfm-compatible"), walk)
+    before_its_feet = vlfm.grid.cell_of(1.3, 1.5)
+    assert vlfm.search.explored[before_its_feet] == 1
+    assert usual.occupancy.floor_seen[usual.grid.cell_of(1.3, 1.5)] == 0
+    behind_the_table = vlfm.grid.cell_of(3.4, 1.5)
+    assert vlfm.search.explored[behind_the_table] == 0
+    beside_an_obstacle = vlfm.grid.cell_of(2.0, 1.5)
+    assert vlfm.search.explored[beside_an_obstacle] == 0
+
+
+def test_nothing_is_freed_again() -> None:
+    walk = Walk([*room(), *table(2.5, 1.5)])
+    state = mapped(rules("--preset", "vlfm-compatible"), walk)
+    before = state.occupancy.occupancy == 100
+    walk.blocks = room()
+    for _ in range(4):
+        state.integrate_frame(walk.frame(1.0, 1.5, 0.0))
+    assert (state.occupancy.occupancy[before] == 100).all()
+
+
+def test_of_what_is_explored_the_part_around_the_robot_stays_with_its_holes_filled() -> None:
+    explored = np.zeros((40, 40), np.uint8)
+    explored[5:15, 5:15] = 1
+    explored[8:11, 8:11] = 0
+    explored[25:35, 25:35] = 1
+    got = part_around(explored.copy(), (7, 7))
+    assert got[5:15, 5:15].all()
+    assert got.sum() == 100
+    assert part_around(explored.copy(), (24, 30))[30, 30] == 1  # none holds it: the nearest
+
+
+def test_the_preset_sees_the_same_whichever_way_it_looks() -> None:
+    areas = []
+    for k in range(4):
+        state = MapState(rules("--preset", "vlfm-compatible"), (0.0, 0.0), 0.0)
+        state.integrate_frame(Walk([]).frame(0.0, 0.0, k * math.pi / 2))
+        areas.append(int(state.search.explored.sum()))
+    assert max(areas) - min(areas) < 0.02 * max(areas)
+    assert min(areas) * 0.025**2 > 10
