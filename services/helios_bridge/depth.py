@@ -5,6 +5,7 @@ It is filled in before a frame is published, so that every reader gets one whole
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -29,6 +30,10 @@ def with_estimated_depth(frame: Frame, bus: Bus, timeout_s: float) -> Frame:
     if depth_m.shape != frame.color.shape[:2]:
         raise InvalidInput(
             f"{reply.model} made depth of {depth_m.shape} for an image of {frame.color.shape[:2]}"
+        )
+    if not 0 < reply.focal_px < math.inf:
+        raise InvalidInput(
+            f"{reply.model} told a focal length of {reply.focal_px} pixels; wanted a positive number"
         )
     ratio = reply.focal_px / frame.camera.fx
     camera = replace(frame.camera, fx=frame.camera.fx * ratio, fy=frame.camera.fy * ratio)

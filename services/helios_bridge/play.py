@@ -63,6 +63,13 @@ class Player:
                 log.error("the recording cannot go on: %s", error.message)
                 self._health.degraded(error.message)
                 return
+            except Exception as error:  # of somebody's own driver
+                log.exception("the driver failed")
+                self._health.degraded(
+                    f"the recording cannot go on: the driver failed ({type(error).__name__}: "
+                    f"{error}); mend it"
+                )
+                return
             told()
         told()
 

@@ -175,12 +175,12 @@ class BridgeService:
 
     # --- one action ---------------------------------------------------------------------------
     def _act(self, request: pb.ActionRequest, action: Action, deadline_s: float) -> pb.ActionResult:
-        self._lease.check(request.lease_token)
-        if self._stopped_why:
-            raise Conflict(f"the robot is stopped ({self._stopped_why}); clear the stop first")
-        with self._turn:
-            if time.monotonic() >= deadline_s:
-                raise DeadlineExceeded("the action's time was over before it began; send it anew")
+        self._check_may_drive(request)
+        left_s = deadline_s - time.monotonic()
+        if left_s <= 0 or not self._turn.acquire(timeout=left_s):
+            raise DeadlineExceeded("the action's time was over before it began; send it anew")
+        try:
+            self._check_may_drive(request)  # much may have happened while it waited for its turn
             began = time.monotonic()
             self._busy_until_s = deadline_s
             try:
@@ -190,17 +190,25 @@ class BridgeService:
             finally:
                 self._busy_until_s = None
             self._health.sample("act_ms", (time.monotonic() - began) * 1e3)
+            self._publish_state()  # what is held is known before the image that shows it
             out = result_to_proto(done, request.action_id)
             try:
                 id = self._lookout.look(keyframe=True)
             except EndOfRecording:
                 id = None
+        finally:
+            self._turn.release()
         self._lease.renew(request.lease_token)
         if id is not None:
             out.keyframe.CopyFrom(frame_id_to_proto(id))
             out.T_world_base.CopyFrom(transform_to_proto(self._driver.state().T_world_base))
         self._publish_state()
         return out
+
+    def _check_may_drive(self, request: pb.ActionRequest) -> None:
+        self._lease.check(request.lease_token)
+        if self._stopped_why:
+            raise Conflict(f"the robot is stopped ({self._stopped_why}); clear the stop first")
 
     # --- threads ------------------------------------------------------------------------------
     def _stream(self) -> None:

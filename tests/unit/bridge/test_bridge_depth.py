@@ -126,3 +126,13 @@ def test_depth_of_another_size_is_refused():
     with pytest.raises(InvalidInput, match=r"m made depth of \(6, 8\) for an image of \(12, 16\)"):
         house.look()
     assert house.frames == []
+
+
+@pytest.mark.parametrize("focal_px", [0.0, -8.0, float("nan"), float("inf")])
+def test_depth_with_a_focal_length_that_is_none_is_refused(focal_px: float):
+    house = House()
+    house.serve()
+    house.focal_px = focal_px
+    with pytest.raises(InvalidInput, match="focal length"):
+        house.look()
+    assert house.frames == []

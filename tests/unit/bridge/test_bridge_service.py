@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +13,13 @@ from helios_bridge.service import BridgeService
 from helios_bridge.settings import Settings
 from helios_core import proto as pb
 from helios_core.codec import frame_from_proto
-from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
+from helios_core.errors import (
+    Conflict,
+    DeadlineExceeded,
+    HeliosError,
+    InvalidInput,
+    Unavailable,
+)
 from helios_core.geometry import Pinhole, camera_on_base, se2_to_se3
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
@@ -129,6 +137,21 @@ def test_an_action_ends_with_a_keyframe_that_the_result_names() -> None:
     np.testing.assert_allclose(frame.depth_m, 1.5, atol=5e-4)
 
 
+def test_what_an_action_changed_is_told_before_the_image_that_shows_it() -> None:
+    """So that a map knows what is held when the hand is in the picture."""
+
+    class Taking(LineRobot):
+        def state(self) -> RobotState:
+            return replace(super().state(), held="mug" if self.done else "")
+
+    stage = Stage(Taking())
+    told: list[str] = []
+    stage.other.subscribe(ROBOT_STATE, lambda state: told.append(f"held: {state.held}"))
+    stage.other.subscribe(KEYFRAME, lambda _: told.append("keyframe"))
+    stage.drive("a")
+    assert "held: mug" in told[: told.index("keyframe")]
+
+
 def test_the_same_action_asked_for_twice_is_done_once() -> None:
     stage = Stage()
     first, second = stage.drive("a"), stage.drive("a")
@@ -195,6 +218,20 @@ def test_a_lease_ends_by_itself() -> None:
     assert lease.grant("other") > token
 
 
+def test_an_action_longer_than_the_lease_leaves_its_driver_the_lease() -> None:
+    now = [0.0]
+
+    class Slow(LineRobot):
+        def act(self, action: Action, action_id: str) -> ActionResult:
+            now[0] += 60.0
+            return super().act(action, action_id)
+
+    stage = Stage(Slow())
+    stage.bridge._lease = Lease(10.0, 0, clock=lambda: now[0])
+    stage.drive("a")
+    assert stage.drive("b").succeeded
+
+
 def test_a_late_action_is_refused() -> None:
     stage = Stage()
     with pytest.raises(DeadlineExceeded, match="before it began"):
@@ -240,6 +277,76 @@ def test_an_action_without_an_end_is_refused(left_s: float) -> None:
     with pytest.raises(InvalidInput, match="time_remaining_s"):
         stage.drive("a", left_s=left_s)
     assert not stage.robot.done
+
+
+def wait_for_its_turn(stage: Stage) -> None:
+    """An action runs, and another one came after it."""
+    known = stage.bridge._actions._results
+    wait_until(lambda: stage.robot.done and len(known) == 2, 5, "the second action waits")
+
+
+def refused(stage: Stage, meanwhile: Callable[[], object], left_s: float = 5) -> Exception:
+    """Why an action was not done that waited for its turn while something happened."""
+    stage.drive("before")
+    stage.bridge._actions._results.clear()
+    stage.robot.done.clear()
+    stage.robot.hold.clear()
+    errors: list[Exception] = []
+
+    def second() -> None:
+        try:
+            stage.drive("second", left_s=left_s)
+        except HeliosError as error:
+            errors.append(error)
+
+    first = threading.Thread(target=lambda: stage.drive("first"))
+    first.start()
+    wait_until(lambda: stage.robot.done, 5, "the first action runs")
+    waiting = threading.Thread(target=second)
+    waiting.start()
+    wait_for_its_turn(stage)
+    meanwhile()
+    stage.robot.hold.set()
+    first.join(5)
+    waiting.join(5)
+    assert len(stage.robot.done) == 1
+    return errors[0]
+
+
+def test_a_stop_reaches_an_action_that_waits_for_its_turn() -> None:
+    stage = Stage()
+    # The robot forgets the stop itself: the bridge must not rely on it.
+    stage.robot.stop = lambda reason: None  # pyright: ignore[reportAttributeAccessIssue]
+    why = refused(stage, lambda: stage.other.call(STOP, pb.StopRequest(reason="a child"), 1))
+    assert isinstance(why, Conflict)
+    assert "a child" in str(why)
+
+
+def test_a_lease_that_was_taken_reaches_an_action_that_waits_for_its_turn() -> None:
+    stage = Stage()
+    take = pb.LeaseRequest(holder="other", take=True)
+    why = refused(stage, lambda: stage.other.call(LEASE, take, 1))
+    assert isinstance(why, Conflict)
+    assert "ask anew" in str(why)
+
+
+def test_a_robot_that_hangs_keeps_an_action_waiting_no_longer_than_its_time() -> None:
+    stage = Stage()
+    errors: list[Exception] = []
+
+    def late() -> None:
+        try:
+            stage.drive("late", left_s=0.2)
+        except HeliosError as error:
+            errors.append(error)
+
+    stage.drive("before")
+    with stage.bridge._turn:  # as an action that never ends
+        waiting = threading.Thread(target=late)
+        waiting.start()
+        waiting.join(5)
+        assert not waiting.is_alive()
+    assert isinstance(errors[0], DeadlineExceeded)
 
 
 def test_the_watchdog_outlives_a_robot_that_does_not_answer() -> None:
@@ -294,4 +401,18 @@ def test_a_recording_plays_once_the_maps_are_ready_and_says_its_end() -> None:
     stage.other.publish(status_topic("map2d"), pb.ServiceStatus(service="map2d", state="ready"))
     wait_until(lambda: states and states[-1].finished, 5, "the recording ends")
     assert len(stage.keyframes) == 3
+    stage.bridge.close()
+
+
+def test_a_recording_whose_driver_fails_says_so() -> None:
+    class Failing(LineRobot):
+        def capture(self) -> Capture:
+            raise OverflowError("timeout value is too large")
+
+    stage = Stage(Failing(frames=3), contexts=True)
+    stage.bridge.start()
+    for service in ("detector", "objectmap", "map2d"):
+        stage.other.publish(status_topic(service), pb.ServiceStatus(service=service, state="ready"))
+    wait_until(lambda: stage.health.state[0] == "degraded", 5, "it is said")
+    assert "OverflowError" in stage.health.state[1]
     stage.bridge.close()
