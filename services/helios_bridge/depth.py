@@ -33,7 +33,7 @@ def with_estimated_depth(frame: Frame, bus: Bus, timeout_s: float) -> Frame:
         )
     if not 0 < reply.focal_px < math.inf:
         raise InvalidInput(
-            f"{reply.model} told a focal length of {reply.focal_px} pixels; wanted a positive number"
+            f"{reply.model} told a focal length of {reply.focal_px} pixels; wanted a positive one"
         )
     ratio = reply.focal_px / frame.camera.fx
     camera = replace(frame.camera, fx=frame.camera.fx * ratio, fy=frame.camera.fy * ratio)
