@@ -70,12 +70,6 @@ class RowGroups:
         out.sort()
         return out
 
-    def count_of(self, groups: Rows) -> NDArray[np.int32]:
-        """[k] number of rows in each group."""
-        wanted = np.asarray(groups, np.int64)
-        known = wanted < len(self._head)
-        return np.where(known, self._count[np.where(known, wanted, 0)], 0).astype(np.int32)
-
 
 @njit(cache=True, nogil=True)
 def _move(rows, target, group, following, previous, head, count):
