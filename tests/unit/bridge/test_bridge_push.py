@@ -17,7 +17,15 @@ from helios_core.geometry import Pinhole, base_below_camera, camera_on_base, se2
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import RobotDriver
-from helios_core.topics import CONTEXT, ESTIMATE_DEPTH, KEYFRAME, MAP2D_ACK, OBJECTMAP_ACK, PUSH
+from helios_core.topics import (
+    CONTEXT,
+    ESTIMATE_DEPTH,
+    KEYFRAME,
+    MAP2D_ACK,
+    OBJECTMAP_ACK,
+    PUSH,
+    ROBOT_STATE,
+)
 from helios_core.types import Frame, FrameId
 
 from tests.support import wait_until
@@ -101,6 +109,16 @@ def test_frames_are_numbered_and_their_world_is_the_senders() -> None:
     state = house.bridge.state()
     assert (state.robot_boot_id, state.world_epoch) == ("me", 3)
     assert state.last_seq == ids[2].seq
+
+
+def test_the_maps_hear_of_a_new_world_before_its_first_frame() -> None:
+    house = House()
+    heard: list[tuple[str, int]] = []
+    house.other.subscribe(ROBOT_STATE, lambda s: heard.append(("state", s.world_epoch)))
+    house.other.subscribe(KEYFRAME, lambda f: heard.append(("frame", f.id.world_epoch)))
+    for epoch in (1, 2):
+        house.push(pushed(robot_boot_id="me", world_epoch=epoch))
+        assert heard.index(("state", epoch)) < heard.index(("frame", epoch))
 
 
 def test_without_a_world_of_its_own_all_frames_share_the_bridges() -> None:

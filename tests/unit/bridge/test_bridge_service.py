@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,13 +12,7 @@ from helios_bridge.service import BridgeService
 from helios_bridge.settings import Settings
 from helios_core import proto as pb
 from helios_core.codec import frame_from_proto
-from helios_core.errors import (
-    Conflict,
-    DeadlineExceeded,
-    HeliosError,
-    InvalidInput,
-    Unavailable,
-)
+from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.geometry import Pinhole, camera_on_base, se2_to_se3
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
@@ -255,6 +248,7 @@ def test_stop_now_ends_the_running_action_latches_and_needs_an_explicit_clear() 
     stage.other.call(STOP, pb.StopRequest(reason="a child in the way"), 1)
     runner.join(5)
     assert not results[0].succeeded
+    assert stage.bridge.state().stopped
     with pytest.raises(Conflict, match="a child in the way"):
         stage.drive("b")
     stage.other.call(CLEAR_STOP, pb.Empty(), 1)
@@ -277,76 +271,6 @@ def test_an_action_without_an_end_is_refused(left_s: float) -> None:
     with pytest.raises(InvalidInput, match="time_remaining_s"):
         stage.drive("a", left_s=left_s)
     assert not stage.robot.done
-
-
-def wait_for_its_turn(stage: Stage) -> None:
-    """An action runs, and another one came after it."""
-    known = stage.bridge._actions._results
-    wait_until(lambda: stage.robot.done and len(known) == 2, 5, "the second action waits")
-
-
-def refused(stage: Stage, meanwhile: Callable[[], object], left_s: float = 5) -> Exception:
-    """Why an action was not done that waited for its turn while something happened."""
-    stage.drive("before")
-    stage.bridge._actions._results.clear()
-    stage.robot.done.clear()
-    stage.robot.hold.clear()
-    errors: list[Exception] = []
-
-    def second() -> None:
-        try:
-            stage.drive("second", left_s=left_s)
-        except HeliosError as error:
-            errors.append(error)
-
-    first = threading.Thread(target=lambda: stage.drive("first"))
-    first.start()
-    wait_until(lambda: stage.robot.done, 5, "the first action runs")
-    waiting = threading.Thread(target=second)
-    waiting.start()
-    wait_for_its_turn(stage)
-    meanwhile()
-    stage.robot.hold.set()
-    first.join(5)
-    waiting.join(5)
-    assert len(stage.robot.done) == 1
-    return errors[0]
-
-
-def test_a_stop_reaches_an_action_that_waits_for_its_turn() -> None:
-    stage = Stage()
-    # The robot forgets the stop itself: the bridge must not rely on it.
-    stage.robot.stop = lambda reason: None  # pyright: ignore[reportAttributeAccessIssue]
-    why = refused(stage, lambda: stage.other.call(STOP, pb.StopRequest(reason="a child"), 1))
-    assert isinstance(why, Conflict)
-    assert "a child" in str(why)
-
-
-def test_a_lease_that_was_taken_reaches_an_action_that_waits_for_its_turn() -> None:
-    stage = Stage()
-    take = pb.LeaseRequest(holder="other", take=True)
-    why = refused(stage, lambda: stage.other.call(LEASE, take, 1))
-    assert isinstance(why, Conflict)
-    assert "ask anew" in str(why)
-
-
-def test_a_robot_that_hangs_keeps_an_action_waiting_no_longer_than_its_time() -> None:
-    stage = Stage()
-    errors: list[Exception] = []
-
-    def late() -> None:
-        try:
-            stage.drive("late", left_s=0.2)
-        except HeliosError as error:
-            errors.append(error)
-
-    stage.drive("before")
-    with stage.bridge._turn:  # as an action that never ends
-        waiting = threading.Thread(target=late)
-        waiting.start()
-        waiting.join(5)
-        assert not waiting.is_alive()
-    assert isinstance(errors[0], DeadlineExceeded)
 
 
 def test_the_watchdog_outlives_a_robot_that_does_not_answer() -> None:
