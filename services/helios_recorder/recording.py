@@ -41,6 +41,7 @@ class Recording:
         self._trouble = ""
         self._again_s = 0.0  # when the disk is tried again
         self._files = 0
+        self._unwritten = 0  # messages that no chunk on the disk holds yet
         self._dropped = self._told_dropped = 0
         self._stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
         self._thread = threading.Thread(target=self._run, name="write", daemon=True)
@@ -58,9 +59,15 @@ class Recording:
         return self._file.path if self._file else None
 
     def close(self) -> None:
-        """Write what waits, within a second and a half, and end the file."""
+        """Write what waits, within a second and a half, and end the file; what is left is said."""
         self.inbox.close()
         self._thread.join(CLOSE_WITHIN_S)
+        if self._thread.is_alive():
+            log.error(
+                "the disk is too slow: %.1f MB that waited are lost, and %s has no end (what is "
+                "in it can be read)",
+                self.inbox.bytes / MB, self.path,
+            )  # fmt: skip
 
     def _run(self) -> None:
         while not self.inbox.closed:
@@ -81,14 +88,17 @@ class Recording:
     def _step(self, item: Item | None) -> None:
         if item is not None and item.channel in self._retained:
             self._last[item.channel] = (item.message, item.log_time_ns)
+        self._unwritten += item is not None
         file = self._current(item)
         if file is None:
-            if item is not None:
-                self._health.count("dropped_while_stopped")
+            self._count_lost()
             return
+        before = file.bytes
         if item is not None:
             self._write(file, item)
         file.tend()
+        if file.bytes > before:
+            self._unwritten = 0
         self._health.set("file_mb", round(file.bytes / MB, 3))
         self._health.set("queue_mb", round(self.inbox.bytes / MB, 3))
         self._health.set("writer_cpu_s", round(time.thread_time(), 3))
@@ -99,9 +109,10 @@ class Recording:
         """The file to write to; None while the disk takes nothing."""
         if self._file is not None and self._file.is_over:
             self._file.finish()
-            self._file = None
+            self._file, self._unwritten = None, int(item is not None)
         if self._file is None and time.monotonic() >= self._again_s:
             self._file = RecordingFile(self._next_path(), self._settings)
+            self._files += 1
             self._trouble = ""
             self._health.set("files", self._files)
             self._tell(self._file)
@@ -109,11 +120,11 @@ class Recording:
         return self._file
 
     def _next_path(self) -> Path:
-        while True:
-            path = self._settings.out / f"{self._stamp}-{self._files:03d}{SUFFIX}"
-            self._files += 1
-            if not path.exists():
-                return path
+        """The first that is free. Whoever tries in vain takes no number."""
+        number = self._files
+        while (path := self._settings.out / f"{self._stamp}-{number:03d}{SUFFIX}").exists():
+            number += 1
+        return path
 
     def _tell(self, file: RecordingFile) -> None:
         self._told_dropped = self._dropped
@@ -139,7 +150,8 @@ class Recording:
         self._health.count("messages")
 
     def _stop(self, error: OSError | DiskFull) -> None:
-        """Say why, and let go of the file."""
+        """Say why, count what is lost, and let go of the file."""
+        self._count_lost()
         self._again_s = time.monotonic() + self._settings.retry_s
         if self._file is not None:
             self._file.abandon()
@@ -151,3 +163,7 @@ class Recording:
             log.error("%s", said)
         self._trouble = said
         self._health.degraded(said)
+
+    def _count_lost(self) -> None:
+        self._health.count("dropped_while_stopped", self._unwritten)
+        self._unwritten = 0

@@ -148,3 +148,10 @@ def test_files_are_rotated_and_each_stands_alone(tmp_path: Path) -> None:
         said = messages(path)
         assert said["/bridge/description"]
         assert said["/planner/context"][0].id == context().id
+
+
+def test_a_file_that_is_old_enough_is_followed_by_the_next(tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path, rotate_min=1e-4, flush_s=0.001)
+    recorded.robot()
+    wait_until(lambda: len(list(tmp_path.glob("*.mcap"))) >= 3, 20, "the file is followed")
+    recorded.close()

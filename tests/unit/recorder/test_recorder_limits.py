@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import errno
 import itertools
+import threading
+import time
 from pathlib import Path
 
 import pytest
 from helios_core import proto as pb
 from helios_core.topics import FRAME, KEYFRAME
 from helios_recorder import file as file_module
+from helios_recorder import recording as recording_module
 from helios_recorder.inbox import Inbox
 from helios_recorder.recording import Recording
 from helios_recorder.service import Gaps
@@ -29,7 +32,11 @@ def test_a_full_inbox_drops_streams_first_and_never_waits() -> None:
     assert not inbox.put("/k", frame(0), droppable=False)
 
 
-def test_log_times_rise_strictly() -> None:
+@pytest.mark.parametrize("step_ns", [1_000_000, 0, -1_000_000])
+def test_log_times_rise_strictly(step_ns: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the clock does."""
+    clock = itertools.count(10**15, step_ns)
+    monkeypatch.setattr(time, "monotonic_ns", lambda: next(clock))
     inbox = Inbox(1e6)
     for _ in range(200):
         inbox.put("/t", pb.Empty(), droppable=False)
@@ -110,6 +117,39 @@ def test_a_full_disk_is_said_and_the_recording_goes_on_when_there_is_room(
     assert len(list(tmp_path.glob("*.mcap"))) >= 2
 
 
+def test_what_a_full_disk_did_not_take_any_more_is_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A chunk that waits to be written is lost with the disk."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    recorded = Recorded(tmp_path, flush_s=1000.0, chunk_mb=64, retry_s=1000.0)
+    recorded.tour(3)
+    wait_until(lambda: recorded.health.metrics().get("messages", 0) == 9, 20, "all is taken")
+    monkeypatch.setattr(file_module.RecordingFile, "write", full)
+    recorded.look(3)
+    wait_until(lambda: recorded.health.state[0] == "degraded", 20, "the full disk is said")
+    wait_until(
+        lambda: recorded.health.metrics()["dropped_while_stopped"] == 11, 20, "all is counted"
+    )
+    recorded.close()
+
+
+def test_what_a_slow_disk_has_not_taken_at_the_end_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    awake = threading.Event()
+    monkeypatch.setattr(recording_module, "CLOSE_WITHIN_S", 0.05)
+    monkeypatch.setattr(Recording, "_step", lambda *_: awake.wait(20))
+    recorded = Recorded(tmp_path)
+    recorded.tour(2)
+    recorded.close()
+    awake.set()
+    assert "are lost" in caplog.text
+
+
 def test_too_little_room_at_the_start_is_said(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path, min_free_mb=1e12)
     wait_until(lambda: recorded.health.state[0] == "degraded", 20, "it is said")
@@ -147,5 +187,7 @@ def test_a_disk_that_takes_nothing_leaves_no_empty_files(
         lambda: recorded.health.metrics().get("dropped_while_stopped", 0) >= 2, 20, "it is counted"
     )
     recorded.close()
+    assert recorded.health.metrics()["dropped_while_stopped"] == 2  # robot() says two things
     assert "the disk is full" in recorded.health.state[1]
     assert list(tmp_path.iterdir()) == []
+    assert recorded.service.recording._files == 0  # nor numbers of files that are none
