@@ -18,8 +18,9 @@ def patiently(
     away_s: float,
     rest: Callable[[float], None],
     refusals: tuple[type[HeliosError], ...] = (),
+    waits: Callable[[HeliosError], None] = lambda _: None,
 ) -> Rep:
-    """Ask until answered, for as long as a service may be away."""
+    """Ask until answered, for as long as a service may be away. waits: hears why it is not."""
     deadline = time.monotonic() + away_s
     while True:
         try:
@@ -31,6 +32,7 @@ def patiently(
                 raise TaskFailed(
                     Cause.SYSTEM_ERROR, f"{error.message} (waited {away_s:.0f} s)"
                 ) from error
+            waits(error)
             rest(RETRY_S)
         except HeliosError as error:
             raise system_error(error) from error

@@ -102,9 +102,14 @@ class TaskRun:
             if self._cancelled.wait(seconds):
                 raise TaskCancelled
 
+        def waits(error: HeliosError) -> None:
+            message = f"waits for the detector: {error.message}"
+            if self._book.known(self._task.id).message != message:
+                self._book.change(self._task.id, message=message)
+
         vocabulary = patiently(
             lambda: self._bus.call(VOCABULARY, pb.Empty(), self._settings.call_timeout_s),
-            self._settings.away_s, rest,
+            self._settings.away_s, rest, waits=waits,
         )  # fmt: skip
         named = in_vocabulary(self._task.instruction, vocabulary)
         self._task = self._book.change(self._task.id, instruction=named)

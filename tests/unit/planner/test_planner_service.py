@@ -9,7 +9,7 @@ from typing import NoReturn
 
 import pytest
 from helios_core import proto as pb
-from helios_core.errors import InvalidInput
+from helios_core.errors import InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import (
@@ -22,6 +22,7 @@ from helios_core.topics import (
     RETIRE,
     SUBMIT,
     TASK,
+    VOCABULARY,
     WHAT_IF,
 )
 from helios_planner import bus_body, calls, driving
@@ -165,6 +166,21 @@ def test_a_task_may_name_its_agent_and_one_that_trusts_the_detector_needs_no_obj
 
 def forbidden(_: object) -> NoReturn:
     raise AssertionError("the object map was asked")
+
+
+def test_a_task_says_that_it_waits_for_a_detector_without_a_model(start: Start) -> None:
+    _, bus, peers = start()
+
+    def away(_: pb.Empty) -> NoReturn:
+        raise Unavailable("the model file nano.onnx does not exist; give another")
+
+    told: list[str] = []
+    bus.subscribe(TASK, lambda task: told.append(task.message))
+    peers.bus.serve(VOCABULARY, away)
+    failed = ended(bus, submit(bus).id)
+    why = "the model file nano.onnx does not exist; give another"
+    assert told.count(f"waits for the detector: {why}") == 1
+    assert "nano.onnx" in failed.message
 
 
 def test_a_detector_that_stays_silent_is_named_by_who_trusts_it(start: Start) -> None:
