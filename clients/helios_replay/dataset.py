@@ -10,19 +10,22 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from helios_core.codec.frames import LATEST_S
+from helios_core.codec.images import decode_image
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, Pinhole, is_rigid
 from numpy.typing import NDArray
 
 from helios_replay.source import DEFAULT_MAX_DEPTH_M, Images, Part, Picture, Shot
 
+LARGEST = 1e6  # of the numbers in meta.json, and of frames
 POSE_TOLERANCE = 1e-2  # recorded rotations carry few digits
 _ROTATION = [f"r{row}{column}" for row in range(3) for column in range(3)]
 _TRANSLATION = ["tx", "ty", "tz"]
@@ -120,7 +123,7 @@ def _read_meta(path: Path) -> dict[str, Any]:
         meta = json.loads(path.read_text())
     except OSError as error:
         raise InvalidInput(f"{path} cannot be read: {error.strerror}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InvalidInput(f"{path} is no JSON: {error}") from error
     if not isinstance(meta, dict):
         raise InvalidInput(f"{path} holds no JSON object; wanted width, height, fx, fy, cx, cy ...")
@@ -129,9 +132,10 @@ def _read_meta(path: Path) -> dict[str, Any]:
 
 def _number(meta: dict[str, Any], key: str, folder: Path) -> float:
     value = meta.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= LARGEST:
         raise InvalidInput(
-            f"{folder / 'meta.json'} has {key} = {value!r}; wanted a positive number"
+            f"{folder / 'meta.json'} has {key} = {str(value)[:40]}; wanted a number above 0, at "
+            f"most {LARGEST:g}"
         )
     return float(value)
 
@@ -161,27 +165,33 @@ def _posed_image(folder: Path, row: dict[str, str], line: int) -> PosedImage:
         raise InvalidInput(f"{where} has no column {error}; wanted frame, t_s, r00 … tz") from None
     except (TypeError, ValueError) as error:
         raise InvalidInput(f"{where} cannot be read: {error}") from None
-    if not is_rigid(T_world_cam, POSE_TOLERANCE) or not math.isfinite(stamp_s):
+    if not 0 <= number <= LARGEST:
+        raise InvalidInput(f"{where} has a frame {str(number)[:40]}; number frames from 0")
+    if not is_rigid(T_world_cam, POSE_TOLERANCE):
         raise InvalidInput(f"{where} is no pose: its rotation is not rigid or a number not finite")
     stem = folder / "frames" / f"{number:06d}"
     return PosedImage(
-        stamp_ns=round(stamp_s * 1e9),
+        stamp_ns=nanoseconds(stamp_s, where),
         color_path=stem.with_suffix(".jpg"),
         depth_path=stem.with_suffix(".png"),
         T_world_cam=T_world_cam,
     )
 
 
+def nanoseconds(stamp_s: float, where: str) -> int:
+    """Raises InvalidInput, naming the place, for what is no time."""
+    if not abs(stamp_s) <= LATEST_S:  # NaN too
+        raise InvalidInput(f"{where} has the time {stamp_s:g}; wanted seconds, at most {LATEST_S}")
+    return round(stamp_s * 1e9)
+
+
 def decode(path: Path, flags: int) -> NDArray:
     """The pixels of an image file, as OpenCV gives them. Raises InvalidInput, naming the file."""
     try:
-        data = np.fromfile(path, np.uint8)
-        pixels = cv2.imdecode(data, flags) if data.size else None
-    except (OSError, cv2.error) as error:
-        raise InvalidInput(f"{path} cannot be read: {error}") from error
-    if pixels is None:
-        raise InvalidInput(f"{path} is no whole image; put the original file in its place")
-    return pixels
+        data = path.read_bytes()
+    except OSError as error:
+        raise InvalidInput(f"{path} cannot be read: {error.strerror}") from error
+    return decode_image(CompressedImage(data=data, format=path.suffix[1:]), flags, str(path))
 
 
 def _wrong_size(path: Path, pixels: NDArray, shape: tuple[int, int]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -165,10 +166,9 @@ class _Reader:
     def drop_broken(self) -> None:
         """Forget keyframes whose pixels were not written any more: the last of a cut file."""
         kept = [i for i, k in enumerate(self.keys) if k.color is not None and k.depth is not None]
-        now = {old: new for new, old in enumerate(kept)}
 
         def moved(before: int) -> int:
-            return sum(1 for old in now if old < before)
+            return bisect.bisect_left(kept, before)
 
         self.contexts = [Sought(s.context, moved(s.before)) for s in self.contexts]
         self.states = {moved(before): state for before, state in self.states.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -159,16 +160,21 @@ def open_source(path: Path, part: Part | None = None) -> Source:
 
 def is_recording(path: Path) -> bool:
     """Whether it is one of ours: MCAP, or a folder of it."""
-    return path.suffix == ".mcap" or (
-        path.is_dir() and not _is_bag(path) and bool(mcap_files(path))
-    )
+    if path.is_dir():
+        return not _is_bag(path) and bool(mcap_files(path))
+    return path.suffix == ".mcap"
 
 
 def mcap_files(path: Path) -> list[Path]:
     """The files of a recording, in their order; of a folder, those with something in them."""
     if not path.is_dir():
         return [path]
-    return sorted(file for file in path.glob("*.mcap") if file.stat().st_size > 0)
+    return sorted((f for f in path.glob("*.mcap") if f.stat().st_size > 0), key=_by_number)
+
+
+def _by_number(file: Path) -> tuple[list[str], list[int]]:
+    """So that file 1000 comes after file 999."""
+    return re.split(r"\d+", file.name), [int(n) for n in re.findall(r"\d+", file.name)]
 
 
 def _is_bag(path: Path) -> bool:

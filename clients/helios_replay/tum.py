@@ -22,7 +22,7 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, Pinhole, rotation_from_quaternion
 
-from helios_replay.dataset import decode
+from helios_replay.dataset import decode, nanoseconds
 from helios_replay.source import DEFAULT_MAX_DEPTH_M, Images, Part, Picture, Shot
 
 CLOSE_S = 0.02  # as `associate.py` of the data sets
@@ -60,7 +60,7 @@ class TumFolder(Images):
         color = decode(self._pairs[0].color, cv2.IMREAD_COLOR)
         camera = _camera(folder / "calibration.txt", color.shape[1], color.shape[0])
         shots = [
-            Shot(pair.time_s - began_s, round(pair.time_s * 1e9), T_world_cam)
+            Shot(pair.time_s - began_s, nanoseconds(pair.time_s, str(folder)), T_world_cam)
             for pair, T_world_cam in (posed[i] for i in inside)
         ]
         self._camera_read = camera

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import struct
 from pathlib import Path
 
 import cv2
@@ -150,6 +151,15 @@ def test_a_corrupt_image_is_named_and_the_next_one_still_plays(
     assert driver.capture().stamp_ns == 200_000_000
 
 
+def test_the_size_that_an_image_claims_allocates_nothing(folder: Path) -> None:
+    path = folder / "frames/000000.png"
+    data = bytearray(path.read_bytes())
+    data[16:24] = struct.pack(">II", 30_000, 30_000)
+    path.write_bytes(data)
+    with pytest.raises(InvalidInput, match="megapixels"):
+        ReplayDriver(folder).capture()
+
+
 def test_an_image_of_another_size_is_refused(folder: Path) -> None:
     path = folder / "frames/000000.png"
     cv2.imwrite(str(path), np.ones((HEIGHT, WIDTH + 1), np.uint16))
@@ -160,14 +170,16 @@ def test_an_image_of_another_size_is_refused(folder: Path) -> None:
         ReplayDriver(folder).capture()
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{", '{"width": 64}'])
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{", '{"width": 64}', "[" * 200_000, '{"width": 1' + "0" * 400 + "}"]
+)
 def test_a_wrong_meta_file_is_named(folder: Path, text: str) -> None:
     (folder / "meta.json").write_text(text)
     with pytest.raises(InvalidInput, match=r"meta\.json"):
         read_dataset(folder)
 
 
-@pytest.mark.parametrize("value", [0, -1, "525", None, True, float("nan")])
+@pytest.mark.parametrize("value", [0, -1, "525", None, True, float("nan"), 1e300])
 def test_a_wrong_number_in_meta_is_named(folder: Path, value: object) -> None:
     (folder / "meta.json").write_text(json.dumps(META | {"fx": value}))
     with pytest.raises(InvalidInput, match="fx"):
@@ -183,6 +195,11 @@ def test_a_wrong_number_in_meta_is_named(folder: Path, value: object) -> None:
         "0,0,1,0,0,nan,0,1,0,0,0,0,1,1",
         "0,0,2,0,0,0,0,1,0,0,0,0,1,1",
         "0,0,1,0,0,0,0,1,0,0,0,0,-1,1",
+        "0,1e300,1,0,0,0,0,1,0,0,0,0,1,1",
+        "0,-1e12,1,0,0,0,0,1,0,0,0,0,1,1",
+        "0,nan,1,0,0,0,0,1,0,0,0,0,1,1",
+        "-1,0,1,0,0,0,0,1,0,0,0,0,1,1",
+        "9" * 300 + ",0,1,0,0,0,0,1,0,0,0,0,1,1",
     ],
 )
 def test_wrong_poses_are_refused_with_their_place(folder: Path, rows: str) -> None:

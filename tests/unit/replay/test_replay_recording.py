@@ -20,7 +20,7 @@ from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, ROBOT_STATE
 from helios_replay import ReplayDriver
 from helios_replay.mcap_file import LARGEST_CHUNK, McapFile
 from helios_replay.recording import Recording
-from helios_replay.source import Part, open_source
+from helios_replay.source import Part, mcap_files, open_source
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
@@ -190,6 +190,20 @@ def test_several_files_are_one_recording(tmp_path: Path) -> None:
     source = open_source(tmp_path)
     assert [source.read(i).recorded for i in range(len(source.shots))] == sent
     assert sum(len(source.contexts_before(i)) for i in range(len(sent))) == 1
+
+
+def test_the_thousandth_file_comes_after_those_before_it(tmp_path: Path) -> None:
+    names = [f"20261121-120000-{n}.mcap" for n in ("998", "999", "1000")]
+    for name in names:
+        (tmp_path / name).write_bytes(b"x")
+    assert [file.name for file in mcap_files(tmp_path)] == names
+
+
+def test_an_empty_folder_named_as_a_recording_is_named(tmp_path: Path) -> None:
+    folder = tmp_path / "tour.mcap"
+    folder.mkdir()
+    with pytest.raises(InvalidInput, match=r"tour\.mcap"):
+        open_source(folder)
 
 
 # --- files that are not whole ---------------------------------------------------------------------

@@ -86,6 +86,13 @@ def test_what_makes_no_sense_is_named(folder: Path, name: str, text: str, words:
     assert "\n" not in error.value.message
 
 
+def test_a_time_beyond_all_clocks_is_refused(folder: Path) -> None:
+    (folder / "associations.txt").write_text("1e12 rgb/1.png 1e12 depth/1.png\n")
+    (folder / "groundtruth.txt").write_text("1e12 0 0 1 0 0 0 1\n")
+    with pytest.raises(InvalidInput, match="the time 1e"):
+        open_source(folder)
+
+
 def test_other_sizes_need_a_calibration(folder: Path) -> None:
     (folder / "calibration.txt").unlink()
     with pytest.raises(InvalidInput, match=r"calibration\.txt"):
