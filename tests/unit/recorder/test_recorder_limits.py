@@ -101,11 +101,14 @@ def test_a_full_disk_is_said_and_the_recording_goes_on_when_there_is_room(
     recorded = Recorded(tmp_path, flush_s=0.01, retry_s=0.1)
     recorded.tour(2)
     wait_until(lambda: recorded.health.state[0] == "ready", 20, "it records")
+    file = recorded.service.recording._file
+    assert file is not None
     full = True
     wait_until(lambda: recorded.health.state[0] == "degraded", 20, "the full disk is said")
     said = recorded.health.state[1]
     assert "the disk is full" in said
     assert str(tmp_path) in said
+    assert file._stream.closed
     recorded.look(2)  # keeps nobody waiting
     wait_until(
         lambda: recorded.health.metrics().get("dropped_while_stopped", 0) >= 2, 20, "it is counted"
