@@ -16,7 +16,10 @@ class Halted(Exception):
 
 
 class Halt:
-    """Thread-safe. A stop is latched; what cuts an action short counts for that action only."""
+    """Thread-safe. A stop is latched; what cuts an action short counts for that action only.
+
+    A stop does both: the action that runs ends even if the latch is cleared before it has noticed.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -33,6 +36,8 @@ class Halt:
     def stop(self, reason: str) -> None:
         with self._lock:
             self._stopped = reason
+            if self._acting and self._cut is None:
+                self._cut = Halted(reason)
             self._set.set()
 
     def clear(self) -> None:

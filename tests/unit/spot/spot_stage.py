@@ -9,6 +9,7 @@ from typing import Any
 
 from helios_core.bus import Bus
 from helios_core.robot import Action, ActionResult
+from helios_spot import api
 from helios_spot.driver import SpotDriver
 from helios_spot.settings import SpotSettings
 from pydantic import SecretStr
@@ -17,6 +18,9 @@ from tests.fake_spot.rooms import tea_room
 from tests.fake_spot.server import PASSWORD, USER, FakeSpot
 from tests.fake_spot.world import World
 from tests.support import wait_until
+
+PATIENT_S = 10.0  # for answers that come; a busy machine may take seconds for them
+HASTY_S = 1.0  # for answers that do not come, so that no test waits for them long
 
 
 class Stage:
@@ -31,7 +35,7 @@ class Stage:
     def settings(self, **more: Any) -> SpotSettings:
         values = {
             "host": "127.0.0.1", "port": self.fake.port, "ca_file": self.fake.ca_file,
-            "username": USER, "password": SecretStr(PASSWORD), "rpc_timeout_s": 1.0, **more,
+            "username": USER, "password": SecretStr(PASSWORD), "rpc_timeout_s": PATIENT_S, **more,
         }  # fmt: skip
         return SpotSettings(**values)
 
@@ -41,6 +45,20 @@ class Stage:
         if connect:
             out.describe()
         return out
+
+    def cut(self, driver: SpotDriver) -> None:
+        """No answer comes any more. The driver gives up soon, so that no test waits long for it."""
+        self._wait_for_answers(driver, HASTY_S)
+        self.fake.wire.cut()
+
+    def mend(self, driver: SpotDriver) -> None:
+        """Answers come again, as slowly as the machine is busy."""
+        self.fake.wire.mend()
+        self._wait_for_answers(driver, PATIENT_S)
+
+    def _wait_for_answers(self, driver: SpotDriver, seconds: float) -> None:
+        api.channel_common.DEFAULT_RPC_TIMEOUT = seconds
+        object.__setattr__(driver._s, "rpc_timeout_s", seconds)  # frozen for everybody else
 
     def act(self, driver: SpotDriver, action: Action) -> ActionResult:
         """Under an id of its own."""

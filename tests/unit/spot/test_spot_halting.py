@@ -82,7 +82,7 @@ def test_the_link_cut_in_the_middle_of_a_walk_stops_the_robot_within_the_leash(
     cut_at: list[float] = []
 
     def cut() -> None:
-        stage.fake.wire.cut()
+        stage.cut(driver)
         cut_at.append(stage.world.x)
 
     outcome = stage.during(driver, Forward(1.0), cut).wait()
@@ -91,7 +91,7 @@ def test_the_link_cut_in_the_middle_of_a_walk_stops_the_robot_within_the_leash(
     standing(stage)
     assert "halt: the command ended" in stage.world.log
     assert stage.world.x - cut_at[0] <= 0.5 * 0.6 + 0.1
-    stage.fake.wire.mend()
+    stage.mend(driver)
     stage.world.hurry = 8.0
     wait_until(lambda: connected(stage, driver), 15, "the driver finds the robot again")
 
@@ -153,6 +153,24 @@ def test_stop_now_holds_however_often_it_comes_and_from_wherever(staging: Stagin
     assert last_walk_end >= 0
 
 
+def test_a_stop_that_is_cleared_at_once_still_ends_the_walk(staging: Staging) -> None:
+    stage = staging(hurry=0.5)
+    driver = stage.driver()
+    stage.act(driver, Observe())
+
+    def stop_and_clear() -> None:
+        driver.stop("a child in the way")
+        driver.clear_stop()
+
+    outcome = stage.during(driver, Forward(1.0), stop_and_clear).wait()
+    assert outcome.result is not None
+    assert outcome.result.reason == "a child in the way"
+    standing(stage)
+    assert stage.world.x < 0.9
+    stage.world.hurry = 8.0
+    assert stage.act(driver, Turn(0.3)).succeeded
+
+
 def test_stop_now_without_a_link_says_so_and_holds(staging: Staging) -> None:
     stage = staging(hurry=1.0)
     driver = stage.driver(command_s=0.6)
@@ -160,7 +178,7 @@ def test_stop_now_without_a_link_says_so_and_holds(staging: Staging) -> None:
     refused: list[HeliosError] = []
 
     def cut_and_stop() -> None:
-        stage.fake.wire.cut()
+        stage.cut(driver)
         try:
             driver.stop("stop now")
         except HeliosError as error:
@@ -170,7 +188,7 @@ def test_stop_now_without_a_link_says_so_and_holds(staging: Staging) -> None:
     assert outcome.error is not None or not (outcome.result and outcome.result.succeeded)
     assert isinstance(refused[0], Unavailable)
     standing(stage)
-    stage.fake.wire.mend()
+    stage.mend(driver)
     with pytest.raises(Conflict, match="stop now"):
         stage.act(driver, Turn(0.3))
 
@@ -221,9 +239,9 @@ def test_closing_stops_the_robot_and_gives_the_lease_back(staging: Staging) -> N
 
 
 def test_closing_without_a_link_does_not_hang(stage: Stage) -> None:
-    driver = stage.driver(estop="endpoint", rpc_timeout_s=0.5)
+    driver = stage.driver(estop="endpoint")
     stage.act(driver, Tilt(0.7))
-    stage.fake.wire.cut()
+    stage.cut(driver)
     closing = threading.Thread(target=driver.close, daemon=True)
     closing.start()
     closing.join(15)

@@ -36,10 +36,10 @@ def test_a_wrong_password_is_said_once_and_needs_a_person(stage: Stage) -> None:
 
 def test_a_robot_that_is_away_is_waited_for(stage: Stage) -> None:
     driver = stage.driver(connect=False)
-    stage.fake.wire.cut()
+    stage.cut(driver)
     with pytest.raises(Unavailable, match="check that it is on"):
         driver.describe()
-    stage.fake.wire.mend()
+    stage.mend(driver)
     assert driver.describe().name == "Spot"
 
 
