@@ -27,7 +27,10 @@ def up(
     state: State = None,
     detector: Annotated[
         str | None,
-        typer.Option(help="simulated, ground-truth or onnx:FILE  [default: simulated for sim]"),
+        typer.Option(
+            help="simulated, ground-truth, onnx:FILE or another of docs/models.md  "
+            "[default: simulated for sim]"
+        ),
     ] = None,
     source: Annotated[
         Path | None, typer.Option(help="what --robot replay plays: a recording or data set")

@@ -45,8 +45,9 @@ def main() -> int:
     except HeliosError as error:
         print(f"helios-contract: {error.message}", file=sys.stderr)
         return 2
-    quiet = ["-c", os.devnull, "--rootdir", str(Path.cwd()), "-p", "no:cacheprovider"]
-    return int(pytest.main([*quiet, "-v", "--no-header", str(ANY_DRIVER), *argv[at + 1 :]]))
+    alone = ["-c", os.devnull, "--rootdir", str(Path.cwd()), "-p", "no:cacheprovider"]
+    shown = ["-v", "-rfEs", "--no-header"]  # with why a claim was skipped
+    return int(pytest.main([*alone, *shown, str(ANY_DRIVER), *argv[at + 1 :]]))
 
 
 if __name__ == "__main__":

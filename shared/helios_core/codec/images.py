@@ -110,7 +110,9 @@ def depth_array(raw: RawImage | None, compressed: CompressedImage | None) -> NDA
                 "channel of 16 bit, millimetres"
             )
         return pixels.astype(np.float32) * np.float32(0.001)
-    raise InvalidInput("the frame has no depth image; send raw_depth or compressed_depth")
+    raise InvalidInput(
+        "the frame has no depth image; send raw_depth or compressed_depth, over HTTP the part depth"
+    )
 
 
 def _check_pixels(width: int, height: int, what: str) -> None:
