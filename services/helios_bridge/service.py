@@ -51,6 +51,7 @@ from helios_bridge.settings import Settings
 log = logging.getLogger(__name__)
 
 LONGEST_ACTION_S = 600.0
+LONGEST_ID = 200
 
 
 class BridgeService:
@@ -121,6 +122,10 @@ class BridgeService:
     def act(self, request: pb.ActionRequest) -> pb.ActionResult:
         if not request.action_id:
             raise InvalidInput("the action has no id; give every action one of its own")
+        if len(request.action_id) > LONGEST_ID:  # many are remembered
+            raise InvalidInput(
+                f"the action's id has {len(request.action_id)} letters; send at most {LONGEST_ID}"
+            )
         if not request.time_remaining_s <= LONGEST_ACTION_S:  # NaN too
             raise InvalidInput(
                 f"time_remaining_s is {request.time_remaining_s}; send at most "

@@ -100,6 +100,10 @@ def push_request(meta: FrameMeta, color: bytes, depth: bytes | None) -> pb.PushR
         raise InvalidInput(
             f"color is {len(color)} bytes that are no JPEG or PNG; send a whole image file"
         )
+    if [meta.K[i] for i in (1, 3, 6, 7, 8)] != [0, 0, 0, 0, 1]:
+        raise InvalidInput(
+            f"K is {meta.K}; send fx, 0, cx, 0, fy, cy, 0, 0, 1: row by row, and without skew"
+        )
     stamp_ns = time.time_ns() if meta.stamp_ns is None else meta.stamp_ns
     frame = pb.Frame(keyframe=True)
     frame.id.robot_boot_id, frame.id.world_epoch = meta.robot_boot_id, meta.world_epoch

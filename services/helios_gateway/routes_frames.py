@@ -73,7 +73,7 @@ def frame_routes(prefix: str, settings: Settings) -> APIRouter:
     async def socket(at: At, socket: WebSocket) -> None:
         try:
             check(socket, Scope.OPERATE)
-            place = sockets.taken("sockets for frames are open")
+            place = sockets.taken()
         except HeliosError as error:
             await socket.send_denial_response(problem_of(error))
             return
@@ -91,15 +91,17 @@ def frame_routes(prefix: str, settings: Settings) -> APIRouter:
 
 
 class _Places:
-    """So many at the same time, and no more."""
+    """So many sockets at the same time, and no more."""
 
     def __init__(self, most: int) -> None:
         self._most, self._held = most, 0
 
-    def taken(self, words: str) -> AbstractContextManager[None]:
+    def taken(self) -> AbstractContextManager[None]:
         """A place, held until the context ends. Raises Unavailable where none is left."""
         if self._held >= self._most:
-            raise Unavailable(f"{self._held} {words} and no more are taken; wait for an answer")
+            raise Unavailable(
+                f"{self._held} sockets for frames are open and no more are taken; close one"
+            )
         self._held += 1
 
         @contextlib.contextmanager

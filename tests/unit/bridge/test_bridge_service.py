@@ -255,6 +255,14 @@ def test_stop_now_ends_the_running_action_latches_and_needs_an_explicit_clear() 
     assert stage.drive("b").succeeded
 
 
+@pytest.mark.parametrize("action_id", ["", "x" * 10_000])
+def test_an_action_without_a_sensible_id_is_refused(action_id: str) -> None:
+    stage = Stage()
+    with pytest.raises(InvalidInput, match="id"):
+        stage.drive(action_id)
+    assert not stage.robot.done
+
+
 def test_the_watchdog_stops_an_action_that_outlives_its_time() -> None:
     stage = Stage()
     stage.bridge.start()

@@ -127,6 +127,8 @@ def test_a_frame_without_depth_goes_on_without_it(client: TestClient, bridge: Br
         ("[]", "K and T_world_cam"),
         ({}, "K: Field required"),
         (META | {"K": [1, 2]}, "K: "),
+        (META | {"K": [525.0, 0, 0, 0, 525.0, 0, 319.5, 239.5, 1]}, "row by row"),
+        (META | {"K": [525.0, 3, 319.5, 0, 525.0, 239.5, 0, 0, 1]}, "without skew"),
         (META | {"T_world_cam": np.eye(3).tolist()}, "T_world_cam"),
         (META | {"T_world_cam": np.diag([1, 1, -1, 1]).tolist()}, "no rigid transform"),
         (META | {"T_world_base": np.zeros((4, 4)).tolist()}, "T_world_base is no rigid"),
@@ -275,6 +277,7 @@ def test_so_many_sockets_and_no_more_until_one_is_closed(
     ):
         pass
     assert denied.value.status_code == 503
+    assert "close one" in denied.value.json()["detail"]
     for one in open_ones:
         one.__exit__(None, None, None)
     with client.websocket_connect(SOCKET) as socket:
