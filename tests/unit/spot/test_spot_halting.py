@@ -8,6 +8,7 @@ import pytest
 from helios_core.errors import Conflict, HeliosError, Unavailable
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Forward, Observe, Tilt, Turn
+from helios_spot.halt import Halt, Halted
 
 from tests.support import wait_until
 from tests.unit.spot.conftest import Staging
@@ -151,6 +152,18 @@ def test_stop_now_holds_however_often_it_comes_and_from_wherever(staging: Stagin
     with stage.world.lock:
         last_walk_end = max(i for i, what in enumerate(stage.world.log) if "halt" in what)
     assert last_walk_end >= 0
+
+
+def test_a_stop_that_is_cleared_before_it_was_noticed_counts_for_what_runs_and_no_more() -> None:
+    halt = Halt()
+    halt.begin()
+    halt.stop("a child in the way")
+    halt.clear()
+    with pytest.raises(Halted, match="a child in the way"):
+        halt.check()
+    halt.end()
+    halt.begin()
+    halt.check()
 
 
 def test_a_stop_that_is_cleared_at_once_still_ends_the_walk(staging: Staging) -> None:
