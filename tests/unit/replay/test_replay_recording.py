@@ -254,6 +254,16 @@ def test_no_bytes_do_harm(
             source.read(i)
 
 
+def test_a_chunk_that_has_changed_is_not_played(tmp_path: Path) -> None:
+    path, _ = record(tmp_path, compression="none")
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    file = McapFile(path)
+    list(file.walk())
+    assert "checksum" in file.cut
+
+
 def written(path: Path, write: Callable[[Writer], None]) -> Path:
     with path.open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.NONE)
