@@ -187,14 +187,15 @@ class Mission:
     def _seen(self, name: str, receptacle: ObjectInstance, before: Sequence[ObjectInstance]) -> str:
         """The robot says that it placed it; is it seen there? Raises TaskFailed where it is seen
         elsewhere."""
-        least = self.settings.cs_g
-        seen, thing = seen_after(receptacle, before, self.kit.belief.known(name), least)
+        least, surface_m = self.settings.cs_g, self.skills.surface_m
+        known = self.kit.belief.known
+        seen, thing = seen_after(receptacle, before, known(name), least, surface_m)
         if seen is Seen.NOWHERE:
             # In the image of the placing the map took it for still held. Where no step is left to
             # look once more, it is placed all the same.
             with contextlib.suppress(TaskFailed):
                 self.body.act(Observe())
-            seen, thing = seen_after(receptacle, before, self.kit.belief.known(name), least)
+            seen, thing = seen_after(receptacle, before, known(name), least, surface_m)
         if seen is Seen.BESIDE_IT and thing is not None:
             x, y, z = thing.center_m
             raise TaskFailed(

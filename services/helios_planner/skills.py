@@ -50,6 +50,7 @@ class Skills:
     picks: int = 0
     falls: int = 0
     last_reason: str = ""
+    surface_m: float = 0.0  # height of where something was let go last
 
     # --- pick ----------------------------------------------------------------------------------
     def pick(self, thing: ObjectInstance, class_name: str) -> Done:
@@ -162,6 +163,7 @@ class Skills:
         by_paper = self.settings.place_rule == "paper"
         drop_m = self.settings.paper_drop_m if by_paper else self.settings.place_drop_m
         x, y, z = point_m
+        self.surface_m = z
         result = self.legs.mishaps.act(Place((x, y, z + drop_m)))
         if not self.body.held():
             self.legs.mishaps.carrying = False

@@ -66,7 +66,9 @@ class ServiceSettings(BaseSettings):
         return {
             name: {
                 "value": values[name],
-                "default": to_jsonable_python(field.get_default(call_default_factory=True)),
+                "default": None
+                if field.is_required()
+                else to_jsonable_python(field.get_default(call_default_factory=True)),
                 "description": field.description or "",
             }
             for name, field in type(self).model_fields.items()

@@ -57,3 +57,11 @@ def test_a_service_tells_its_settings_with_their_meaning_and_without_secrets() -
     told = json.dumps(Secretive.load(["--speed-m-s", "0.2"]).described())
     assert json.loads(told)["speed_m_s"] == {"value": 0.2, "default": 0.5, "description": "at most"}
     assert "swordfish" not in told
+
+
+def test_a_setting_without_a_default_is_told_without_one() -> None:
+    class Needy(ServiceSettings):
+        source: str = Field(description="to be named")
+
+    told = Needy.load(["--source", "here"]).described()
+    assert (told["source"]["value"], told["source"]["default"]) == ("here", None)
