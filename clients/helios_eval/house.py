@@ -112,7 +112,8 @@ class House:
         self.camera_jpeg = b""  # of the newest keyframe
         self._bus.subscribe(PREVIEW, self._on_preview)
         self._bus.subscribe(TASK, self._on_task)
-        self._bus.subscribe(ROBOT_STATE, lambda _: on_step())
+        self._on_step, self._last_seq = on_step, 0
+        self._bus.subscribe(ROBOT_STATE, self._on_state)
 
     def run(self, instruction: str, max_steps: int, within_s: float) -> pb.Task:
         """The task when it has ended. Raises what the planner raises, DeadlineExceeded."""
@@ -165,6 +166,12 @@ class House:
     def _on_task(self, task: pb.Task) -> None:
         if task.state in ENDED:
             self._ended.set()
+
+    def _on_state(self, state: pb.RobotState) -> None:
+        """One comes before the keyframe of an action too, with the number of the last one."""
+        if state.last_seq != self._last_seq:
+            self._last_seq = state.last_seq
+            self._on_step()
 
     def _on_preview(self, preview: pb.Preview) -> None:
         self.camera_jpeg = preview.jpeg

@@ -48,7 +48,7 @@ class Watcher:
         self._bus, self._on_scene = bus, on_scene
         self._lock = threading.Lock()
         self._scene = Scene(title=title)
-        self._seq: int | None = None
+        self._seq = 0  # of the keyframe that was shown last
         self._kept: list[Registration] = [
             bus.subscribe(CONTEXT, self._on_context),
             bus.subscribe(TASK, self._on_task),
