@@ -65,11 +65,11 @@ def test_a_mug_is_found_in_real_frames(tmp_path: Path) -> None:
 
 @needs_data
 @pytest.mark.parametrize(
-    ("classes", "detector", "words"),
+    ("classes", "detector", "words", "status"),
     [
-        ("cup,unicorn", f"onnx:{MODEL}", "unicorn"),
-        ("cup", "onnx:/no/such/model.onnx", "/no/such/model.onnx"),
-        ("cup", "crystal-ball", "crystal-ball"),
+        ("cup,unicorn", f"onnx:{MODEL}", "unicorn", 1),
+        ("cup", "onnx:/no/such/model.onnx", "/no/such/model.onnx", 1),
+        ("cup", "crystal-ball", "crystal-ball", 2),  # wrong use
     ],
 )
 def test_what_cannot_be_found_is_said_in_one_sentence(
