@@ -99,15 +99,17 @@ class Sheet:
             cv2.polylines(self.pixels, [points], False, colour, width, cv2.LINE_AA)
 
     def text(self, text: str, at_px: tuple[int, int], colour: Colour = INK_RGB) -> None:
-        """Text with a white halo, its left end and base line at a pixel."""
+        """Text with a white halo, its left end and base line at a pixel, or farther left where it
+        would leave the picture."""
         width = max(1, round(self.font * 2))
         plain = text.encode("ascii", "replace").decode()
-        u, v = at_px
+        room_px = self.pixels.shape[1] - self.text_width(plain) - 4
+        u, v = max(0, min(at_px[0], room_px)), at_px[1]
         # A thicker text would also be a wider one: the halo is the same text, shifted.
         for du, dv in ((-2, 0), (2, 0), (0, -2), (0, 2), (-1, -1), (1, -1), (-1, 1), (1, 1)):
             place = (u + du, v + dv)
             cv2.putText(self.pixels, plain, place, FONT, self.font, HALO_RGB, width, cv2.LINE_AA)
-        cv2.putText(self.pixels, plain, at_px, FONT, self.font, colour, width, cv2.LINE_AA)
+        cv2.putText(self.pixels, plain, (u, v), FONT, self.font, colour, width, cv2.LINE_AA)
 
     def text_width(self, text: str) -> int:
         (width, _), _ = cv2.getTextSize(text, FONT, self.font, max(1, round(self.font * 2)))
