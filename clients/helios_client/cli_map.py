@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from helios_client.options import Json, Key, Port, RobotName, Url, connect, console, print_json
+from helios_client.options import At, Json, console, flat, print_json
 
 objects_app = typer.Typer()
 app = typer.Typer(
@@ -16,23 +16,21 @@ app = typer.Typer(
 
 
 @objects_app.command()
+@flat
 def objects(
+    at: At,
     class_name: Annotated[
         str | None, typer.Option("--class", help="only those of this class")
     ] = None,
     min_score: Annotated[
         float | None, typer.Option(help="only those with a score Ψ from this on")
     ] = None,
-    port: Port = 8080,
-    url: Url = None,
-    key: Key = None,
-    robot: RobotName = None,
     as_json: Json = False,
 ) -> None:
     """List what is believed to be where, the surest first."""
     from helios_client.lists import object_table
 
-    with connect(port, url, key, robot) as helios:
+    with at.connect() as helios:
         found = sorted(helios.objects(class_name, min_score), key=lambda o: -o.score)
     if as_json:
         print_json({"objects": [one.raw for one in found]})
@@ -43,21 +41,19 @@ def objects(
 
 
 @app.command()
+@flat
 def export(
+    at: At,
     out: Annotated[Path, typer.Option(help="folder for the files")] = Path("map"),
     only: Annotated[
         str | None, typer.Option(help="occupancy, or a value layer such as pick  [default: all]")
     ] = None,
-    port: Port = 8080,
-    url: Url = None,
-    key: Key = None,
-    robot: RobotName = None,
     as_json: Json = False,
 ) -> None:
     """Write the 2D map as pictures (PNG) and arrays (NPZ)."""
     from helios_client.map_files import export_map
 
-    with connect(port, url, key, robot) as helios:
+    with at.connect() as helios:
         written = export_map(helios, out, only)
     if as_json:
         print_json({"files": [str(path) for path in written]})

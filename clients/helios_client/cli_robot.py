@@ -7,35 +7,19 @@ from typing import Annotated, Literal
 
 import typer
 
-from helios_client.options import (
-    Json,
-    Key,
-    Port,
-    RobotName,
-    State,
-    Url,
-    connect,
-    console,
-    print_json,
-)
+from helios_client.options import At, Json, State, console, flat, print_json
 
 app = typer.Typer()
 
 
 @app.command()
-def status(
-    port: Port = 8080,
-    url: Url = None,
-    key: Key = None,
-    robot: RobotName = None,
-    state: State = None,
-    as_json: Json = False,
-) -> None:
+@flat
+def status(at: At, state: State = None, as_json: Json = False) -> None:
     """How every service is, and whether stop-now is latched; works while the gateway is down."""
     from helios_client.status import find_status, status_table
 
-    with connect(port, url, key, robot, timeout_s=3.0) as helios:
-        found = find_status(helios, port if url is None else None, state)
+    with at.connect(timeout_s=3.0) as helios:
+        found = find_status(helios, at.port if at.url is None else None, state)
     if as_json:
         print_json(found)
         return
@@ -47,16 +31,14 @@ def status(
 
 
 @app.command()
+@flat
 def stop(
+    at: At,
     reason: Annotated[str, typer.Option(help="told to whoever asks")] = "helios stop",
-    port: Port = 8080,
-    url: Url = None,
-    key: Key = None,
-    robot: RobotName = None,
     as_json: Json = False,
 ) -> None:
     """Stop the robot now; it will not move until helios clear-stop."""
-    with connect(port, url, key, robot) as helios:
+    with at.connect() as helios:
         answer = helios.stop_robot(reason)
     if as_json:
         print_json(answer)
@@ -65,15 +47,10 @@ def stop(
 
 
 @app.command(name="clear-stop")
-def clear_stop(
-    port: Port = 8080,
-    url: Url = None,
-    key: Key = None,
-    robot: RobotName = None,
-    as_json: Json = False,
-) -> None:
+@flat
+def clear_stop(at: At, as_json: Json = False) -> None:
     """Lift stop-now: the robot may move again."""
-    with connect(port, url, key, robot) as helios:
+    with at.connect() as helios:
         answer = helios.clear_stop()
     if as_json:
         print_json(answer)
@@ -97,14 +74,10 @@ def key(
 
 
 @app.command()
-def mcp(
-    port: Port = 8080,
-    url: Url = None,
-    key: Key = None,
-    robot: RobotName = None,
-) -> None:
+@flat
+def mcp(at: At) -> None:
     """Serve the robot to a language agent over MCP, on standard input and output."""
     from helios_client.mcp_server import build
     from helios_client.sdk_async import AsyncHelios
 
-    build(AsyncHelios(url or f"http://127.0.0.1:{port}", key=key, robot=robot)).run("stdio")
+    build(AsyncHelios(at.base_url, key=at.key, robot=at.robot)).run("stdio")

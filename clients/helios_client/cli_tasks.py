@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from helios_client.options import Json, Key, Port, RobotName, Url, connect, console, print_json
+from helios_client.options import At, Json, console, flat, print_json
 
 if TYPE_CHECKING:
     from helios_client.tasks import Task
@@ -19,12 +19,10 @@ TaskState = Literal["queued", "running", "paused", "succeeded", "failed", "cance
 
 
 @app.command()
+@flat
 def task(
     instruction: Annotated[str, typer.Argument(help='such as "Move the mug to the sofa"')],
-    port: Port = 8080,
-    url: Url = None,
-    key: Key = None,
-    robot: RobotName = None,
+    at: At,
     as_json: Json = False,
     timeout_s: Annotated[float, typer.Option(help="longest wait", min=1.0)] = 3600.0,
     agent: Annotated[
@@ -41,9 +39,9 @@ def task(
     """Submit a task and watch it; exit status 0 if it succeeded."""
     from helios_client.task_view import wait_while_starting, watch_task
 
-    with connect(port, url, key, robot) as helios:
-        if url is None:
-            wait_while_starting(helios, port, console(stderr=True))
+    with at.connect() as helios:
+        if at.url is None:
+            wait_while_starting(helios, at.port, console(stderr=True))
         # With --json the live view goes to stderr, so that stdout holds JSON and nothing else.
         asked = helios.submit(instruction, max_steps, agent, time_limit_s)
         ended = watch_task(helios, asked, timeout_s, console(stderr=as_json))
@@ -56,11 +54,9 @@ def task(
 
 
 @app.command()
+@flat
 def tasks(
-    port: Port = 8080,
-    url: Url = None,
-    key: Key = None,
-    robot: RobotName = None,
+    at: At,
     state: Annotated[TaskState | None, typer.Option(help="only those in this state")] = None,
     limit: Annotated[int | None, typer.Option(help="at most so many", min=1, max=1000)] = None,
     as_json: Json = False,
@@ -68,7 +64,7 @@ def tasks(
     """List tasks, newest first."""
     from helios_client.lists import task_table
 
-    with connect(port, url, key, robot) as helios:
+    with at.connect() as helios:
         found = helios.tasks(state, limit)
     if as_json:
         print_json({"tasks": [one.raw for one in found]})
@@ -79,52 +75,34 @@ def tasks(
 
 
 @app.command()
-def cancel(
-    id: TaskId,
-    port: Port = 8080,
-    url: Url = None,
-    key: Key = None,
-    robot: RobotName = None,
-    as_json: Json = False,
-) -> None:
+@flat
+def cancel(id: TaskId, at: At, as_json: Json = False) -> None:
     """Ask a task to end; the robot comes to rest."""
     from helios_client.lists import task_by_prefix
 
-    with connect(port, url, key, robot) as helios:
+    with at.connect() as helios:
         ended = helios.cancel(task_by_prefix(helios, id).id)
     _print_task(ended, as_json)
 
 
 @app.command()
-def pause(
-    id: TaskId,
-    port: Port = 8080,
-    url: Url = None,
-    key: Key = None,
-    robot: RobotName = None,
-    as_json: Json = False,
-) -> None:
+@flat
+def pause(id: TaskId, at: At, as_json: Json = False) -> None:
     """Let a running task wait where it is, until helios resume."""
     from helios_client.lists import task_by_prefix
 
-    with connect(port, url, key, robot) as helios:
+    with at.connect() as helios:
         task = helios.pause(task_by_prefix(helios, id).id)
     _print_task(task, as_json)
 
 
 @app.command()
-def resume(
-    id: TaskId,
-    port: Port = 8080,
-    url: Url = None,
-    key: Key = None,
-    robot: RobotName = None,
-    as_json: Json = False,
-) -> None:
+@flat
+def resume(id: TaskId, at: At, as_json: Json = False) -> None:
     """Go on with a paused task."""
     from helios_client.lists import task_by_prefix
 
-    with connect(port, url, key, robot) as helios:
+    with at.connect() as helios:
         task = helios.resume(task_by_prefix(helios, id).id)
     _print_task(task, as_json)
 

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
+import inspect
 import json
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
@@ -14,19 +19,6 @@ if TYPE_CHECKING:
     from helios_client.sdk import Helios
 
 Port = Annotated[int, typer.Option(help="port of the HTTP interface", min=1, max=65535)]
-Url = Annotated[
-    str | None,
-    typer.Option(
-        help="of a robot elsewhere  [default: http://127.0.0.1:PORT]", envvar="HELIOS_URL"
-    ),
-]
-Key = Annotated[
-    str | None, typer.Option(help="API key, where one is wanted", envvar="HELIOS_API_KEY")
-]
-RobotName = Annotated[
-    str | None,
-    typer.Option("--robot", help="one of several, by name  [default: the gateway's first]"),
-]
 Json = Annotated[bool, typer.Option("--json", help="print JSON only")]
 State = Annotated[
     Path | None,
@@ -34,13 +26,61 @@ State = Annotated[
 ]
 
 
-def connect(
-    port: int, url: str | None, key: str | None, robot: str | None, timeout_s: float = 10.0
-) -> Helios:
-    """The HTTP interface that the options name."""
-    from helios_client.sdk import Helios
+@dataclass(frozen=True)
+class At:
+    """The running robot that a command speaks to."""
 
-    return Helios(url or f"http://127.0.0.1:{port}", timeout_s, key=key, robot=robot)
+    port: Port = 8080
+    url: Annotated[
+        str | None,
+        typer.Option(
+            help="of a robot elsewhere  [default: http://127.0.0.1:PORT]", envvar="HELIOS_URL"
+        ),
+    ] = None
+    key: Annotated[
+        str | None, typer.Option(help="API key, where one is wanted", envvar="HELIOS_API_KEY")
+    ] = None
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", help="one of several, by name  [default: the gateway's first]"),
+    ] = None
+
+    @property
+    def base_url(self) -> str:
+        return self.url or f"http://127.0.0.1:{self.port}"
+
+    def connect(self, timeout_s: float = 10.0) -> Helios:
+        """The HTTP interface that the options name."""
+        from helios_client.sdk import Helios
+
+        return Helios(self.base_url, timeout_s, key=self.key, robot=self.robot)
+
+
+def flat(command: Callable[..., None]) -> Callable[..., None]:
+    """The command with each dataclass among its parameters given as one option a field."""
+    hints = get_type_hints(command, include_extras=True)
+    own: list[inspect.Parameter] = []
+    spread: list[inspect.Parameter] = []  # after its own, in the help
+    groups: dict[str, type] = {}
+    for parameter in inspect.signature(command).parameters.values():
+        kind = hints[parameter.name]
+        if dataclasses.is_dataclass(kind):
+            assert isinstance(kind, type)
+            groups[parameter.name] = kind
+            spread += inspect.signature(kind, eval_str=True).parameters.values()
+        else:
+            own.append(parameter.replace(annotation=kind))
+
+    @functools.wraps(command)
+    def run(**given: Any) -> None:
+        for name, kind in groups.items():
+            given[name] = kind(**{f.name: given.pop(f.name) for f in dataclasses.fields(kind)})
+        command(**given)
+
+    flattened = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in (*own, *spread)]
+    run.__signature__ = inspect.Signature(flattened)  # pyright: ignore[reportAttributeAccessIssue]
+    run.__annotations__ = {p.name: p.annotation for p in flattened}
+    return run
 
 
 def console(stderr: bool = False) -> Console:

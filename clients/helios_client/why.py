@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from helios_client.options import Json, Key, Port, RobotName, Url, connect, console, print_json
+from helios_client.options import At, Json, console, flat, print_json
 
 if TYPE_CHECKING:
     from helios_client.sdk import Helios
@@ -16,7 +16,9 @@ app = typer.Typer()
 
 
 @app.command()
+@flat
 def why(
+    at: At,
     task: Annotated[str, typer.Argument(help="its id, or how it begins, or: last")] = "last",
     changes: Annotated[
         list[str] | None,
@@ -33,16 +35,12 @@ def why(
     everything: Annotated[
         bool, typer.Option("--all", help="with --set: also what would stay as it was")
     ] = False,
-    port: Port = 8080,
-    url: Url = None,
-    key: Key = None,
-    robot: RobotName = None,
     as_json: Json = False,
 ) -> None:
     """Why a task did what it did: every decision, its candidates, and one sentence."""
     from helios_client.why_view import flips, report
 
-    with connect(port, url, key, robot) as helios:
+    with at.connect() as helios:
         found = _task(helios, task)
         decisions = helios.decisions(found.id, changes or ())
     if as_json:
