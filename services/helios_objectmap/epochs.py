@@ -29,6 +29,7 @@ class EpochMaps:
         self.epoch: Epoch | None = None
         self.robot_epoch: Epoch | None = None  # the one that the robot itself is in
         self.current = ObjectMap(settings)
+        self.newest: FrameId | None = None  # the newest frame in the present map
         self.from_disk = False  # no frame has come since the present map was read
         self.parked: deque[tuple[Epoch, ObjectMap]] = deque(maxlen=MOST_PARKED)
 
@@ -78,5 +79,5 @@ class EpochMaps:
             self._over.append(self.epoch)
             self.parked.append((self.epoch, self.current))
             self.current = fresh
-        self.from_disk = False
+        self.from_disk, self.newest = False, None
         self.epoch = epoch

@@ -20,10 +20,11 @@ from helios_core.topics import (
     RENDER_OBJECTS,
     SAVE_OBJECTS,
 )
+from numpy.typing import NDArray
 
 from helios_objectmap import export, mapfile
 from helios_objectmap.epochs import EpochMaps
-from helios_objectmap.keeper import Keeper
+from helios_objectmap.keeper import Keeper, Kept
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.view import View
 
@@ -65,10 +66,9 @@ class Exchange:
             return ""
         note = ""
         try:
-            data = self._keeper.found()
-            if data is not None:
-                gaussians = self._recall(data).gaussians
-                note = f"the map was restored: {gaussians} Gaussians, {len(data) / 1e6:.1f} MB"
+            kept = self._keeper.found()
+            if kept is not None:
+                note = self._restored(kept)
         except InvalidInput as error:
             self._health.count("maps_refused")
             note = f"the kept map was refused and put aside as {self._keeper.put_aside()}: {error}"
@@ -88,7 +88,7 @@ class Exchange:
     def save(self, _: pb.Empty) -> pb.ObjectMapFile:
         """The present map as a file."""
         with self._lock:
-            arrays = mapfile.arrays_of(self._maps.current.memory(), self._maps.epoch)
+            arrays = self._arrays()
         return pb.ObjectMapFile(data=mapfile.written(arrays))
 
     def load(self, request: pb.ObjectMapFile) -> pb.ObjectMapLoaded:
@@ -147,14 +147,25 @@ class Exchange:
         )
 
     # --- parts --------------------------------------------------------------------------------
+    def _restored(self, kept: Kept) -> str:
+        """Know what an earlier process wrote; returns what there is to say. Raises InvalidInput."""
+        loaded = self._recall(kept.data)
+        newest = self._maps.newest
+        frames = "" if newest is None else f", frames up to number {newest.seq}"
+        return (
+            f"the map was restored as it was written {kept.age_s:.1f} s ago: {loaded.objects} "
+            f"objects, {loaded.gaussians} Gaussians{frames}"
+        )
+
     def _recall(self, data: bytes) -> pb.ObjectMapLoaded:
         began = time.perf_counter()
-        memory, epoch = mapfile.read(data, self._maps.current.no_viewpoints())
+        found = mapfile.read(data, self._maps.current.no_viewpoints())
         with self._lock:
             present = self._maps.current
-            present.recall(memory)
+            present.recall(found.memory)
             if self._maps.epoch is None:
-                self._maps.epoch, self._maps.from_disk = epoch, epoch is not None
+                self._maps.epoch, self._maps.newest = found.epoch, found.newest
+                self._maps.from_disk = found.epoch is not None
             self._replaced()
             objects, gaussians = len(present.objects()), len(present)
         log.info("%d Gaussians read in %.1f s", gaussians, time.perf_counter() - began)
@@ -165,10 +176,15 @@ class Exchange:
             version = self._version()
             if version == self._kept_version:
                 return None
-            arrays = mapfile.arrays_of(self._maps.current.memory(), self._maps.epoch)
+            arrays = self._arrays()
         data = mapfile.written(arrays)
         self._kept_version = version
         return data
+
+    def _arrays(self) -> dict[str, NDArray]:
+        maps = self._maps
+        seq = maps.newest.seq if maps.newest is not None else None
+        return mapfile.arrays_of(maps.current.memory(), maps.epoch, seq)
 
     @staticmethod
     def _unknown(object_id: int) -> InvalidInput:

@@ -11,6 +11,7 @@ import os
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from helios_core.health import Health
@@ -18,6 +19,14 @@ from helios_core.health import Health
 log = logging.getLogger(__name__)
 
 FILE_NAME = "objects.npz"
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A file of an earlier process."""
+
+    data: bytes
+    age_s: float  # since it was written
 
 
 class Keeper:
@@ -36,10 +45,11 @@ class Keeper:
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="keep the map", daemon=True)
 
-    def found(self) -> bytes | None:
+    def found(self) -> Kept | None:
         """The file of an earlier process; None where there is none."""
         try:
-            return self._path.read_bytes()
+            written_s = self._path.stat().st_mtime
+            return Kept(self._path.read_bytes(), max(0.0, time.time() - written_s))
         except FileNotFoundError:
             return None
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from helios_core.errors import InvalidInput
-from helios_core.types import Role
+from helios_core.types import FrameId, Role
 from numpy.typing import NDArray
 
 from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
@@ -36,8 +36,13 @@ class Memory:
     updates: int
 
 
-def arrays_of(memory: Memory, epoch: tuple[str, int] | None) -> dict[str, NDArray]:
-    """Copies of everything, so that a file can be written while the map goes on."""
+def arrays_of(
+    memory: Memory, epoch: tuple[str, int] | None, newest_seq: int | None = None
+) -> dict[str, NDArray]:
+    """Copies of everything, so that a file can be written while the map goes on.
+
+    epoch: world epoch that it is of; newest_seq: number of the newest frame in it.
+    """
     header: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
@@ -45,6 +50,7 @@ def arrays_of(memory: Memory, epoch: tuple[str, int] | None) -> dict[str, NDArra
         "roles": {name: role.value for name, role in memory.roles.items()},
         "updates": memory.updates,
         "epoch": epoch,
+        "newest_seq": newest_seq,
         "next_label": memory.registry.next_label,
         "records": {
             label: [r.class_name, r.views, r.detected,
@@ -65,8 +71,17 @@ def written(arrays: dict[str, NDArray]) -> bytes:
     return out.getvalue()
 
 
-def read(data: bytes, viewpoints: Viewpoints) -> tuple[Memory, tuple[str, int] | None]:
-    """What a file holds, and the world epoch it is of. viewpoints: empty ones, to be filled.
+@dataclass(frozen=True)
+class Found:
+    """What a file holds."""
+
+    memory: Memory
+    epoch: tuple[str, int] | None  # world epoch it is of
+    newest: FrameId | None  # the newest frame in it
+
+
+def read(data: bytes, viewpoints: Viewpoints) -> Found:
+    """What a file holds. viewpoints: empty ones, to be filled.
 
     Raises InvalidInput for a truncated, damaged or foreign file.
     """
@@ -81,6 +96,8 @@ def read(data: bytes, viewpoints: Viewpoints) -> tuple[Memory, tuple[str, int] |
             )
         memory = _memory(header, arrays, viewpoints)
         epoch = (str(header["epoch"][0]), int(header["epoch"][1])) if header["epoch"] else None
+        seq = header.get("newest_seq")  # missing in files of earlier builds
+        newest = FrameId(*epoch, int(seq)) if epoch is not None and seq is not None else None
     except InvalidInput:
         raise
     except (OSError, ValueError, KeyError, TypeError, IndexError, EOFError,
@@ -89,7 +106,7 @@ def read(data: bytes, viewpoints: Viewpoints) -> tuple[Memory, tuple[str, int] |
             f"this is no whole object map ({type(error).__name__}: {error}): give a file that "
             "`helios map save` wrote"
         ) from None
-    return memory, epoch
+    return Found(memory, epoch, newest)
 
 
 def _memory(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) -> Memory:

@@ -39,7 +39,7 @@ from helios_core.topics import (
     ROBOT_STATE,
     WHAT_IF,
 )
-from helios_core.types import FrameId, ObjectInstance, Observation, SearchContext
+from helios_core.types import ObjectInstance, Observation, SearchContext
 
 from helios_objectmap.epochs import EpochMaps
 from helios_objectmap.exchange import Exchange
@@ -73,7 +73,6 @@ class ObjectMapService:
         self._waiting: deque[tuple[pb.Observation, Observation]] = deque()
         self._held = ""
         self._version = 0
-        self._newest: FrameId | None = None
         self._published: _Published | None = None
         bus.subscribe(CONTEXT, self.on_context)
         bus.subscribe(ROBOT_STATE, self.on_robot_state)
@@ -166,7 +165,8 @@ class ObjectMapService:
         with self._lock:
             if self._published is None:
                 self._published = _Published(self._version, self._maps.current.objects())
-            published, count, newest = self._published, len(self._maps.current), self._newest
+            published, count = self._published, len(self._maps.current)
+            newest = self._maps.newest
         reply = pb.ObjectsReply(version=published.version, gaussians=count)
         if newest is not None:
             reply.id.CopyFrom(frame_id_to_proto(newest))
@@ -214,7 +214,7 @@ class ObjectMapService:
                 label = present.nearest_object(point, request.radius_m)
             class_name = present.class_of(label) if label is not None else ""
             count = present.retire(label) if label is not None else 0
-            after = self._newest
+            after = self._maps.newest
             self._changed()
         reply = pb.RetireReply(retired_gaussians=count)
         if count:
@@ -295,7 +295,7 @@ class ObjectMapService:
             )
         present = self._maps.map_for(observation.frame.id)
         report = present.update(observation, context, self._held)
-        self._newest = observation.frame.id
+        self._maps.newest = observation.frame.id
         self._changed()
         return report
 

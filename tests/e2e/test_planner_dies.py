@@ -2,77 +2,21 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
-import httpx
-import psutil
 import pytest
 from helios_core import proto as pb
 from helios_core.topics import CONTEXT, TRUTH_EPISODE
 from helios_core.zenoh_bus import ZenohBus
 
-from tests.support import free_port, wait_until
+from tests.house import House
+from tests.support import wait_until
 
 pytestmark = pytest.mark.timeout(420)
-
-
-class House:
-    """A running `helios up` with the simulated robot."""
-
-    def __init__(self, state: Path) -> None:
-        self.port, self.router_port, self.state = free_port(), free_port(), state
-        self.log = (state / "up.log").open("wb")
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "helios_client", "up", "--robot", "sim", "--seed", "1",
-             "--detector", "ground-truth", "--port", str(self.port),
-             "--router-port", str(self.router_port), "--state", str(state)],
-            stdout=self.log, stderr=subprocess.STDOUT, env=os.environ | {"MUJOCO_GL": "egl"},
-        )  # fmt: skip
-
-    def get(self, path: str) -> Any:
-        answer = httpx.get(f"http://127.0.0.1:{self.port}{path}", timeout=10)
-        answer.raise_for_status()
-        return answer.json()
-
-    def post(self, path: str, body: dict | None = None) -> Any:
-        answer = httpx.post(f"http://127.0.0.1:{self.port}{path}", json=body, timeout=10)
-        answer.raise_for_status()
-        return answer.json()
-
-    def ready(self) -> bool:
-        try:
-            return httpx.get(f"http://127.0.0.1:{self.port}/readyz").status_code == 200
-        except httpx.TransportError:
-            return False
-
-    def task(self, id: str) -> dict[str, Any]:
-        """As it is told while the planner is away, too."""
-        try:
-            return self.get(f"/v1/tasks/{id}")
-        except (httpx.HTTPStatusError, httpx.TransportError):
-            return {"state": "unknown", "steps": -1}
-
-    def pid(self, name: str) -> int:
-        status = json.loads((self.state / "supervisor.json").read_text())
-        return next(s["pid"] for s in status["services"] if s["name"] == name)
-
-    def close(self) -> None:
-        children = psutil.Process(self.process.pid).children(recursive=True)
-        self.process.terminate()
-        self.process.wait(15)
-        self.log.close()
-        for child in children:
-            if child.is_running() and child.status() != psutil.STATUS_ZOMBIE:
-                child.kill()
 
 
 @pytest.fixture(scope="module")

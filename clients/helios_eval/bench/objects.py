@@ -128,7 +128,7 @@ def spread(objects: ObjectMap, copies: int) -> ObjectMap:
     arrays |= {k: np.concatenate(parts) for k, parts in rows.items()}
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
     out = ObjectMap(ObjectMapSettings())
-    out.recall(mapfile.read(mapfile.written(arrays), out.no_viewpoints())[0])
+    out.recall(mapfile.read(mapfile.written(arrays), out.no_viewpoints()).memory)
     out.set_context(CONTEXT)
     return out
 

@@ -202,7 +202,8 @@ def test_the_map_is_back_after_a_restart_and_says_so(tmp_path, rig):
     first.service.close()
     again = Rig(tmp_path)
     again.service.warm_up()
-    assert "restored" in again.health.state[1]
+    assert "frames up to number 2" in again.health.state[1]
+    assert again.bus.call(OBJECTS, pb.ObjectsRequest(), 5.0).id.seq == 2
     again.bus.publish(CONTEXT, context_to_proto(SOUGHT))
     assert [o.id for o in again.objects()] == [o.id for o in rig.objects()]
     o = observe(SCENE, looking_at(0.4, 0.4, MUG_CENTER), seq=9)
