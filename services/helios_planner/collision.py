@@ -17,12 +17,15 @@ def clearance_m(
     unknown_gain_m: float,
     speck_m2: float,
     marks_m: NDArray[np.float64],
+    trusted_m: NDArray[np.float64],
 ) -> NDArray[np.float32]:
     """Distance [h, w] from each cell's middle to the edge of the nearest obstacle, metres.
 
     Unknown ground is an obstacle, but one that the rim may come `unknown_gain_m` nearer to. Not
-    unknown are specks smaller than `speck_m2`, and what lies in and next to the robot's own
-    footprint. marks_m: [n, 3] x, y, radius of obstacles that were felt and not seen.
+    unknown are specks smaller than `speck_m2`, what lies in and next to the robot's own footprint,
+    and the discs `trusted_m`. What was seen or felt to be an obstacle is one there, too.
+    marks_m: [n, 3] x, y, radius of obstacles that were felt and not seen; trusted_m: [n, 3]
+    likewise, of ground that is taken as free until seen otherwise.
     """
     occupied = (ground.occupancy > 0).astype(np.uint8)
     unknown = (ground.occupancy < 0).astype(np.uint8)
@@ -30,6 +33,9 @@ def clearance_m(
     column, row = (int(v) for v in ground.cells_of(np.array([[robot.x_m, robot.y_m]]))[0][::-1])
     own = int(np.ceil(footprint_m / ground.cell_m)) + 2
     cv2.circle(unknown, (column, row), own, 0, -1)
+    for x_m, y_m, radius_m in trusted_m:
+        r, c = ground.cells_of(np.array([[x_m, y_m]]))[0]
+        cv2.circle(unknown, (int(c), int(r)), int(radius_m / ground.cell_m), 0, -1)
     for x_m, y_m, radius_m in marks_m:
         r, c = ground.cells_of(np.array([[x_m, y_m]]))[0]
         cv2.circle(occupied, (int(c), int(r)), max(1, round(radius_m / ground.cell_m)), 1, -1)

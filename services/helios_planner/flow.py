@@ -100,6 +100,7 @@ class Mission:
             "falls": self.skills.falls,
             "last_reason": self.skills.last_reason,
             "felt": [list(f) for f in self.kit.legs.felt],
+            "trusted": [list(disc) for disc in self.kit.legs.blind_ring.discs],
             "given_up": [list(f) for f in self.kit.given_up],
             "looked": self.kit.looking.memory(),
             "belief": self.kit.belief.memory(),
@@ -115,6 +116,7 @@ class Mission:
         self.skills.picks, self.skills.falls = memory["picks"], memory["falls"]
         self.skills.last_reason = memory["last_reason"]
         self.kit.legs.felt[:] = [(x, y, r) for x, y, r in memory["felt"]]
+        self.kit.legs.blind_ring.discs[:] = [(x, y, r) for x, y, r in memory["trusted"]]
         self.kit.given_up[:] = [(x, y) for x, y in memory["given_up"]]
         self.kit.looking.recall(memory["looked"])
         self.kit.belief.recall(memory["belief"])

@@ -10,7 +10,9 @@ from enum import Enum, auto
 import numpy as np
 from helios_core.geometry import wrap_angle
 from helios_core.robot import Forward, Observe, Tilt, Turn
+from numpy.typing import NDArray
 
+from helios_planner.blind_ring import BlindRing
 from helios_planner.body import Body
 from helios_planner.grid import GroundMap, Pose2, facing, unknown_near
 from helios_planner.mishaps import NO_MOTION_M, Mishaps
@@ -59,6 +61,7 @@ class Legs:
         )
         self.mishaps = Mishaps(body)
         self.felt: list[tuple[float, float, float]] = []  # x, y, radius: unseen, but met
+        self.blind_ring = BlindRing(robot, self.rules.footprint_m, settings.blind_m)
         self._cached: dict[tuple, Reach] = {}
         self._cleared: list[tuple[float, float]] = []  # unknown ground that was gone to look at
 
@@ -66,7 +69,7 @@ class Legs:
     def reach(self, level: int = 0) -> Reach:
         """Everything reachable now with the margin of that level (0 is the widest)."""
         ground, robot = self.body.ground(), self.body.pose()
-        key = (ground.version, robot, level, len(self.felt))
+        key = (ground.version, robot, level, len(self.felt), len(self.blind_ring.discs))
         if key not in self._cached:
             if len(self._cached) > 8:
                 self._cached.clear()
@@ -75,8 +78,20 @@ class Legs:
 
     def _reach_on(self, ground: GroundMap, level: int) -> Reach:
         rules = replace(self.rules, margin_m=self.settings.margins_m[level])
-        marks = np.array(self.felt, float).reshape(-1, 3)
-        return reach(ground, self.body.pose(), rules, marks)
+        return reach(self._covering(ground), self.body.pose(), rules, *self._discs())
+
+    def _covering(self, ground: GroundMap) -> GroundMap:
+        """A map that also covers the rings taken as free."""
+        for x_m, y_m, radius_m in self.blind_ring.discs:
+            ground = ground.padded(x_m, y_m, radius_m + 0.1)
+        return ground
+
+    def _discs(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What was felt, and what is taken as free: [n, 3] each."""
+        felt, trusted = (
+            np.array(d, float).reshape(-1, 3) for d in (self.felt, self.blind_ring.discs)
+        )
+        return felt, trusted
 
     @property
     def levels(self) -> range:
@@ -172,12 +187,15 @@ class Legs:
         return bool(area_m2 < math.pi * WEDGED_M**2)
 
     def _get_free(self) -> None:
-        """While wedged: what was felt may be gone or never was there, so forget it and look all
-        around, a few times. Raises TaskFailed when that does not help."""
+        """While wedged: the camera may be blind for the ground at the feet; or what was felt is
+        gone or never was there, so forget it and look all around, a few times. Raises TaskFailed
+        when that does not help."""
         if self._wedged():
             self.look_down_around()
+        if self._wedged():
+            self.blind_ring.trust(self.body.pose())
         while self._wedged():
-            self.mishaps.wedged_in()
+            self.mishaps.wedged_in(self.blind_ring.too_wide())
             self.felt.clear()
             self._full_turn(down_only=True)
             self.tilt(self.settings.travel_tilt_rad)
@@ -188,6 +206,7 @@ class Legs:
         while self.mishaps.jumped:
             self.mishaps.jumped = False
             self.felt.clear()
+            self.blind_ring.discs.clear()
             self._cleared.clear()
             self.look_around()
 

@@ -75,15 +75,15 @@ class Mishaps:
                 Cause.STUCK, f"the robot was told to move {self.blocks} times and did not"
             )
 
-    def wedged_in(self) -> None:
-        """Count that no way led out."""
+    def wedged_in(self, advice: str = "") -> None:
+        """Count that no way led out. advice: what may help, for the sentence at the limit."""
         self.wedged += 1
         if self.wedged > MOST_WEDGED:
             x_m, y_m = self.body.pose().xy
             raise TaskFailed(
                 Cause.STUCK,
                 f"the robot is wedged at ({x_m:.2f}, {y_m:.2f}) m: no way leads out of where it "
-                f"stands, after {MOST_WEDGED} looks around",
+                f"stands, after {MOST_WEDGED} looks around" + (advice and f"; {advice}"),
             )
 
     def _see_jump(self, before: Pose2, after: Pose2, result: ActionResult) -> None:

@@ -14,6 +14,7 @@ from helios_planner import fm2, kernels
 from helios_planner.collision import clearance_m, least_clearance_m
 from helios_planner.grid import GroundMap, Pose2
 
+NONE = np.empty((0, 3))  # no discs
 WIDE_ENOUGH_M = 0.10  # of clearance to spare, a straight line is taken in any case
 
 
@@ -99,13 +100,16 @@ def reach(
     ground: GroundMap,
     robot: Pose2,
     rules: MotionRules,
-    marks_m: NDArray[np.float64] | None = None,
+    marks_m: NDArray[np.float64] = NONE,
+    trusted_m: NDArray[np.float64] = NONE,
 ) -> Reach:
     """Everything that can be reached now, keeping the margin. The robot may leave the place where
-    it stands although it is narrow there, never towards narrower ones."""
+    it stands although it is narrow there, never towards narrower ones. marks_m, trusted_m: as
+    `clearance_m`."""
     ground = ground.padded(robot.x_m, robot.y_m, rules.footprint_m + 0.3)
-    marks = np.empty((0, 3)) if marks_m is None else marks_m
-    clear = clearance_m(ground, robot, rules.footprint_m, rules.margin_m, rules.speck_m2, marks)
+    clear = clearance_m(
+        ground, robot, rules.footprint_m, rules.margin_m, rules.speck_m2, marks_m, trusted_m
+    )
     wanted = rules.footprint_m + rules.margin_m
     row, column = (int(v) for v in ground.cells_of(np.array([robot.xy]))[0])
     required = np.full(clear.shape, wanted, np.float32)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
 from helios_core.robot import Forward, Turn
 
+from helios_planner.blind_ring import BlindRing
 from helios_planner.body import Body
 from helios_planner.grid import GroundMap, Pose2
 from helios_planner.legs import ARRIVED_M, Legs, Outcome
@@ -30,6 +30,7 @@ class PoseLegs(Legs):
         super().__init__(body, settings)
         self.capsule = capsule
         self.rules = replace(self.rules, footprint_m=capsule.reach_m)
+        self.blind_ring = BlindRing(body.description, capsule.reach_m, settings.blind_m)
 
     def reach(self, level: int = 0) -> PoseReach:
         reached = super().reach(level)
@@ -38,8 +39,9 @@ class PoseLegs(Legs):
 
     def _reach_on(self, ground: GroundMap, level: int) -> Reach:
         rules = replace(self.rules, margin_m=self.settings.margins_m[level])
-        marks = np.array(self.felt, float).reshape(-1, 3)
-        return pose_reach(ground, self.body.pose(), self.capsule, rules, marks)
+        return pose_reach(
+            self._covering(ground), self.body.pose(), self.capsule, rules, *self._discs()
+        )
 
     def _drive(self, goal: Pose2, purpose: str, stop: Callable[[], bool], slip_m: float) -> Outcome:
         level, looked = 0, False

@@ -20,7 +20,7 @@ from helios_planner import pose_kernels
 from helios_planner.collision import clearance_m
 from helios_planner.grid import GroundMap, Pose2
 from helios_planner.kernels import STEPS
-from helios_planner.motion import MotionRules, Reach
+from helios_planner.motion import NONE, MotionRules, Reach
 
 NODE_M = 0.1
 TURN_COST_M = 0.3  # a radian of turning costs as much as so many metres at full speed
@@ -192,13 +192,16 @@ def pose_reach(
     robot: Pose2,
     capsule: Capsule,
     rules: MotionRules,
-    marks_m: NDArray[np.float64] | None = None,
+    marks_m: NDArray[np.float64] = NONE,
+    trusted_m: NDArray[np.float64] = NONE,
 ) -> PoseReach:
     """Everything that such a robot can reach now, keeping the margin of the rules. It may leave the
-    place where it stands although it is narrow there, never towards narrower ones."""
+    place where it stands although it is narrow there, never towards narrower ones. marks_m,
+    trusted_m: as `clearance_m`."""
     ground = ground.padded(robot.x_m, robot.y_m, capsule.reach_m + 0.3)
-    marks = np.empty((0, 3)) if marks_m is None else marks_m
-    clear = clearance_m(ground, robot, capsule.reach_m, rules.margin_m, rules.speck_m2, marks)
+    clear = clearance_m(
+        ground, robot, capsule.reach_m, rules.margin_m, rules.speck_m2, marks_m, trusted_m
+    )
     cell, spacing = ground.cell_m, NODE_M / ground.cell_m
     row, column = ground.exact_cells_of(np.array([robot.xy]))[0]
     i0, j0 = int(row / spacing), int(column / spacing)

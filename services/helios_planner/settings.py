@@ -118,6 +118,12 @@ class Settings(ServiceSettings):
     speck_m2: float = Field(
         default=0.015, ge=0, description="unknown specks below this area are floor"
     )
+    blind_m: float = Field(
+        default=1.5,
+        ge=0,
+        description="longest way over ground beyond the rim that the camera cannot see from where "
+        "the robot stands; 0: none",
+    )
     travel_tilt_rad: float = Field(
         default=0.5236, description="tilt of the head while driving, down"
     )

@@ -63,6 +63,8 @@ class Thing:
 class FakeWorld(Body):
     """See the module. Contacts are counted in `contacts`."""
 
+    description = ROBOT
+
     def __init__(
         self,
         size_m: tuple[float, float],
@@ -71,7 +73,6 @@ class FakeWorld(Body):
         start: Pose2,
         max_steps: int = 1250,
     ) -> None:
-        self.description = ROBOT
         self.things = {t.id: t for t in things}
         self.max_steps, self.steps, self.contacts = max_steps, 0, 0
         self.log: list[Action] = []
@@ -184,10 +185,11 @@ class FakeWorld(Body):
         p, half = self._pose, CAMERA.hfov_rad / 2
         lowest = self._tilt + CAMERA.vfov_rad / 2
         highest = self._tilt - CAMERA.vfov_rad / 2
-        near_m = ROBOT.camera_height_m / math.tan(lowest) if lowest < math.pi / 2 else 0.0
+        height_m = self.description.camera_height_m
+        near_m = height_m / math.tan(lowest) if lowest < math.pi / 2 else 0.0
         far_m = ROBOT.max_depth_m
         if highest > 0.01:
-            far_m = min(far_m, ROBOT.camera_height_m / math.tan(highest))
+            far_m = min(far_m, height_m / math.tan(highest))
         angles = p.yaw_rad + np.linspace(-half, half, 400)
         ranges = np.arange(0, far_m, CELL_M * 0.5)
         x = p.x_m + np.cos(angles)[:, None] * ranges

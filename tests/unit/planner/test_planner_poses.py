@@ -135,7 +135,6 @@ class BoxWorld(FakeWorld):
 def test_its_legs_go_through_an_unknown_home_without_contact() -> None:
     walls = [Box(3.4, 0, 3.5, 1.5, 2.5), Box(3.4, 2.4, 3.5, 4, 2.5)]
     world = BoxWorld((7, 4), walls, [], Pose2(1.5, 2.0, 0.4))
-    world.description = BoxWorld.description
     legs = legs_of(world, Settings())
     assert isinstance(legs, PoseLegs)
     legs.look_around()

@@ -1,0 +1,110 @@
+"""A camera that is blind for the floor at the feet: the robot drives, not further than it may."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from helios_planner.blind_ring import SEEN_M, BlindRing, blind_m
+from helios_planner.grid import Pose2
+from helios_planner.legs import Legs, Outcome
+from helios_planner.mishaps import MOST_WEDGED
+from helios_planner.pose_legs import legs_of
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, TaskFailed
+from planner_world import ROBOT, Box, FakeWorld, flat
+from test_planner_poses import BoxWorld
+
+START = Pose2(2.0, 3.0, 0.0)
+LEVEL = replace(ROBOT, camera_height_m=0.5, tilt_range_rad=(0.0, 0.0))  # blind for 1.15 m
+TALL = replace(LEVEL, camera_height_m=1.3)  # blind for 3.0 m
+
+
+def blind(world: FakeWorld, robot: object = LEVEL) -> Legs:
+    world.description = robot  # pyright: ignore[reportAttributeAccessIssue]
+    world._known[:] = False  # what was seen before its camera was fixed
+    world.look()
+    legs = legs_of(world, Settings())
+    legs.look_around()
+    return legs
+
+
+def test_a_robot_that_does_not_see_the_floor_at_its_feet_drives() -> None:
+    world = flat(start=START)
+    legs = blind(world)
+    assert legs.go_to(Pose2(3.9, 3.0, 0.0), "test") is Outcome.ARRIVED
+    assert world.contacts == 0
+    assert legs.mishaps.wedged == 0
+
+
+def test_a_robot_that_is_no_disc_drives_too() -> None:
+    world = BoxWorld((7, 4), [], [], Pose2(2.5, 2.0, 0.4))
+    box = replace(BoxWorld.description, camera_height_m=0.6, tilt_range_rad=(0.0, 0.0))
+    legs = blind(world, box)
+    assert legs.go_to(Pose2(4.5, 2.0, 0.0), "test") is Outcome.ARRIVED
+    assert world.contacts == 0
+    assert legs.blind_ring.discs == [(2.5, 2.0, pytest.approx(blind_m(box) + SEEN_M))]
+
+
+def test_what_is_seen_in_the_ring_bars_the_way() -> None:
+    wall = Box(2.6, 2.0, 2.8, 4.0, 0.8)
+    world = flat(start=START, extra=[wall])
+    legs = blind(world)
+    world._known[80:160, 104:112] = True  # it is higher than the line of sight
+    assert legs.go_to(Pose2(3.9, 3.0, 0.0), "test") is Outcome.ARRIVED  # around it
+    assert world.contacts == 0
+
+
+def test_what_is_felt_in_the_ring_bars_the_way() -> None:
+    low = Box(2.6, 2.7, 2.8, 3.3, 0.1, hidden=True)
+    world = flat(start=START, extra=[low])
+    legs = blind(world)
+    assert legs.go_to(Pose2(3.9, 3.0, 0.0), "test") is Outcome.ARRIVED
+    assert 1 <= world.contacts <= 4
+    assert legs.felt
+
+
+def test_a_ring_wider_than_allowed_is_not_driven_over_and_the_task_says_why() -> None:
+    world = flat(start=START)
+    legs = blind(world, TALL)
+    with pytest.raises(TaskFailed, match=r"sees the floor only from 3\.0 m on.*BLIND_M") as failure:
+        legs.go_to(Pose2(3.9, 3.0, 0.0), "test")
+    assert failure.value.cause is Cause.STUCK
+    assert legs.mishaps.wedged == MOST_WEDGED + 1
+    assert world.pose().xy == START.xy
+    assert legs.blind_ring.discs == []
+
+
+def test_a_robot_that_sees_its_feet_trusts_no_ground() -> None:
+    legs = Legs(flat(start=START), Settings())
+    assert legs.blind_ring.width_m == 0
+    assert not legs.blind_ring.trust(START)
+    assert legs.blind_ring.too_wide() == ""
+
+
+def test_rings_do_not_add_up_to_a_way_through_the_unknown() -> None:
+    ring = BlindRing(LEVEL, 0.3, 1.5)
+    radius_m = blind_m(LEVEL) + SEEN_M
+    assert ring.trust(Pose2(0.0, 0.0, 0.0))
+    assert not ring.trust(Pose2(radius_m - 0.01, 0.0, 0.0))
+    assert ring.trust(Pose2(radius_m + 0.01, 0.0, 0.0))
+    assert len(ring.discs) == 2
+
+
+@pytest.mark.parametrize(
+    ("height_m", "tilt_rad", "forward_m", "wanted_m"),
+    [
+        (1.0, math.pi / 4 - LEVEL.camera.vfov_rad / 2, 0.0, 1.0),
+        (1.0, math.pi / 4 - LEVEL.camera.vfov_rad / 2, 0.2, 1.2),
+        (1.0, math.pi / 2, 0.0, 0.0),
+        (1.0, -1.0, 0.0, math.inf),
+    ],
+)
+def test_the_camera_is_blind_up_to_where_the_images_lower_edge_meets_the_floor(
+    height_m: float, tilt_rad: float, forward_m: float, wanted_m: float
+) -> None:
+    robot = replace(
+        ROBOT, camera_height_m=height_m, tilt_range_rad=(-1.5, tilt_rad), camera_forward_m=forward_m
+    )
+    assert blind_m(robot) == pytest.approx(wanted_m)
