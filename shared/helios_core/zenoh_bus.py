@@ -17,6 +17,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
 
 import zenoh
 from google.protobuf.message import DecodeError
@@ -34,6 +35,8 @@ from helios_core.errors import (
     error_to_proto,
 )
 from helios_core.topics import M, Method, QoS, Rep, Req, Topic, alive_key
+
+T = TypeVar("T")
 
 log = logging.getLogger(__name__)
 
@@ -116,9 +119,7 @@ class ZenohBus(Bus):
                 except Exception:
                     log.exception("the handler of %s failed; the message is lost to it", topic.name)
 
-        thread = threading.Thread(target=read, name=f"read {topic.name}", daemon=True)
-        thread.start()
-        self._readers.append(thread)
+        self._start_reader(f"read {topic.name}", read)
         return self._keep(subscriber.undeclare)
 
     def serve(self, method: Method[Req, Rep], handler: Callable[[Req], Rep]) -> Registration:
@@ -144,13 +145,16 @@ class ZenohBus(Bus):
                 for chunk, head in _chunks(reply):
                     query.reply(key, chunk, attachment=head)
 
-        def accept(query: zenoh.Query) -> None:
-            try:
-                pool.submit(answer, query)
-            except RuntimeError:  # the pool is shut down: the caller sees nobody answering
-                query.drop()
+        queryable = self._session.declare_queryable(key, zenoh.handlers.FifoChannel(QUEUE_DEPTH))
 
-        queryable = self._session.declare_queryable(key, accept)
+        def accept() -> None:
+            for query in _received(queryable.handler):
+                try:
+                    pool.submit(answer, query)
+                except RuntimeError:  # the pool is shut down: the caller sees nobody answering
+                    query.drop()
+
+        self._start_reader(f"accept {method.name}", accept)
         return self._keep(queryable.undeclare)
 
     def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
@@ -190,16 +194,19 @@ class ZenohBus(Bus):
     def watch(self, handler: LivelinessHandler) -> Registration:
         self._check_open()
 
-        def told(sample: zenoh.Sample) -> None:
-            *_, service, instance = str(sample.key_expr).split("/")
-            try:
-                handler(service, instance, sample.kind == zenoh.SampleKind.PUT)
-            except Exception:
-                log.exception("the liveliness handler failed")
-
         subscriber = self._session.liveliness().declare_subscriber(
-            alive_key(self.robot, "*", "*"), told, history=True
+            alive_key(self.robot, "*", "*"), zenoh.handlers.FifoChannel(QUEUE_DEPTH), history=True
         )
+
+        def read() -> None:
+            for sample in _received(subscriber.handler):
+                *_, service, instance = str(sample.key_expr).split("/")
+                try:
+                    handler(service, instance, sample.kind == zenoh.SampleKind.PUT)
+                except Exception:
+                    log.exception("the liveliness handler failed")
+
+        self._start_reader("read liveliness", read)
         return self._keep(subscriber.undeclare)
 
     def close(self) -> None:
@@ -212,11 +219,18 @@ class ZenohBus(Bus):
         for declared in reversed(self._mine):
             declared.close()
         self._session.close()  # without it the process hangs at exit
-        # A thread that is still in the library when the interpreter ends aborts the process.
         deadline = time.monotonic() + READERS_END_WITHIN_S
         for reader in self._readers:
             if reader is not threading.current_thread():
                 reader.join(max(0.0, deadline - time.monotonic()))
+
+    def _start_reader(self, name: str, read: Callable[[], None]) -> None:
+        """A thread of ours for every handler, never a callback of Zenoh's: its threads cannot be
+        waited for, and one that is in the library when the interpreter ends aborts the process
+        ("exception not rethrown")."""
+        reader = threading.Thread(target=read, name=name, daemon=True)
+        reader.start()
+        self._readers.append(reader)
 
     def _publisher(self, topic: Topic) -> zenoh.Publisher | ext.AdvancedPublisher:
         with self._lock:
@@ -268,7 +282,7 @@ class _Declared:
             undeclare()
 
 
-def _received(channel: zenoh.Handler) -> Iterator[zenoh.Sample]:
+def _received(channel: zenoh.Handler[T]) -> Iterator[T]:
     while True:
         try:
             yield channel.recv()

@@ -76,7 +76,7 @@ def _open(router: str, robot: str) -> ZenohBus:
             return False
         return True
 
-    wait_until(try_open, 10, "the router answers")
+    wait_until(try_open, 30, "the router answers")
     return opened[0]
 
 
@@ -309,3 +309,22 @@ def test_slow_calls_of_one_method_keep_no_other_waiting(make_bus: MakeBus) -> No
         go.set()
         for asker in askers:
             asker.join()
+
+
+def test_closing_waits_for_every_thread_that_a_bus_started(router: str) -> None:
+    """Whoever declares them: the threads of a daemon thread are daemons, and would be killed."""
+    before, bus = set(threading.enumerate()), ZenohBus(router, f"r{time.monotonic_ns()}")
+
+    def declare() -> None:
+        bus.serve(STOP, lambda _: pb.Empty())
+        bus.subscribe(FRAME, lambda _: None)
+        bus.watch(lambda *_: None)
+
+    declarer = threading.Thread(target=declare, daemon=True)
+    declarer.start()
+    declarer.join(10)
+    started = set(threading.enumerate()) - before
+    assert len(started) == 3
+    assert started <= set(bus._readers)
+    bus.close()
+    wait_until(lambda: not any(thread.is_alive() for thread in started), 5, "they end")
