@@ -11,7 +11,7 @@ import numpy as np
 from helios_core import proto as pb
 from helios_core.bus import Registration
 from helios_core.codec import frame_to_proto, state_to_proto
-from helios_core.errors import Conflict, InvalidInput
+from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.geometry import Pinhole, se2_to_se3
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import (
@@ -23,6 +23,8 @@ from helios_core.topics import (
     GET_TASK,
     KEYFRAME,
     LIST_TASKS,
+    LOAD_MAP2D,
+    LOAD_OBJECTS,
     MAP2D_ACK,
     OBJECT_DETAIL,
     OBJECTMAP_ACK,
@@ -31,10 +33,13 @@ from helios_core.topics import (
     PAUSE,
     PICTURE,
     PLAN,
+    RECALL,
     RENDER_OBJECTS,
     RESUME,
     ROBOT_DESCRIPTION,
     ROBOT_STATE,
+    SAVE_MAP2D,
+    SAVE_OBJECTS,
     SNAPSHOT,
     STOP,
     SUBMIT,
@@ -81,6 +86,9 @@ class Backend:
         self.stopped, self.stop_reason = False, ""
         self.map_version = 41
         self.rendered: pb.RenderRequest | None = None
+        self.kept = {"map2d": b"walls", "objects": b"things"}  # what a save gives
+        self.refuses_maps: HeliosError | None = None  # what map2d says to a load
+        self.recalls: HeliosError | None = None  # what it says to a question to past views
         self.seq = 0
 
     def start(self) -> None:
@@ -98,6 +106,12 @@ class Backend:
         serve(OBJECT_DETAIL, self._detail)
         serve(EXPORT_OBJECTS, self._export)
         serve(RENDER_OBJECTS, self._render)
+        serve(SAVE_MAP2D, lambda _: pb.SaveMap2DReply(
+            files=[pb.Map2DFile(name="map2d.map", data=self.kept["map2d"])]))  # fmt: skip
+        serve(SAVE_OBJECTS, lambda _: pb.ObjectMapFile(data=self.kept["objects"]))
+        serve(LOAD_MAP2D, self._load_map2d)
+        serve(LOAD_OBJECTS, self._load_objects)
+        serve(RECALL, self._recall)
         serve(STOP, lambda request: self._latch(True, request.reason))
         serve(CLEAR_STOP, lambda _: self._latch(False, ""))
         serve(VOCABULARY, lambda _: pb.VocabularyReply(
@@ -289,6 +303,29 @@ class Backend:
         _, png = cv2.imencode(".png", picture)
         return pb.RenderReply(png=png.tobytes())
 
+    def _load_map2d(self, request: pb.LoadMap2DRequest) -> pb.LoadMap2DReply:
+        if self.refuses_maps is not None:
+            raise self.refuses_maps
+        self.kept["map2d"] = request.files[0].data
+        return pb.LoadMap2DReply(version=50, known_m2=40.0, occupied_m2=8.0, views=3)
+
+    def _load_objects(self, request: pb.ObjectMapFile) -> pb.ObjectMapLoaded:
+        self.kept["objects"] = request.data
+        return pb.ObjectMapLoaded(gaussians=5120, objects=len(self.found))
+
+    def _recall(self, request: pb.RecallRequest) -> pb.RecallReply:
+        if self.recalls is not None:
+            raise self.recalls
+        scores = [0.82, 0.64, 0.31][: request.most_places]
+        return pb.RecallReply(views=7, version=self.map_version, places=[
+            pb.SeenPlace(
+                id=pb.FrameId(robot_boot_id="boot", seq=k), stamp_ns=k * 10**9, score=score,
+                camera=pb.Pose2(x_m=1.0 + k, y_m=2.0, yaw_rad=0.5), x_m=1.6 + k, y_m=1.5,
+                jpeg=picture_jpeg(40 * k),
+            )
+            for k, score in enumerate(scores)
+        ])  # fmt: skip
+
     def _snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot:
         self.calls.append("snapshot")
         if request.if_newer >= self.map_version:
@@ -302,6 +339,12 @@ class Backend:
         side = request.size_px
         _, png = cv2.imencode(".png", np.full((side, side, 3), 200, np.uint8))
         return pb.PictureReply(png=png.tobytes(), version=self.map_version)
+
+
+def picture_jpeg(tone: int) -> bytes:
+    """A small picture, as map2d keeps of a view."""
+    _, jpeg = cv2.imencode(".jpg", np.full((180, 320, 3), (90, 60 + tone, 150), np.uint8))
+    return jpeg.tobytes()
 
 
 def description() -> pb.RobotDescription:

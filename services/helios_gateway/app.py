@@ -23,8 +23,10 @@ from helios_gateway.routes_events import event_routes
 from helios_gateway.routes_frames import frame_routes
 from helios_gateway.routes_health import fleet_routes, health_routes, service_routes
 from helios_gateway.routes_map import map_routes
+from helios_gateway.routes_map_file import map_file_routes
 from helios_gateway.routes_objects import object_routes
 from helios_gateway.routes_robot import robot_routes
+from helios_gateway.routes_seen import seen_routes
 from helios_gateway.routes_tasks import task_routes
 from helios_gateway.settings import Settings
 
@@ -51,8 +53,9 @@ def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> Fa
     add_problems(app)
     describe_truly(app)
     bounds = Bounds(
-        settings.body_limit_bytes, settings.frame_limit_bytes, settings.body_timeout_s,
-        settings.requests_per_s, settings.max_requests, settings.other_origins,
+        settings.body_limit_bytes, settings.frame_limit_bytes, settings.map_limit_bytes,
+        settings.body_timeout_s, settings.requests_per_s, settings.max_requests,
+        settings.other_origins,
     )  # fmt: skip
     app.add_middleware(Limits, bounds=bounds, keys=keys)
     if settings.other_origins:
@@ -69,6 +72,8 @@ def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> Fa
             event_routes(prefix, settings),
             object_routes(prefix, settings),
             map_routes(prefix),
+            map_file_routes(prefix, settings),
+            seen_routes(prefix),
             frame_routes(prefix, settings),
             robot_routes(prefix, settings),
             service_routes(prefix, settings),

@@ -23,6 +23,8 @@ READING = ("GET", "HEAD", "OPTIONS")
 NEVER_LATE = ("/robot/stop",)  # neither counted nor made to wait
 LARGE = ("/frames",)  # bodies are images; few at a time
 MOST_LARGE = 8
+MAPS = ("/map.zip",)  # bodies are whole maps; one at a time
+MAP_BODY_S = 60.0
 STREAMS = ("/events", "/events/ws", "/frames/ws")  # counted as viewers, not as requests
 
 
@@ -32,10 +34,17 @@ class Bounds:
 
     body_bytes: int
     large_bytes: int  # of a body that is images
+    map_bytes: int  # of a body that is a map
     body_s: float  # longest time for a body to arrive
     requests_per_s: int  # of one client
     requests: int  # at the same time, of all clients
     origins: tuple[str, ...] = ()  # other sites whose pages may use the interface
+
+    def of_body(self, path: str) -> tuple[int, float]:
+        """Most bytes and seconds of a body sent to a path."""
+        if path.endswith(MAPS):
+            return self.map_bytes, MAP_BODY_S
+        return self.large_bytes if path.endswith(LARGE) else self.body_bytes, self.body_s
 
 
 class Limits:
@@ -50,7 +59,7 @@ class Limits:
         self._app, self._bounds, self._keys = app, bounds, keys
         self._rate = RateLimitItemPerSecond(bounds.requests_per_s)
         self._limiter = FixedWindowRateLimiter(MemoryStorage())
-        self._running = self._large = 0
+        self._running = self._large = self._maps = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "lifespan":
@@ -63,24 +72,24 @@ class Limits:
         path: str = scope["path"]
         counted = not path.endswith((*STREAMS, *NEVER_LATE))
         large = path.endswith(LARGE)
-        if (counted and self._running >= self._bounds.requests) or (
-            large and self._large >= MOST_LARGE
+        a_map = path.endswith(MAPS)
+        for refused, running in (
+            (counted and self._running >= self._bounds.requests, self._running),
+            (large and self._large >= MOST_LARGE, self._large),
+            (a_map and self._maps >= 1, self._maps),
         ):
-            refusal = problem(
-                503, "busy", "Service Unavailable",
-                f"{self._large if large else self._running} requests are being answered; try again "
-                "in a second",
-            )  # fmt: skip
-            refusal.headers["retry-after"] = "1"
-            await _refuse(refusal, scope, receive, send)
-            return
+            if refused:
+                await _refuse(_busy(running), scope, receive, send)
+                return
         self._running += counted
         self._large += large
+        self._maps += a_map
         try:
             await self._with_body(scope, receive, send)
         finally:
             self._running -= counted
             self._large -= large
+            self._maps -= a_map
 
     def _refusal(self, scope: Scope) -> JSONResponse | None:
         headers = Headers(scope=scope)
@@ -119,15 +128,14 @@ class Limits:
         if scope["type"] == "websocket" or scope["method"] in READING:
             await self._app(scope, receive, send)
             return
-        large = scope["path"].endswith(LARGE)
-        limit = self._bounds.large_bytes if large else self._bounds.body_bytes
+        limit, within_s = self._bounds.of_body(scope["path"])
         try:
-            async with asyncio.timeout(self._bounds.body_s):
+            async with asyncio.timeout(within_s):
                 body = await _body(receive, limit)
         except TimeoutError:
             refusal = problem(
                 408, "late", "Request Timeout",
-                f"the body did not arrive within {self._bounds.body_s:g} s; send it at once",
+                f"the body did not arrive within {within_s:g} s; send it at once",
             )  # fmt: skip
             refusal.headers["connection"] = "close"
             await refusal(scope, receive, send)
@@ -171,6 +179,15 @@ async def _refuse(refusal: JSONResponse, scope: Scope, receive: Receive, send: S
 
 def _extensions(scope: Scope) -> Collection[str]:
     return scope.get("extensions") or {}
+
+
+def _busy(running: int) -> JSONResponse:
+    out = problem(
+        503, "busy", "Service Unavailable",
+        f"{running} such requests are being answered; try again in a second",
+    )  # fmt: skip
+    out.headers["retry-after"] = "1"
+    return out
 
 
 def _is_this_machine(host: str) -> bool:

@@ -93,6 +93,37 @@ class MapInfo(BaseModel):
     trajectory_m: list[Vector2]
 
 
+class LoadedMaps(BaseModel):
+    """What came out of a file of maps."""
+
+    known_m2: float | None = Field(description="ground that the 2D map knows")
+    occupied_m2: float | None
+    views: int = Field(description="past views that can be asked about")
+    objects: int
+    gaussians: int
+
+
+class SeenView(BaseModel):
+    """A past view that fits what was asked for."""
+
+    score: float | None = Field(description="how well it fits, 0 to 1")
+    center_m: Vector2 = Field(description="middle of what it saw")
+    camera: RobotPose | None = Field(description="where the camera stood, and its direction")
+    stamp_s: float = Field(description="the robot's clock")
+    frame_id: str
+    jpeg_base64: str = Field(description="a small picture of it")
+
+
+class SeenAnswer(BaseModel):
+    """Where something was seen: believed objects of that name, and past views that fit it."""
+
+    prompt: str
+    objects: list[ObjectInstance] = Field(description="surest first; pictures: /view.png of each")
+    views: list[SeenView] = Field(description="best first, of different places")
+    views_asked: int = Field(description="of all that were kept")
+    views_note: str = Field(description="why no past view could be asked; empty: they were")
+
+
 class MapChange(BaseModel):
     """Event: the 2D map or the object map has a new version."""
 

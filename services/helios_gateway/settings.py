@@ -68,6 +68,9 @@ class Settings(ServiceSettings):
     frame_limit_bytes: int = Field(
         default=16_000_000, ge=1, description="the same of a frame: meta and images together"
     )
+    map_limit_bytes: int = Field(
+        default=500_000_000, ge=1, description="the same of a file of maps that is loaded"
+    )
     body_timeout_s: float = Field(
         default=10.0, gt=0, description="longest time for a body to arrive"
     )

@@ -1,0 +1,83 @@
+"""Where something was seen: what is believed of that name, and past views that fit the words."""
+
+from __future__ import annotations
+
+import base64
+import re
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+from helios_core import proto as pb
+from helios_core.codec.frames import frame_id_from_proto
+from helios_core.errors import HeliosError
+from helios_core.topics import RECALL
+
+from helios_gateway import convert, map_models
+from helios_gateway.access import secured
+from helios_gateway.fleet import At, Served
+from helios_gateway.keys import Scope
+from helios_gateway.problems import problems
+
+RECALL_S = 12.0  # the text model may have to wake up
+
+
+def seen_routes(prefix: str) -> APIRouter:
+    """`/seen`."""
+    routes = APIRouter(prefix=prefix, tags=["maps and camera"], dependencies=secured(Scope.READ))
+
+    @routes.get("/seen", summary="Where was something seen?", responses=problems())
+    def seen(
+        at: At,
+        prompt: Annotated[
+            str,
+            Query(min_length=1, max_length=500, description="in words", examples=["a red mug"]),
+        ],
+        limit: Annotated[int, Query(ge=1, le=50, description="at most so many views")] = 5,
+    ) -> map_models.SeenAnswer:
+        """Objects are those of the object map whose class the words name. Views are asked by the
+        scorer's image-text model, also for what no search ever named; where it has none,
+        `views_note` says so."""
+        recalled, note = _recalled(at, pb.RecallRequest(prompt=prompt, most_places=limit))
+        return map_models.SeenAnswer(
+            prompt=prompt,
+            objects=[
+                found
+                for found in sorted(at.live.maps.objects().objects, key=lambda o: -(o.score or 0.0))
+                if names(prompt, found.class_name)
+            ],
+            views=[_view(place) for place in recalled.places],
+            views_asked=recalled.views,
+            views_note=note,
+        )
+
+    return routes
+
+
+def names(prompt: str, class_name: str) -> bool:
+    """Whether the words name this class: "the red mugs" does name mug."""
+    wanted, words = _plain(class_name), _plain(prompt)
+    return bool(wanted) and re.search(rf"\b{re.escape(wanted)}(?:e?s)?\b", words) is not None
+
+
+def _plain(text: str) -> str:
+    return " ".join(re.sub(r"[_-]", " ", text).casefold().split())
+
+
+def _recalled(at: Served, request: pb.RecallRequest) -> tuple[pb.RecallReply, str]:
+    """The past views, or none and why. Objects are told all the same."""
+    try:
+        return at.bus.call(RECALL, request, RECALL_S), ""
+    except HeliosError as error:
+        return pb.RecallReply(), error.message
+
+
+def _view(place: pb.SeenPlace) -> map_models.SeenView:
+    camera = place.camera
+    return map_models.SeenView(
+        score=convert.finite(place.score),
+        center_m=[convert.metres(place.x_m), convert.metres(place.y_m)],
+        camera=convert.pose(camera.x_m, camera.y_m, camera.yaw_rad),
+        stamp_s=place.stamp_ns / 1e9,
+        frame_id=str(frame_id_from_proto(place.id)),
+        jpeg_base64=base64.b64encode(place.jpeg).decode(),
+    )

@@ -1,0 +1,128 @@
+"""Both maps as one file, out and in."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import zipfile
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+from helios_client.keys import add_key
+from helios_core.errors import InvalidInput
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_gateway.app import create_app
+from helios_gateway.fleet import Fleet, Served
+from helios_gateway.live import Live
+from helios_gateway.map_file import MapFile, packed, unpacked
+from helios_gateway.settings import Settings
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.gateway_backend import Backend
+
+ZIP = {"content-type": "application/zip"}
+
+
+def rezipped(**changes: bytes | None) -> bytes:
+    """A map file with entries changed, or left out where None."""
+    entries = {"helios-map.json": b'{"format": 1}', "map2d.map": b"a", "objects.npz": b"b"}
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in (entries | {k.replace("__", "."): v for k, v in changes.items()}).items():
+            if data is not None:
+                archive.writestr(f"home/{name}", data)
+    return stream.getvalue()
+
+
+@given(st.binary(max_size=200), st.binary(max_size=200))
+def test_what_was_packed_is_unpacked(map2d: bytes, objects: bytes) -> None:
+    maps = MapFile(map2d, objects)
+    assert unpacked(packed(maps, "robot"), 10_000) == maps
+    assert packed(maps, "robot") == packed(maps, "robot")
+
+
+@given(st.binary(max_size=300), st.integers(0, 200))
+def test_what_is_no_map_file_is_refused_and_never_worse(junk: bytes, at: int) -> None:
+    good = packed(MapFile(b"walls", b"things"), "robot")
+    for data in (junk, good[:at], good[:at] + junk + good[at:]):
+        with contextlib.suppress(InvalidInput):
+            unpacked(data, 10_000)
+
+
+def test_a_folder_that_was_zipped_again_is_a_map_file() -> None:
+    assert unpacked(rezipped(), 10_000) == MapFile(b"a", b"b")
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [(rezipped(objects__npz=None), "wanted map2d.map and objects.npz"),
+     (rezipped(map2d__map=None), "wanted map2d.map and objects.npz"),
+     (rezipped(**{"helios-map.json": b'{"format": 2}'}), "reads format 1"),
+     (rezipped(**{"helios-map.json": None}), "helios map save"),
+     (rezipped(map2d__map=bytes(20_000)), "larger than 10000 bytes")],
+)  # fmt: skip
+def test_a_map_file_that_lacks_something_says_what(data: bytes, says: str) -> None:
+    with pytest.raises(InvalidInput, match=says):
+        unpacked(data, 10_000)
+
+
+def test_a_saved_map_comes_back(client: TestClient, backend: Backend) -> None:
+    saved = client.get("/v1/map.zip")
+    assert saved.headers["content-type"] == "application/zip"
+    with zipfile.ZipFile(io.BytesIO(saved.content)) as archive:
+        assert set(archive.namelist()) == {"helios-map.json", "map2d.map", "objects.npz"}
+        assert json.loads(archive.read("helios-map.json"))["robot"] == "robot"
+    backend.kept = {"map2d": b"other walls", "objects": b"other things"}
+    loaded = client.put("/v1/map.zip", content=saved.content, headers=ZIP)
+    assert loaded.json() == {
+        "known_m2": 40.0, "occupied_m2": 8.0, "views": 3, "objects": 4, "gaussians": 5120,
+    }  # fmt: skip
+    assert backend.kept == {"map2d": b"walls", "objects": b"things"}
+
+
+def test_both_maps_are_loaded_or_neither(client: TestClient, backend: Backend) -> None:
+    saved = client.get("/v1/map.zip").content
+    backend.kept = {"map2d": b"present walls", "objects": b"present things"}
+    backend.refuses_maps = InvalidInput("the file is of cells of 0.1 m")
+    answer = client.put("/v1/map.zip", content=saved, headers=ZIP)
+    assert (answer.status_code, answer.json()["detail"]) == (400, "the file is of cells of 0.1 m")
+    assert backend.kept == {"map2d": b"present walls", "objects": b"present things"}
+
+
+def test_a_map_is_not_pulled_from_under_a_task(client: TestClient, backend: Backend) -> None:
+    saved = client.get("/v1/map.zip").content
+    backend.submit("move the mug to the kitchen counter")
+    backend.change_task("t1", "running")
+    answer = client.put("/v1/map.zip", content=saved, headers=ZIP)
+    assert answer.status_code == 409
+    assert "t1 is running" in answer.json()["detail"]
+    backend.change_task("t1", "succeeded")
+    assert client.put("/v1/map.zip", content=saved, headers=ZIP).status_code == 200
+
+
+def test_a_map_of_another_kind_is_a_plain_refusal(client: TestClient, backend: Backend) -> None:
+    answer = client.put("/v1/map.zip", content=b"walls", headers=ZIP)
+    assert answer.status_code == 400
+    assert "helios map save" in answer.json()["detail"]
+
+
+def test_a_map_is_larger_than_other_bodies_and_needs_the_highest_scope(
+    hub: MemoryHub, backend: Backend, live: Live, tmp_path: Path
+) -> None:
+    file = tmp_path / "keys.toml"
+    keys = {scope: add_key(file, scope, scope) for scope in ("read", "operate", "admin")}
+    flags = ["--keys", str(file), "--body-limit-bytes", "10", "--map-limit-bytes", "2000"]
+    app = create_app(Fleet({"robot": Served(MemoryBus(hub), live)}), Settings.load(flags))
+    client = TestClient(app, "http://localhost")
+
+    def sent(scope: str, data: bytes) -> int:
+        headers = ZIP | {"authorization": f"Bearer {keys[scope]}"}
+        assert client.get("/v1/map.zip", headers=headers).status_code == 200
+        return client.put("/v1/map.zip", content=data, headers=headers).status_code
+
+    data = packed(MapFile(b"walls", b"things"), "robot")
+    assert [sent(scope, data) for scope in keys] == [403, 403, 200]
+    assert sent("admin", bytes(2001)) == 413

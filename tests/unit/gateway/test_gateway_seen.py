@@ -1,0 +1,48 @@
+"""Where something was seen: believed objects and past views."""
+
+from __future__ import annotations
+
+import base64
+
+import pytest
+from fastapi.testclient import TestClient
+from helios_core.errors import Unavailable
+from helios_gateway.routes_seen import names
+
+from tests.gateway_backend import Backend, picture_jpeg
+
+
+def test_objects_of_that_name_and_past_views_are_told(client: TestClient, backend: Backend) -> None:
+    answer = client.get("/v1/seen", params={"prompt": "the red mug", "limit": 2}).json()
+    assert [found["id"] for found in answer["objects"]] == [1, 4]
+    assert [view["score"] for view in answer["views"]] == [0.82, 0.64]
+    best = answer["views"][0]
+    assert base64.b64decode(best["jpeg_base64"]) == picture_jpeg(0)
+    assert (best["center_m"], best["camera"]["x_m"]) == ([1.6, 1.5], 1.0)
+    assert (answer["views_asked"], answer["views_note"]) == (7, "")
+
+
+def test_where_no_view_can_be_asked_objects_are_told_all_the_same(
+    client: TestClient, backend: Backend
+) -> None:
+    backend.recalls = Unavailable("no view has been kept")
+    answer = client.get("/v1/seen", params={"prompt": "coffee table"}).json()
+    assert [found["class"] for found in answer["objects"]] == ["coffee table"]
+    assert (answer["views"], answer["views_note"]) == ([], "no view has been kept")
+
+
+@pytest.mark.parametrize("query", ["", "?prompt=", "?prompt=mug&limit=0", "?prompt=" + 501 * "m"])
+def test_a_question_without_words_is_refused(
+    client: TestClient, backend: Backend, query: str
+) -> None:
+    assert client.get(f"/v1/seen{query}").status_code == 400
+
+
+@pytest.mark.parametrize(
+    ("prompt", "class_name", "named"),
+    [("Mug", "mug", True), ("two mugs", "mug", True), ("where is my coffee-table?", "coffee table",
+      True), ("table", "coffee table", False), ("smug", "mug", False), ("mug", "", False),
+     ("a cup (of tea", "cup (of", True)],
+)  # fmt: skip
+def test_words_name_a_class(prompt: str, class_name: str, named: bool) -> None:
+    assert names(prompt, class_name) is named
