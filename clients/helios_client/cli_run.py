@@ -127,6 +127,9 @@ def replay(
     free_running: Annotated[
         bool, typer.Option(help="do not wait for the maps; gives another result each time")
     ] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="end at a frame that cannot be read")
+    ] = False,
     topics: Annotated[
         str, typer.Option(help='of a ROS bag: "color=/a,depth=/b,info=/c,pose=/d"')
     ] = "",
@@ -139,7 +142,7 @@ def replay(
     screen = console()
     context, detector = what_to_seek(dataset, classes, thresholds, detector)
     check_detector(detector)
-    pace = Pace(limit, from_s, to_s, rate, free_running, topics)
+    pace = Pace(limit, from_s, to_s, rate, free_running, topics, strict)
     results = run_replay(ReplayJob(dataset, context, detector, out, pace), screen)
     results.write(out)
     screen.print(results.table())

@@ -6,7 +6,7 @@ import contextlib
 import itertools
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,15 +19,15 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from helios_client.board import Board
-from helios_client.replay_results import Results, collect
+from helios_client.board import Board, ServiceRow
+from helios_client.replay_results import Results, collect, unreadable_frames
 from helios_client.replay_tally import Tally
 from helios_client.stack import Stack, free_port
 from helios_client.supervisor import Supervisor
 from helios_client.wrong_use import WrongUse
 
 CHECK_PERIOD_S = 0.05
-CONNECT_WITHIN_S = 20.0
+SAY_WAITING_S = 5.0  # whoever is not ready then is named on the screen
 TROUBLE_S = 3.0  # a service that is degraded so long while nothing moves has said the last word
 FLUSH_S = 1.5  # services report every second: their figures of the last frame
 
@@ -42,6 +42,7 @@ class Pace:
     rate: float = 0.0  # 1: as it was recorded; 0: without waiting
     free_running: bool = False
     topics: str = ""  # of a ROS bag
+    strict: bool = False  # end at a frame that cannot be read
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,12 @@ class ReplayJob:
     detector: str
     out: Path
     pace: Pace = Pace()
-    patience_s: float = 180.0  # longest time without a new frame; kernels are compiled in it
+    start_s: float = 300.0  # longest time until every service is ready; models are loaded in it
+    patience_s: float = 180.0  # longest time without a new frame
+
+    @property
+    def log_dir(self) -> Path:
+        return self.out / "logs"
 
 
 def replay(job: ReplayJob, console: Console) -> Results:
@@ -71,15 +77,15 @@ def replay(job: ReplayJob, console: Console) -> Results:
     stack = Stack(
         robot="replay", router_port=free_port(), state_dir=job.out, detector=job.detector,
         source=job.source, limit=pace.limit, from_s=pace.from_s, to_s=pace.to_s, rate=pace.rate,
-        topics=pace.topics or None, contexts=job.context is None, lockstep=not pace.free_running,
-        ack_timeout_s=job.patience_s,
+        topics=pace.topics or None, contexts=job.context is None, strict=pace.strict,
+        lockstep=not pace.free_running, ack_timeout_s=job.patience_s,
     )  # fmt: skip
     job = replace(job, patience_s=job.patience_s + longest_s)
     specs = stack.specs()
     supervisor = Supervisor(specs, stack.log_dir, restart=False)
     supervisor.start()
     try:
-        with _bus(stack, supervisor) as bus:
+        with _bus(stack, supervisor, job) as bus:
             board, tally = Board(), Tally()
             board.listen(bus, [spec.name for spec in specs])
             tally.listen(bus)
@@ -87,6 +93,7 @@ def replay(job: ReplayJob, console: Console) -> Results:
                 bus.publish(CONTEXT, context_to_proto(job.context))
             _play(job, total, supervisor, board, tally, console)
             _settle(supervisor, FLUSH_S)
+            _say_unreadable(unreadable_frames(board), total, job, console)
             return collect(bus, tally, board, total, time.monotonic() - began_s)
     finally:
         supervisor.stop()
@@ -110,18 +117,21 @@ def _examine(job: ReplayJob, console: Console) -> tuple[int, float]:
 
 
 @contextlib.contextmanager
-def _bus(stack: Stack, supervisor: Supervisor) -> Iterator[Bus]:
+def _bus(stack: Stack, supervisor: Supervisor, job: ReplayJob) -> Iterator[Bus]:
     from helios_core.zenoh_bus import ZenohBus
 
-    deadline_s = time.monotonic() + CONNECT_WITHIN_S
+    deadline_s = time.monotonic() + job.start_s
     while True:
         _check(supervisor)
         try:
             bus = ZenohBus(stack.router, stack.name)
             break
-        except Unavailable:
+        except Unavailable as error:
             if time.monotonic() > deadline_s:
-                raise
+                raise DeadlineExceeded(
+                    f"the router did not start within {job.start_s:g} s; its log is "
+                    f"{job.log_dir / 'router.log'}"
+                ) from error
             time.sleep(CHECK_PERIOD_S)
     try:
         yield bus
@@ -143,7 +153,7 @@ def _play(
         TextColumn("{task.fields[pace]}"),
     )  # fmt: skip
     began_s = moved_s = time.monotonic()
-    frames = 0
+    frames, started = 0, False
     trouble_since_s: float | None = None
     with Progress(*columns, console=console) as progress:
         bar = progress.add_task("starting the services", total=total, pace="")
@@ -151,7 +161,19 @@ def _play(
             time.sleep(CHECK_PERIOD_S)
             _check(supervisor)
             now_s = time.monotonic()
+            if not started:
+                late = late_services(board.rows(supervisor.table()), job.log_dir)
+                if not late:
+                    started, moved_s = True, now_s
+                if late and now_s - began_s > job.start_s:
+                    raise DeadlineExceeded(
+                        f"the services were not ready within {job.start_s:g} s: {'; '.join(late)}"
+                    )
+                if started or now_s - began_s > SAY_WAITING_S:
+                    doing = "the first frame" if started else f"waiting: {', '.join(late)}"
+                    progress.update(bar, description=escape(doing))
             if tally.frames > frames:
+                started = True
                 frames, moved_s = tally.frames, now_s
                 pace = f"{tally.pace_ms:.0f} ms a frame"
                 progress.update(bar, completed=frames, description="frames", pace=pace)
@@ -191,10 +213,33 @@ def _trouble(supervisor: Supervisor, board: Board) -> str:
     return ""
 
 
+def _say_unreadable(unreadable: int, total: int, job: ReplayJob, console: Console) -> None:
+    """Raises InvalidInput when there was nothing else."""
+    where = f"{job.log_dir / 'bridge.log'} names each"
+    if unreadable >= total:
+        raise InvalidInput(f"none of the {total} frames of {job.source} can be read; {where}")
+    if unreadable:
+        console.print(
+            f"[yellow]{unreadable} of {total} frames could not be read and were left out[/]; "
+            f"{escape(where)}",
+            soft_wrap=True,
+        )
+
+
+def late_services(rows: Sequence[ServiceRow], log_dir: Path) -> list[str]:
+    """Of each that is not ready: what it says, and where its log is."""
+    return [
+        f"{r.name} is {r.state} ({r.reason or 'it has said nothing yet'}; log "
+        f"{log_dir / f'{r.name}.log'})"
+        for r in rows
+        if r.state != "ready"
+    ]
+
+
 def _stalled(job: ReplayJob, frames: int, total: int, supervisor: Supervisor, board: Board) -> str:
     rows = board.rows(supervisor.table())
     waiting = "; ".join(f"{r.name} is {r.state} {r.reason}".strip() for r in rows)
     return (
         f"no new frame for {job.patience_s:g} s after {frames} of {total} ({waiting}); see the "
-        f"logs in {job.out / 'logs'}"
+        f"logs in {job.log_dir}"
     )

@@ -83,11 +83,18 @@ def collect(bus: Bus, tally: Tally, board: Board, frames: int, wall_s: float) ->
         summary={
             "frames": frames,
             "keyframes": tally.frames,
+            "unreadable": unreadable_frames(board),
             "wall_s": round(wall_s, 3),
             "ms_per_frame": stage_medians_ms(tally, board),
             "refused": tally.refusals,
         },
     )
+
+
+def unreadable_frames(board: Board) -> int:
+    """Frames that the bridge has left out, for they could not be read."""
+    bridge = board.status("bridge")
+    return int(bridge.metrics.get("unreadable_frames", 0)) if bridge else 0
 
 
 def stage_medians_ms(tally: Tally, board: Board) -> dict[str, float]:

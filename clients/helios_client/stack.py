@@ -34,6 +34,7 @@ class Stack:
     rate: float | None = None  # of a replay: 1 as it was recorded; None: without waiting
     topics: str | None = None  # of a ROS bag
     contexts: bool = False  # a replay begins the recorded searches by itself
+    strict: bool = False  # a replay ends at a frame that cannot be read
     record: Path | None = None  # folder of recordings; None: no recorder
     lockstep: bool = False
     ack_timeout_s: float | None = None  # of the bridge in lockstep; None: its setting
@@ -72,7 +73,7 @@ class Stack:
                 source=self.source,
                 limit=self.limit or None, from_s=self.from_s, to_s=self.to_s, rate=self.rate,
                 topics=self.topics, contexts=(self.contexts or self.detector == RECORDED) or None,
-                lockstep=self.lockstep or None,
+                strict=self.strict or None, lockstep=self.lockstep or None,
                 ack_timeout_s=self.ack_timeout_s,
             )
         )  # fmt: skip

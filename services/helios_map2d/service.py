@@ -69,7 +69,6 @@ class Map2DService:
         self._answers = Answers(lambda: self._maps)
         self._keeping = Keeping(settings, self._lock, lambda: self._maps, self._say)
         self._recollection = Recollection(bus, self._lock, lambda: self._maps)
-        health.ready("waits for the robot's description")
         bus.subscribe(CONTEXT, self.on_context)
         bus.subscribe(ROBOT_DESCRIPTION, self.on_description)
         bus.subscribe(ROBOT_STATE, self.on_robot_state)
@@ -86,6 +85,10 @@ class Map2DService:
         bus.serve(SAVE_MAP2D, self._keeping.save)
         bus.serve(LOAD_MAP2D, self._keeping.load)
         bus.serve(RESET_MAP2D, self.reset)
+        # Only now: who sees it ready sends keyframes at once, and none may be missed.
+        with self._lock:
+            if self._maps is None:
+                health.ready("waits for the robot's description")
 
     def close(self) -> None:
         """Keep the map a last time; the bus ends the calls."""

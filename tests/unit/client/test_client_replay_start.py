@@ -1,0 +1,102 @@
+"""A replay that does not start says who is late and why; frames left out are counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from helios_client import replay as module
+from helios_client.board import Board, ServiceRow
+from helios_client.replay import ReplayJob, late_services
+from helios_client.replay_results import unreadable_frames
+from helios_client.replay_tally import PARTS, Tally
+from helios_client.supervisor import ProcessInfo, State
+from helios_core import proto as pb
+from helios_core.errors import DeadlineExceeded, InvalidInput
+from rich.console import Console
+
+NAMES = ("router", "bridge", "detector", "map2d")
+
+
+class Processes:
+    """A supervisor whose processes all run."""
+
+    def check(self) -> tuple:
+        return ()
+
+    def table(self) -> tuple[ProcessInfo, ...]:
+        return tuple(ProcessInfo(name, 7, 0, State.RUNNING, "") for name in NAMES)
+
+
+def status(service: str, state: str, reason: str = "", **metrics: float) -> pb.ServiceStatus:
+    return pb.ServiceStatus(service=service, state=state, reason=reason, pid=7, metrics=metrics)
+
+
+def board_of(*statuses: pb.ServiceStatus) -> Board:
+    board = Board()
+    for one in statuses:
+        board.note(one)
+    return board
+
+
+def play(job: ReplayJob, board: Board, tally: Tally) -> None:
+    quiet = Console(quiet=True)
+    module._play(job, 4, Processes(), board, tally, quiet)  # pyright: ignore[reportArgumentType]
+
+
+def job(tmp_path: Path, **values: float) -> ReplayJob:
+    return replace(ReplayJob(tmp_path, None, "recorded", tmp_path), **values)
+
+
+def test_services_that_do_not_start_in_time_are_named_with_their_reasons_and_logs(
+    tmp_path: Path,
+) -> None:
+    loading = status("detector", "starting", "loading the model")
+    board = board_of(status("bridge", "ready"), loading)
+    with pytest.raises(DeadlineExceeded) as late:
+        play(job(tmp_path, start_s=0.1), board, Tally())
+    said = late.value.message
+    assert "not ready within 0.1 s" in said
+    assert f"detector is starting (loading the model; log {tmp_path / 'logs/detector.log'})" in said
+    assert f"map2d is starting (it has said nothing yet; log {tmp_path / 'logs/map2d.log'})" in said
+    assert "bridge" not in said
+
+
+def test_a_first_frame_that_nobody_answers_ends_the_replay_with_what_the_services_say(
+    tmp_path: Path,
+) -> None:
+    ready = [status(name, "ready") for name in NAMES[2:]]
+    board = board_of(*ready, status("bridge", "ready", "keyframe a/0/1 waits for map2d/occupancy"))
+    with pytest.raises(DeadlineExceeded, match=r"after 0 of 4.*waits for map2d/occupancy"):
+        play(job(tmp_path, start_s=60, patience_s=0.1), board, Tally())
+
+
+def test_a_replay_that_starts_and_ends_is_over(tmp_path: Path) -> None:
+    tally = Tally()
+    for part in PARTS:
+        tally.note_ack(pb.Ack(part=part, id=pb.FrameId(seq=1), accepted=True))
+    tally.note_state(pb.RobotState(finished=True))
+    play(job(tmp_path, start_s=0.1), board_of(), tally)
+
+
+def test_only_what_is_not_ready_is_late(tmp_path: Path) -> None:
+    rows = [ServiceRow("a", "ready", "", 0, 1), ServiceRow("b", "waiting", "no model", 0, 1)]
+    assert late_services(rows, tmp_path) == [f"b is waiting (no model; log {tmp_path / 'b.log'})"]
+
+
+def test_frames_left_out_are_told_and_none_left_is_an_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    say: Callable[[int], None] = lambda n: module._say_unreadable(  # noqa: E731
+        n, 4, job(tmp_path), Console(width=300)
+    )
+    say(0)
+    assert capsys.readouterr().out == ""
+    say(3)
+    assert "3 of 4 frames could not be read and were left out" in capsys.readouterr().out
+    with pytest.raises(InvalidInput, match="none of the 4 frames"):
+        say(4)
+    assert unreadable_frames(board_of(status("bridge", "ready", unreadable_frames=3))) == 3
+    assert unreadable_frames(Board()) == 0
