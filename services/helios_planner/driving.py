@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 
 from helios_core import proto as pb
@@ -22,6 +23,8 @@ from helios_planner.task import Cause, TaskCancelled, TaskFailed
 log = logging.getLogger(__name__)
 
 HOLDER = "planner"
+RECENT = 20  # actions, of which so many may be answered only when asked for again:
+MOST_IN_VAIN = 8
 
 
 class Line:
@@ -73,11 +76,17 @@ class Driver:
         self._on_pause = on_pause
         self._number = 0
         self._token: int | None = None
+        self._in_vain: deque[bool] = deque(maxlen=RECENT)
 
     def do(self, action: Action) -> pb.ActionResult:
         """Send one action until it is done once: under the same id while nobody answers or the
-        lease was lost, under a new one after a stop."""
+        lease was lost, under a new one after a stop.
+
+        Raises TaskFailed when that takes longer than `away_s`, or happens again and again: a robot
+        that is too slow to be driven would otherwise never be done with its task.
+        """
         away_since: float | None = None
+        problem: HeliosError | None = None
         action_id = self._next_id()
         while True:
             self._line.check()
@@ -90,13 +99,15 @@ class Driver:
                 action=action_to_proto(action),
             )
             try:
-                return self._line.call_once(ACT, request, self._settings.action_timeout_s + 5.0)
+                result = self._line.call_once(ACT, request, self._settings.action_timeout_s + 5.0)
+                self._note(problem)
+                return result
             except Conflict as error:
                 self._token = None
                 if self.wait_while_stopped():
-                    action_id, away_since = self._next_id(), None
+                    action_id, away_since, problem = self._next_id(), None, None
                     continue
-                problem: HeliosError = error
+                problem = error
             except (Unavailable, DeadlineExceeded) as error:
                 self._token = None
                 problem = error
@@ -110,6 +121,17 @@ class Driver:
                     f"{problem.message} (tried for {self._settings.away_s:.0f} s)",
                 ) from problem
             self._line.rest(RETRY_S)
+
+    def _note(self, problem: HeliosError | None) -> None:
+        """Of an action that was done: why not at once; None where it was."""
+        self._in_vain.append(problem is not None)
+        if problem is not None and sum(self._in_vain) > MOST_IN_VAIN:
+            raise TaskFailed(
+                Cause.SYSTEM_ERROR,
+                f"the bridge did not act at once in {sum(self._in_vain)} of the last "
+                f"{len(self._in_vain)} actions, the last time because {problem.message}; see what "
+                "makes the robot, its link or this computer so slow",
+            ) from problem
 
     def state(self) -> RobotState:
         """How the robot is, asked now."""

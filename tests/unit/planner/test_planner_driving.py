@@ -1,0 +1,93 @@
+"""A robot that must be asked again: within bounds it is waited for, beyond them it is named."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+import pytest
+from helios_core import proto as pb
+from helios_core.errors import Conflict, DeadlineExceeded, HeliosError
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.robot import Tilt
+from helios_core.topics import ACT, GET_STATE, LEASE
+from helios_planner import driving
+from helios_planner.driving import MOST_IN_VAIN, RECENT, Driver, Line
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, TaskFailed
+
+Trouble = Callable[[int], HeliosError | None]  # by the action's number, when it is first asked for
+
+
+class Robot:
+    """Answers an action that is asked for again as Spot's driver does: from memory, as failed."""
+
+    def __init__(self, trouble: Trouble) -> None:
+        hub = MemoryHub()
+        self.bus, self._trouble = MemoryBus(hub), trouble
+        self.ids: list[str] = []
+        self.stops = 0  # that are still to be cleared
+        served = MemoryBus(hub)
+        served.serve(LEASE, lambda _: pb.LeaseReply(token=1, duration_s=10))
+        served.serve(GET_STATE, self._state)
+        served.serve(ACT, self._act)
+
+    def _act(self, request: pb.ActionRequest) -> pb.ActionResult:
+        if request.action_id in self.ids:
+            return pb.ActionResult(action_id=request.action_id, reason="no answer from the robot")
+        self.ids.append(request.action_id)
+        error = self._trouble(len(self.ids))
+        if error is not None:
+            self.stops += isinstance(error, Conflict)
+            raise error
+        return pb.ActionResult(action_id=request.action_id, succeeded=True)
+
+    def _state(self, _: pb.Empty) -> pb.RobotState:
+        stopped, self.stops = self.stops > 0, 0
+        state = pb.RobotState(stopped=stopped)
+        state.T_world_base.rows.extend([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1])
+        return state
+
+
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(driving, "RETRY_S", 0.001)
+
+
+def drive(robot: Robot, actions: int) -> None:
+    line = Line(robot.bus, Settings(), threading.Event())
+    driver = Driver(line, Settings(), "task", lambda _: None)
+    for _ in range(actions):
+        driver.do(Tilt(0.3))
+
+
+def starved(_: int) -> HeliosError:
+    return DeadlineExceeded("cannot walk: no answer from the robot")
+
+
+def test_a_robot_that_never_acts_at_once_ends_the_task() -> None:
+    robot = Robot(starved)
+    with pytest.raises(TaskFailed, match="no answer from the robot; see what makes") as failure:
+        drive(robot, 1000)
+    assert failure.value.cause is Cause.SYSTEM_ERROR
+    assert f"{MOST_IN_VAIN + 1} of the last {MOST_IN_VAIN + 1} actions" in failure.value.message
+    assert len(robot.ids) == MOST_IN_VAIN + 1
+
+
+def test_every_other_action_in_vain_is_too_many() -> None:
+    robot = Robot(lambda n: starved(n) if n % 2 else None)
+    with pytest.raises(TaskFailed, match=f"{MOST_IN_VAIN + 1} of the last"):
+        drive(robot, 1000)
+    assert len(robot.ids) <= RECENT
+
+
+def test_a_link_that_hiccups_now_and_then_is_waited_for() -> None:
+    robot = Robot(lambda n: starved(n) if n % 4 == 0 else None)
+    drive(robot, 200)
+    assert len(robot.ids) == 200
+
+
+def test_stops_are_no_trouble_of_the_robots() -> None:
+    robot = Robot(lambda n: Conflict("the robot is stopped (a person)") if n % 2 else None)
+    drive(robot, 50)
+    assert len(robot.ids) == 100
