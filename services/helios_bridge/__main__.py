@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 import threading
 
@@ -11,8 +12,9 @@ from helios_core.errors import HeliosError, Unavailable
 from helios_core.health import Health
 from helios_core.service import run_service
 
+from helios_bridge.crew import Crew
 from helios_bridge.drivers import load_driver
-from helios_bridge.service import BridgeService
+from helios_bridge.service import END_WITHIN_S, BridgeService
 from helios_bridge.settings import Settings
 
 log = logging.getLogger(__name__)
@@ -21,15 +23,16 @@ log = logging.getLogger(__name__)
 class Hosted:
     """The bridge, from the moment its robot can be reached."""
 
-    def __init__(self, bus: Bus, health: Health, settings: Settings) -> None:
+    def __init__(self, bus: Bus, health: Health, settings: Settings, crew: Crew) -> None:
         self._ending = threading.Event()
+        self._crew = crew
         self._service: BridgeService | None = None
         driver = load_driver(settings, bus)  # wrong settings end the process here
 
         def connect() -> None:
             while not self._ending.is_set():
                 try:
-                    service = BridgeService(bus, driver, settings, health)
+                    service = BridgeService(bus, driver, settings, health, crew=crew)
                 except Unavailable as error:
                     health.waiting(f"the robot cannot be reached: {error.message}")
                     self._ending.wait(0.3)
@@ -42,17 +45,31 @@ class Hosted:
                     health.degraded(f"the driver failed ({type(error).__name__}: {error}); mend it")
                     return
                 self._service = service
-                service.start()
+                if not self._ending.is_set():
+                    service.start()
                 return
 
-        threading.Thread(target=connect, name="connect", daemon=True).start()
+        crew.start("connect", connect)
 
     def close(self) -> None:
         self._ending.set()
+        if self._service is None:  # it may be about to be
+            self._crew.wait(END_WITHIN_S)
         if self._service is not None:
             self._service.close()
 
 
+def main() -> int:
+    settings, crew = Settings.load(), Crew()
+    status = run_service(
+        "bridge", settings, lambda bus, health: Hosted(bus, health, settings, crew)
+    )
+    if hanging := crew.wait(0.0):
+        log.error("left behind, for the driver does not return: %s", ", ".join(hanging))
+        logging.shutdown()
+        os._exit(status or 1)
+    return status
+
+
 if __name__ == "__main__":
-    settings = Settings.load()
-    sys.exit(run_service("bridge", settings, lambda bus, health: Hosted(bus, health, settings)))
+    sys.exit(main())

@@ -20,6 +20,13 @@ class AckBook:
         self._changed = threading.Condition()
         self._answered: dict[FrameId, dict[str, pb.Ack]] = {}
         self._remembered = remembered
+        self.ended = False  # nobody waits any more
+
+    def end(self) -> None:
+        """End every wait, now and later."""
+        with self._changed:
+            self.ended = True
+            self._changed.notify_all()
 
     def add(self, ack: pb.Ack) -> None:
         with self._changed:
@@ -30,9 +37,10 @@ class AckBook:
             self._changed.notify_all()
 
     def wait(self, id: FrameId, timeout_s: float, parts: Set[str] = PARTS) -> frozenset[str]:
-        """Those of `parts` that have not answered `id` when all have, or the time is over."""
+        """Those of `parts` that have not answered `id` when all have, or the time is over, or the
+        bridge ends."""
         with self._changed:
-            self._changed.wait_for(lambda: not self._missing(id, parts), timeout_s)
+            self._changed.wait_for(lambda: self.ended or not self._missing(id, parts), timeout_s)
             return self._missing(id, parts)
 
     def answers(self, id: FrameId) -> tuple[pb.Ack, ...]:

@@ -12,7 +12,6 @@ import numpy as np
 from helios_core.bus import Bus
 from helios_core.codec import frame_id_from_proto, frame_to_proto
 from helios_core.errors import InvalidInput
-from helios_core.geometry import is_rigid
 from helios_core.health import Health
 from helios_core.robot import Capture, EndOfRecording, RobotDriver
 from helios_core.topics import FRAME, KEYFRAME
@@ -20,7 +19,10 @@ from helios_core.types import Frame, FrameId, RobotState
 
 from helios_bridge.acks import AckBook
 from helios_bridge.depth import with_estimated_depth
+from helios_bridge.plausible import check_poses
 from helios_bridge.settings import Settings
+
+SAY_WAITING_S = 3.0  # a keyframe that waits longer for the maps says so
 
 
 class Lookout:
@@ -101,14 +103,20 @@ class Lookout:
         self._bus.publish(topic, frame_to_proto(frame))
 
     def _wait_for_maps(self, id: FrameId) -> None:
-        missing = self._acks.wait(id, self._settings.ack_timeout_s)
+        within_s = self._settings.ack_timeout_s
+        missing = self._acks.wait(id, min(within_s, SAY_WAITING_S))
+        if missing and not self._acks.ended:
+            self._health.ready(f"keyframe {id} waits for {', '.join(sorted(missing))}")
+            missing = self._acks.wait(id, max(0.0, within_s - SAY_WAITING_S))
+        if self._acks.ended:
+            return
         if not missing:
             self._health.ready()
             return
         self._health.count("unanswered_keyframes")
         self._health.degraded(
             f"keyframe {id} was not answered by {', '.join(sorted(missing))} "
-            f"within {self._settings.ack_timeout_s:g} s; look at these services"
+            f"within {within_s:g} s; look at these services"
         )
 
 
@@ -125,9 +133,4 @@ def check_capture(c: Capture) -> None:
                 f"the driver's {name} is {array.dtype} {array.shape}; give {np.dtype(dtype)} "
                 f"{shape}, as the calibration says: {words}"
             )
-    for name, T in (("T_world_cam", c.T_world_cam), ("T_world_base", c.T_world_base)):
-        if not is_rigid(T):
-            raise InvalidInput(
-                f"the driver's {name} is no rigid transform [4, 4]: {T.tolist()}; give a rotation "
-                "and a position in metres"
-            )
+    check_poses(c.T_world_cam, c.T_world_base, "the driver's")

@@ -1,4 +1,8 @@
-"""A recording goes on by itself, frame by frame, once somebody is there to see it."""
+"""A recording goes on by itself, frame by frame, once somebody is there to see it.
+
+A frame that cannot be read is left out, counted and said: one bad file among thousands should not
+cost the others. Where that must not be, `strict` ends it there.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ from collections.abc import Callable
 
 from helios_core import proto as pb
 from helios_core.bus import Bus
-from helios_core.errors import HeliosError
+from helios_core.errors import HeliosError, InvalidInput
 from helios_core.health import Health
 from helios_core.robot import EndOfRecording, Observe, RobotDriver
 from helios_core.topics import ANY_STATUS, CONTEXT
@@ -18,6 +22,8 @@ from helios_bridge.lookout import Lookout
 log = logging.getLogger(__name__)
 
 VIEWERS = frozenset({"detector", "objectmap", "map2d"})
+UNREADABLE = "unreadable_frames"  # the figure that counts them
+AFTER_UNREADABLE_S = 0.01  # so that a camera that gives nothing else does not take a whole core
 
 
 class Player:
@@ -31,10 +37,12 @@ class Player:
         turn: threading.Lock,
         health: Health,
         brings_contexts: bool,
+        strict: bool,
     ) -> None:
         """turn: whoever holds it uses the driver. brings_contexts: the recording says itself what
-        is looked for; else it waits until somebody does."""
+        is looked for; else it waits until somebody does. strict: see the module."""
         self._driver, self._lookout, self._turn, self._health = driver, lookout, turn, health
+        self._strict = strict
         self._ready: set[str] = set()
         self._context_known = threading.Event()
         if brings_contexts:
@@ -50,7 +58,7 @@ class Player:
             if ending.wait(0.05):
                 return
         self._health.ready()
-        shot = 0
+        shot, unreadable = 0, ""
         while not ending.is_set():
             shot += 1
             try:
@@ -59,19 +67,30 @@ class Player:
                     self._lookout.look(keyframe=True)
             except EndOfRecording:
                 break
+            except InvalidInput as error:
+                if self._strict:
+                    self._fail(error.message)
+                    return
+                unreadable = error.message
+                log.warning("a frame is left out: %s", unreadable)
+                self._health.count(UNREADABLE)
+                self._health.ready(f"a frame was left out: {unreadable}")
+                ending.wait(AFTER_UNREADABLE_S)
             except HeliosError as error:
-                log.error("the recording cannot go on: %s", error.message)
-                self._health.degraded(error.message)
+                self._fail(error.message)
                 return
             except Exception as error:  # of somebody's own driver
                 log.exception("the driver failed")
-                self._health.degraded(
-                    f"the recording cannot go on: the driver failed ({type(error).__name__}: "
-                    f"{error}); mend it"
-                )
+                self._fail(f"the driver failed ({type(error).__name__}: {error}); mend it")
                 return
             told()
+        if unreadable:
+            self._health.ready(f"some frames were left out, the last: {unreadable}")
         told()
+
+    def _fail(self, why: str) -> None:
+        log.error("the recording cannot go on: %s", why)
+        self._health.degraded(f"the recording cannot go on: {why}")
 
     def _note(self, status: pb.ServiceStatus) -> None:
         if status.state == "ready":

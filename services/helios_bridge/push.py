@@ -20,6 +20,7 @@ from helios_core.types import RobotDescription, RobotState, Role, SearchClass, S
 
 from helios_bridge.acks import OCCUPANCY, PARTS, AckBook
 from helios_bridge.lookout import Lookout
+from helios_bridge.plausible import check_poses
 
 LONGEST_WAIT_S = 60.0
 LONGEST_TURN_S = 10.0  # that a frame waits for those before it
@@ -183,14 +184,9 @@ def capture_of(frame: pb.Frame, estimated_depth: bool) -> Capture:
     if below:
         whole.T_world_base.CopyFrom(frame.T_world_cam)  # until that one has been checked
     f = frame_from_proto(whole)
-    return Capture(
-        stamp_ns=f.stamp_ns,
-        color=f.color,
-        depth_m=f.depth_m,
-        camera=f.camera,
-        T_world_cam=f.T_world_cam,
-        T_world_base=base_below_camera(f.T_world_cam) if below else f.T_world_base,
-    )
+    T_world_base = base_below_camera(f.T_world_cam) if below else f.T_world_base
+    check_poses(f.T_world_cam, T_world_base, "the frame's")
+    return Capture(f.stamp_ns, f.color, f.depth_m, f.camera, f.T_world_cam, T_world_base)
 
 
 def _no_depth(frame: pb.Frame) -> RawImage:

@@ -2,8 +2,8 @@
 
 The driver is used by one thread at a time (`_turn`), except for stop. Actions come by `bridge/act`;
 after each the robot looks, and the frame goes out as a keyframe (`lookout.py`). Threads of its own
-stream frames while the robot stands, play a recording (`play.py`), and stop an action that outlives
-its time. Where the driver is `push`, frames come by `bridge/push` (`push.py`).
+(`crew.py`) stream frames while the robot stands, play a recording (`play.py`), and stop an action
+that outlives its time. Where the driver is `push`, frames come by `bridge/push` (`push.py`).
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable
+from concurrent import futures
+from concurrent.futures import Future
 
 from helios_core import proto as pb
 from helios_core.bus import Bus
@@ -42,6 +43,7 @@ from helios_core.types import RobotState
 
 from helios_bridge.acks import AckBook
 from helios_bridge.actions import ActionLog
+from helios_bridge.crew import Crew
 from helios_bridge.lease import Lease
 from helios_bridge.lookout import Lookout
 from helios_bridge.play import Player
@@ -52,6 +54,9 @@ log = logging.getLogger(__name__)
 
 LONGEST_ACTION_S = 600.0
 LONGEST_ID = 200
+END_WITHIN_S = (
+    0.4  # of what runs when the bridge ends, and of the driver's close: two seconds in all
+)
 
 
 class BridgeService:
@@ -64,16 +69,21 @@ class BridgeService:
         settings: Settings,
         health: Health,
         first_number: int | None = None,
+        crew: Crew | None = None,
     ) -> None:
         """`first_number`: where frame and lease numbers start; they must rise from one start of the
-        bridge to the next while the robot stays up, so by default they start at the clock's."""
+        bridge to the next while the robot stays up, so by default they start at the clock's.
+        `crew`: whose threads use the driver."""
         first = time.time_ns() // 1_000_000 if first_number is None else first_number
         self._bus, self._driver, self._settings, self._health = bus, driver, settings, health
         self._turn = threading.Lock()  # whoever holds it uses the driver
         self._stopped_why = ""
         self._busy_until_s: float | None = None  # when the running action has outlived its time
+        self._stop_call: Future[None] | None = None  # the driver's last stop
+        self._stop_lock = threading.Lock()
+        self._stop_late = False
         self._ending = threading.Event()
-        self._threads: list[threading.Thread] = []
+        self._crew = crew or Crew()
         self._acks, self._actions = AckBook(), ActionLog()
         self._lease = Lease(settings.lease_s, first)
         self._description = driver.describe()
@@ -86,7 +96,9 @@ class BridgeService:
                 settings.depth == "estimated", settings.watch_threshold,
             )  # fmt: skip
         elif not self._description.can_move and settings.autoplay:
-            self._player = Player(bus, driver, self._lookout, self._turn, health, settings.contexts)
+            self._player = Player(
+                bus, driver, self._lookout, self._turn, health, settings.contexts, settings.strict
+            )
         bus.publish(ROBOT_DESCRIPTION, description_to_proto(self._description))
         bus.subscribe(MAP2D_ACK, self._acks.add)
         bus.subscribe(OBJECTMAP_ACK, self._acks.add)
@@ -99,16 +111,12 @@ class BridgeService:
 
     def start(self) -> None:
         """Start streaming, playing and watching. Without it the bridge acts only when asked."""
-        jobs: list[tuple[str, Callable[[], None]]] = [("watchdog", self._watchdog)]
+        self._crew.start("watchdog", self._watchdog)
         player = self._player
         if player is not None:
-            jobs.append(("play", lambda: player.run(self._ending, self._publish_state)))
+            self._crew.start("play", lambda: player.run(self._ending, self._publish_state))
         elif self._desk is None and self._settings.stream_hz > 0:
-            jobs.append(("stream", self._stream))
-        for name, job in jobs:
-            thread = threading.Thread(target=job, name=name, daemon=True)
-            thread.start()
-            self._threads.append(thread)
+            self._crew.start("stream", self._stream)
         self._publish_state()
         self._health.ready("waits for frames: POST /v1/frames" if self._desk else "")
 
@@ -136,14 +144,32 @@ class BridgeService:
         return self._actions.once(request.action_id, lambda: self._act(request, action, deadline_s))
 
     def stop(self, request: pb.StopRequest) -> pb.Empty:
+        """Raises DeadlineExceeded when the driver does not come back: then no action begins, but
+        whether the robot stands nobody here knows."""
         self._stopped_why = request.reason or "stop-now"
-        self._driver.stop(self._stopped_why)  # not in turn: an action may be running
         log.warning("stopped: %s", self._stopped_why)
         self._health.count("stops")
-        self._publish_state()
+        with self._stop_lock:  # not in turn: an action may be running
+            if not self._stop_hangs():
+                self._stop_call = self._crew.begin("stop", self._stop)
+            call = self._stop_call
+        assert call is not None
+        futures.wait((call,), self._settings.stop_timeout_s)
+        if not call.done():
+            late = (
+                f"the driver's stop has not come back within {self._settings.stop_timeout_s:g} s; "
+                "the robot may still move: use its own emergency stop"
+            )
+            self._stop_late = True
+            self._health.degraded(late)
+            log.error("%s", late)
+            raise DeadlineExceeded(late)
+        call.result()
         return pb.Empty()
 
     def clear_stop(self, _: pb.Empty) -> pb.Empty:
+        if self._stop_hangs():
+            raise Conflict("the driver has not come back from its stop; see to the robot first")
         self._driver.clear_stop()
         self._stopped_why = ""
         self._publish_state()
@@ -172,11 +198,33 @@ class BridgeService:
             last_seq=self._lookout.last_keyframe,
         )
 
-    def close(self) -> None:
+    def close(self) -> list[str]:
+        """End what runs and let go of the robot; the names of the threads that still hang."""
         self._ending.set()
-        for thread in self._threads:
-            thread.join(1.0)
-        self._driver.close()
+        self._acks.end()
+        self._crew.wait(END_WITHIN_S)
+        letting_go = self._crew.begin("close", self._driver.close)
+        hanging = self._crew.wait(END_WITHIN_S)
+        if letting_go.done() and (error := letting_go.exception()) is not None:
+            log.error("the driver could not let go of the robot: %s", error)
+        return hanging
+
+    def _stop(self) -> None:
+        try:
+            self._driver.stop(self._stopped_why)
+        except Exception as error:
+            if self._stop_late:  # nobody waits for it any more
+                log.error("the stop failed: %s", error)
+                self._health.degraded(f"the stop failed: {error}")
+            raise
+        if self._stop_late:
+            self._stop_late = False
+            self._health.ready()
+            log.warning("the driver has come back from its stop after all")
+        self._publish_state()
+
+    def _stop_hangs(self) -> bool:
+        return self._stop_call is not None and not self._stop_call.done()
 
     # --- one action ---------------------------------------------------------------------------
     def _act(self, request: pb.ActionRequest, action: Action, deadline_s: float) -> pb.ActionResult:

@@ -46,6 +46,10 @@ class Settings(ServiceSettings):
         le=1,
         description="of the driver push: detector confidence from which a class asked for counts",
     )
+    strict: bool = Field(
+        default=False,
+        description="a replay ends at a frame that cannot be read, instead of leaving it out",
+    )
     depth: Literal["sensor", "estimated"] = Field(
         default="sensor",
         description="where depth comes from: sensor, or estimated by the detector from colour (its "
@@ -61,6 +65,12 @@ class Settings(ServiceSettings):
     ack_timeout_s: float = Field(default=30.0, gt=0, description="longest wait for a map's answer")
     lease_s: float = Field(
         default=10.0, gt=0, description="a lease ends after this without an action"
+    )
+    stop_timeout_s: float = Field(
+        default=0.8,
+        gt=0,
+        le=60,
+        description="longest wait for the driver's stop; then it is said that the robot may move",
     )
     autoplay: bool = Field(
         default=True, description="play a recording by itself once the maps are ready"

@@ -12,7 +12,7 @@ from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from helios_core import proto as pb
 from helios_core.codec.frames import pose_to_proto
-from helios_core.codec.images import decode_image, encoded_size
+from helios_core.codec.images import check_color_depth, decode_image, encoded_size
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, is_rigid
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -100,6 +100,7 @@ def push_request(meta: FrameMeta, color: bytes, depth: bytes | None) -> pb.PushR
         raise InvalidInput(
             f"color is {len(color)} bytes that are no JPEG or PNG; send a whole image file"
         )
+    check_color_depth(color, "color")
     if [meta.K[i] for i in (1, 3, 6, 7, 8)] != [0, 0, 0, 0, 1]:
         raise InvalidInput(
             f"K is {meta.K}; send fx, 0, cx, 0, fy, cy, 0, 0, 1: row by row, and without skew"

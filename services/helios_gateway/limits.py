@@ -23,6 +23,7 @@ READING = ("GET", "HEAD", "OPTIONS")
 NEVER_LATE = ("/robot/stop",)  # neither counted nor made to wait
 LARGE = ("/frames",)  # bodies are images; few at a time
 MOST_LARGE = 8
+STALL_S = 3.0  # longest time without a byte of a body
 MAPS = ("/map.zip",)  # bodies are whole maps; one at a time
 MAP_BODY_S = 60.0
 STREAMS = ("/events", "/events/ws", "/frames/ws")  # counted as viewers, not as requests
@@ -132,11 +133,9 @@ class Limits:
         try:
             async with asyncio.timeout(within_s):
                 body = await _body(receive, limit)
-        except TimeoutError:
-            refusal = problem(
-                408, "late", "Request Timeout",
-                f"the body did not arrive within {within_s:g} s; send it at once",
-            )  # fmt: skip
+        except TimeoutError as late:
+            said = str(late) or f"the body did not arrive within {within_s:g} s"
+            refusal = problem(408, "late", "Request Timeout", f"{said}; send it at once")
             refusal.headers["connection"] = "close"
             await refusal(scope, receive, send)
             return
@@ -157,10 +156,17 @@ class Limits:
 
 
 async def _body(receive: Receive, limit: int) -> bytes | None:
-    """The whole body, or None once it is above the limit in bytes."""
+    """The whole body, or None once it is above the limit in bytes.
+
+    Raises TimeoutError when it stops coming: an idle sender holds a place that others may want.
+    """
     body = bytearray()
     while True:
-        message = await receive()
+        try:
+            async with asyncio.timeout(STALL_S):
+                message = await receive()
+        except TimeoutError:
+            raise TimeoutError(f"no byte of the body came for {STALL_S:g} s") from None
         if message["type"] != "http.request":
             return bytes(body)
         body += message.get("body", b"")

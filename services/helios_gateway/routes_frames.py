@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
@@ -13,17 +14,20 @@ from fastapi import APIRouter, File, Form, WebSocket, WebSocketDisconnect
 from helios_core import proto as pb
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.topics import PUSH
+from starlette.responses import JSONResponse
 
 from helios_gateway.access import check, secured
 from helios_gateway.fleet import At, Served
 from helios_gateway.frames import FrameTaken, push_request, read_meta, taken
 from helios_gateway.keys import Scope
 from helios_gateway.limits import MOST_LARGE
-from helios_gateway.problems import problem_of, problems
+from helios_gateway.problems import problem, problem_of, problems
 from helios_gateway.settings import Settings
 
 MOST_SENDERS = 8  # sockets open at the same time
 TURN_S = 12.0  # that the bridge may need for the frames before this one
+FAREWELL_S = 1.0  # that a socket has for hearing why it is closed
+GOING_AWAY = 1001
 
 
 def frame_routes(prefix: str, settings: Settings) -> APIRouter:
@@ -77,17 +81,42 @@ def frame_routes(prefix: str, settings: Settings) -> APIRouter:
         except HeliosError as error:
             await socket.send_denial_response(problem_of(error))
             return
-        with place, contextlib.suppress(WebSocketDisconnect):
-            await socket.accept()
-            messages = _Messages(socket)
-            while True:
-                try:
-                    answer = (await give(at, *await messages.next_frame())).model_dump_json()
-                except HeliosError as error:
-                    answer = bytes(problem_of(error).body).decode()
-                await socket.send_text(answer)
+        with contextlib.suppress(WebSocketDisconnect):
+            with place:
+                why = await answer_frames(at, socket)
+            # Its place is free already: whoever does not listen any more keeps nobody waiting.
+            with contextlib.suppress(TimeoutError, RuntimeError):
+                async with asyncio.timeout(FAREWELL_S):
+                    await socket.send_text(_as_text(problem(408, "late", "Request Timeout", why)))
+                    await socket.close(GOING_AWAY, why)
+
+    async def answer_frames(at: Served, socket: WebSocket) -> str:
+        """Until the sender falls silent; how it did. Raises WebSocketDisconnect."""
+        await socket.accept()
+        messages = _Messages(socket, settings.frame_idle_s)
+        while True:
+            try:
+                frame = await messages.next_frame()
+                answer = (await give(at, *frame)).model_dump_json()
+            except _Silent as silent:
+                return str(silent)
+            except HeliosError as error:
+                answer = _as_text(problem_of(error))
+            try:
+                async with asyncio.timeout(settings.frame_idle_s):
+                    await socket.send_text(answer)
+            except TimeoutError:
+                return f"the answer was not read for {settings.frame_idle_s:g} s; connect again"
 
     return routes
+
+
+class _Silent(Exception):
+    """No message comes from a sender any more."""
+
+
+def _as_text(problem: JSONResponse) -> str:
+    return bytes(problem.body).decode()
 
 
 class _Places:
@@ -117,13 +146,15 @@ class _Places:
 class _Messages:
     """A socket's messages as frames: a text begins one, two binary messages end it."""
 
-    def __init__(self, socket: WebSocket) -> None:
-        self._socket = socket
+    def __init__(self, socket: WebSocket, idle_s: float) -> None:
+        """idle_s: longest time for a message to arrive, whole."""
+        self._socket, self._idle_s = socket, idle_s
         self._text: str | None = None  # that came too early
 
     async def next_frame(self) -> tuple[str, bytes, bytes]:
-        """meta, color, depth. Raises WebSocketDisconnect at the end, and InvalidInput once for
-        every message out of turn; the frame after it is read as if nothing had been."""
+        """meta, color, depth. Raises WebSocketDisconnect at the end, _Silent when nothing comes,
+        and InvalidInput once for every message out of turn; the frame after it is read as if
+        nothing had been."""
         meta, self._text = self._text, None
         if meta is None:
             meta = await self._receive()
@@ -141,7 +172,13 @@ class _Messages:
         return meta, images[0], images[1]
 
     async def _receive(self) -> str | bytes:
-        message = await self._socket.receive()
+        try:
+            async with asyncio.timeout(self._idle_s):
+                message = await self._socket.receive()
+        except TimeoutError:
+            raise _Silent(
+                f"no whole message came for {self._idle_s:g} s; connect again for the next frame"
+            ) from None
         if message["type"] == "websocket.disconnect":
             raise WebSocketDisconnect(message.get("code", 1000))
         text = message.get("text")

@@ -68,6 +68,11 @@ class Settings(ServiceSettings):
     frame_limit_bytes: int = Field(
         default=16_000_000, ge=1, description="the same of a frame: meta and images together"
     )
+    frame_idle_s: float = Field(
+        default=30.0,
+        gt=0,
+        description="a socket for frames without a message for so long is closed",
+    )
     map_limit_bytes: int = Field(
         default=500_000_000, ge=1, description="the same of a file of maps that is loaded"
     )

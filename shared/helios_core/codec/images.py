@@ -60,6 +60,16 @@ def encoded_size(data: bytes) -> tuple[int, int] | None:
     return None
 
 
+def check_color_depth(data: bytes, what: str) -> None:
+    """Raises InvalidInput for a PNG of 16 bit a channel: a decoder would drop half of each without
+    a word, and it is most often a depth image in the wrong place."""
+    if data[:8] == b"\x89PNG\r\n\x1a\n" and data[24:25] == b"\x10":
+        raise InvalidInput(
+            f"{what} is a PNG of 16 bit a channel; send 8 bit a channel (JPEG or PNG), and depth "
+            "as the depth image"
+        )
+
+
 def decode_image(image: CompressedImage, flags: int, what: str) -> NDArray:
     """The pixels of a JPEG or PNG, as OpenCV gives them."""
     data = bytes(image.data)
@@ -87,6 +97,7 @@ def color_array(raw: RawImage | None, compressed: CompressedImage | None) -> NDA
             raise InvalidInput(f"the colour image has encoding {raw.encoding}; send rgb8 or bgr8")
         return pixels if raw.encoding == "rgb8" else np.ascontiguousarray(pixels[..., ::-1])
     if compressed is not None:
+        check_color_depth(compressed.data, "the colour image")
         bgr = decode_image(compressed, cv2.IMREAD_COLOR, "the colour image")
         return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
     raise InvalidInput("the frame has no colour image; send raw_color or compressed_color")

@@ -11,6 +11,7 @@ from helios_bridge.drivers import load_driver
 from helios_bridge.service import BridgeService
 from helios_bridge.settings import Settings
 from helios_core.errors import InvalidInput
+from helios_core.geometry import camera_on_base
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Capture
@@ -64,6 +65,8 @@ def test_a_driver_that_cannot_be_made_is_refused_with_the_reason(
         ({"depth_m": np.zeros((24, 32), np.float32)}, r"give float32 \(12, 16\)"),
         ({"T_world_cam": np.eye(3)}, "T_world_cam is no rigid"),
         ({"T_world_base": np.diag([1.0, 1.0, -1.0, 1.0])}, "T_world_base is no rigid"),
+        ({"T_world_base": np.diag([1.0, -1.0, -1.0, 1.0])}, "T_world_base leans by 180 degrees"),
+        ({"T_world_cam": camera_on_base(np.eye(4), 500.0, 0.5)}, "height of 500.0 m"),
     ],
 )
 def test_an_image_that_is_none_is_refused_before_it_goes_out(

@@ -348,3 +348,39 @@ def test_a_recording_whose_driver_fails_says_so() -> None:
     wait_until(lambda: stage.health.state[0] == "degraded", 5, "it is said")
     assert "OverflowError" in stage.health.state[1]
     stage.bridge.close()
+
+
+class Scratched(LineRobot):
+    """A recording of four frames, of which the second and third cannot be read."""
+
+    def capture(self) -> Capture:
+        out = super().capture()
+        if self.left in (1, 2):
+            raise InvalidInput(f"frame {4 - self.left} is no image")
+        return out
+
+
+def played(**settings: object) -> Stage:
+    stage = Stage(Scratched(frames=4), contexts=True, **settings)
+    stage.bridge.start()
+    for service in ("detector", "objectmap", "map2d"):
+        stage.other.publish(status_topic(service), pb.ServiceStatus(service=service, state="ready"))
+    return stage
+
+
+def test_frames_that_cannot_be_read_are_left_out_counted_and_said() -> None:
+    stage = played()
+    wait_until(lambda: stage.bridge.state().finished, 5, "the recording ends")
+    wait_until(lambda: "frame 3 is no image" in stage.health.state[1], 5, "it is said")
+    assert stage.health.state[0] == "ready"
+    assert len(stage.keyframes) == 2
+    assert stage.health.metrics()["unreadable_frames"] == 2
+    stage.bridge.close()
+
+
+def test_a_strict_replay_ends_at_a_frame_that_cannot_be_read() -> None:
+    stage = played(strict=True)
+    wait_until(lambda: stage.health.state[0] == "degraded", 5, "it is said")
+    assert "frame 2 is no image" in stage.health.state[1]
+    assert len(stage.keyframes) == 1
+    stage.bridge.close()

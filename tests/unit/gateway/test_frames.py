@@ -37,6 +37,7 @@ def png(pixels: NDArray[Any]) -> bytes:
 
 COLOR = png(np.full((HEIGHT, WIDTH, 3), (10, 20, 30), np.uint8))  # blue, green, red
 DEPTH = png(np.full((HEIGHT, WIDTH), 1500, np.uint16))
+DEEP = png(np.full((HEIGHT, WIDTH, 3), 1500, np.uint16))
 
 
 class Bridge:
@@ -154,6 +155,8 @@ def test_wrong_words_about_a_frame_are_refused_by_name(
     [
         ({"color": ("c.png", b"")}, "color is 0 bytes"),
         ({"color": ("c.png", b"no image at all")}, "no JPEG or PNG"),
+        ({"color": ("c.png", DEPTH)}, "color is a PNG of 16 bit a channel; send 8 bit"),
+        ({"color": ("c.png", DEEP)}, "color is a PNG of 16 bit a channel; send 8 bit"),
     ],
 )
 def test_what_is_no_image_is_refused(
@@ -161,7 +164,14 @@ def test_what_is_no_image_is_refused(
 ) -> None:
     answer = post(client, **more)
     assert answer.status_code == 400
+    assert answer.headers["content-type"] == "application/problem+json"
     assert said in answer.json()["detail"]
+    assert bridge.requests == []
+
+
+def test_a_grey_image_of_8_bit_is_a_colour_image(client: TestClient, bridge: Bridge) -> None:
+    grey = png(np.full((HEIGHT, WIDTH), 90, np.uint8))
+    assert post(client, color=("c.png", grey)).status_code == 200
 
 
 def test_a_missing_part_is_named(client: TestClient, bridge: Bridge) -> None:

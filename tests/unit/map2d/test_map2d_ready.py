@@ -23,7 +23,7 @@ def test_the_maps_are_ready_only_when_they_listen() -> None:
             heard[topic.name] = health.state[0]
             return super().subscribe(topic, handler)
 
-    Map2DService(Watched(MemoryHub()), Settings(), health)
+    Map2DService(Watched(MemoryHub()), Settings.load([]), health)
     assert health.state[0] == "ready"
     for topic in (CONTEXT, ROBOT_DESCRIPTION, KEYFRAME, OBSERVATION):
         assert heard[topic.name] == "starting", topic.name

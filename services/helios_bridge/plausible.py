@@ -1,0 +1,52 @@
+"""What no robot's poses can be, as every driver and every frame from outside is checked.
+
+A rotation that is none, a base that lies on its side or its head, a floor 500 m below: the maps
+would hold such a frame for a home. The bounds are wide, so that a slope, a ramp, a drifting
+localisation or a camera on a mast is none of it. Cameras may be mounted in any way.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from helios_core.errors import InvalidInput
+from helios_core.geometry import Matrix, is_rigid
+
+LEANING_RAD = math.radians(45)  # from upright; beyond it a base has fallen over
+OFF_FLOOR_M = 2.0  # of the base's origin, up or down; the floor is at 0
+CAMERA_M = (-2.0, 10.0)  # height of a camera
+AWAY_M = 10.0  # from the base to its camera
+
+
+def check_poses(T_world_cam: Matrix, T_world_base: Matrix, whose: str) -> None:
+    """Raises InvalidInput that says what came and what is wanted. whose: "the driver's"."""
+    for name, T in (("T_world_cam", T_world_cam), ("T_world_base", T_world_base)):
+        if not is_rigid(T):
+            raise InvalidInput(
+                f"{whose} {name} is no rigid transform [4, 4]: {T.tolist()}; give a rotation and a "
+                "position in metres"
+            )
+    leaning_rad = math.acos(min(max(float(T_world_base[2, 2]), -1.0), 1.0))
+    if leaning_rad > LEANING_RAD:
+        raise InvalidInput(
+            f"{whose} T_world_base leans by {math.degrees(leaning_rad):.0f} degrees; a base stands "
+            f"upright, z up, to within {math.degrees(LEANING_RAD):.0f} degrees"
+        )
+    base_m, cam_m = T_world_base[:3, 3], T_world_cam[:3, 3]
+    if abs(base_m[2]) > OFF_FLOOR_M:
+        raise InvalidInput(
+            f"{whose} T_world_base is at a height of {base_m[2]:.1f} m; the base's origin is on "
+            f"the floor, and the floor at 0, to within {OFF_FLOOR_M:g} m"
+        )
+    if not CAMERA_M[0] <= cam_m[2] <= CAMERA_M[1]:
+        raise InvalidInput(
+            f"{whose} T_world_cam is at a height of {cam_m[2]:.1f} m; the floor is at 0, and a "
+            f"camera between {CAMERA_M[0]:g} and {CAMERA_M[1]:g} m"
+        )
+    away_m = float(np.linalg.norm(cam_m - base_m))
+    if away_m > AWAY_M:
+        raise InvalidInput(
+            f"{whose} camera is {away_m:.1f} m from its base; give both in the same world, within "
+            f"{AWAY_M:g} m of each other"
+        )

@@ -1,0 +1,156 @@
+"""A driver that does not come back: it is said within a deadline, and the bridge still ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from helios_bridge.acks import PARTS, AckBook
+from helios_bridge.crew import Crew
+from helios_core import proto as pb
+from helios_core.errors import Conflict, DeadlineExceeded, Unavailable
+from helios_core.topics import CLEAR_STOP, STOP
+from helios_core.types import FrameId
+
+from tests.support import free_port, wait_until
+from tests.unit.bridge.test_bridge_service import LineRobot, Stage
+
+
+class Hanging(LineRobot):
+    """Its stop comes back when `go_on` is set."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.go_on, self.stops = threading.Event(), 0
+
+    def stop(self, reason: str) -> None:
+        self.stops += 1
+        self.go_on.wait(30)
+        super().stop(reason)
+
+
+@pytest.fixture
+def stage() -> Iterator[Stage]:
+    robot = Hanging()
+    out = Stage(robot, stop_timeout_s=0.1)
+    yield out
+    robot.go_on.set()
+    out.bridge.close()
+
+
+def stop(stage: Stage) -> None:
+    stage.other.call(STOP, pb.StopRequest(reason="a person"), 10)
+
+
+def test_a_stop_that_hangs_is_said_and_no_action_begins(stage: Stage) -> None:
+    with pytest.raises(DeadlineExceeded, match="may still move: use its own emergency stop"):
+        stop(stage)
+    assert "emergency stop" in stage.health.state[1]
+    with pytest.raises(Conflict, match="a person"):
+        stage.drive("a")
+    assert stage.robot.done == []
+
+
+def test_stops_that_come_while_one_hangs_are_no_further_calls_of_the_driver(stage: Stage) -> None:
+    for _ in range(3):
+        with pytest.raises(DeadlineExceeded):
+            stop(stage)
+    assert isinstance(stage.robot, Hanging)
+    assert stage.robot.stops == 1
+
+
+def test_a_stop_that_hangs_cannot_be_cleared_until_it_has_come_back(stage: Stage) -> None:
+    with pytest.raises(DeadlineExceeded):
+        stop(stage)
+    with pytest.raises(Conflict, match="has not come back"):
+        stage.other.call(CLEAR_STOP, pb.Empty(), 1)
+    assert isinstance(stage.robot, Hanging)
+    stage.robot.go_on.set()
+    wait_until(lambda: stage.health.state[0] == "ready", 5, "it comes back")
+    wait_until(lambda: not stage.bridge._stop_hangs(), 5, "it is over")
+    assert stage.bridge.state().stopped
+    stage.other.call(CLEAR_STOP, pb.Empty(), 1)
+    assert stage.drive("a").succeeded
+
+
+def test_a_stop_that_fails_says_why() -> None:
+    class Away(LineRobot):
+        def stop(self, reason: str) -> None:
+            raise Unavailable("no answer from the robot")
+
+    stage = Stage(Away())
+    with pytest.raises(Unavailable, match="no answer from the robot"):
+        stop(stage)
+    with pytest.raises(Conflict):
+        stage.drive("a")
+
+
+def test_closing_names_what_hangs_and_does_not_wait_for_it() -> None:
+    never = threading.Event()
+
+    class Stubborn(LineRobot):
+        def close(self) -> None:
+            never.wait(30)
+
+    stage = Stage(Stubborn())
+    assert stage.bridge.close() == ["close"]
+    never.set()
+
+
+def test_ending_ends_the_wait_for_the_maps() -> None:
+    book, crew = AckBook(), Crew()
+
+    def wait() -> None:
+        book.wait(FrameId("a", 0, 1), 60.0, PARTS)
+
+    crew.start("wait", wait)
+    assert crew.wait(0.05) == ["wait"]
+    book.end()
+    assert crew.wait(5.0) == []
+
+
+DRIVER = """
+import time
+from helios_examples.room_robot import RoomRobot
+class Stubborn(RoomRobot):
+    def stop(self, reason):
+        time.sleep(1000)
+    def close(self):
+        time.sleep(1000)
+"""
+
+
+def test_the_process_ends_although_the_driver_hangs(tmp_path: Path) -> None:
+    from helios_core.zenoh_bus import ZenohBus
+
+    (tmp_path / "stubborn_robot.py").write_text(DRIVER)
+    router = f"tcp/127.0.0.1:{free_port()}"
+    routing = subprocess.Popen([sys.executable, "-m", "helios_core.router", "--listen", router])
+    log = tmp_path / "bridge.log"
+    with log.open("wb") as out:
+        bridge = subprocess.Popen(
+            [sys.executable, "-m", "helios_bridge", "--router", router,
+             "--driver", "stubborn_robot:Stubborn", "--stop-timeout-s", "0.2"],
+            env=os.environ | {"PYTHONPATH": str(tmp_path)}, stderr=out,
+        )  # fmt: skip
+    try:
+        wait_until(lambda: "ready" in log.read_text(), 60, "the bridge is ready")
+        bus = ZenohBus(router)
+        with pytest.raises(DeadlineExceeded, match="emergency stop"):
+            bus.call(STOP, pb.StopRequest(reason="a person"), 10)
+        bus.close()
+        bridge.send_signal(signal.SIGTERM)
+        assert bridge.wait(20) == 1
+    finally:
+        for process in (bridge, routing):
+            process.kill()
+            process.wait()
+    said = log.read_text()
+    assert "left behind" in said
+    assert "FATAL" not in said
