@@ -10,6 +10,7 @@ from fastapi import APIRouter, Path, Query, Request, Response
 from helios_core import proto as pb
 from helios_core.codec.frames import pinhole_to_proto, transform_to_proto
 from helios_core.errors import InvalidInput
+from helios_core.geometry import Matrix, Pinhole, camera_on_base, se2_to_se3
 from helios_core.topics import EXPORT_OBJECTS, OBJECT_DETAIL, RENDER_OBJECTS, M, Method, Req
 
 from helios_gateway import convert, map_models
@@ -22,6 +23,8 @@ from helios_gateway.responses import NPZ, PNG, Encoded, content_docs, tagged
 from helios_gateway.settings import Settings
 
 PLY = "application/octet-stream"
+Layer = Literal["color", "depth", "probability", "uncertainty"]
+Metres = Annotated[float, Query(allow_inf_nan=False, ge=-1e6, le=1e6)]
 ObjectId = Annotated[int, Path(ge=1, lt=2**64, description="as /v1/objects gives it")]
 
 
@@ -39,6 +42,15 @@ def object_routes(prefix: str, settings: Settings) -> APIRouter:
         reply = told(at, EXPORT_OBJECTS, pb.ExportRequest(format=format, object_id=id))
         encoded = Encoded.of(reply.data, PLY, x_gaussians=str(reply.gaussians))
         return tagged(request, encoded)
+
+    def picture(
+        at: Served, request: Request, T_world_cam: Matrix, lens: Pinhole, layer: str, name: str
+    ) -> Response:
+        reply = told(at, RENDER_OBJECTS, pb.RenderRequest(
+            T_world_cam=transform_to_proto(T_world_cam), camera=pinhole_to_proto(lens),
+            layer=layer, class_name=name,
+        ))  # fmt: skip
+        return tagged(request, Encoded.of(reply.png, PNG))
 
     @routes.get(
         "/objects.ply",
@@ -83,8 +95,7 @@ def object_routes(prefix: str, settings: Settings) -> APIRouter:
         request: Request,
         id: ObjectId,
         layer: Annotated[
-            Literal["color", "probability", "uncertainty"],
-            Query(description="of its class, for the last two"),
+            Layer, Query(description="of its class, for the last two")
         ] = "color",
         azimuth_rad: Annotated[
             float | None,
@@ -102,11 +113,46 @@ def object_routes(prefix: str, settings: Settings) -> APIRouter:
         T_world_cam = look_at(
             center_m, size_m, _robot_side(at, center_m) if azimuth_rad is None else azimuth_rad
         )
-        reply = told(at, RENDER_OBJECTS, pb.RenderRequest(
-            T_world_cam=transform_to_proto(T_world_cam), camera=pinhole_to_proto(camera(size_px)),
-            layer=layer, class_name=found.class_name,
-        ))  # fmt: skip
-        return tagged(request, Encoded.of(reply.png, PNG))
+        return picture(at, request, T_world_cam, camera(size_px), layer, found.class_name)
+
+    @routes.get(
+        "/map/view.png",
+        summary="The object map, as a camera anywhere would see it",
+        response_class=Response,
+        responses=content_docs(
+            PNG, "colour; depth as 16 bit millimetres; or a belief, dark to yellow"
+        )
+        | problems(404),
+    )
+    def view_from(
+        at: At,
+        request: Request,
+        x_m: Metres,
+        y_m: Metres,
+        z_m: Annotated[
+            float, Query(allow_inf_nan=False, ge=-1e3, le=1e3, description="height of the camera")
+        ] = 1.3,
+        yaw_rad: Annotated[
+            float, Query(allow_inf_nan=False, ge=-2 * math.pi, le=2 * math.pi,
+                         description="where it looks, about world z from x"),
+        ] = 0.0,
+        down_rad: Annotated[
+            float, Query(allow_inf_nan=False, ge=-math.pi / 2, le=math.pi / 2,
+                         description="how far below the horizon it looks"),
+        ] = 0.4,
+        layer: Annotated[Layer, Query(description="the last two are of a class")] = "color",
+        class_name: Annotated[str, Query(alias="class", max_length=100)] = "",
+        width_px: Annotated[int, Query(ge=16, le=1280)] = 640,
+        height_px: Annotated[int, Query(ge=16, le=1280)] = 480,
+        fov_rad: Annotated[
+            float, Query(ge=0.2, le=2.5, allow_inf_nan=False, description="across the picture"),
+        ] = 1.2,
+    ) -> Response:  # fmt: skip
+        """From the pose of a frame, or from where no robot ever was."""
+        f = width_px / 2 / math.tan(fov_rad / 2)
+        lens = Pinhole(f, f, (width_px - 1) / 2, (height_px - 1) / 2, width_px, height_px)
+        T_world_cam = camera_on_base(se2_to_se3(x_m, y_m, yaw_rad), z_m, down_rad)
+        return picture(at, request, T_world_cam, lens, layer, class_name)
 
     return routes
 

@@ -65,6 +65,23 @@ def test_its_picture_is_taken_from_the_robot_s_side_or_as_asked(
     assert (backend.rendered.layer, backend.rendered.camera.width) == ("uncertainty", 64)
 
 
+@pytest.mark.parametrize("layer", ["color", "depth", "probability", "uncertainty"])
+def test_the_map_is_rendered_from_any_pose(
+    backend: Backend, client: TestClient, layer: str
+) -> None:
+    where = f"x_m=1.5&y_m=-2&z_m=1.2&yaw_rad={math.pi / 2}&down_rad=0.3&fov_rad={math.pi / 2}"
+    answer = client.get(f"/v1/map/view.png?{where}&width_px=64&layer={layer}&class=mug")
+    assert (answer.status_code, answer.headers["content-type"]) == (200, "image/png")
+    asked = backend.rendered
+    assert asked is not None
+    assert (asked.layer, asked.class_name) == (layer, "mug")
+    T_world_cam = np.array(asked.T_world_cam.rows).reshape(4, 4)
+    assert T_world_cam[:3, 3] == pytest.approx([1.5, -2.0, 1.2])
+    assert T_world_cam[:3, 2] == pytest.approx([0.0, math.cos(0.3), -math.sin(0.3)], abs=1e-9)
+    assert asked.camera.fx == pytest.approx(32.0)
+    assert client.get("/v1/map/view.png?x_m=nan&y_m=0").status_code in (400, 422)
+
+
 def test_gaussians_are_exported_and_what_is_not_there_is_a_404(
     backend: Backend, client: TestClient
 ) -> None:
