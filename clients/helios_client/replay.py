@@ -162,16 +162,15 @@ def _play(
             _check(supervisor)
             now_s = time.monotonic()
             if not started:
-                late = late_services(board.rows(supervisor.table()), job.log_dir)
+                late = [r for r in board.rows(supervisor.table()) if r.state != "ready"]
                 if not late:
                     started, moved_s = True, now_s
-                if late and now_s - began_s > job.start_s:
-                    raise DeadlineExceeded(
-                        f"the services were not ready within {job.start_s:g} s: {'; '.join(late)}"
-                    )
-                if started or now_s - began_s > SAY_WAITING_S:
-                    doing = "the first frame" if started else f"waiting: {', '.join(late)}"
-                    progress.update(bar, description=escape(doing))
+                    progress.update(bar, description="the first frame")
+                elif now_s - began_s > job.start_s:
+                    raise DeadlineExceeded(_not_started(job, late))
+                elif now_s - began_s > SAY_WAITING_S:
+                    names = ", ".join(row.name for row in late)
+                    progress.update(bar, description=f"waiting for {escape(names)}")
             if tally.frames > frames:
                 started = True
                 frames, moved_s = tally.frames, now_s
@@ -208,7 +207,8 @@ def _trouble(supervisor: Supervisor, board: Board) -> str:
     """What a service says that cannot go on; empty when all is well."""
     for row in board.rows(supervisor.table()):
         # A detector waits for nothing but its model; what others wait for is still to come.
-        if row.state == "degraded" or (row.name == "detector" and row.state == "waiting"):
+        missing = row.name == "detector" and row.state == "waiting"
+        if row.state == "degraded" or (missing and not row.reason.startswith("loading")):
             return f"{row.name}: {row.reason}"
     return ""
 
@@ -226,14 +226,14 @@ def _say_unreadable(unreadable: int, total: int, job: ReplayJob, console: Consol
         )
 
 
-def late_services(rows: Sequence[ServiceRow], log_dir: Path) -> list[str]:
+def _not_started(job: ReplayJob, late: Sequence[ServiceRow]) -> str:
     """Of each that is not ready: what it says, and where its log is."""
-    return [
+    each = [
         f"{r.name} is {r.state} ({r.reason or 'it has said nothing yet'}; log "
-        f"{log_dir / f'{r.name}.log'})"
-        for r in rows
-        if r.state != "ready"
+        f"{job.log_dir / f'{r.name}.log'})"
+        for r in late
     ]
+    return f"the services were not ready within {job.start_s:g} s: {'; '.join(each)}"
 
 
 def _stalled(job: ReplayJob, frames: int, total: int, supervisor: Supervisor, board: Board) -> str:

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 from helios_client import replay as module
-from helios_client.board import Board, ServiceRow
-from helios_client.replay import ReplayJob, late_services
+from helios_client.board import Board
+from helios_client.replay import ReplayJob
 from helios_client.replay_results import unreadable_frames
 from helios_client.replay_tally import PARTS, Tally
 from helios_client.supervisor import ProcessInfo, State
 from helios_core import proto as pb
-from helios_core.errors import DeadlineExceeded, InvalidInput
+from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from rich.console import Console
 
 NAMES = ("router", "bridge", "detector", "map2d")
@@ -81,9 +81,16 @@ def test_a_replay_that_starts_and_ends_is_over(tmp_path: Path) -> None:
     play(job(tmp_path, start_s=0.1), board_of(), tally)
 
 
-def test_only_what_is_not_ready_is_late(tmp_path: Path) -> None:
-    rows = [ServiceRow("a", "ready", "", 0, 1), ServiceRow("b", "waiting", "no model", 0, 1)]
-    assert late_services(rows, tmp_path) == [f"b is waiting (no model; log {tmp_path / 'b.log'})"]
+def test_a_model_may_take_its_time_to_load_but_one_that_is_not_there_ends_the_replay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "TROUBLE_S", 0.0)
+    loading = status("detector", "waiting", "loading onnx:a")
+    with pytest.raises(DeadlineExceeded, match="loading onnx:a"):
+        play(job(tmp_path, start_s=0.3), board_of(loading), Tally())
+    missing = status("detector", "waiting", "a is not there")
+    with pytest.raises(Unavailable, match="detector: a is not there"):
+        play(job(tmp_path, start_s=60), board_of(missing), Tally())
 
 
 def test_frames_left_out_are_told_and_none_left_is_an_error(
