@@ -15,7 +15,8 @@ from helios_core.topics import PUSH
 from helios_gateway.limits import MOST_LARGE
 from helios_gateway.routes_frames import MOST_SENDERS
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
 from tests.gateway_process import Served, served
 from tests.support import wait_until
@@ -32,11 +33,11 @@ def gateway() -> Iterator[Served]:
         yield out
 
 
-def opened(gateway: Served) -> ClientConnection:
+def opened(gateway: Served) -> Connection:
     return connect(f"ws://127.0.0.1:{gateway.port}/v1/frames/ws")
 
 
-def sends(socket: ClientConnection) -> bool:
+def sends(socket: Connection) -> bool:
     socket.send(json.dumps(META))
     socket.send(COLOR)
     socket.send(DEPTH)
