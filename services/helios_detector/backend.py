@@ -2,7 +2,7 @@
 
     simulated              the simulator's truth through seeded noise
     ground-truth           the simulator's truth as it is
-    onnx:FILE              a YOLOX model of the 80 COCO classes
+    onnx:FILE              a YOLOX model of a fixed vocabulary: COCO's, or its own (onnx_names.py)
     transformers:ID        a text-prompted model of the hub or of a folder (docs/models.md)
     NAME or NAME:ARGUMENT  an outside package's entry point in the group `helios.detectors`
 

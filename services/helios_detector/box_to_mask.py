@@ -43,8 +43,11 @@ def depth_noise_m(depth_m: float) -> float:
 
 
 def clip_box(box_xyxy: tuple[float, float, float, float], height: int, width: int) -> Box | None:
-    """The whole pixels of the box that lie in the image, half open; None where none do."""
-    x0, y0, x1, y1 = box_xyxy
+    """The whole pixels of the box that lie in the image, half open; None where none do, nor for
+    corners that are no numbers."""
+    if np.isnan(box_xyxy).any():
+        return None
+    x0, y0, x1, y1 = (float(v) for v in np.clip(box_xyxy, -1e6, 1e6))
     box = (
         max(0, round(x0)),
         max(0, round(y0)),

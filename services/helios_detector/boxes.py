@@ -10,15 +10,18 @@ from helios_detector.box_to_mask import Box
 
 NMS_IOU = 0.45
 MAX_PER_CLASS = 50
+FARTHEST_PX = 1e6  # of a corner; beyond it OpenCV's arithmetic ends
 REACH_SHARE = 0.25  # of its box's larger side: how far a mask may go beyond the box
 
 
-def suppressed(
-    boxes: NDArray[np.float32], scores: NDArray[np.float32], threshold: float
-) -> list[int]:
-    """Indices of the boxes [n, 4] xyxy of one class that stay, best first; at most 50."""
-    sizes = np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], 1)
-    kept = cv2.dnn.NMSBoxes(sizes.tolist(), scores.tolist(), threshold, NMS_IOU)
+def suppressed(boxes: NDArray[np.float32], scores: NDArray[np.float32]) -> list[int]:
+    """Indices of the boxes [n, 4] xyxy of one class that stay, best first; at most 50.
+
+    Scores are above 0; boxes may hold infinite corners.
+    """
+    corners = np.clip(boxes, -FARTHEST_PX, FARTHEST_PX)
+    sizes = np.concatenate([corners[:, :2], corners[:, 2:] - corners[:, :2]], 1)
+    kept = cv2.dnn.NMSBoxes(sizes.tolist(), scores.tolist(), 0.0, NMS_IOU)
     return [int(i) for i in np.asarray(kept).ravel()[:MAX_PER_CLASS]]
 
 
@@ -39,7 +42,7 @@ def one_class_each(
     out = []
     for c in range(scores.shape[1]):
         some = np.flatnonzero((best == c) & (best_scores > 0))
-        kept = suppressed(boxes[some], best_scores[some], 0.0)
+        kept = suppressed(boxes[some], best_scores[some])
         out += [(int(some[i]), c) for i in kept]
     return out
 

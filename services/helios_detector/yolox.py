@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from helios_detector.backend import DetectorBackend, Findings, Seen
 from helios_detector.box_to_mask import box_to_mask, clip_box
 from helios_detector.boxes import suppressed
-from helios_detector.coco import COCO_NAMES
+from helios_detector.onnx_names import class_names
 from helios_detector.vocabulary import fixed_wanted, refuse_unknown
 
 STRIDES_PX = (8, 16, 32)
 PAD_GREY = 114
+LARGEST_LOG = 12.0  # of a box's size in cells: larger than any image
 SEEN_SCORE = 0.3  # from which a class that was not asked for counts as seen
 
 
@@ -34,6 +35,11 @@ def letter_box(
     return np.ascontiguousarray(padded[..., ::-1].transpose(2, 0, 1), np.float32)[None], scale
 
 
+def cells_of(size: tuple[int, int]) -> int:
+    """Rows of the output for an input of (height, width)."""
+    return sum((size[0] // stride) * (size[1] // stride) for stride in STRIDES_PX)
+
+
 def decode(
     output: NDArray[np.float32],  # [n, 5 + classes]: centre, size, objectness, classes
     size: tuple[int, int],
@@ -46,27 +52,27 @@ def decode(
         corners.append(np.stack([x, y], -1).reshape(-1, 2))
         strides.append(np.full((rows * columns, 1), stride))
     corner, stride = np.concatenate(corners), np.concatenate(strides)
-    if len(corner) != len(output):
+    if len(corner) != len(output):  # a model that leaves the number open
         raise InvalidInput(
             f"the model gives {len(output)} cells for an input of {size}, wanted {len(corner)}; "
             f"use a YOLOX model with strides {STRIDES_PX} and undecoded output"
         )
     centre = (output[:, :2] + corner) * stride
-    half = np.exp(output[:, 2:4]) * stride / 2
+    half = np.exp(np.minimum(output[:, 2:4], LARGEST_LOG)) * stride / 2
     boxes = np.concatenate([centre - half, centre + half], 1).astype(np.float32)
     return boxes, output[:, 4:5] * output[:, 5:]
 
 
 class YoloxDetector(DetectorBackend):
-    """A YOLOX model of the COCO classes on the CPU."""
+    """A YOLOX model of a fixed vocabulary on the CPU."""
 
     def __init__(self, path: Path, threads: int = 1, by_similarity: bool = False) -> None:
         """Raises Unavailable when the file, onnxruntime or the text model is missing, InvalidInput
         for a file that is no such model."""
         if not path.is_file():
             raise Unavailable(
-                f"the model file {path} is not there; put a YOLOX model (ONNX, 80 COCO classes) "
-                "there, or set detector to onnx:FILE with the right file"
+                f"the model file {path} is not there; put a YOLOX model (ONNX) there, or set "
+                "detector to onnx:FILE with the right file"
             )
         try:
             import onnxruntime
@@ -91,11 +97,18 @@ class YoloxDetector(DetectorBackend):
         shape = wanted.shape
         if len(shape) != 4 or not all(isinstance(n, int) for n in shape[2:]):
             raise InvalidInput(f"{path} takes {shape}; wanted [1, 3, height, width] of fixed size")
-        if given.shape[-1] != 5 + len(COCO_NAMES):
+        if wanted.type != "tensor(float)":
+            raise InvalidInput(f"{path} takes {wanted.type}; export it with an input of float32")
+        cells = cells_of((shape[2], shape[3]))
+        classes = given.shape[-1] - 5 if isinstance(given.shape[-1], int) else 0
+        rows = given.shape[1] if len(given.shape) == 3 else 0
+        if classes < 1 or (isinstance(rows, int) and rows != cells):
             raise InvalidInput(
-                f"{path} gives {given.shape}; wanted [1, cells, {5 + len(COCO_NAMES)}]: a YOLOX "
-                f"model of the {len(COCO_NAMES)} COCO classes"
+                f"{path} gives {given.shape}; wanted [1, {cells}, 5 + classes], as a YOLOX with "
+                f"strides {STRIDES_PX} and undecoded output does"
             )
+        metadata = self._session.get_modelmeta().custom_metadata_map
+        self._names = class_names(path, metadata, classes)
         self._size = (int(shape[2]), int(shape[3]))
         self._input = wanted.name
         self.name = f"onnx:{path.name}"
@@ -103,13 +116,13 @@ class YoloxDetector(DetectorBackend):
         if by_similarity:
             from helios_detector.similar import NearestName
 
-            self._similar = NearestName(COCO_NAMES, threads)
+            self._similar = NearestName(self._names, threads)
 
     def vocabulary(self) -> tuple[str, ...]:
-        return COCO_NAMES
+        return self._names
 
     def refused(self, context: SearchContext) -> Mapping[str, str]:
-        return fixed_wanted(context, COCO_NAMES, self._similar)[1]
+        return fixed_wanted(context, self._names, self._similar)[1]
 
     def warm_up(self) -> None:
         self._run(np.full((*self._size, 3), PAD_GREY, np.uint8))
@@ -118,15 +131,15 @@ class YoloxDetector(DetectorBackend):
         """The session is freed with this object."""
 
     def detect(self, frame: Frame, context: SearchContext) -> Findings:
-        wanted, refused = fixed_wanted(context, COCO_NAMES, self._similar)
+        wanted, refused = fixed_wanted(context, self._names, self._similar)
         refuse_unknown(refused)
         boxes, scores = self._run(frame.color)
         detections: list[Detection] = []
         for want in wanted:
-            own = [i for i, name in enumerate(COCO_NAMES) if name in want.names]
+            own = [i for i, name in enumerate(self._names) if name in want.names]
             own_scores = scores[:, own].max(1)
-            some = np.flatnonzero(own_scores >= want.threshold)
-            for i in some[suppressed(boxes[some], own_scores[some], want.threshold)]:
+            some = np.flatnonzero((own_scores >= want.threshold) & (own_scores > 0))
+            for i in some[suppressed(boxes[some], own_scores[some])]:
                 x0, y0, x1, y1 = (float(v) for v in boxes[i])
                 box = clip_box((x0, y0, x1, y1), *frame.depth_m.shape)
                 if box is None:
@@ -138,7 +151,7 @@ class YoloxDetector(DetectorBackend):
                 detections.append(Detection(want.name, float(own_scores[i]), box, mask))
         best = scores.max(0)
         seen = tuple(
-            Seen(COCO_NAMES[i], float(best[i])) for i in np.flatnonzero(best >= SEEN_SCORE)
+            Seen(self._names[i], float(best[i])) for i in np.flatnonzero(best >= SEEN_SCORE)
         )
         return Findings(tuple(detections), seen)
 

@@ -120,7 +120,7 @@ def _by_depth(frame: Frame, box: Box, want: Wanted) -> NDArray[np.bool_]:
 
 
 def _clipped(box: NDArray[np.float32], frame: Frame) -> Box | None:
-    x0, y0, x1, y1 = (float(v) for v in np.nan_to_num(box, posinf=1e6, neginf=-1e6))
+    x0, y0, x1, y1 = (float(v) for v in box)
     return clip_box((x0, y0, x1, y1), *frame.depth_m.shape)
 
 

@@ -65,7 +65,7 @@ def test_what_the_detector_waits_for_is_said_everywhere_and_its_figures_are_show
     house: House, tmp_path: Path
 ):
     missing = house.detector("--detector", f"onnx:{tmp_path / 'model.onnx'}", "--retry-s", "0.2")
-    sentence = "model.onnx is not there; put a YOLOX model (ONNX, 80 COCO classes)"
+    sentence = "model.onnx is not there; put a YOLOX model (ONNX)"
     wait_until(lambda: sentence in house.said_by("/readyz"), 60, "/readyz says so")
     ready = house.get("/readyz")
     assert ready is not None

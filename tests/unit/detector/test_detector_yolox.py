@@ -39,8 +39,8 @@ def test_decode_refuses_an_output_of_another_grid():
 
 def test_overlapping_boxes_of_one_class_leave_the_best():
     boxes = np.array([[0, 0, 10, 10], [1, 0, 11, 10], [30, 0, 40, 10]], np.float32)
-    assert suppressed(boxes, np.array([0.5, 0.9, 0.6], np.float32), 0.25) == [1, 2]
-    assert suppressed(boxes[:0], np.zeros(0, np.float32), 0.25) == []
+    assert suppressed(boxes, np.array([0.5, 0.9, 0.6], np.float32)) == [1, 2]
+    assert suppressed(boxes[:0], np.zeros(0, np.float32)) == []
 
 
 def test_missing_model_file_is_unavailable_and_says_what_to_do(tmp_path):

