@@ -284,6 +284,7 @@ class Backend:
         scores = [found.score * share for share in (0.3, 0.5, 0.45, 0.8, 1.0)]
         return pb.ObjectDetail(
             object=found, box_center_m=found.center_m, box_size_m=found.size_m,
+            points_m=[1.0, 2.0, 0.5, 1.1, 2.0, 0.5],
             history=[
                 pb.Moment(stamp_ns=i * 10**9, views=i + 1, score=score, class_score=score + 0.05)
                 for i, score in enumerate(scores)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from typing import Annotated, Literal
 
@@ -78,6 +79,36 @@ def object_routes(prefix: str, settings: Settings) -> APIRouter:
     )
     def one_ply(at: At, request: Request, id: ObjectId) -> Response:
         return export(at, request, "ply", id)
+
+    @routes.get(
+        "/objects/{id}/gaussians.npz",
+        summary="The Gaussians of one object as arrays",
+        response_class=Response,
+        responses=content_docs(NPZ, "NumPy archive") | problems(404),
+    )
+    def one_npz(at: At, request: Request, id: ObjectId) -> Response:
+        return export(at, request, "npz", id)
+
+    @routes.get(
+        "/objects/{id}/points.npz",
+        summary="What a gripper wants of one object: points on its surface, and its upright box",
+        response_class=Response,
+        responses=content_docs(
+            NPZ, "points_m [n, 3], world; box_center_m, box_size_m [3]; box_yaw_rad"
+        )
+        | problems(404),
+    )
+    def points(at: At, request: Request, id: ObjectId) -> Response:
+        d = told(at, OBJECT_DETAIL, pb.ObjectRequest(object_id=id))
+        stream = io.BytesIO()
+        np.savez(
+            stream, allow_pickle=False,
+            points_m=np.array(d.points_m, np.float32).reshape(-1, 3),
+            box_center_m=[d.box_center_m.x, d.box_center_m.y, d.box_center_m.z],
+            box_size_m=[d.box_size_m.x, d.box_size_m.y, d.box_size_m.z],
+            box_yaw_rad=d.box_yaw_rad,
+        )  # fmt: skip
+        return tagged(request, Encoded.of(stream.getvalue(), NPZ))
 
     @routes.get("/objects/{id}/detail", summary="One object in full", responses=problems(404))
     def detail(at: At, id: ObjectId) -> map_models.ObjectDetail:

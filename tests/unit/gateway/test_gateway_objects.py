@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 
 import numpy as np
@@ -45,6 +46,15 @@ def test_an_object_is_told_in_full(backend: Backend, client: TestClient) -> None
     assert detail["history"][-1]["score"] == detail["object"]["score"]
 
 
+def test_a_gripper_gets_points_and_a_box(backend: Backend, client: TestClient) -> None:
+    answer = client.get("/v1/objects/1/points.npz")
+    with np.load(io.BytesIO(answer.content)) as arrays:
+        assert np.allclose(arrays["points_m"], [[1.0, 2.0, 0.5], [1.1, 2.0, 0.5]])
+        box = client.get("/v1/objects/1/detail").json()
+        assert arrays["box_center_m"].tolist() == pytest.approx(box["box_center_m"])
+        assert arrays["box_size_m"].shape == (3,)
+
+
 def test_its_picture_is_taken_from_the_robot_s_side_or_as_asked(
     backend: Backend, client: TestClient
 ) -> None:
@@ -85,10 +95,11 @@ def test_the_map_is_rendered_from_any_pose(
 def test_gaussians_are_exported_and_what_is_not_there_is_a_404(
     backend: Backend, client: TestClient
 ) -> None:
-    for path in ("/v1/objects.ply", "/v1/objects.npz", "/v1/objects/1/gaussians.ply"):
+    for path in ("/v1/objects.ply", "/v1/objects.npz", "/v1/objects/1/gaussians.ply",
+                 "/v1/objects/1/gaussians.npz"):  # fmt: skip
         answer = client.get(path)
         assert (answer.status_code, answer.headers["x-gaussians"]) == (200, "7")
         again = client.get(path, headers={"if-none-match": answer.headers["etag"]})
         assert again.status_code == 304
-    for path in ("detail", "view.png", "gaussians.ply"):
+    for path in ("detail", "view.png", "gaussians.ply", "gaussians.npz", "points.npz"):
         assert client.get(f"/v1/objects/77/{path}").status_code == 404
