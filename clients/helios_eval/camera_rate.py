@@ -36,7 +36,7 @@ from helios_core.types import Frame, FrameId, Observation, Role, SearchClass, Se
 from helios_replay.dataset import read_dataset, read_image
 from numpy.typing import NDArray
 
-from helios_eval.detector_process import DetectorProcess
+from helios_eval.service_process import ServiceProcess
 
 ANSWER_WITHIN_S = 20.0
 AGAIN_S = 2.0
@@ -196,7 +196,8 @@ def measure(given: argparse.Namespace) -> tuple[Rate, list[Middles]]:
     if given.cores and hasattr(os, "sched_setaffinity"):  # children inherit it; Linux only
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: given.cores])
     with tempfile.TemporaryDirectory() as folder:
-        processes = DetectorProcess(given.detector, given.threads, Path(folder))
+        arguments = ("--detector", given.detector, "--threads", str(given.threads))
+        processes = ServiceProcess("detector", arguments, Path(folder))
         bus = None
         try:
             bus = processes.bus()

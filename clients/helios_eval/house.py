@@ -39,6 +39,7 @@ from helios_planner.motion import warm_up as warm_up_paths
 from helios_planner.service import PlannerService
 from helios_planner.settings import Settings as PlannerSettings
 from helios_sim.thread import WorldThread
+from helios_sim.truth import Segmentation
 
 from helios_eval.record import Noise, Setting
 from helios_eval.service_settings import of_service
@@ -56,15 +57,19 @@ class DirectTruth:
         self._world = world
 
     def segmentation(self, stamp_ns: int) -> Truth:
-        shown = self._world.run(lambda world: world.segmentation(stamp_ns))
-        instances = {
-            i.id: TruthInstance(i.id, i.class_name, np.array(i.center_m), i.graspable, i.name)
-            for i in shown.instances
-        }
-        return Truth(shown.ids.astype(np.uint16), instances)
+        return truth_of(self._world.run(lambda world: world.segmentation(stamp_ns)))
 
     def check(self) -> None:
         """It is here."""
+
+
+def truth_of(shown: Segmentation) -> Truth:
+    """As the detector wants it."""
+    instances = {
+        i.id: TruthInstance(i.id, i.class_name, np.array(i.center_m), i.graspable, i.name)
+        for i in shown.instances
+    }
+    return Truth(shown.ids.astype(np.uint16), instances)
 
 
 class House:

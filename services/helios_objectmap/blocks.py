@@ -17,11 +17,13 @@ _HALF = 1 << (_BITS - 1)
 
 
 class Blocks:
-    """The block of each row. A block that was used once keeps its number."""
+    """The block of each row. A block without rows may give its number to another one."""
 
     def __init__(self) -> None:
         self.rows = RowGroups()
         self._number: dict[int, int] = {}  # key of a block -> its group in `rows`
+        self._highest = 0  # number given so far
+        self._free: list[int] = []  # numbers below it that no block has
         self._center_m = np.empty((16, 3))  # by number; 0 is no block
 
     def add(self, rows: NDArray[np.integer], means: NDArray[np.float32]) -> None:
@@ -30,13 +32,12 @@ class Blocks:
             return
         ijk = np.floor(means.astype(np.float64) / BLOCK_M).astype(np.int64)
         keys, first, of_row = np.unique(_keys(ijk), return_index=True, return_inverse=True)
+        self._make_room(len(keys))
         numbers = np.empty(len(keys), np.int32)
         for k, (key, i) in enumerate(zip(keys.tolist(), first.tolist(), strict=True)):
             number = self._number.get(key)
             if number is None:
-                number = self._number[key] = len(self._number) + 1
-                if number >= len(self._center_m):
-                    self._center_m = np.concatenate([self._center_m, self._center_m])
+                number = self._number[key] = self._new_number()
                 self._center_m[number] = (ijk[i] + 0.5) * BLOCK_M
             numbers[k] = number
         self.rows.move(rows, numbers[of_row])
@@ -46,8 +47,10 @@ class Blocks:
 
         far_m: nothing farther along the optical axis is wanted.
         """
-        n = len(self._number) + 1
-        center = self._center_m[1:n] @ view.T_cam_world[:3, :3].T + view.T_cam_world[:3, 3]
+        center = (
+            self._center_m[1 : self._highest + 1] @ view.T_cam_world[:3, :3].T
+            + view.T_cam_world[:3, 3]
+        )
         x, y, z = center.T
         reach = BLOCK_M * np.sqrt(3) / 2 + margin_m
         inside = (z > -reach) & (z < far_m + reach)
@@ -70,6 +73,24 @@ class Blocks:
         around = np.unique(_keys(ijk[:, None] + offsets))
         found = (self._number.get(key) for key in around.tolist())
         return self.rows.rows_of(np.array([n for n in found if n is not None], np.int64))
+
+    def _make_room(self, blocks: int) -> None:
+        """For so many new ones: first the numbers of blocks without rows, then a larger table."""
+        if self._highest + blocks - len(self._free) < len(self._center_m):
+            return
+        for key, number in list(self._number.items()):
+            if not self.rows.count_of(number):
+                del self._number[key]
+                self._free.append(number)
+        # Half of it stays free, so that it is rare.
+        while self._highest + blocks - len(self._free) >= len(self._center_m) // 2:
+            self._center_m = np.concatenate([self._center_m, self._center_m])
+
+    def _new_number(self) -> int:
+        if self._free:
+            return self._free.pop()
+        self._highest += 1
+        return self._highest
 
 
 def _keys(ijk: NDArray[np.int64]) -> NDArray[np.int64]:

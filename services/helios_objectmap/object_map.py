@@ -160,7 +160,7 @@ class ObjectMap(Knowledge):
         return len(gone), self._remove(gone)
 
     def _creation_mask(self, reading: Reading, rendering: splat.Rendering) -> NDArray[np.bool_]:
-        detected = reading.labels != OTHER_LABEL
+        detected = (reading.labels != OTHER_LABEL) | self._settings.full_scene
         if self._settings.creation_rule == "paper":
             return create.paper_creation_mask(reading.depth_m, rendering, detected)
         return create.creation_mask(

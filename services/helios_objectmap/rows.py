@@ -61,6 +61,10 @@ class RowGroups:
             self._group, self._next, self._previous, self._head,
         )  # fmt: skip
 
+    def count_of(self, group: int) -> int:
+        """How many rows a group has."""
+        return int(self._count[group]) if group < len(self._count) else 0
+
     def rows_of(self, groups: Rows) -> NDArray[np.int32]:
         """All rows of some distinct groups, in rising order."""
         wanted = np.asarray(groups, np.int64)

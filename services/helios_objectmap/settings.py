@@ -45,6 +45,10 @@ class ObjectMapSettings(ServiceSettings):
         description="What a what-if expects of a view: the class, or half of it something else.",
     )
 
+    full_scene: bool = Field(
+        default=False,
+        description="Model every pixel, not only what was detected: to compare (Figure 4).",
+    )
     creation_rule: Literal["noise-scaled", "paper"] = Field(
         default="noise-scaled",
         description="noise-scaled creates and carves by depth noise; paper: literal",

@@ -118,6 +118,20 @@ def test_near_finds_everything_within_reach(seed, reach_m):
     assert set(np.flatnonzero(gap <= reach_m).tolist()) <= found
 
 
+def test_places_that_were_left_for_good_take_no_room():
+    rng = np.random.default_rng(0)
+    store, sizes = GaussianStore(), []
+    for lap in range(60):
+        here = rng.uniform(-4, 4, (400, 3)) + (0, 0, 10 * lap)
+        store.remove(np.arange(len(store)))
+        appended(store, here)
+        sizes.append(len(store.blocks._center_m))
+        view = View(60.0, 60.0, 23.5, 17.5, 48, 36, np.eye(4))
+        assert len(store.blocks.near(store.means, 0.1)) == 400
+        assert set(store.seen_by(view, 5.0).tolist()) <= set(range(400))
+    assert sizes[-1] == sizes[9], "blocks of places without rows are kept"
+
+
 def test_a_new_column_has_no_evidence_and_a_dropped_one_is_forgotten():
     store = GaussianStore()
     store.column("a")

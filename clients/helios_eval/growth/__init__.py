@@ -1,0 +1,1 @@
+"""The object map over long walks; `python -m helios_eval.object_map_growth` is the command."""

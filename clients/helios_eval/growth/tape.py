@@ -1,0 +1,71 @@
+"""What the object map was told while an agent played an episode, to be told to other maps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from helios_client.wrong_use import WrongUse
+from helios_core import proto as pb
+from helios_core.codec import context_from_proto, observation_from_proto, state_from_proto
+from helios_core.topics import CONTEXT, OBSERVATION, ROBOT_STATE
+from helios_core.types import Observation, SearchContext
+from helios_sim.thread import WorldThread
+
+from helios_eval import homes, spec
+from helios_eval.growth.walk import strided
+from helios_eval.house import House
+from helios_eval.play import LONGEST_S, make_world
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One frame, what was asked for, and what the robot held."""
+
+    observation: Observation
+    context: SearchContext
+    held: str
+
+
+def play(preset: str, seed: int, max_steps: int, stride_px: int) -> list[Seen]:
+    """An episode of the agent `helios` with the preset's noise.
+
+    Frames are kept on the pixels that a map with that stride takes. Raises HeliosError.
+    """
+    noise = spec.noise_of(homes.noise_of(preset), 1.0, None)
+    episode = spec.EpisodeSpec("ovmm", "helios", "noisy", preset, seed, noise)
+    thread = WorldThread(lambda: make_world(episode, homes.home_of(preset, seed)))
+    try:
+        instruction = thread.run(lambda world: world.episode.instruction)
+        with House(thread, "helios", noise, seed, {}) as house:
+            recorder = _Recorder(stride_px)
+            bus = house.bus()
+            bus.subscribe(CONTEXT, recorder.on_context)
+            bus.subscribe(ROBOT_STATE, recorder.on_state)
+            bus.subscribe(OBSERVATION, recorder.on_observation)
+            house.run(instruction, max_steps, LONGEST_S)
+            bus.close()
+    finally:
+        thread.close()
+    if not recorder.tape:
+        raise WrongUse(f"the episode of seed {seed} showed nothing in {max_steps} steps")
+    return recorder.tape
+
+
+class _Recorder:
+    def __init__(self, stride_px: int) -> None:
+        self.tape: list[Seen] = []
+        self._stride_px = stride_px
+        self._context: SearchContext | None = None
+        self._held = ""
+
+    def on_context(self, message: pb.SearchContext) -> None:
+        self._context = context_from_proto(message)
+
+    def on_state(self, message: pb.RobotState) -> None:
+        self._held = state_from_proto(message).held
+
+    def on_observation(self, message: pb.Observation) -> None:
+        observation = observation_from_proto(message)
+        if self._context is not None and self._context.id == observation.context_id:
+            seen = strided(observation, self._stride_px)
+            self.tape.append(Seen(seen, self._context, self._held))

@@ -1,0 +1,97 @@
+"""How the object map grows: cost per frame, objects only against the full scene, hours of frames.
+
+    python -m helios_eval.object_map_growth --out runs/growth
+
+`cost` maps 2,000 frames of homes that the map has not seen and draws the time of an update against
+the Gaussians mapped. `scene` is Figure 4 of the paper: one episode with objects only and with every
+pixel modelled. `hours` sends eight hours of frames (one every 4 s) through the object map's process
+and draws its memory. Leaves `growth.json` and a picture of each. Exit status 1 when the memory of
+`hours` still grows at the end.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numba
+from helios_core.errors import HeliosError
+
+from helios_eval.growth import cost, hours, plots, scene, tape
+from helios_eval.growth.walk import Walk, record
+
+PARTS = ("cost", "scene", "hours")
+
+
+def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m helios_eval.object_map_growth", description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("--out", type=Path, required=True, help="folder for figures and pictures")
+    parser.add_argument("--only", default=",".join(PARTS), help="some of the three")
+    parser.add_argument("--preset", default="ovmm-v1", help="kind of homes")
+    parser.add_argument("--seeds", default="0,1", help="homes that are walked through")
+    parser.add_argument("--walk", type=int, default=100, help="frames of each home's walk")
+    parser.add_argument("--stride", type=int, default=4, help="every n-th pixel, both ways")
+    parser.add_argument("--frames", type=int, default=2000, help="of `cost`")
+    parser.add_argument("--episode", type=int, default=0, help="seed of `scene`")
+    parser.add_argument("--max-steps", type=int, default=300, help="of `scene`")
+    parser.add_argument("--hours", type=float, default=8.0, help="robot time of `hours`")
+    parser.add_argument("--every-s", type=float, default=4.0, help="robot time between frames")
+    parser.add_argument(
+        "--max-gaussians", type=int, help="limit of the map in `hours`  [default: the service's]"
+    )
+    given = parser.parse_args(arguments)
+    given.only = given.only.split(",")
+    if not set(given.only) <= set(PARTS):
+        parser.error(f"--only {','.join(given.only)} is not known; give some of {','.join(PARTS)}")
+    try:
+        given.seeds = [int(seed) for seed in given.seeds.split(",")]
+    except ValueError:
+        parser.error(f"--seeds {given.seeds!r} are no numbers; give some like 0,1")
+    return given
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    given = parsed(arguments)
+    numba.set_num_threads(1)  # so that processor time is what one core takes
+
+    @functools.cache
+    def walks() -> tuple[Walk, ...]:
+        return tuple(record(given.preset, s, given.walk, given.stride) for s in given.seeds)
+
+    found: dict[str, object] = {}
+    steady = True
+    try:
+        if "cost" in given.only:
+            costs = cost.measure(walks(), given.frames)
+            plots.cost(costs, given.out / "cost.png")
+            found["cost"] = costs.summary()
+        if "scene" in given.only:
+            seen = tape.play(given.preset, given.episode, given.max_steps, given.stride)
+            maps = scene.measure(seen)
+            plots.scene(maps, given.out / "scene.png")
+            found["scene"] = {"frames": len(seen)} | {n: m.summary() for n, m in maps.items()}
+        if "hours" in given.only:
+            frames = round(given.hours * 3600 / given.every_s)
+            lived = hours.measure(walks(), frames, given.every_s, given.max_gaussians)
+            plots.hours(lived, given.out / "hours.png")
+            found["hours"], steady = lived.summary(), lived.is_steady
+    except HeliosError as error:
+        print(f"object_map_growth: {error.message}", file=sys.stderr)
+        return 1
+    text = json.dumps({"stride_px": given.stride} | found, indent=1)
+    (given.out / "growth.json").write_text(text + "\n")
+    print(text)
+    if not steady:
+        print("object_map_growth: memory still grows at the end", file=sys.stderr)
+    return 0 if steady else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,73 @@
+"""A router and one service as processes of their own, on a free port, for checks of the service."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+from helios_client.processes import Child, ProcessSpec
+from helios_client.stack import free_port
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.errors import Unavailable
+from helios_core.topics import status_topic
+from helios_core.zenoh_bus import ZenohBus
+
+START_WITHIN_S = 120.0
+
+
+class ServiceProcess:
+    """`python -m helios_<name>` beside a router. Ended by `close`."""
+
+    def __init__(self, name: str, arguments: tuple[str, ...], folder: Path) -> None:
+        """arguments: of the service, besides the router's address. folder: for the logs."""
+        self.name = name
+        self.router = f"tcp/127.0.0.1:{free_port()}"
+        self._folder = folder
+        self._children = [
+            self._start("router", "helios_core.router", "--listen", self.router),
+            self._start(name, f"helios_{name}", "--router", self.router, *arguments),
+        ]
+
+    def bus(self) -> Bus:
+        """Raises Unavailable when the router does not come up."""
+        deadline = time.monotonic() + START_WITHIN_S
+        while True:
+            try:
+                return ZenohBus(self.router)
+            except Unavailable:
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(0.2)
+
+    def ready(self, bus: Bus) -> int:
+        """Wait for the service; its process id. Raises Unavailable with its own words."""
+        said: list[pb.ServiceStatus] = []
+        bus.subscribe(status_topic(self.name), said.append)
+        deadline = time.monotonic() + START_WITHIN_S
+        while time.monotonic() < deadline:
+            if said and said[-1].state == "ready":
+                return said[-1].pid
+            ending = self._children[1].ended()
+            if ending is not None or (said and _is_last_word(said[-1])):
+                raise Unavailable(f"{self.name}: {ending.reason if ending else said[-1].reason}")
+            time.sleep(0.1)
+        reason = said[-1].reason if said else "it has said nothing"
+        raise Unavailable(f"{self.name} was not ready in {START_WITHIN_S:g} s: {reason}")
+
+    def close(self) -> None:
+        for child in reversed(self._children):
+            child.terminate()
+            if not child.wait(5):
+                child.kill()
+
+    def _start(self, name: str, module: str, *argv: str) -> Child:
+        spec = ProcessSpec(name, (sys.executable, "-m", module, *argv))
+        return Child(spec, self._folder / f"{name}.log")
+
+
+def _is_last_word(status: pb.ServiceStatus) -> bool:
+    """Whether it will not get ready by itself within the minute: a model is not there, or wrong."""
+    loads = status.reason.startswith("loading")
+    return status.state == "degraded" or (status.state == "waiting" and not loads)

@@ -1,0 +1,108 @@
+"""How the object map grows: short runs of what `helios_eval.object_map_growth` does at length."""
+
+from __future__ import annotations
+
+import json
+import tracemalloc
+
+import numpy as np
+import pytest
+from helios_core.codec import context_to_proto, observation_to_proto
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import CONTEXT, OBSERVATION
+from helios_eval import object_map_growth
+from helios_eval.growth import cost, hours, scene, tape
+from helios_eval.growth.hours import Hours, Sample
+from helios_eval.growth.walk import Walk, context_of, record
+from helios_objectmap.object_map import ObjectMap
+from helios_objectmap.service import ObjectMapService
+from helios_objectmap.settings import ObjectMapSettings
+
+STRIDE_PX = 4
+FRAMES = 20
+
+
+@pytest.fixture(scope="module")
+def walk() -> Walk:
+    return record("demo-v1", 0, FRAMES, STRIDE_PX)
+
+
+def test_a_strided_frame_makes_the_map_that_the_whole_frame_makes():
+    whole, strided = (record("demo-v1", 0, 5, stride) for stride in (1, STRIDE_PX))
+    maps = []
+    for walk, stride in ((whole, STRIDE_PX), (strided, 1)):
+        seen = ObjectMap(ObjectMapSettings(stride_px=stride))
+        context = context_of("walk", walk.receptacles, walk.things)
+        for observation in walk.again(0.0, 0, context.id):
+            seen.update(observation, context)
+        maps.append(seen.gaussians())
+    assert len(maps[0].means)
+    assert np.array_equal(maps[0].means, maps[1].means)
+    assert np.array_equal(maps[0].concentration, maps[1].concentration)
+
+
+def test_what_an_update_looks_at_does_not_follow_what_is_mapped(walk):
+    run = cost.measure([walk], 3 * FRAMES, say=lambda _: None)
+    assert run.in_view.shape == (3, FRAMES)
+    assert run.mapped[2, -1] > 2.9 * run.mapped[0, -1]
+    assert np.abs(run.in_view[2] - run.in_view[0]).max() <= 0.02 * run.in_view[0].max()
+
+
+def test_objects_only_are_a_small_part_of_the_full_scene():
+    maps = scene.measure(tape.play("demo-v1", 0, 12, STRIDE_PX))
+    objects, everything = maps["objects only"], maps["full scene"]
+    assert 0 < objects.gaussians[-1] < 0.5 * everything.gaussians[-1]
+    assert objects.mb[-1] < 0.5 * everything.mb[-1]
+
+
+def test_hours_of_frames_stay_within_the_limit_of_the_process(walk):
+    most = 1500
+    lived = hours.measure([walk], 5 * FRAMES, 2.0, most, say=lambda _: None)
+    assert lived.samples[-1].frame == 5 * FRAMES
+    assert all(s.gaussians <= most for s in lived.samples)
+    assert max(s.gaussians for s in lived.samples) > 0.9 * most  # it was reached
+    assert lived.growth() < 0.5
+
+
+def test_a_full_map_keeps_nothing_of_the_frames_it_has_seen(walk):
+    """Memory that Python and numpy hold; a frame that is kept would be 0.1 MB."""
+    hub = MemoryHub()
+    settings = ObjectMapSettings(stride_px=1, max_gaussians=1500)
+    ObjectMapService(MemoryBus(hub), settings, Health())
+    bus = MemoryBus(hub)
+
+    def laps(first: int, last: int) -> None:
+        for lap in range(first, last):
+            context = context_of(f"task {lap}", walk.receptacles[:4], walk.things[:4])
+            bus.publish(CONTEXT, context_to_proto(context))
+            for o in walk.again(lap * cost.SPACING_M, lap * FRAMES, context.id):
+                bus.publish(OBSERVATION, observation_to_proto(o))
+
+    laps(0, 2)  # so that all is compiled
+    tracemalloc.start()
+    laps(2, 5)
+    early = tracemalloc.get_traced_memory()[0]
+    laps(5, 8)
+    late = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert late - early < 1e6, f"{(late - early) / 1e6:.1f} MB more after {3 * FRAMES} frames"
+
+
+@pytest.mark.parametrize(("slope_mb", "steady"), [(0.0, True), (2.0, False)])
+def test_memory_that_grows_until_the_end_is_not_steady(slope_mb, steady):
+    samples = tuple(Sample(100 * k, 300 + slope_mb * k, 1000, 10) for k in range(1, 81))
+    run = Hours(2.0, samples)
+    assert run.is_steady == steady
+    assert run.summary()["robot_hours"] == pytest.approx(8000 * 2 / 3600, abs=0.01)
+
+
+def test_the_command_leaves_figures_and_a_picture(tmp_path):
+    status = object_map_growth.main(
+        ["--out", str(tmp_path), "--only", "cost", "--preset", "demo-v1", "--seeds", "0",
+         "--walk", "4", "--frames", "8"]
+    )  # fmt: skip
+    assert status == 0
+    assert (tmp_path / "cost.png").stat().st_size > 1000
+    found = json.loads((tmp_path / "growth.json").read_text())
+    assert found["cost"]["frames"] == 8
