@@ -15,6 +15,7 @@ from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
 from helios_map2d.grid import Box
+from helios_map2d.labels import Rect, Wanted, lead, placed
 from helios_map2d.occupancy import FREE, OCCUPIED
 from helios_map2d.snapshot import MapSnapshot
 
@@ -51,6 +52,15 @@ class Marked:
     center_m: tuple[float, float]
     size_m: tuple[float, float]
     score: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Label:
+    """Words for what is in a box of the picture."""
+
+    text: str
+    box_px: Rect
+    colour: Colour = INK_RGB
 
 
 class Sheet:
@@ -102,18 +112,29 @@ class Sheet:
         """Text with a white halo, its left end and base line at a pixel, or farther left where it
         would leave the picture."""
         width = max(1, round(self.font * 2))
-        plain = text.encode("ascii", "replace").decode()
-        room_px = self.pixels.shape[1] - self.text_width(plain) - 4
+        shown = plain(text)
+        room_px = self.pixels.shape[1] - self.text_width(shown) - 4
         u, v = max(0, min(at_px[0], room_px)), at_px[1]
         # A thicker text would also be a wider one: the halo is the same text, shifted.
         for du, dv in ((-2, 0), (2, 0), (0, -2), (0, 2), (-1, -1), (1, -1), (-1, 1), (1, 1)):
             place = (u + du, v + dv)
-            cv2.putText(self.pixels, plain, place, FONT, self.font, HALO_RGB, width, cv2.LINE_AA)
-        cv2.putText(self.pixels, plain, (u, v), FONT, self.font, colour, width, cv2.LINE_AA)
+            cv2.putText(self.pixels, shown, place, FONT, self.font, HALO_RGB, width, cv2.LINE_AA)
+        cv2.putText(self.pixels, shown, (u, v), FONT, self.font, colour, width, cv2.LINE_AA)
 
     def text_width(self, text: str) -> int:
         (width, _), _ = cv2.getTextSize(text, FONT, self.font, max(1, round(self.font * 2)))
         return width
+
+    @property
+    def text_height(self) -> int:
+        """Of a line, with what hangs below it."""
+        (_, height), below = cv2.getTextSize("Ag", FONT, self.font, max(1, round(self.font * 2)))
+        return height + below + 2
+
+
+def plain(text: str) -> str:
+    """OpenCV's font knows ASCII only."""
+    return text.encode("ascii", "replace").decode()
 
 
 def render(
@@ -145,10 +166,9 @@ def render(
     if path_m is not None:
         sheet.line(path_m, (255, 255, 255), 3 * sheet.line_px)
         sheet.line(path_m, PATH_RGB, 2 * sheet.line_px)
-    _draw_objects(sheet, objects)
-    _draw_frontier_centres(sheet, snapshot, layer)
-    if snapshot.robot_pose is not None:
-        _draw_robot(sheet, *snapshot.robot_pose)
+    labels = [*_draw_objects(sheet, objects), *_draw_frontier_centres(sheet, snapshot, layer)]
+    robot = [] if snapshot.robot_pose is None else [_draw_robot(sheet, *snapshot.robot_pose)]
+    _draw_labels(sheet, labels, robot)
     _draw_foot(sheet, snapshot, layer)
     return sheet.pixels
 
@@ -196,7 +216,8 @@ def _draw_frontier_cells(
         cv2.circle(sheet.pixels, sheet.at(x_m, y_m), radius, colour, -1, cv2.LINE_AA)
 
 
-def _draw_frontier_centres(sheet: Sheet, snapshot: MapSnapshot, layer: str) -> None:
+def _draw_frontier_centres(sheet: Sheet, snapshot: MapSnapshot, layer: str) -> list[_Label]:
+    labels = []
     for frontier in snapshot.frontiers:
         u, v = sheet.at(*frontier.centre_m)
         radius = 4 * sheet.line_px
@@ -205,10 +226,14 @@ def _draw_frontier_centres(sheet: Sheet, snapshot: MapSnapshot, layer: str) -> N
         cv2.circle(sheet.pixels, (u, v), radius, colour, -1, cv2.LINE_AA)
         shown = frontier.values if layer == OCCUPANCY else {layer: frontier.values.get(layer, 0.0)}
         label = " ".join(f"{name} {value:.2f}" for name, value in shown.items())
-        sheet.text(label, (u + radius + 4, v + 4))
+        if label:
+            labels.append(_Label(label, (u - radius, v - radius, u + radius, v + radius)))
+    return labels
 
 
-def _draw_objects(sheet: Sheet, objects: Sequence[Marked]) -> None:
+def _draw_objects(sheet: Sheet, objects: Sequence[Marked]) -> list[_Label]:
+    """Their labels, the surest first."""
+    labels = []
     names = sorted({thing.label for thing in objects})
     for thing in sorted(objects, key=lambda thing: thing.score):
         colour = OBJECT_RGB[names.index(thing.label) % len(OBJECT_RGB)]
@@ -222,10 +247,31 @@ def _draw_objects(sheet: Sheet, objects: Sequence[Marked]) -> None:
         v0, v1 = min(v0, (v0 + v1) // 2 - half), max(v1, (v0 + v1) // 2 + half)
         cv2.rectangle(sheet.pixels, (u0, v0), (u1, v1), (255, 255, 255), sheet.line_px + 2)
         cv2.rectangle(sheet.pixels, (u0, v0), (u1, v1), colour, sheet.line_px)
-        sheet.text(f"{thing.label[:40]} {thing.score:.2f}", (u0, v0 - 5), colour)
+        labels.append(_Label(f"{thing.label[:40]} {thing.score:.2f}", (u0, v0, u1, v1), colour))
+    return labels[::-1]
 
 
-def _draw_robot(sheet: Sheet, x_m: float, y_m: float, yaw_rad: float) -> None:
+def _draw_labels(sheet: Sheet, labels: Sequence[_Label], taken: Sequence[Rect]) -> None:
+    """Each beside what it names and over no other; one without room is left out."""
+    size = sheet.pixels.shape[0]
+    wanted = [
+        Wanted(sheet.text_width(plain(label.text)) + 6, sheet.text_height, label.box_px)
+        for label in labels
+    ]
+    places = placed(wanted, (size, size - FOOT_PX), taken)
+    for label, place in zip(labels, places, strict=True):
+        if place is not None and (line := lead(place, label.box_px)):
+            ends = [(round(u), round(v)) for u, v in line]
+            cv2.line(sheet.pixels, *ends, HALO_RGB, sheet.line_px + 2, cv2.LINE_AA)
+            cv2.line(sheet.pixels, *ends, label.colour, sheet.line_px, cv2.LINE_AA)
+    for label, place in zip(labels, places, strict=True):
+        if place is not None:
+            at = round(place[0]) + 3, round(place[3] - sheet.text_height * 0.3)
+            sheet.text(label.text, at, label.colour)
+
+
+def _draw_robot(sheet: Sheet, x_m: float, y_m: float, yaw_rad: float) -> Rect:
+    """Where it is in the picture."""
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     corners = [(0.30, 0.0), (-0.20, 0.19), (-0.11, 0.0), (-0.20, -0.19)]
     points = np.array(
@@ -233,6 +279,8 @@ def _draw_robot(sheet: Sheet, x_m: float, y_m: float, yaw_rad: float) -> None:
     )
     cv2.fillPoly(sheet.pixels, [points], ROBOT_RGB, cv2.LINE_AA)
     cv2.polylines(sheet.pixels, [points], True, (255, 255, 255), sheet.line_px, cv2.LINE_AA)
+    (u0, v0), (u1, v1) = points.min(axis=0), points.max(axis=0)
+    return float(u0), float(v0), float(u1), float(v1)
 
 
 def _draw_foot(sheet: Sheet, snapshot: MapSnapshot, layer: str) -> None:

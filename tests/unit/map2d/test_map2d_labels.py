@@ -1,8 +1,22 @@
-"""Labels of map pictures are read whole."""
+"""Labels of map pictures are read whole, and none stands over another."""
 
 import numpy as np
+from helios_map2d.labels import Rect, Wanted, lead, placed
 from helios_map2d.picture import UNKNOWN_RGB, Sheet
 from helios_map2d.state import MapRules, MapState
+from hypothesis import given
+from hypothesis import strategies as st
+
+SIZE_PX = (600, 400)
+
+boxes = st.tuples(
+    st.floats(0, 560), st.floats(0, 380), st.floats(1, 40), st.floats(1, 20)
+).map(lambda b: (b[0], b[1], b[0] + b[2], b[1] + b[3]))  # fmt: skip
+labels = st.builds(Wanted, st.floats(20, 120), st.floats(8, 20), boxes)
+
+
+def overlap(a: Rect, b: Rect) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
 def ink_px(at_px: tuple[int, int]) -> int:
@@ -14,3 +28,29 @@ def ink_px(at_px: tuple[int, int]) -> int:
 
 def test_a_label_at_an_edge_is_as_whole_as_one_in_the_middle() -> None:
     assert ink_px((590, 300)) == ink_px((200, 300)) > 0
+
+
+@given(st.lists(labels, max_size=30), boxes)
+def test_no_label_stands_over_another_nor_outside_nor_where_it_may_not(
+    wanted: list[Wanted], taken: Rect
+) -> None:
+    places = placed(wanted, SIZE_PX, [taken])
+    assert len(places) == len(wanted)
+    found = [place for place in places if place is not None]
+    for k, place in enumerate(found):
+        assert place[0] >= 0 <= place[1]
+        assert place[2] <= SIZE_PX[0]
+        assert place[3] <= SIZE_PX[1]
+        assert not any(overlap(place, other) for other in [taken, *found[:k]])
+
+
+def test_many_things_in_one_spot_all_have_a_label() -> None:
+    wanted = [Wanted(100, 14, (300, 200, 320, 210))] * 12
+    places = placed(wanted, SIZE_PX)
+    assert None not in places
+    assert lead(places[0] or (0, 0, 0, 0), wanted[0].box_px) is None
+    assert lead(places[-1] or (0, 0, 0, 0), wanted[-1].box_px) is not None
+
+
+def test_a_thing_alone_has_its_label_right_above() -> None:
+    assert placed([Wanted(100, 14, (300, 200, 320, 210))], SIZE_PX) == [(300, 182, 400, 196)]
