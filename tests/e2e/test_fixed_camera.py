@@ -13,7 +13,7 @@ from helios_core import proto as pb
 from helios_core.geometry import Pinhole, camera_on_base
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.robot import ActionResult, Capture
+from helios_core.robot import Action, ActionResult, Capture
 from helios_core.topics import GET_TASK, SUBMIT, TASK
 from helios_core.types import RobotDescription
 from helios_detector.backend import open_scorer
@@ -46,7 +46,7 @@ class LevelRobot(RoomRobot):
         color, depth_m = look(WIDE, T_world_cam)
         return replace(base, color=color, depth_m=depth_m, camera=WIDE, T_world_cam=T_world_cam)
 
-    def act(self, action: object, action_id: str) -> ActionResult:
+    def act(self, action: Action, action_id: str) -> ActionResult:
         result = super().act(action, action_id)
         self.blocked = getattr(self, "blocked", 0) + result.reason.startswith("blocked")
         return result
