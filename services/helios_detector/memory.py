@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import math
 import sys
 from pathlib import Path
 
 MB = 1e6
+FLOATS = ("F64", "F32", "F16", "BF16")
+MOST_HEADER_BYTES = 100_000_000  # the format's own limit
 
 
 def free_mb(device: str) -> float | None:
@@ -39,8 +43,12 @@ def accelerator_mb(device: str) -> float | None:
     return peak
 
 
-def weights_mb(source: str) -> float:
-    """Size of the weight files of a folder or of a cached model id; 0 when they are not there."""
+def weights_mb(source: str, number_bytes: int = 4) -> float:
+    """Memory for the weights of a folder or of a cached model id; 0 when they are not there.
+
+    `number_bytes` is of a number once it is loaded: files hold float32 or half precision, whatever
+    is asked for.
+    """
     folder = Path(source)
     if not folder.is_dir():
         from huggingface_hub import try_to_load_from_cache
@@ -49,8 +57,27 @@ def weights_mb(source: str) -> float:
         if not isinstance(config, str):
             return 0.0
         folder = Path(config).parent
-    files = list(folder.glob("*.safetensors")) or list(folder.glob("*.bin"))
-    return sum(f.stat().st_size for f in files) / MB
+    files = list(folder.glob("*.safetensors"))
+    if files:
+        return sum(_loaded_bytes(f, number_bytes) for f in files) / MB
+    return sum(f.stat().st_size for f in folder.glob("*.bin")) / MB
+
+
+def _loaded_bytes(file: Path, number_bytes: int) -> int:
+    """Of a safetensors file: a header in JSON says the type and shape of each of its arrays."""
+    try:
+        with file.open("rb") as opened:
+            size = int.from_bytes(opened.read(8), "little")
+            header = json.loads(opened.read(min(size, MOST_HEADER_BYTES)))
+        arrays = [a for name, a in header.items() if name != "__metadata__"]
+        return sum(
+            math.prod(a["shape"]) * number_bytes
+            if a["dtype"] in FLOATS
+            else a["data_offsets"][1] - a["data_offsets"][0]
+            for a in arrays
+        )
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return file.stat().st_size  # damaged: loading it says so
 
 
 def _proc_mb(path: str, key: str) -> float | None:

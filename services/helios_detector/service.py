@@ -19,7 +19,7 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import context_from_proto, frame_from_proto, observation_to_proto
 from helios_core.codec.frames import detection_to_proto
-from helios_core.errors import HeliosError, InvalidInput
+from helios_core.errors import HeliosError, Internal, InvalidInput
 from helios_core.health import Health
 from helios_core.topics import CONTEXT, FRAME, KEYFRAME, OBSERVATION, PREVIEW
 from helios_core.types import Frame, Observation, SearchContext
@@ -32,6 +32,14 @@ from helios_detector.models import Models
 from helios_detector.workload import Workload
 
 log = logging.getLogger(__name__)
+
+
+def typed(error: Exception) -> HeliosError:
+    """The error itself, or what stands for one that nobody foresaw; that one is logged."""
+    if isinstance(error, HeliosError):
+        return error
+    log.error("unforeseen", exc_info=error)
+    return Internal(f"{type(error).__name__}: {error}; see the detector's log")
 
 
 class DetectorService:
@@ -59,7 +67,7 @@ class DetectorService:
         self._context: SearchContext | None = None
         self._refused: dict[str, str] = {}
         self._held: pb.Frame | None = None
-        self._trouble = ""  # why the last keyframe could not be answered
+        self._trouble = ""  # why the last keyframe or context came to nothing
         if listen:
             bus.subscribe(KEYFRAME, self.on_keyframe)
             bus.subscribe(FRAME, self.on_frame)
@@ -90,11 +98,14 @@ class DetectorService:
         """What is sought from now on. Classes that cannot be found are said, the others sought."""
         try:
             context = context_from_proto(message)
-        except InvalidInput as error:
+            refused = dict(self._models.detector.refused(context))
+        except Exception as error:
+            fault = typed(error)
             self._health.count("contexts_refused")
-            log.warning("search context %.100s refused: %s", message.id, error.message)
+            log.warning("search context %.100s refused: %s", message.id, fault.message)
+            if not isinstance(fault, InvalidInput):  # the message is good, the back end is not
+                self._say_trouble(f"search context {message.id} is not sought: {fault.message}")
             return
-        refused = dict(self._models.detector.refused(context))
         findable = tuple(c for c in context.classes if c.name not in refused)
         with self._lock:
             self._context, self._refused = replace(context, classes=findable), refused
@@ -123,13 +134,12 @@ class DetectorService:
                 self._answer(message, context, sent)
         except InvalidInput as error:
             self._refuse("keyframes_refused", message, error)
-        except HeliosError as error:
-            self._refuse("keyframes_failed", message, error)
-            trouble = f"the last keyframe could not be answered: {error.message}"
+        except Exception as error:
+            fault = typed(error)
+            self._refuse("keyframes_failed", message, fault)
+            trouble = f"the last keyframe could not be answered: {fault.message}"
         finally:
-            with self._lock:
-                self._trouble = trouble
-            self._tell_health()
+            self._say_trouble(trouble)
 
     def on_frame(self, message: pb.Frame) -> None:
         """Publish a preview, unless another frame is being worked on."""
@@ -145,8 +155,8 @@ class DetectorService:
                 findings = self._analyst.detect(frame, context) if context else Findings((), ())
                 self._publish_preview(message, frame, findings)
                 self._analyst.timed("preview", began)
-            except HeliosError as error:
-                self._refuse("previews_refused", message, error)
+            except Exception as error:
+                self._refuse("previews_refused", message, typed(error))
 
     # --- what goes out ------------------------------------------------------------------------
     def _answer(self, message: pb.Frame, context: SearchContext, sent: Callable[[], None]) -> None:
@@ -185,6 +195,11 @@ class DetectorService:
     def _refuse(self, counter: str, message: pb.Frame, error: HeliosError) -> None:
         self._health.count(counter)
         log.warning("%s: frame %d: %s", counter, message.id.seq, error.message)
+
+    def _say_trouble(self, trouble: str) -> None:
+        with self._lock:
+            self._trouble = trouble
+        self._tell_health()
 
     def _tell_health(self) -> None:
         with self._lock:

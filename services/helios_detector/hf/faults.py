@@ -7,10 +7,16 @@ for along the chain. Types are told by name, so that no library is imported for 
 from __future__ import annotations
 
 import errno
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
 
+NOT_LEARNT = ("position_ids",)  # counted up by the library
+INCOMPLETE = (  # words of the library
+    "no file named", "does not appear to have", "Should have a `model_type`",
+    "Can't load image processor", "Can't load processor", "Can't load tokenizer",
+)  # fmt: skip
 EXTRA = "pip install 'helios-ovmm[transformers]'"
 
 
@@ -88,12 +94,40 @@ def load_fault(error: BaseException, source: str, setting: str) -> HeliosError:
             f"a weight file of {source} is damaged ({short(error)}); delete it and let it load "
             "again"
         )
-    if "no file named" in texts or "does not appear to have" in texts:
+    if any(words in texts for words in INCOMPLETE):
         return Unavailable(f"{source} is not complete ({short(error)}); copy all of its files")
+    if "is not a valid JSON file" in texts:
+        return Unavailable(f"a file of {source} is damaged ({short(error)}); copy it again")
+    if "ignore_mismatched_sizes" in texts:
+        return InvalidInput(
+            f"config.json and the weights of {source} do not belong together: their sizes differ; "
+            "copy all of its files from one model"
+        )
+    if "contains custom code" in texts:
+        return InvalidInput(
+            f"{source} needs code of its own, which is never run here; set {setting} to a model of "
+            "a kind that docs/models.md lists"
+        )
     return InvalidInput(
         f"{source} cannot be loaded ({short(error)}); set {setting} to a model of a kind that "
         "docs/models.md lists"
     )
+
+
+def check_whole(told: Mapping[str, Any], source: str, setting: str) -> None:
+    """What the library told of loading: it gives random numbers to weights that the files lack.
+
+    A model trained for something else, or whose files do not belong together, would answer at
+    random. Raises InvalidInput.
+    """
+    missing = {*told["missing_keys"], *(key for key, *_ in told["mismatched_keys"])}
+    needed = sorted(key for key in missing if not key.endswith(NOT_LEARNT))
+    if needed:
+        raise InvalidInput(
+            f"the files of {source} lack {len(needed)} of the weights that this use needs "
+            f"({', '.join(needed[:2])}, …), which would be random; set {setting} to a model that "
+            "was trained for it (docs/models.md)"
+        )
 
 
 def memory_fault(source: str, setting: str) -> Unavailable:

@@ -13,7 +13,7 @@ from typing import Any
 from helios_core.errors import InvalidInput, Unavailable
 from numpy.typing import NDArray
 
-from helios_detector.hf.faults import EXTRA, load_fault, out_of_memory, run_fault
+from helios_detector.hf.faults import EXTRA, check_whole, load_fault, out_of_memory, run_fault
 from helios_detector.memory import accelerator_mb, free_mb, weights_mb
 
 PRECISIONS = ("auto", "float32", "float16", "bfloat16")
@@ -89,7 +89,7 @@ def config_of(source: str, setting: str) -> Any:
     """The model's configuration. Raises the typed errors of `faults.load_fault`."""
     transformers = need_library()
     try:
-        return transformers.AutoConfig.from_pretrained(source)
+        return transformers.AutoConfig.from_pretrained(source, trust_remote_code=False)
     except Exception as error:
         raise load_fault(error, source, setting) from error
 
@@ -187,12 +187,13 @@ class HfModel:
         self._dtype = _dtype(self._placement.precision, self.device, torch)
         if self.device == "cpu":
             torch.set_num_threads(self._placement.threads)
-        self._check_room()
+        self._check_room(self._weights_dtype(torch).itemsize)
         try:
             processor = getattr(transformers, self._processor_class).from_pretrained(self.source)
-            model = getattr(transformers, self._model_class).from_pretrained(
-                self.source, dtype=self._dtype if self._half_weights else torch.float32
+            model, told = getattr(transformers, self._model_class).from_pretrained(
+                self.source, dtype=self._weights_dtype(torch), output_loading_info=True
             )
+            check_whole(told, self.source, self._setting)
             model = model.eval().to(self.device)
         except Exception as error:
             raise load_fault(error, self.source, self._setting) from error
@@ -205,8 +206,11 @@ class HfModel:
         self._loaded = model, processor
         return self._loaded
 
-    def _check_room(self) -> None:
-        free, wanted = free_mb(self.device), weights_mb(self.source)
+    def _weights_dtype(self, torch: Any) -> Any:
+        return self._dtype if self._half_weights else torch.float32
+
+    def _check_room(self, number_bytes: int) -> None:
+        free, wanted = free_mb(self.device), weights_mb(self.source, number_bytes)
         if free is not None and wanted > free:
             raise Unavailable(
                 f"{self.source} has {wanted:.0f} MB of weights and {self.device} has {free:.0f} MB "

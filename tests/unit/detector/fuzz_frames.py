@@ -1,6 +1,7 @@
 """Mutated frames against the detector service with a real model: nothing may end it.
 
-    .venv/bin/python tests/unit/detector/fuzz_frames.py --frames 10000
+    .venv/bin/python tests/unit/detector/fuzz_frames.py --frames 10000 --detector onnx:yolox.onnx
+    .venv/bin/python tests/unit/detector/fuzz_frames.py --frames 10000    # a tiny OWLv2
 
 Each frame is handled as a keyframe and as a stream frame; it must be answered or refused with a
 typed error and a counter. `keyframes_failed` counts faults inside the service and must stay 0. A
@@ -19,6 +20,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -33,7 +35,8 @@ from helios_core.codec import context_to_proto, frame_to_proto
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import OBSERVATION, PREVIEW
-from helios_detector.backend import DetectorBackend
+from helios_detector.backend import DetectorBackend, DetectorOptions, open_detector
+from helios_detector.memory import resident_mb
 from helios_detector.scorer import LexicalScorer
 from helios_detector.service import DetectorService
 
@@ -86,6 +89,17 @@ def bomb(frame: pb.Frame, rng: random.Random) -> None:
     size = struct.pack(">II" if at == 16 else ">HH", *(rng.choice((1, 10_000, 65_535)),) * 2)
     data[at : at + len(size)] = size
     image.data = bytes(data)
+
+
+@cache
+def giant_png() -> bytes:
+    """A whole image of 100 megapixels in a few hundred kilobytes."""
+    return cv2.imencode(".png", np.zeros((10_000, 10_000), np.uint8))[1].tobytes()
+
+
+def giant(frame: pb.Frame, rng: random.Random) -> None:
+    frame.ClearField("raw_color")
+    frame.compressed_color.format, frame.compressed_color.data = "png", giant_png()
 
 
 def encoding(frame: pb.Frame, rng: random.Random) -> None:
@@ -143,8 +157,8 @@ def swap(frame: pb.Frame, rng: random.Random) -> None:
 
 
 MUTATIONS: tuple[Mutation, ...] = (
-    flip_bytes, cut, lengthen, bomb, encoding, float_depth, calibration, pose, stamp, drop_field,
-    swap,
+    flip_bytes, cut, lengthen, bomb, giant, encoding, float_depth, calibration, pose, stamp,
+    drop_field, swap,
 )  # fmt: skip
 
 
@@ -179,21 +193,32 @@ def run(frames: int, detector: DetectorBackend, seed: int = 0) -> Counter[str]:
     return Counter(counts)
 
 
+def opened(spec: str, folder: Path) -> DetectorBackend:
+    """What a setting names; a tiny OWLv2 with random weights where it names nothing."""
+    if not spec:
+        import tiny_models
+
+        spec = f"transformers:{tiny_models.write('owlv2', folder)}"
+    detector = open_detector(spec, DetectorOptions(device="cpu"))
+    detector.warm_up()
+    return detector
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--frames", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--detector", default="", help="onnx:FILE, transformers:ID")
     args = parser.parse_args()
-    import tiny_models
-    from helios_detector.hf.detector import HfDetector
-    from helios_detector.hf.runtime import Placement
-
-    logging.disable(logging.WARNING)
+    logging.disable(logging.ERROR)
     with tempfile.TemporaryDirectory() as folder:
-        owl = tiny_models.write("owlv2", Path(folder))
-        began = time.perf_counter()
-        counts = run(args.frames, HfDetector(f"transformers:{owl}", Placement("cpu")), args.seed)
-    print(f"{args.frames} frames in {time.perf_counter() - began:.0f} s, {dict(counts)}")
+        detector = opened(args.detector, Path(folder))
+        began, before_mb = time.perf_counter(), resident_mb()
+        counts = run(args.frames, detector, args.seed)
+    print(
+        f"{detector.name}: {args.frames} frames in {time.perf_counter() - began:.0f} s, "
+        f"{resident_mb() - before_mb:+.0f} MB, {dict(counts)}"
+    )
 
 
 if __name__ == "__main__":

@@ -1,21 +1,28 @@
-"""Mutated frames against a real model; the long run is `fuzz_frames.py --frames 10000`."""
+"""Mutated frames against real models; the long runs are those of `fuzz_frames.py`."""
 
 import random
 from pathlib import Path
 
 import fuzz_frames
 import pytest
-import tiny_models
 from detector_scene import frame_of
 from helios_core.codec import frame_from_proto, frame_to_proto
 from helios_core.errors import InvalidInput
-from helios_detector.hf.detector import HfDetector
-from helios_detector.hf.runtime import Placement
+
+YOLOX = Path(__file__).resolve().parents[4] / "shared" / "models" / "yolox_nano.onnx"
 
 
 def test_300_mutated_frames_are_answered_or_refused(tmp_path: Path):
-    owl = tiny_models.write("owlv2", tmp_path)
-    counts = fuzz_frames.run(300, HfDetector(f"transformers:{owl}", Placement("cpu")), seed=1)
+    counts = fuzz_frames.run(300, fuzz_frames.opened("", tmp_path), seed=1)
+    assert counts["keyframes_refused"] > 100
+    assert counts["keyframes_answered"] > 30
+    assert counts["previews_refused"] == counts["keyframes_refused"]
+
+
+@pytest.mark.skipif(not YOLOX.is_file(), reason=f"no model at {YOLOX}")
+def test_and_so_they_are_with_yolox(tmp_path: Path):
+    pytest.importorskip("onnxruntime")
+    counts = fuzz_frames.run(300, fuzz_frames.opened(f"onnx:{YOLOX}", tmp_path), seed=2)
     assert counts["keyframes_refused"] > 100
     assert counts["keyframes_answered"] > 30
     assert counts["previews_refused"] == counts["keyframes_refused"]

@@ -1,19 +1,21 @@
 """Whatever keeps a model from working becomes one typed error with one sentence to act on."""
 
 import errno
+import json
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 import tiny_models
-from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
-from helios_detector.backend import DetectorOptions, open_detector
+from helios_core.errors import Internal, InvalidInput, Unavailable
+from helios_detector.backend import DetectorOptions, open_detector, open_scorer
 from helios_detector.hf import runtime
 from helios_detector.hf.faults import load_fault, run_fault
 from helios_detector.hf.runtime import HfModel, Placement, need_library, source_of
 from helios_detector.memory import weights_mb
 from huggingface_hub import errors as hub
+from safetensors.torch import load_file, save_file
 
 
 def response(status: int) -> Any:
@@ -89,7 +91,7 @@ def test_an_id_without_a_hub_is_said_and_may_be_tried_again(monkeypatch: pytest.
 
 
 def test_a_folder_without_a_model_is_said(tmp_path: Path):
-    with pytest.raises(HeliosError, match=r"cannot be loaded|is not complete"):
+    with pytest.raises(Unavailable, match="is not complete"):
         open_detector(f"transformers:{tmp_path}", DetectorOptions())
 
 
@@ -130,6 +132,76 @@ def test_a_missing_tokenizer_is_said(owl: Path, tmp_path: Path):
         opened(copy_of(owl, tmp_path, "tokenizer.json")).use(),
     ):
         pass
+
+
+def edited(folder: Path, to: Path, **config: Any) -> Path:
+    """A copy with other entries in its configuration."""
+    out = copy_of(folder, to)
+    told = json.loads((out / "config.json").read_text())
+    (out / "config.json").write_text(json.dumps(told | config))
+    return out
+
+
+def test_a_cut_weight_file_is_said(owl: Path, tmp_path: Path):
+    broken = copy_of(owl, tmp_path)
+    whole = (broken / "model.safetensors").read_bytes()
+    (broken / "model.safetensors").write_bytes(whole[:-5000])
+    with pytest.raises(Unavailable, match=r"a weight file of .* is damaged"), opened(broken).use():
+        pass
+
+
+@pytest.mark.parametrize("missing", ["config.json", "processor_config.json"])
+def test_a_folder_that_lacks_a_file_is_not_complete(owl: Path, tmp_path: Path, missing: str):
+    folder = copy_of(owl, tmp_path, missing)
+    with pytest.raises(Unavailable, match=r"is not complete .*copy all of its files"):
+        open_detector(f"transformers:{folder}", DetectorOptions(device="cpu")).warm_up()
+
+
+def test_a_cut_configuration_is_said(owl: Path, tmp_path: Path):
+    folder = copy_of(owl, tmp_path)
+    (folder / "config.json").write_text('{"model_type": "owlv2"')
+    with pytest.raises(Unavailable, match=r"a file of .* is damaged .*copy it again"):
+        open_detector(f"transformers:{folder}", DetectorOptions())
+
+
+def test_weights_of_another_size_are_said(owl: Path, tmp_path: Path):
+    told = json.loads((owl / "config.json").read_text())
+    vision = told["vision_config"] | {"intermediate_size": 64}
+    folder = edited(owl, tmp_path, vision_config=vision)
+    with pytest.raises(InvalidInput, match="do not belong together"), opened(folder).use():
+        pass
+
+
+def test_a_model_without_the_heads_that_are_used_is_refused_not_answered_at_random(tmp_path: Path):
+    """A BLIP-2 that writes captions has the kind of the one that scores, and not its heads."""
+    folder = tiny_models.write("blip-2", tmp_path / "blip")
+    weights = load_file(folder / "model.safetensors")
+    without = {k: v for k, v in weights.items() if "itm_head" not in k and "_projection" not in k}
+    assert len(without) == len(weights) - 6
+    save_file(without, folder / "model.safetensors", {"format": "pt"})
+    scorer = open_scorer(f"transformers:{folder}", DetectorOptions(device="cpu"))
+    with pytest.raises(InvalidInput, match=r"lack 6 of the weights .*\(itm_head.bias, .*random"):
+        scorer.warm_up()
+
+
+def test_code_that_comes_with_a_model_is_never_run(owl: Path, tmp_path: Path):
+    folder = edited(owl, tmp_path, model_type="own", auto_map={"AutoConfig": "own.Config"})
+    mark = tmp_path / "ran"
+    (folder / "own.py").write_text(f"open({str(mark)!r}, 'w')\nclass Config: pass\n")
+    with pytest.raises(InvalidInput, match="needs code of its own, which is never run here"):
+        open_detector(f"transformers:{folder}", DetectorOptions())
+    assert not mark.exists()
+
+
+def test_weights_are_weighed_as_they_will_be_loaded(owl: Path, tmp_path: Path):
+    """Files may hold float32 and be loaded in half precision, or the other way round."""
+    exact = weights_mb(str(owl))
+    assert weights_mb(str(owl), 2) == pytest.approx(exact / 2, rel=0.01)
+    numbers = load_file(owl / "model.safetensors")
+    save_file({k: v.half() for k, v in numbers.items()}, tmp_path / "model.safetensors")
+    assert weights_mb(str(tmp_path)) == pytest.approx(exact, rel=0.01)
+    (tmp_path / "model.safetensors").write_bytes(b"\xff" * 1000)
+    assert weights_mb(str(tmp_path)) == 0.001
 
 
 def test_weights_that_cannot_fit_are_refused_before_they_are_read(

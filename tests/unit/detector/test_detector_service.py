@@ -240,6 +240,56 @@ def test_nan_and_negative_depth_count_as_no_depth():
     assert (frame.depth_m[:30] == 0).all()
 
 
+class Leaking(GroundTruthDetector):
+    """Fails where nobody expects it: after the detection, or when it is told what is sought."""
+
+    def __init__(self, truth: SceneTruth) -> None:
+        super().__init__(truth)
+        self.fails = ""
+
+    def refused(self, context):
+        if self.fails == "refused":
+            raise ZeroDivisionError("names")
+        return super().refused(context)
+
+    def accelerator_mb(self) -> float:
+        if self.fails == "accelerator":
+            raise RuntimeError("CUDA error: unspecified launch failure")
+        return 0.0
+
+
+def test_a_fault_after_the_detection_is_counted_and_said_and_the_next_frame_answered():
+    truth = SceneTruth()
+    leaking = Leaking(truth)
+    house = House(leaking)
+    house.truth = truth
+    house.look_for()
+    leaking.fails = "accelerator"
+    house.bus.publish(KEYFRAME, house.frame(1))
+    assert house.count("keyframes_failed") == 1
+    assert house.health.state[0] == "degraded"
+    assert "could not be answered: RuntimeError: CUDA error" in house.health.state[1]
+    leaking.fails = ""
+    house.bus.publish(KEYFRAME, house.frame(2))
+    assert [o.frame.id.seq for o in house.observations] == [2]
+    assert house.health.state == ("ready", "")
+
+
+def test_a_context_that_the_back_end_cannot_read_is_counted_and_said():
+    truth = SceneTruth()
+    leaking = Leaking(truth)
+    house = House(leaking)
+    house.truth = truth
+    leaking.fails = "refused"
+    house.look_for()
+    assert house.count("contexts_refused") == 1
+    assert "search context c1 is not sought: ZeroDivisionError: names" in house.health.state[1]
+    leaking.fails = ""
+    house.look_for()
+    house.bus.publish(KEYFRAME, house.frame())
+    assert house.health.state == ("ready", "")
+
+
 def test_500_mutated_frames_kill_nothing():
     house = House()
     house.look_for()
