@@ -10,6 +10,8 @@ from contextlib import contextmanager
 import pytest
 from playwright.sync_api import Browser, sync_playwright
 
+# A graphics card in software: the page may draw in 3D on any machine.
+WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 DEADLINE_MS = 30_000
 
@@ -21,14 +23,14 @@ def chromium_path() -> str | None:
 
 
 @contextmanager
-def chromium() -> Iterator[Browser]:
-    """Skips the test where none is installed."""
+def chromium(*more: str) -> Iterator[Browser]:
+    """Started with `more` arguments. Skips the test where none is installed."""
     path = chromium_path()
     if path is None:
         pytest.skip("no Chromium: apt-get install chromium, or set HELIOS_TEST_CHROMIUM")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
-            executable_path=path, args=["--no-sandbox", "--disable-gpu"]
+            executable_path=path, args=["--no-sandbox", *(more or ("--disable-gpu",))]
         )
         try:
             yield browser

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import zlib
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -20,6 +21,7 @@ from helios_core.topics import (
     DECISION,
     DECISIONS,
     EXPORT_OBJECTS,
+    GAUSSIANS,
     GET_TASK,
     KEYFRAME,
     LIST_TASKS,
@@ -105,6 +107,7 @@ class Backend:
         serve(OBJECTS, self._objects)
         serve(OBJECT_DETAIL, self._detail)
         serve(EXPORT_OBJECTS, self._export)
+        serve(GAUSSIANS, lambda _: gaussians(self.found))
         serve(RENDER_OBJECTS, self._render)
         serve(SAVE_MAP2D, lambda _: pb.SaveMap2DReply(
             files=[pb.Map2DFile(name="map2d.map", data=self.kept["map2d"])]))  # fmt: skip
@@ -234,7 +237,7 @@ class Backend:
             id=f"t{len(self.tasks) + 1}", instruction=request.instruction, state="queued",
             kind="move", object="mug", start="coffee table", goal="kitchen counter",
             created_s=1.8e9 + len(self.tasks), max_steps=request.max_steps or 500,
-            agent=request.agent or "helios",
+            agent=request.agent or "helios", priority=request.priority, settings=request.settings,
         )  # fmt: skip
         self.tasks[task.id] = task
         self.bus.publish(TASK, task)
@@ -340,6 +343,29 @@ class Backend:
         side = request.size_px
         _, png = cv2.imencode(".png", np.full((side, side, 3), 200, np.uint8))
         return pb.PictureReply(png=png.tobytes(), version=self.map_version)
+
+
+def gaussians(found: Sequence[pb.ObjectInstance]) -> pb.GaussiansReply:
+    """The boxes of the objects, filled evenly."""
+    rng = np.random.default_rng(0)
+    names = ["other", *sorted({one.class_name for one in found})]
+    means, instances, concentrations = [], [], []
+    for one in found:
+        center, size = ([v.x, v.y, v.z] for v in (one.center_m, one.size_m))
+        means.append(rng.uniform(-0.5, 0.5, (one.gaussians, 3)) * size + center)
+        instances += [one.id] * one.gaussians
+        row = np.ones(len(names))
+        row[names.index(one.class_name)] += 0.5 * one.views
+        concentrations.append(np.tile(row, (one.gaussians, 1)))
+    n = len(instances)
+    shades = rng.integers(60, 220, (n, 3))
+    return pb.GaussiansReply(
+        count=n, means_m=np.concatenate(means).astype("<f4").tobytes(),
+        scales_m=np.full(n, 0.02, "<f4").tobytes(), colors=shades.astype(np.uint8).tobytes(),
+        instances=np.array(instances, "<u4").tobytes(), class_names=names,
+        concentration=np.concatenate(concentrations).astype("<f4").tobytes(),
+        opacities=np.full(n, 0.9, "<f4").tobytes(),
+    )  # fmt: skip
 
 
 def picture_jpeg(tone: int) -> bytes:

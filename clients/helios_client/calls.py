@@ -21,13 +21,18 @@ from helios_client.tasks import (
     Decision,
     FoundObject,
     Frontier,
+    LoadedMaps,
     MapInfo,
     RobotAnswer,
+    Seen,
     Status,
     Task,
 )
 
 T = TypeVar("T")
+
+MAP_S = 180.0  # longest wait for both maps of a large home
+SEEN_S = 20.0  # the text model may have to wake up
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,8 @@ class Call(Generic[T]):
     read: Callable[[httpx.Response], T]
     body: dict[str, Any] | None = None
     query: Mapping[str, str | int | float | tuple[str, ...]] = field(default_factory=dict)
+    content: bytes | None = None  # a body that is no JSON
+    timeout_s: float | None = None  # None: as long as any call
 
     def answer(self, response: httpx.Response) -> T:
         """What the response says. Raises the HeliosError that it stands for."""
@@ -54,11 +61,17 @@ def event_query(types: Iterable[str], task_id: str | None) -> dict[str, str]:
 
 
 def submit(
-    instruction: str, max_steps: int | None, agent: str | None, time_limit_s: float | None
+    instruction: str,
+    max_steps: int | None,
+    agent: str | None,
+    time_limit_s: float | None,
+    priority: int,
+    settings: Mapping[str, str | float] | None,
 ) -> Call[Task]:
     asked = {
         "instruction": instruction, "max_steps": max_steps, "agent": agent,
-        "time_limit_s": time_limit_s,
+        "time_limit_s": time_limit_s, "priority": priority or None,
+        "settings": dict(settings) if settings else None,
     }  # fmt: skip
     body = {name: value for name, value in asked.items() if value is not None}
     return Call("POST", "/tasks", lambda r: Task.from_json(_json(r)), body)
@@ -124,6 +137,19 @@ def arrays(what: str) -> Call[dict[str, NDArray]]:
 def map_file(what: str, ending: str) -> Call[bytes]:
     """`what` as above, `ending` png or npz."""
     return Call("GET", f"/map/{quote(what)}.{ending}", _content)
+
+
+def save_map() -> Call[bytes]:
+    return Call("GET", "/map.zip", _content, timeout_s=MAP_S)
+
+
+def load_map(data: bytes) -> Call[LoadedMaps]:
+    return Call("PUT", "/map.zip", _json, content=data, timeout_s=MAP_S)
+
+
+def seen(prompt: str, limit: int) -> Call[Seen]:
+    query = {"prompt": prompt, "limit": limit}
+    return Call("GET", "/seen", lambda r: Seen.from_json(_json(r)), query=query, timeout_s=SEEN_S)
 
 
 def camera() -> Call[bytes]:

@@ -1,4 +1,4 @@
-"""`helios objects` and `helios map`: what the robot believes about the home."""
+"""`helios objects`, `seen` and `map`: what the robot believes about the home, and has seen."""
 
 from __future__ import annotations
 
@@ -38,6 +38,76 @@ def objects(
         console().print(object_table(found))
     else:
         print("nothing is believed yet" if class_name is None else f"no {class_name} is believed")
+
+
+@objects_app.command()
+@flat
+def seen(
+    prompt: Annotated[str, typer.Argument(help='in words: mug, "something to drink from"')],
+    at: At,
+    limit: Annotated[int, typer.Option(help="past views at most", min=1, max=50)] = 5,
+    out: Annotated[Path | None, typer.Option(help="folder for the views' pictures")] = None,
+    as_json: Json = False,
+) -> None:
+    """Where something was seen: believed objects of that name, and past views that fit."""
+    from helios_client.lists import seen_tables
+    from helios_client.map_files import write_views
+
+    with at.connect() as helios:
+        found = helios.seen(prompt, limit)
+    paths = write_views(found.views, out) if out is not None else []
+    if as_json:
+        print_json(found.raw | {"files": [str(path) for path in paths]})
+        return
+    screen = console()
+    for part in seen_tables(found):
+        screen.print(part)
+    for path in paths:
+        print(path)
+
+
+@app.command()
+@flat
+def save(
+    at: At,
+    file: Annotated[Path, typer.Argument(help="to be written")] = Path("map.zip"),
+    as_json: Json = False,
+) -> None:
+    """Save both maps, ground and objects, in one file."""
+    from helios_client.map_files import write_file
+
+    with at.connect() as helios:
+        data = helios.save_map()
+    write_file(file, data)
+    if as_json:
+        print_json({"file": str(file), "bytes": len(data)})
+    else:
+        print(file)
+
+
+@app.command()
+@flat
+def load(
+    at: At,
+    file: Annotated[Path, typer.Argument(help="that helios map save wrote")] = Path("map.zip"),
+    as_json: Json = False,
+) -> None:
+    """Load both maps in the place of the present ones.
+
+    The robot must stand in the world of that map, with the same origin. Refused while a task runs.
+    """
+    from helios_client.map_files import read_file
+
+    data = read_file(file)
+    with at.connect() as helios:
+        loaded = helios.load_map(data)
+    if as_json:
+        print_json(loaded)
+    else:
+        print(
+            f"loaded: {loaded['known_m2']:.0f} m² of ground, {loaded['objects']} objects of "
+            f"{loaded['gaussians']} Gaussians, {loaded['views']} past views"
+        )
 
 
 @app.command()

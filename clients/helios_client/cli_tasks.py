@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from helios_client.options import At, Json, console, flat, print_json
+from helios_client.options import At, Json, console, flat, named_values, print_json
 
 if TYPE_CHECKING:
     from helios_client.tasks import Task
@@ -35,15 +35,28 @@ def task(
         float | None,
         typer.Option(help="seconds allowed from its start  [default: the setting]", min=0.1),
     ] = None,
+    priority: Annotated[
+        int, typer.Option(help="of the queued ones a higher one is begun first", min=-100, max=100)
+    ] = 0,
+    own: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            help="a setting of the planner for this task alone, for example alpha_d=0.01; "
+            "repeatable",
+            metavar="NAME=VALUE",
+        ),
+    ] = None,
 ) -> None:
     """Submit a task and watch it; exit status 0 if it succeeded."""
     from helios_client.task_view import wait_while_starting, watch_task
 
+    settings = named_values(own or ())
     with at.connect() as helios:
         if at.url is None:
             wait_while_starting(helios, at.port, console(stderr=True))
         # With --json the live view goes to stderr, so that stdout holds JSON and nothing else.
-        asked = helios.submit(instruction, max_steps, agent, time_limit_s)
+        asked = helios.submit(instruction, max_steps, agent, time_limit_s, priority, settings)
         ended = watch_task(helios, asked, timeout_s, console(stderr=as_json))
     if as_json:
         print_json(ended.raw)

@@ -35,10 +35,16 @@ class Connection:
 
     def request(self, call: Call[Any]) -> dict[str, Any]:
         """Of their `request`."""
-        return {
+        out: dict[str, Any] = {
             "method": call.verb, "url": self._prefix + call.path, "json": call.body,
             "params": dict(call.query),
         }  # fmt: skip
+        if call.content is not None:
+            out |= {"content": call.content, "headers": {"content-type": "application/zip"}}
+        if call.timeout_s is not None:
+            connect_s = min(CONNECT_S, self._timeout_s)
+            out["timeout"] = httpx.Timeout(call.timeout_s, connect=connect_s)
+        return out
 
     def event_request(
         self, types: tuple[str, ...], task_id: str | None, last_id: str, silence_s: float

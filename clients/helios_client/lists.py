@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from helios_client.sdk import Helios
-from helios_client.tasks import FoundObject, Task
+from helios_client.tasks import FoundObject, Seen, Task
 from helios_client.wrong_use import WrongUse
 
 _COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "running": "cyan"}
@@ -18,12 +18,15 @@ PLAIN: dict[str, Any] = {"box": None, "pad_edge": False, "header_style": "dim"}
 
 
 def task_table(tasks: Sequence[Task]) -> Table:
-    """One row a task."""
-    out = Table("id", "state", "took", "steps", "instruction", "message", **PLAIN)
+    """One row a task; priorities where any is set."""
+    ranked = any(task.priority for task in tasks)
+    columns = ["id", "state", *(["priority"] if ranked else []), "took", "steps", "instruction"]
+    out = Table(*columns, "message", **PLAIN)
     for task in tasks:
         color = _COLORS.get(task.state, "default")
+        priority = [str(task.priority)] if ranked else []
         out.add_row(
-            task.id, f"[{color}]{task.state}[/]", _took(task), str(task.steps),
+            task.id, f"[{color}]{task.state}[/]", *priority, _took(task), str(task.steps),
             escape(task.instruction), escape(task.message),
         )  # fmt: skip
     return out
@@ -38,6 +41,28 @@ def object_table(objects: Sequence[FoundObject]) -> Table:
             f"{found.class_score:.2f}", f"{found.uncertainty:.2f}", str(found.views),
             _metres(found.center_m), _metres(found.size_m),
         )  # fmt: skip
+    return out
+
+
+def seen_tables(found: Seen) -> list[Table | str]:
+    """Objects and past views, or a sentence where there are none."""
+    out: list[Table | str] = []
+    if found.objects:
+        out.append(object_table(found.objects))
+    else:
+        out.append(escape(f"no object of that name is believed: {found.prompt}"))
+    if found.views:
+        views = Table("past view", "score", "looks at (m)", "from (m)", "at (s)", **PLAIN)
+        for number, view in enumerate(found.views, start=1):
+            camera = view.camera
+            stood = _metres([camera["x_m"], camera["y_m"]]) if camera else "-"
+            views.add_row(
+                str(number), f"{view.score:.2f}", _metres(view.center_m), stood,
+                f"{view.stamp_s:.1f}",
+            )  # fmt: skip
+        out.append(views)
+    else:
+        out.append(escape(f"no past view: {found.views_note or 'none fits'}"))
     return out
 
 

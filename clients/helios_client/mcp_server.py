@@ -52,10 +52,14 @@ def build(helios: AsyncHelios) -> MCPServer:
         return told
 
     @tool
-    async def submit_task(instruction: str) -> dict[str, Any]:
+    async def submit_task(
+        instruction: str, priority: int = 0, time_limit_s: float | None = None
+    ) -> dict[str, Any]:
         """Give the robot a task, such as "Move the mug from the coffee table to the kitchen
-        counter", "Find the apple" or "Go to the sofa". It queues; watch it with wait_for_task."""
-        return (await helios.submit(instruction)).raw
+        counter", "Find the apple" or "Go to the sofa". It queues, those of a higher priority
+        (-100 to 100) first; watch it with wait_for_task."""
+        task = await helios.submit(instruction, time_limit_s=time_limit_s, priority=priority)
+        return task.raw
 
     @tool
     async def wait_for_task(id: str, timeout_s: float = 60.0) -> dict[str, Any]:
@@ -89,6 +93,15 @@ def build(helios: AsyncHelios) -> MCPServer:
         """What is believed to be where: class, centre, size, score Ψ and views of each instance;
         only those of a class, or with a score from min_score on."""
         return [found.raw for found in await helios.objects(class_name, min_score)]
+
+    @tool
+    async def where_seen(prompt: str, limit: int = 3) -> list[Any]:
+        """Where something was seen, in any words: believed objects of that name, and past views
+        that fit, best first, each followed by its picture."""
+        found = await helios.seen(prompt, limit)
+        views = [{k: v for k, v in one.raw.items() if k != "jpeg_base64"} for one in found.views]
+        out: list[Any] = [found.raw | {"views": views}]
+        return out + [Image(data=view.jpeg, format="jpeg") for view in found.views if view.jpeg]
 
     @tool
     async def map_info() -> dict[str, Any]:

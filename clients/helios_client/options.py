@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import inspect
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -81,6 +81,19 @@ def flat(command: Callable[..., None]) -> Callable[..., None]:
     run.__signature__ = inspect.Signature(flattened)  # pyright: ignore[reportAttributeAccessIssue]
     run.__annotations__ = {p.name: p.annotation for p in flattened}
     return run
+
+
+def named_values(texts: Sequence[str]) -> dict[str, str]:
+    """`["alpha_d=0.01"]` as a mapping. Raises WrongUse."""
+    from helios_client.wrong_use import WrongUse
+
+    out = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not (name.strip() and equals and value.strip()):
+            raise WrongUse(f"--set is {text!r}; wanted NAME=VALUE, such as alpha_d=0.01")
+        out[name.strip()] = value.strip()
+    return out
 
 
 def console(stderr: bool = False) -> Console:

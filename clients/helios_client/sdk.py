@@ -12,7 +12,7 @@ those of `helios_core.errors`: InvalidInput, Unavailable, DeadlineExceeded, Conf
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -29,8 +29,10 @@ from helios_client.tasks import (
     Event,
     FoundObject,
     Frontier,
+    LoadedMaps,
     MapInfo,
     RobotAnswer,
+    Seen,
     Status,
     Task,
 )
@@ -61,10 +63,15 @@ class Helios:
         max_steps: int | None = None,
         agent: str | None = None,
         time_limit_s: float | None = None,
+        priority: int = 0,
+        settings: Mapping[str, str | float] | None = None,
     ) -> Task:
-        """Queue a task, with a budget of steps and seconds. Raises InvalidInput when the
-        instruction cannot be understood."""
-        return self._do(calls.submit(instruction, max_steps, agent, time_limit_s))
+        """Queue a task, with a budget of steps and seconds. Of the queued ones a higher priority
+        (-100 to 100) is begun first. `settings`: of the planner, for this task alone, such as
+        alpha_d. Raises InvalidInput when the instruction cannot be understood."""
+        return self._do(calls.submit(
+            instruction, max_steps, agent, time_limit_s, priority, settings
+        ))  # fmt: skip
 
     def task(self, id: str) -> Task:
         """How a task is."""
@@ -127,6 +134,20 @@ class Helios:
     def object(self, id: int) -> FoundObject:
         """One instance of the object map."""
         return self._do(calls.found_object(id))
+
+    def seen(self, prompt: str, limit: int = 5) -> Seen:
+        """Where something was seen: believed objects of that name, and at most `limit` past views
+        that fit the words, with pictures."""
+        return self._do(calls.seen(prompt, limit))
+
+    def save_map(self) -> bytes:
+        """Both maps as one file (ZIP): all that they need to go on."""
+        return self._do(calls.save_map())
+
+    def load_map(self, data: bytes) -> LoadedMaps:
+        """Both maps from `save_map`, in the place of the present ones: both, or neither. Raises
+        InvalidInput for another file, Conflict while a task is under way."""
+        return self._do(calls.load_map(data))
 
     def map_info(self) -> MapInfo:
         """The 2D map's size, place and layers."""

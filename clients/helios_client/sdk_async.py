@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Callable, Iterable, Sequence
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -27,8 +27,10 @@ from helios_client.tasks import (
     Event,
     FoundObject,
     Frontier,
+    LoadedMaps,
     MapInfo,
     RobotAnswer,
+    Seen,
     Status,
     Task,
 )
@@ -58,8 +60,12 @@ class AsyncHelios:
         max_steps: int | None = None,
         agent: str | None = None,
         time_limit_s: float | None = None,
+        priority: int = 0,
+        settings: Mapping[str, str | float] | None = None,
     ) -> Task:
-        return await self._do(calls.submit(instruction, max_steps, agent, time_limit_s))
+        return await self._do(calls.submit(
+            instruction, max_steps, agent, time_limit_s, priority, settings
+        ))  # fmt: skip
 
     async def task(self, id: str) -> Task:
         return await self._do(calls.task(id))
@@ -105,6 +111,15 @@ class AsyncHelios:
 
     async def object(self, id: int) -> FoundObject:
         return await self._do(calls.found_object(id))
+
+    async def seen(self, prompt: str, limit: int = 5) -> Seen:
+        return await self._do(calls.seen(prompt, limit))
+
+    async def save_map(self) -> bytes:
+        return await self._do(calls.save_map())
+
+    async def load_map(self, data: bytes) -> LoadedMaps:
+        return await self._do(calls.load_map(data))
 
     async def map_info(self) -> MapInfo:
         return await self._do(calls.map_info())

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+import base64
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self, TypedDict
 
 ENDED = ("succeeded", "failed", "cancelled")
@@ -32,6 +33,8 @@ class Task(_FromJson):
     cause: str = ""
     seeking: str = ""
     agent: str = ""  # helios, trusting …
+    priority: int = 0  # of the queued ones a higher one is begun first
+    settings: dict[str, str] = field(default_factory=dict)  # of the planner, for it alone
     kind: str = ""  # move, find, go_to
     object: str = ""
     start: str = ""
@@ -90,6 +93,41 @@ class FoundObject(_FromJson):
     def from_json(cls, raw: dict[str, Any]) -> Self:
         """The wire says `class`, which is no name in Python."""
         return super().from_json(raw | {"class_name": raw.get("class", "")})
+
+
+@dataclass(frozen=True)
+class SeenView(_FromJson):
+    """A past view that fits what was asked for."""
+
+    score: float = 0.0  # how well, 0 to 1
+    center_m: list[float] = field(default_factory=list)  # x, y: middle of what it saw
+    camera: Pose | None = None  # where it stood, and its direction
+    stamp_s: float = 0.0  # the robot's clock
+    jpeg: bytes = field(default=b"", repr=False)  # a small picture
+
+    @classmethod
+    def from_json(cls, raw: dict[str, Any]) -> Self:
+        jpeg = base64.b64decode(raw.get("jpeg_base64", ""))
+        return replace(super().from_json(raw), jpeg=jpeg)
+
+
+@dataclass(frozen=True)
+class Seen(_FromJson):
+    """Where something was seen."""
+
+    prompt: str = ""
+    objects: tuple[FoundObject, ...] = ()  # believed, of a class that the words name; surest first
+    views: tuple[SeenView, ...] = ()  # past views that fit the words, best first
+    views_asked: int = 0
+    views_note: str = ""  # why no past view could be asked
+
+    @classmethod
+    def from_json(cls, raw: dict[str, Any]) -> Self:
+        return replace(
+            super().from_json(raw),
+            objects=tuple(FoundObject.from_json(o) for o in raw.get("objects", ())),
+            views=tuple(SeenView.from_json(v) for v in raw.get("views", ())),
+        )
 
 
 @dataclass(frozen=True)
@@ -158,6 +196,16 @@ class Frontier(TypedDict):
     size_m: float
     reachable: bool
     values: dict[str, float]  # by value layer
+
+
+class LoadedMaps(TypedDict):
+    """What came out of a file of maps."""
+
+    known_m2: float
+    occupied_m2: float
+    views: int
+    objects: int
+    gaussians: int
 
 
 class MapLayer(TypedDict):

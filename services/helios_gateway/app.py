@@ -28,6 +28,7 @@ from helios_gateway.routes_objects import object_routes
 from helios_gateway.routes_robot import robot_routes
 from helios_gateway.routes_seen import seen_routes
 from helios_gateway.routes_tasks import task_routes
+from helios_gateway.routes_view3d import view3d_routes
 from helios_gateway.settings import Settings
 
 log = logging.getLogger(__name__)
@@ -74,6 +75,7 @@ def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> Fa
             map_routes(prefix),
             map_file_routes(prefix, settings),
             seen_routes(prefix),
+            view3d_routes(prefix),
             frame_routes(prefix, settings),
             robot_routes(prefix, settings),
             service_routes(prefix, settings),

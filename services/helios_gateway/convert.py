@@ -64,7 +64,8 @@ def task(message: pb.Task) -> models.Task:
         time_limit_s=_time(message.time_limit_s),
         progress=finite(message.progress), created_s=_time(message.created_s),
         started_s=_time(message.started_s), ended_s=_time(message.ended_s),
-        context_id=message.context_id, agent=message.agent,
+        context_id=message.context_id, agent=message.agent, priority=message.priority,
+        settings=dict(sorted(message.settings.items())),
     )  # fmt: skip
 
 

@@ -9,9 +9,10 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
 from helios_core.grids import MapView, decode_snapshot
-from helios_core.topics import OBJECTS, PICTURE, SNAPSHOT
+from helios_core.topics import GAUSSIANS, OBJECTS, PICTURE, SNAPSHOT
 
-from helios_gateway import cells, convert, map_models
+from helios_gateway import cells, convert, map_models, scene3d
+from helios_gateway.gaussian_colors import ColorBy, Gaussians
 from helios_gateway.problems import NotFound
 from helios_gateway.responses import NPZ, PNG, Encoded
 from helios_gateway.shared_results import SharedResults
@@ -31,6 +32,7 @@ class Maps:
         self._objects: SharedResults[pb.ObjectsReply] = SharedResults(max_age_s)
         self._pictures: SharedResults[Encoded] = SharedResults(max_age_s)
         self._lists: SharedResults[Encoded] = SharedResults(max_age_s)
+        self._scenes: SharedResults[Encoded] = SharedResults(max_age_s)
         self._files: SharedResults[Encoded] = SharedResults(float("inf"))
 
     def on_ack(self, ack: pb.Ack) -> None:
@@ -135,6 +137,20 @@ class Maps:
             return Encoded.json(found.model_copy(update={"objects": kept}))
 
         return self._lists.get((class_name, min_score), id(reply), make)
+
+    def scene(self, by: ColorBy) -> Encoded:
+        """The Gaussians in 3D, coloured, over the ground where there is a map of it."""
+
+        def make() -> Encoded:
+            reply = self._bus.call(GAUSSIANS, pb.GaussiansRequest(), self._timeout_s)
+            try:
+                ground = self.view()
+            except Unavailable:  # what is believed can be seen without it
+                ground = None
+            scene = scene3d.scene_file(Gaussians.of(reply), self.objects().objects, ground, by)
+            return Encoded.of(scene, scene3d.MEDIA_TYPE, x_gaussians=str(reply.count))
+
+        return self._scenes.get(by, (self._state("map2d"), self._state("objectmap")), make)
 
     def _file(self, key: Hashable, view: MapView, make: Callable[[MapView], Encoded]) -> Encoded:
         """Made once for this version of the map."""

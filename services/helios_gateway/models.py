@@ -46,6 +46,26 @@ class TaskRequest(BaseModel):
         description="who does it: helios, trusting …; null: the setting",
     )
 
+    priority: int = Field(
+        default=0, ge=-100, le=100, description="of the queued ones a higher one is begun first"
+    )
+
+    settings: dict[str, str | float] = Field(
+        default_factory=dict,
+        max_length=30,
+        description="settings of the planner for this task alone, such as alpha_d; a wrong name is "
+        "answered with those there are",
+        examples=[{"alpha_d": 0.01}],
+    )
+
+    @field_validator("settings")
+    @classmethod
+    def _is_plain(cls, settings: dict[str, str | float]) -> dict[str, str | float]:
+        if not all(name.isidentifier() and str(value).isprintable()
+                   for name, value in settings.items()):  # fmt: skip
+            raise ValueError("names and values of settings are plain words and numbers")
+        return settings
+
     @field_validator("instruction")
     @classmethod
     def _is_text(cls, text: str) -> str:
@@ -97,6 +117,10 @@ class Task(BaseModel):
     ended_s: float | None = Field(description="seconds since 1970; null: not yet")
     context_id: str = Field(description="the search context it works in")
     agent: str = Field(description="which agent does it", examples=["helios"])
+    priority: int = Field(description="of the queued ones a higher one is begun first")
+    settings: dict[str, str] = Field(
+        description="of the planner, for this task alone", examples=[{"alpha_d": "0.01"}]
+    )
 
     @property
     def ended(self) -> bool:

@@ -48,7 +48,8 @@ def task_routes(prefix: str, settings: Settings) -> APIRouter:
         dependencies=secured(Scope.OPERATE),
     )
     def submit(at: At, request: models.TaskRequest) -> models.Task:
-        """Queue a task. It starts when all before it have ended; watch it by its id or events.
+        """Queue a task. It starts when all before it have ended, those of a higher priority
+        first; watch it by its id or events.
 
         An instruction that is not understood is a 400 that says what was."""
         message = pb.SubmitRequest(
@@ -56,6 +57,8 @@ def task_routes(prefix: str, settings: Settings) -> APIRouter:
             max_steps=request.max_steps or 0,
             agent=request.agent or "",
             time_limit_s=request.time_limit_s or 0.0,
+            priority=request.priority,
+            settings={name: str(value) for name, value in request.settings.items()},
         )
         return convert.task(at.bus.call(SUBMIT, message, timeout_s))
 

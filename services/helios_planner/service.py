@@ -34,16 +34,18 @@ from helios_planner.context import check_able, in_vocabulary
 from helios_planner.hold import Hold
 from helios_planner.language_model import language_model, parse_with_help
 from helios_planner.motion import warm_up
+from helios_planner.own_settings import for_task
 from helios_planner.recompute import changes_of, recompute
 from helios_planner.run_task import TaskRun
 from helios_planner.settings import Settings
 from helios_planner.store import Store
 from helios_planner.task import Cause, State, Task
-from helios_planner.task_book import TaskBook, waiting_words
+from helios_planner.task_book import UNDER_WAY, TaskBook, waiting_words
 from helios_planner.telling import decision_from_proto, recomputed_to_proto, task_to_proto
 
 log = logging.getLogger(__name__)
 
+MOST_PRIORITY = 100
 VOCABULARY_S = 1.5  # longest wait at submission; the worker asks again with patience
 
 
@@ -95,6 +97,11 @@ class PlannerService:
         instruction = parse_with_help(request.instruction, self._model)
         agent = request.agent or self._settings.agent
         agent_named(agent)
+        for_task(self._settings, request.settings)
+        if abs(request.priority) > MOST_PRIORITY:
+            raise InvalidInput(
+                f"priority is {request.priority}; wanted {-MOST_PRIORITY} to {MOST_PRIORITY}"
+            )
         if not (math.isfinite(request.time_limit_s) and request.time_limit_s >= 0):
             raise InvalidInput(
                 f"time_limit_s is {request.time_limit_s}; wanted seconds, or 0 for the setting"
@@ -119,6 +126,8 @@ class PlannerService:
             message=waiting_words(instruction),
             context_id=id,
             agent=agent,
+            priority=request.priority,
+            settings=dict(request.settings),
         )
         told = self._book.add(task)  # before the worker can tell that it runs
         with self._lock:
@@ -197,7 +206,16 @@ class PlannerService:
         with self._lock:
             while not self._queue and not self._ending.is_set():
                 self._wake.wait(0.5)
-            return None if self._ending.is_set() else self._queue.popleft()
+            if self._ending.is_set():
+                return None
+            id = max(self._queue, key=self._rank)  # of equal ones the first
+            self._queue.remove(id)
+            return id
+
+    def _rank(self, id: str) -> tuple[bool, int]:
+        """What was under way goes on before anything is begun."""
+        task = self._book.known(id)
+        return task.state in UNDER_WAY, task.priority
 
     def _run(self, id: str) -> None:
         assert self._description is not None
@@ -210,8 +228,9 @@ class PlannerService:
         hold = Hold(task.time_limit_s, began_s + task.time_limit_s, cancelled)
         if was is State.PAUSED:
             hold.pause()
+        settings = for_task(self._settings, task.settings)
         run = TaskRun(
-            self._bus, self._settings, self._description, self._acks, self._store, self._book, task,
+            self._bus, settings, self._description, self._acks, self._store, self._book, task,
             cancelled, hold,
         )  # fmt: skip
         with self._lock:

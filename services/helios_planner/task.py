@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from helios_planner.instruction import Instruction
@@ -77,6 +78,8 @@ class Task:
     progress: float = 0.0
     context_id: str = ""
     agent: str = "helios"
+    priority: int = 0  # a higher one is begun first
+    settings: Mapping[str, str] = field(default_factory=dict)  # of the planner, for it alone
 
     def with_(self, **changes: object) -> Task:
         """A copy with some fields changed."""

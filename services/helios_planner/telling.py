@@ -58,6 +58,8 @@ def task_to_proto(task: Task) -> pb.Task:
         context_id=task.context_id,
         seeking=task.seeking,
         agent=task.agent,
+        priority=task.priority,
+        settings=task.settings,
     )
 
 
@@ -84,6 +86,8 @@ def task_from_proto(task: pb.Task) -> Task:
         progress=task.progress,
         context_id=task.context_id,
         agent=task.agent or "helios",
+        priority=task.priority,
+        settings=dict(task.settings),
     )
 
 

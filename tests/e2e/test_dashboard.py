@@ -8,13 +8,17 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from urllib.parse import urlsplit
 
+import cv2
+import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from helios_client.keys import add_key
+from helios_core.errors import Unavailable
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser import DEADLINE_MS, chromium
+from tests.browser import DEADLINE_MS, WEBGL, chromium
 from tests.gateway_process import Served, served
 from tests.support import wait_until
 
@@ -200,6 +204,72 @@ def test_a_key_is_asked_for_and_kept(browser: Browser, tmp_path: Path) -> None:
         expect(page.locator("#ready")).to_have_text("ready")
         submit(page)
         page.close()
+
+
+def test_a_task_has_a_priority_and_limits(page: Page, house: Served) -> None:
+    page.click(".options summary")
+    page.select_option("#ask-priority", "10")
+    page.fill("#ask-limit", "2.5")
+    page.fill("#ask-steps", "300")
+    submit(page)
+    task = house.backend.tasks["t1"]
+    assert (task.priority, task.max_steps) == (10, 300)
+    expect(page.locator("#task-facts")).to_contain_text("priority")
+
+
+def test_where_something_was_seen_is_told_with_pictures_and_shown_on_the_map(
+    page: Page, house: Served
+) -> None:
+    page.fill("#seen-prompt", "the red mug")
+    page.press("#seen-prompt", "Enter")
+    expect(page.locator("#sights li")).to_have_count(5)
+    expect(page.locator("#sights")).to_contain_text("believed, Ψ 0.71")
+    expect(page.locator("#sights img").first).to_be_visible()
+    before = page.locator("#map").screenshot()
+    page.locator("#sights button", has_text="fits 0.82").click()
+    wait_until(lambda: page.locator("#map").screenshot() != before, 30, "the map points at it")
+    house.backend.recalls = Unavailable("no view has been kept")
+    page.fill("#seen-prompt", "piano")
+    page.click("#seen button")
+    expect(page.locator("#seen-said")).to_contain_text("No object named in “piano”")
+    expect(page.locator("#seen-said")).to_contain_text("no view has been kept")
+
+
+def test_the_gaussians_are_seen_in_3d_with_the_key_and_from_here_alone(tmp_path: Path) -> None:
+    key = add_key(tmp_path / "keys.toml", "tablet", "read")
+    hosts: set[str] = set()
+    with served("--keys", str(tmp_path / "keys.toml")) as house, chromium(*WEBGL) as browser:
+        page = browser.new_page(viewport={"width": 1300, "height": 950})
+        page.set_default_timeout(120_000)
+        page.on("request", lambda request: hosts.add(urlsplit(request.url).netloc))
+        page.goto(house.url)
+        page.fill("#login-key", key)
+        page.click("#login button")
+        expect(page.locator("#ready")).to_have_text("ready")
+        page.click("#show-3d")
+        drawn = page.frame_locator("#view-3d").locator("canvas").first
+        pictures = []
+        for name in ("Class", "Uncertainty"):
+            page.locator("#colors button", has_text=name).click()
+            drawn.wait_for()
+            wait_until(lambda: colourful_px(page.locator("#view-3d").screenshot()) > 500, 120,
+                       "Gaussians are drawn")  # fmt: skip
+            pictures.append(page.locator("#view-3d").screenshot())
+        assert pictures[0] != pictures[1]
+        folder = Path(os.environ.get("HELIOS_TEST_SCREENSHOTS") or tmp_path)
+        folder.mkdir(parents=True, exist_ok=True)
+        page.screenshot(path=folder / "dashboard-3d.png")
+        page.click("#show-2d")
+        expect(page.locator("#map")).to_be_visible()
+        assert hosts - {""} == {urlsplit(house.url).netloc}
+        page.close()
+
+
+def colourful_px(png: bytes) -> int:
+    """How many pixels are of a strong colour."""
+    image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    return int((np.ptp(image.astype(int), axis=2) > 90).sum())
 
 
 @pytest.mark.parametrize("kind", SIZES)

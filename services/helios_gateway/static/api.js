@@ -9,6 +9,9 @@ let onRefused = () => {};
 /** `handle` is called when a key is asked for, or another one is needed. */
 export const whenRefused = (handle) => (onRefused = handle);
 
+/** The full address of a path below that of the robot on show. */
+export const address = (path) => base + path;
+
 /** A response of the interface. `path` is below that of the robot on show. */
 export async function get(path, options = {}) {
   const response = await fetch(base + path, options);

@@ -3,8 +3,10 @@ import { showRobots } from "./access.js";
 import { $, Problem, coalesced, facts, get, listen, number, send } from "./api.js";
 import { MapView } from "./map.js";
 import { Objects } from "./objects.js";
+import { Seen } from "./seen.js";
 import { showReady, showService } from "./services.js";
 import { Tasks } from "./tasks.js";
+import { View3d } from "./view3d.js";
 import { Why } from "./why.js";
 
 const CAMERA_PERIOD_MS = 500;
@@ -21,6 +23,11 @@ const objects = new Objects(
   },
   (object) => map.point(object?.center_m.slice(0, 2) ?? null),
 );
+const view3d = new View3d(() => (map.info ? map.bounds : null));
+new Seen((place) => {
+  view3d.show(false);
+  map.point(place);
+});
 const tasks = new Tasks((task) => why.view(task));
 const versions = { map2d: -1, objects: -1 };
 
@@ -40,7 +47,10 @@ listen(
     ready: showReady,
     map: (change) => {
       if (change.map2d !== versions.map2d) map.load();
-      if (change.objects !== versions.objects) objects.load();
+      if (change.objects !== versions.objects) {
+        objects.load();
+        view3d.changed();
+      }
       Object.assign(versions, change);
     },
   },

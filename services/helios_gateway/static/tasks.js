@@ -9,6 +9,15 @@ const SUGGESTIONS = [
 const MARKS = { done: "✓", failed: "✕", active: "", waiting: "" };
 const ENDED = ["succeeded", "failed", "cancelled"];
 
+/** What the box says beside the instruction; only what a person has set. */
+function options() {
+  const out = {};
+  if ($("ask-priority").value !== "0") out.priority = Number($("ask-priority").value);
+  if ($("ask-limit").value) out.time_limit_s = 60 * Number($("ask-limit").value);
+  if ($("ask-steps").value) out.max_steps = Number($("ask-steps").value);
+  return out;
+}
+
 export class Tasks {
   /** `onView(task)` is called when another task comes into view. */
   constructor(onView) {
@@ -83,7 +92,7 @@ export class Tasks {
     button.disabled = true;
     $("ask-error").hidden = true;
     try {
-      const task = await send("/tasks", { instruction: $("instruction").value });
+      const task = await send("/tasks", { instruction: $("instruction").value, ...options() });
       $("instruction").value = "";
       if (!this.tasks.has(task.id)) this.take(task); // an event may have told more already
       this.view(task.id);
@@ -140,6 +149,7 @@ export class Tasks {
       ["seeks", ENDED.includes(task.state) ? "" : task.seeking],
       ["steps", task.max_steps ? `${task.steps} of ${task.max_steps}` : task.steps],
       ["picks", task.picks || ""],
+      ["priority", task.priority || ""],
       ["time", seconds > 0 && seconds < 86400 ? `${Math.round(seconds)} s` : ""],
       ["cause", task.cause],
     ]);

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import io
 import json
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from helios_client.cli import run
+from helios_core.errors import Unavailable
 
 from tests.gateway_process import Served, served
+from tests.support import wait_until
 
 INSTRUCTION = "move the mug from the coffee table to the kitchen counter"
 
@@ -111,6 +114,50 @@ def test_the_map_is_exported_as_pictures_and_arrays(helios: Helios, tmp_path: Pa
     assert "wanted one of occupancy, pick, place" in helios.error
     helios("map", "export", "--out", "/dev/null/x", status=1)
     assert "cannot be written" in helios.error
+
+
+def test_both_maps_are_saved_in_one_file_and_come_back(
+    house: Served, helios: Helios, tmp_path: Path
+) -> None:
+    file = tmp_path / "homes" / "first.zip"
+    assert helios("map", "save", str(file)) == f"{file}\n"
+    house.backend.kept = {"map2d": b"other", "objects": b"other"}
+    assert helios.json("map", "load", str(file))["objects"] == 4
+    assert house.backend.kept == {"map2d": b"walls", "objects": b"things"}
+    assert "40 m² of ground, 4 objects" in helios("map", "load", str(file))
+    helios("map", "load", str(tmp_path / "none.zip"), status=2)
+    assert "No such file" in helios.error
+    (tmp_path / "note.zip").write_text("not a map")
+    helios("map", "load", str(tmp_path / "note.zip"), status=1)
+    assert "helios map save" in helios.error
+
+
+def test_where_something_was_seen_is_told_with_pictures(
+    house: Served, helios: Helios, tmp_path: Path
+) -> None:
+    told = helios("seen", "the mug", "--limit", "2", "--out", str(tmp_path))
+    assert "0.82" in told
+    assert "view-2.jpg" in told
+    assert (tmp_path / "view-1.jpg").read_bytes().startswith(b"\xff\xd8")
+    assert [o["id"] for o in helios.json("seen", "mug")["objects"]] == [1, 4]
+    house.backend.recalls = Unavailable("no view has been kept")
+    told = helios("seen", "piano")
+    assert "no object of that name is believed: piano" in told
+    assert "no past view: no view has been kept" in told
+
+
+def test_a_task_has_a_priority_and_settings_of_its_own(house: Served, helios: Helios) -> None:
+    def end_it() -> None:
+        wait_until(lambda: "t1" in house.backend.tasks, 60, "the task was submitted")
+        house.backend.change_task("t1", "succeeded")
+
+    threading.Thread(target=end_it, daemon=True).start()
+    told = helios.json("task", INSTRUCTION, "--priority", "7", "--set", "alpha_d=0.02")
+    assert (told["priority"], told["settings"]) == (7, {"alpha_d": "0.02"})
+    assert "priority" in helios("tasks")
+    helios("task", INSTRUCTION, "--set", "alpha_d", status=2)
+    assert "NAME=VALUE" in helios.error
+    helios("task", INSTRUCTION, "--priority", "101", status=2)
 
 
 def test_another_robot_is_named(helios: Helios) -> None:

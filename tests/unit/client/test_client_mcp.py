@@ -43,7 +43,8 @@ def test_an_agent_finds_the_tools_with_their_meaning() -> None:
         tools = {tool.name: tool for tool in (await client.list_tools()).tools}
         assert set(tools) == {
             "submit_task", "wait_for_task", "list_tasks", "cancel_task", "why", "objects",
-            "map_info", "map_picture", "camera", "robot", "status", "stop_robot", "clear_stop",
+            "where_seen", "map_info", "map_picture", "camera", "robot", "status", "stop_robot",
+            "clear_stop",
         }  # fmt: skip
         assert all(tool.description for tool in tools.values())
 
@@ -63,6 +64,19 @@ def test_an_agent_gives_a_task_watches_it_and_asks_why() -> None:
         picture = await client.call_tool("map_picture", {"layer": "pick"})
         assert picture.content[0].mime_type == "image/png"  # pyright: ignore[reportAttributeAccessIssue]
         assert (await said(client, "stop_robot", reason="test"))["state"]["stopped"]
+
+    used(act)
+
+
+def test_an_agent_asks_where_something_was_seen_and_sees_it() -> None:
+    async def act(_: Served, client: Client) -> None:
+        answer = await client.call_tool("where_seen", {"prompt": "a mug", "limit": 2})
+        told, *pictures = answer.content
+        found = json.loads(told.text)  # pyright: ignore[reportAttributeAccessIssue]
+        assert [mug["id"] for mug in found["objects"]] == [1, 4]
+        assert [view["score"] for view in found["views"]] == [0.82, 0.64]
+        assert "jpeg_base64" not in found["views"][0]
+        assert [p.mime_type for p in pictures] == ["image/jpeg"] * 2  # pyright: ignore[reportAttributeAccessIssue]
 
     used(act)
 

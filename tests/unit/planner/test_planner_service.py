@@ -204,6 +204,58 @@ def test_the_step_budget_of_a_task_ends_it(start: Start) -> None:
     assert (done.state, done.cause, done.steps) == ("failed", "step budget", 10)
 
 
+def test_the_queue_is_taken_by_priority_and_then_in_turn(start: Start) -> None:
+    _, bus, peers = start()
+    begun: list[str] = []
+    bus.subscribe(TASK, lambda t: begun.append(t.id) if t.state == "running" else None)
+    peers.gate = threading.Event()
+    first = submit(bus, "find the mug").id
+    wait_until(peers.acting.is_set, 60, "it acts")
+    asked = [pb.SubmitRequest(instruction="go to the counter", priority=p) for p in (0, -5, 7, 0)]
+    ids = [bus.call(SUBMIT, request, 5).id for request in asked]
+    told = bus.call(LIST_TASKS, pb.Empty(), 5).tasks
+    assert {t.id: t.priority for t in told} == {
+        first: 0, **dict(zip(ids, (0, -5, 7, 0), strict=True))
+    }  # fmt: skip
+    peers.gate.set()
+    ended(bus, ids[1])
+    assert list(dict.fromkeys(begun)) == [first, ids[2], ids[0], ids[3], ids[1]]
+
+
+def test_a_priority_out_of_range_is_refused(start: Start) -> None:
+    _, bus, _ = start()
+    with pytest.raises(InvalidInput, match="-100 to 100"):
+        bus.call(SUBMIT, pb.SubmitRequest(instruction=MOVE, priority=101), 5)
+
+
+def test_a_task_has_settings_of_its_own_and_the_next_one_has_not(start: Start) -> None:
+    _, bus, _ = start()
+    asked = pb.SubmitRequest(instruction=MOVE, settings={"alpha_d": "0.02", "rounds": "1"})
+    own, after = bus.call(SUBMIT, asked, 5).id, submit(bus).id
+    assert dict(ended(bus, own).settings) == {"alpha_d": "0.02", "rounds": "1"}
+    ended(bus, after)
+
+    def weights(id: str) -> set[float]:
+        told = bus.call(DECISIONS, pb.TaskRequest(id=id), 5).decisions
+        return {d.settings["alpha_d"] for d in told if "alpha_d" in d.settings}
+
+    assert (weights(own), weights(after)) == ({0.02}, {0.001})
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [("ack_timeout_s", "9", "choose among alpha_d"), ("alpha_d", "much", "alpha_d is 'much'"),
+     ("alpha_d", "-1", "alpha_d is '-1'"), ("tau_g", "nan", "finite"),
+     ("gain_norm", "none", "gain_norm is 'none'")],
+)  # fmt: skip
+def test_a_setting_that_no_task_can_have_is_refused_by_name(
+    start: Start, name: str, text: str, says: str
+) -> None:
+    _, bus, _ = start()
+    with pytest.raises(InvalidInput, match=says):
+        bus.call(SUBMIT, pb.SubmitRequest(instruction=MOVE, settings={name: text}), 5)
+
+
 def test_an_unknown_class_is_refused_with_close_names(start: Start) -> None:
     _, bus, _ = start(names=("mug", "coffee table", "kitchen counter", "sofa"))
     with pytest.raises(InvalidInput, match=r"does not know the goal “unicorn”"):

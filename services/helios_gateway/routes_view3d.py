@@ -1,0 +1,67 @@
+"""The 3D view of the Gaussians: viser's page, and the scene that it plays."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+
+from helios_gateway import scene3d
+from helios_gateway.access import secured
+from helios_gateway.fleet import At
+from helios_gateway.gaussian_colors import ColorBy
+from helios_gateway.keys import Scope
+from helios_gateway.problems import problems
+from helios_gateway.responses import Encoded, content_docs, tagged
+
+HTML = "text/html"
+# The page is one file with its program in it, which compiles more. It may speak to this gateway
+# alone.
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob:; "
+    "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; "
+    "connect-src 'self' data: blob:; worker-src blob: data:; frame-ancestors 'self'"
+)
+
+
+def view3d_routes(prefix: str) -> APIRouter:
+    """`/view3d` and `/objects.viser`."""
+    routes = APIRouter(
+        prefix=prefix, tags=["objects"], responses=problems(), dependencies=secured(Scope.READ)
+    )
+
+    @routes.get(
+        "/view3d",
+        summary="The page that shows a scene in 3D",
+        response_class=Response,
+        responses=content_docs(HTML, "viser's page"),
+    )
+    def view3d(request: Request) -> Response:
+        """`?playbackPath=/v1/objects.viser`, and viser's other parameters, such as `darkMode` and
+        `initialCameraPosition=X,Y,Z`. It loads nothing from another host."""
+        out = tagged(request, Encoded.of(scene3d.page(), HTML))
+        out.headers["content-security-policy"] = POLICY
+        return out
+
+    @routes.get(
+        "/objects.viser",
+        summary="The Gaussians as a 3D scene",
+        response_class=Response,
+        responses=content_docs(scene3d.MEDIA_TYPE, "a scene file of viser"),
+    )
+    def scene(
+        at: At,
+        request: Request,
+        color: Annotated[
+            ColorBy,
+            Query(
+                description="as seen, by the class believed, by its share in the Gaussian, or by "
+                "how little that share is known"
+            ),
+        ] = "color",
+    ) -> Response:
+        """With labels of the instances, over the ground of the map. viser shows it without the
+        gateway, too: https://viser.studio/main/embedded_visualizations/"""
+        return tagged(request, at.live.maps.scene(color))
+
+    return routes

@@ -1,0 +1,129 @@
+"""The object map as a scene for viser's page, which plays it from a file.
+
+viser (https://viser.studio) is a maintained viewer of Gaussians. Its own server asks for no key, so
+it is not started: the gateway sends viser's page and a scene file (`.viser`), both behind its keys.
+The file is made by viser's scene interface over a recorder instead of a connection.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from helios_core.errors import Unavailable
+from helios_core.grids import FREE, OCCUPIED, MapView
+from numpy.typing import NDArray
+
+from helios_gateway.gaussian_colors import ColorBy, Gaussians, colored
+from helios_gateway.map_models import ObjectInstance
+
+if TYPE_CHECKING:
+    import viser
+
+MEDIA_TYPE = "application/octet-stream"
+FREE_RGB, OCCUPIED_RGB, UNKNOWN_RGB = (250, 251, 253), (120, 128, 142), (222, 226, 233)
+LEAST_CLASS_SCORE = 0.3  # from which an instance has a label
+
+
+def page() -> bytes:
+    """viser's page: one file, no other host. Raises Unavailable where viser is not installed."""
+    found = find_spec("viser")
+    if found is None or found.origin is None:
+        raise Unavailable("the 3D view needs viser; pip install 'helios-ovmm[viewer]'")
+    return (Path(found.origin).parent / "client" / "build" / "index.html").read_bytes()
+
+
+def scene_file(
+    gaussians: Gaussians, objects: Iterable[ObjectInstance], ground: MapView | None, by: ColorBy
+) -> bytes:
+    """Gaussians coloured, labels of what is believed, and the map's ground below, as a .viser
+    file. Raises Unavailable where viser is not installed."""
+    page()
+    recorder = _Recorder()
+    scene = recorder.scene
+    scene.set_up_direction("+z")
+    if ground is not None:
+        _add_ground(scene, ground)
+    if len(gaussians):
+        variances = np.square(gaussians.radii_m)[:, None, None]
+        scene.add_gaussian_splats(
+            "/gaussians",
+            centers=gaussians.means_m,
+            covariances=variances * np.eye(3, dtype=np.float32),
+            rgbs=colored(gaussians, by) / np.float32(255),
+            opacities=gaussians.opacities[:, None],
+        )
+    for found in objects:
+        place = _top(found)
+        if place is not None and (found.class_score or 0.0) >= LEAST_CLASS_SCORE:
+            text = f"{found.class_name} {found.score or 0.0:.2f}"
+            scene.add_label(f"/labels/{found.id}", text, position=place, font_screen_scale=0.8)
+    return recorder.file()
+
+
+def _add_ground(scene: viser.SceneApi, ground: MapView) -> None:
+    rows, columns = ground.shape
+    picture = ground_rgb(ground)
+    width_m, height_m = columns * ground.cell_m, rows * ground.cell_m
+    x_m, y_m = ground.origin_m
+    scene.add_image(
+        "/ground", picture, width_m, height_m, format="png",
+        wxyz=(0.0, 1.0, 0.0, 0.0),  # viser's images look along -z, rows along -y
+        position=(x_m + width_m / 2, y_m + height_m / 2, -0.02),
+    )  # fmt: skip
+
+
+def ground_rgb(ground: MapView) -> NDArray[np.uint8]:
+    """RGB [rows, columns, 3], first row the largest y."""
+    out = np.full((*ground.shape, 3), UNKNOWN_RGB, np.uint8)
+    out[ground.occupancy == FREE] = FREE_RGB
+    out[ground.occupancy == OCCUPIED] = OCCUPIED_RGB
+    return np.ascontiguousarray(out[::-1])
+
+
+def _top(found: ObjectInstance) -> tuple[float, float, float] | None:
+    """The middle of its upper side; None where it has no place."""
+    center, size = found.center_m, found.size_m
+    values = [v for v in (*center, size[2]) if v is not None]
+    if len(values) < 4:
+        return None
+    x, y, z, height = values
+    return x, y, z + height / 2
+
+
+class _Recorder:
+    """What viser's scene interface asks of its owner, with a file at the other end."""
+
+    client_id = ""
+
+    def __init__(self) -> None:
+        import viser
+        from viser.infra import WebsockMessageHandler
+
+        class Handler(WebsockMessageHandler):
+            def get_message_buffer(self) -> Any:
+                return self
+
+            def push(self, _: object) -> None:
+                """Nobody is connected; the serializer has it already."""
+
+        self._websock_connection = Handler()
+        self._viser_server = self
+        self._scene_lifecycle_lock = threading.RLock()
+        self._serializer = self._websock_connection.get_message_serializer(
+            lambda message: message.include_in_scene_serialization
+        )
+        # Neither is used by what is only recorded: they are for clicks.
+        self.scene = viser.SceneApi(
+            cast(viser.ClientHandle, self), cast(ThreadPoolExecutor, None),
+            cast(asyncio.AbstractEventLoop, None),
+        )  # fmt: skip
+
+    def file(self) -> bytes:
+        return self._serializer.serialize()

@@ -1,0 +1,58 @@
+// "Where was it seen?": believed objects of that name, and past views that fit the words.
+import { $, Problem, ask, element, number } from "./api.js";
+
+export class Seen {
+  /** `onPoint([x, y])` is called with a place that a person asks for. */
+  constructor(onPoint) {
+    this.onPoint = onPoint;
+    $("seen").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.search($("seen-prompt").value);
+    });
+  }
+
+  async search(prompt) {
+    const button = $("seen").querySelector("button");
+    button.disabled = true;
+    $("seen-said").textContent = "Searching…";
+    try {
+      this.show(await ask(`/seen?limit=6&prompt=${encodeURIComponent(prompt)}`));
+    } catch (error) {
+      $("sights").replaceChildren();
+      $("seen-said").textContent =
+        error instanceof Problem ? error.message : "The gateway cannot be reached; try again.";
+    } finally {
+      button.disabled = false;
+    }
+  }
+
+  show({ prompt, objects, views, views_note }) {
+    const found = objects.map((object) =>
+      this.sight(object.center_m, `${object.class} ${object.id}`, `believed, Ψ ${number(object.score)}`),
+    );
+    const seen = views.map((view) =>
+      this.sight(view.center_m, "past view", `fits ${number(view.score)}`, view.jpeg_base64),
+    );
+    $("sights").replaceChildren(...found, ...seen);
+    const said = [];
+    if (!objects.length) said.push(`No object named in “${prompt}” is believed.`);
+    if (views_note) said.push(`Past views were not asked: ${views_note}.`);
+    $("seen-said").textContent = said.join(" ");
+  }
+
+  sight(place, name, how, jpeg) {
+    const [x, y] = place;
+    const where = x == null || y == null ? "no place yet" : `x ${number(x, 1)}, y ${number(y, 1)} m`;
+    const words = element(
+      "span",
+      {},
+      element("strong", { textContent: name }),
+      element("span", { textContent: `${how}, at ${where}` }),
+    );
+    const button = element("button", { type: "button" });
+    if (jpeg) button.append(element("img", { src: `data:image/jpeg;base64,${jpeg}`, alt: "" }));
+    button.append(words);
+    button.addEventListener("click", () => this.onPoint(x == null || y == null ? null : [x, y]));
+    return element("li", {}, button);
+  }
+}

@@ -1,0 +1,127 @@
+"""The 3D view: colours with a meaning, a scene that viser reads, nothing without a key."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+import zstandard
+from fastapi.testclient import TestClient
+from helios_client.keys import add_key
+from helios_core.errors import Internal
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_gateway import scene3d
+from helios_gateway.app import create_app
+from helios_gateway.fleet import Fleet, Served
+from helios_gateway.gaussian_colors import OTHER_RGB, Gaussians, class_rgb, colored
+from helios_gateway.live import Live
+from helios_gateway.settings import Settings
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.gateway_backend import Backend
+from tests.gateway_backend import gaussians as reply_of
+
+
+def some(concentration: list[list[float]]) -> Gaussians:
+    n = len(concentration)
+    return Gaussians(
+        np.zeros((n, 3), np.float32), np.full(n, 0.02, np.float32), np.full((n, 3), 9, np.uint8),
+        np.ones(n, np.float32), np.array(concentration, np.float32), ("other", "mug", "sofa"),
+    )  # fmt: skip
+
+
+def messages(scene: bytes) -> list[dict]:
+    """Of a .viser file: length, then zstd of length, msgpack, arrays."""
+    inner = zstandard.ZstdDecompressor().stream_reader(io.BytesIO(scene[8:])).read()
+    end = 8 + int.from_bytes(inner[:8], "little")
+    return [message for _, message in msgspec.msgpack.decode(inner[8:end])["messages"]]
+
+
+def test_a_class_has_its_colour_and_what_is_of_none_is_grey() -> None:
+    rgb = colored(some([[1, 5, 1], [1, 1, 5], [5, 1, 1]]), "class")
+    assert [tuple(row) for row in rgb.tolist()] == [class_rgb("mug"), class_rgb("sofa"), OTHER_RGB]
+
+
+@given(st.floats(0.1, 50), st.floats(0.1, 50))
+def test_more_of_a_class_is_nearer_to_yellow(less: float, more: float) -> None:
+    less, more = sorted((less, more))
+    low, high = colored(some([[1, 1 + less, 1], [1, 1 + more, 1]]), "probability").astype(int)
+    assert high[1] >= low[1], "viridis' green rises all the way"
+
+
+def test_what_was_seen_often_is_less_uncertain_at_the_same_share() -> None:
+    seldom, often = colored(some([[1, 3, 1], [100, 300, 100]]), "uncertainty").astype(int)
+    assert seldom[1] > often[1]
+
+
+def test_arrays_that_do_not_fit_are_a_fault_that_is_named() -> None:
+    reply = reply_of(Backend(MemoryHub()).found)
+    reply.count += 1
+    with pytest.raises(Internal, match="do not fit"):
+        Gaussians.of(reply)
+
+
+def test_a_scene_holds_gaussians_ground_and_labels(client: TestClient, backend: Backend) -> None:
+    seen = {}
+    for by in ("color", "class", "probability", "uncertainty"):
+        answer = client.get("/v1/objects.viser", params={"color": by})
+        assert answer.headers["x-gaussians"] == str(40 * (7 + 12 + 5 + 2))
+        told = messages(answer.content)
+        named = {m["name"]: m for m in told if "name" in m}
+        assert named["/labels/2"]["type"] == "SetSceneNodeVisibilityMessage"
+        assert "coffee table 0.82" in str(told)
+        assert {"/gaussians", "/ground"} <= set(named)
+        seen[by] = answer.content
+    assert len(set(seen.values())) == 4
+    assert client.get("/v1/objects.viser?color=taste").status_code == 400
+
+
+def test_a_scene_is_made_once_for_all_and_told_unchanged(
+    client: TestClient, backend: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = []
+    real = scene3d.scene_file
+    monkeypatch.setattr(scene3d, "scene_file", lambda *a: made.append(1) or real(*a))
+    first = client.get("/v1/objects.viser?color=class")
+    again = client.get("/v1/objects.viser?color=class")
+    assert (len(made), first.content) == (1, again.content)
+    tag = {"if-none-match": first.headers["etag"]}
+    assert client.get("/v1/objects.viser?color=class", headers=tag).status_code == 304
+    backend.change_objects()
+    client.get("/v1/objects.viser?color=class")
+    assert len(made) == 2
+
+
+def test_the_page_speaks_to_this_gateway_alone(client: TestClient) -> None:
+    page = client.get("/v1/view3d")
+    assert page.headers["content-type"].startswith("text/html")
+    policy = page.headers["content-security-policy"]
+    assert "default-src 'none'" in policy
+    assert "http" not in policy
+
+
+def test_nothing_of_it_is_told_without_a_key(
+    hub: MemoryHub, backend: Backend, live: Live, tmp_path: Path
+) -> None:
+    file = tmp_path / "keys.toml"
+    key = add_key(file, "tablet", "read")
+    fleet = Fleet({"robot": Served(MemoryBus(hub), live)})
+    app = create_app(fleet, Settings.load(["--keys", str(file)]))
+    client = TestClient(app, "http://localhost")
+    for path in ("/v1/view3d", "/v1/objects.viser"):
+        assert client.get(path).status_code == 401
+        assert client.get(path, headers={"authorization": f"Bearer {key}"}).status_code == 200
+
+
+def test_without_viser_it_says_what_to_install(
+    client: TestClient, backend: Backend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scene3d, "find_spec", lambda _: None)
+    for path in ("/v1/view3d", "/v1/objects.viser"):
+        answer = client.get(path)
+        assert answer.status_code == 503
+        assert "helios-ovmm[viewer]" in answer.json()["detail"]
