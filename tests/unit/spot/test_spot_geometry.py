@@ -72,9 +72,24 @@ def test_forward_ends_its_length_ahead_with_the_same_heading(
 
 @given(PLACES, st.floats(-0.52, 0.52))
 def test_turn_stays_and_turns_by_its_angle(start: Waypoint, angle_rad: float) -> None:
-    moved_m, turned_rad = between(start, goal_of(Turn(angle_rad), start))
+    goal = goal_of(Turn(angle_rad), start)
+    moved_m, turned_rad = between(start, goal)
     assert moved_m == 0.0
     assert turned_rad == pytest.approx(angle_rad, abs=1e-9)
+    assert abs(goal.yaw_rad) <= math.pi
+
+
+@pytest.mark.parametrize(
+    ("off", "is_there"),
+    [
+        (Waypoint(0.04, 0.0, 0.04), True),
+        (Waypoint(0.06, 0.0, 0.0), False),
+        (Waypoint(0.0, 0.0, 0.06), False),
+        (Waypoint(0.0, 0.0, -0.06), False),
+    ],
+)
+def test_a_goal_is_reached_in_place_and_in_heading(off: Waypoint, is_there: bool) -> None:
+    assert reached(Waypoint(0.0, 0.0, 0.0), off) is is_there
 
 
 @given(PLACES)
