@@ -106,7 +106,7 @@ class Commands(pb.servicer("RobotCommandService")):
         mobility.params.Unpack(params)
         speed = params.vel_limit.max_vel.linear.x or 1.6
         turn = params.vel_limit.max_vel.angular or 2.0
-        w.fastest = max(w.fastest, speed)
+        w.fastest, w.fastest_turn = max(w.fastest, speed), max(w.fastest_turn, turn)
         if not w.standing:
             w.standing = True
         if kind == "se2_trajectory_request":
@@ -132,6 +132,7 @@ class Commands(pb.servicer("RobotCommandService")):
         elif kind == "arm_gaze_command":
             asked = arm.arm_gaze_command
             p = asked.target_trajectory_in_frame1.points[-1].point
+            self._bounded(asked)
             target = np.linalg.inv(w.T_world_body) @ T_WORLD_VISION @ [p.x, p.y, p.z, 1.0]
             if w.stowed:
                 w.reach(pose((0.5, 0.0, 0.35)))
@@ -140,12 +141,22 @@ class Commands(pb.servicer("RobotCommandService")):
             w.reach(turned)
         elif kind == "arm_cartesian_command":
             asked = arm.arm_cartesian_command
+            self._bounded(asked)
             T = pb.math_helpers.SE3Pose.from_proto(
                 asked.pose_trajectory_in_task.points[-1].pose
             ).to_matrix()
             if asked.root_frame_name == "vision":
                 T = np.linalg.inv(w.T_world_body) @ T_WORLD_VISION @ T
             self._arm_ok[id] = w.reach(T)
+
+    def _bounded(self, asked: Any) -> None:
+        """Note how fast the hand may move; a bound that is not told is none."""
+        w = self._w
+        linear = asked.max_linear_velocity.value or math.inf
+        angular = asked.max_angular_velocity.value or math.inf
+        w.fastest_hand, w.fastest_wrist = (
+            max(w.fastest_hand, linear), max(w.fastest_wrist, angular)
+        )  # fmt: skip
 
 
 class Manipulation(pb.servicer("ManipulationApiService")):

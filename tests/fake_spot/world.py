@@ -58,7 +58,11 @@ class World:
     walk: Walk | None = None
     lease_owner: str = ""
     retained_s: float = 0.0
-    fastest: float = 0.0  # that it was told
+    # The fastest that it was told: walk, turn, hand (m/s), hand (rad/s).
+    fastest: float = 0.0
+    fastest_turn: float = 0.0
+    fastest_hand: float = 0.0
+    fastest_wrist: float = 0.0
     bumps: int = 0
     log: list[str] = field(default_factory=list)
     _then_s: float = field(default_factory=time.monotonic)

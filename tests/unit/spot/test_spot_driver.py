@@ -161,7 +161,7 @@ def test_the_first_action_makes_it_stand_with_the_hand_raised(stage: Stage) -> N
 
 def test_walks_and_turns_are_as_long_as_asked_and_as_slow_as_allowed(staging: Staging) -> None:
     stage = staging(hurry=4.0)
-    driver = stage.driver(speed_m_s=0.4)
+    driver = stage.driver(speed_m_s=0.4, turn_rad_s=0.7)
     forward = stage.act(driver, Forward(0.6))
     assert forward.succeeded
     assert forward.moved_m == pytest.approx(0.6, abs=0.05)
@@ -170,6 +170,7 @@ def test_walks_and_turns_are_as_long_as_asked_and_as_slow_as_allowed(staging: St
         assert turn.turned_rad == pytest.approx(angle_rad, abs=0.06)
         assert turn.moved_m < 0.05
     assert stage.world.fastest == pytest.approx(0.4)
+    assert stage.world.fastest_turn == pytest.approx(0.7)
     assert stage.act(driver, Observe()).steps == 4
 
 
@@ -191,7 +192,7 @@ def test_tilt_is_absolute_and_positive_looks_down(stage: Stage, tilt_rad: float)
 
 
 def test_pick_and_place_carry_the_mug_to_a_height(stage: Stage) -> None:
-    driver = stage.driver()
+    driver = stage.driver(arm_m_s=0.4, arm_rad_s=1.2)
     stage.world.x, stage.world.y = 1.3, 0.6
     assert stage.act(driver, Pick(MUG_M, "mug")).succeeded
     assert driver.state().held == "mug"
@@ -202,6 +203,8 @@ def test_pick_and_place_carry_the_mug_to_a_height(stage: Stage) -> None:
     assert placed.succeeded, placed.reason
     assert driver.state().held == ""
     assert stage.world.things["mug"].center == pytest.approx((0.6, -1.8, 0.56), abs=0.02)
+    assert stage.world.fastest_hand == pytest.approx(0.4)  # looking, gazing, reaching, lifting
+    assert stage.world.fastest_wrist == pytest.approx(1.2)
 
 
 def test_a_mug_is_grasped_from_a_body_camera_too(stage: Stage) -> None:
