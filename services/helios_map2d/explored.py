@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_map2d import frontier_kernels, kernels
+from helios_map2d import change_kernels, frontier_kernels
 from helios_map2d.grid import EMPTY, Box, GridSpec, carried_over
 
 
@@ -34,8 +34,8 @@ class SearchArea:
         self.box = EMPTY
 
     def add(self, seen: NDArray[np.uint8], window: Box) -> None:
-        """Count what one view saw (flags over `window`, `kernels.SEEN_NOW`) as searched."""
-        kernels.merge_seen(seen, self.explored[window.slices])
+        """Count what one view saw (flags over `window`, `fuse_kernels.SEEN_NOW`) as searched."""
+        change_kernels.merge_seen(seen, self.explored[window.slices])
         self.box = self.grid.to_world(window).union(self.box)
 
     def take_back(self, cells: NDArray[np.bool_], window: Box) -> None:

@@ -16,7 +16,7 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import invert
 from numpy.typing import NDArray
 
-from helios_map2d import kernels
+from helios_map2d import fuse_kernels, project_kernels
 from helios_map2d.grid import Box, GridSpec, carried_over
 from helios_map2d.view import View
 
@@ -97,17 +97,18 @@ class OccupancyLayer:
     ) -> NDArray[np.uint8]:
         """Fold one view in; return by cell of `view.window` what came of it, as flags.
 
-        `kernels.SEEN_NOW`: this view saw it; `HEIGHTS`: an obstacle's heights changed;
+        `fuse_kernels.SEEN_NOW`: this view saw it; `HEIGHTS`: an obstacle's heights changed;
         `MEMORY`: what is remembered of the cell changed, though maybe nothing that shows.
         Pixels on the robot's own body (within `body_radius_m` and a margin of `body_xy_m`) are no
         obstacles.
         """
         rules, window, cell_m = self.rules, view.window, self.grid.cell_m
         shape = (window.rows, window.columns)
-        count = np.zeros(shape, np.uint16)
-        low = np.empty(shape, np.float32)
-        high = np.empty(shape, np.float32)
-        polar = np.zeros((view.azimuth_bins, view.range_cells), np.uint8)
+        count = np.zeros(shape, np.int32)
+        low = np.full(shape, np.inf, np.float32)
+        high = np.zeros(shape, np.float32)
+        marks = np.zeros((3, view.range_cells, view.azimuth_bins), np.uint8)
+        floor = np.zeros((view.range_cells, view.azimuth_bins + 2), np.uint8)
         intrinsics = intrinsics_of(view)
         heading = np.array(view.heading, np.float32)
         camera_cells = camera_in_window(view)
@@ -127,16 +128,19 @@ class OccupancyLayer:
             [(body_xy_m[0] - corner[0]) / cell_m, (body_xy_m[1] - corner[1]) / cell_m, radius**2],
             np.float32,
         )
-        kernels.project_depth(
-            view.depth_m, intrinsics, pose, heading, limits, body, count, low, high, polar
+        project_kernels.project_depth(
+            view.depth_m, intrinsics, pose, heading, limits, body, count, low, high, marks
         )
-        kernels.carve_rays(polar, int(rules.floor_gap_m / cell_m), int(rules.shadow_m / cell_m))
-
+        project_kernels.floor_along_azimuths(
+            marks, int(rules.floor_gap_m / cell_m), int(rules.shadow_m / cell_m), floor
+        )
         seen_now = np.empty(shape, np.uint8)
         box = window.slices
-        kernels.fuse_window(
-            view.depth_m, intrinsics, invert(view.T_world_cam), camera_cells, heading,
-            count, low, high, polar,
+        camera = view.camera
+        fuse_kernels.fuse_window(
+            view.depth_m, np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
+            invert(view.T_world_cam), camera_cells, heading,
+            count, low, high, floor,
             np.array([corner[0], corner[1], cell_m]),
             np.array([rules.weak_pixels, rules.strong_pixels, rules.tail_ratio,
                       rules.occupied_evidence, rules.most_evidence, rules.hit_gain,

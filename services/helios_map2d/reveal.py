@@ -15,8 +15,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from helios_map2d.fuse_kernels import SEEN_NOW
 from helios_map2d.grid import Box
-from helios_map2d.kernels import SEEN_NOW
 from helios_map2d.occupancy import OccupancyLayer
 from helios_map2d.value import Cone, bin_directions
 from helios_map2d.view import View

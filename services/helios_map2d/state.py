@@ -14,7 +14,7 @@ from helios_core.geometry import yaw_of
 from helios_core.types import Frame, FrameId, Observation, SearchContext
 from numpy.typing import NDArray
 
-from helios_map2d import kernels
+from helios_map2d import change_kernels, fuse_kernels
 from helios_map2d.explored import SearchArea
 from helios_map2d.frontiers import Frontier, FrontierFinder, FrontierRules
 from helios_map2d.grid import EMPTY, TILE, Box, GridSpec, Tile
@@ -137,7 +137,9 @@ class MapState:
         self.search.add(came_of_it, box)
         if self.footprint_radius_m > 0:
             disc = self.occupancy.clear_disc(x_m, y_m, self.footprint_radius_m)
-            came_of_it[disc.moved(-box.row_lo, -box.column_lo).slices] |= np.uint8(kernels.MEMORY)
+            came_of_it[disc.moved(-box.row_lo, -box.column_lo).slices] |= np.uint8(
+                fuse_kernels.MEMORY
+            )
             self.search.add_near_robot(
                 self.occupancy.occupancy, x_m, y_m, rules.frontiers.blind_radius_m
             )
@@ -384,7 +386,7 @@ class MapState:
         rows, columns = box.rows // TILE, box.columns // TILE
         shown, kept = np.zeros((2, rows, columns), np.uint8)
         border = np.zeros((rows + 2, columns + 2), np.uint8)
-        kernels.note_changes(
+        change_kernels.note_changes(
             before, self.occupancy.occupancy[at], searched, self.search.explored[at], came_of_it,
             shown, kept, border, TILE,
         )  # fmt: skip
@@ -399,7 +401,7 @@ class MapState:
 
     def _note_known(self, box: Box) -> None:
         at = box.slices
-        extent = kernels.known_extent(self.occupancy.occupancy[at], self.search.explored[at])
+        extent = change_kernels.known_extent(self.occupancy.occupancy[at], self.search.explored[at])
         found = Box(*(int(v) for v in extent))
         if not found.empty:
             found = found.moved(box.row_lo, box.column_lo)

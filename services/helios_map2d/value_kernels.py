@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
-from helios_map2d.kernels import FAST, diamond_angle
+from helios_map2d.project_kernels import FAST, diamond_angle
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)

@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 from helios_core.geometry import Pinhole
-from helios_map2d import kernels
-from helios_map2d.kernels import FLOOR, OBSTACLE, SEEN
+from helios_map2d import project_kernels
+from helios_map2d.project_kernels import FLOOR, OBSTACLE
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -87,9 +87,9 @@ def test_project_depth_equals_its_twin(yaw: float, pitch_down: float, seed: int)
     wild = rng.random(depth.shape) < 0.02
     depth = np.where(wild, rng.choice([np.nan, 0.0, 1.0, 3.0], depth.shape), depth)
     depth = np.ascontiguousarray(depth, np.float32)
-    count = np.zeros((CELLS, CELLS), np.uint16)
-    low, high = np.zeros((2, CELLS, CELLS), np.float32)
-    polar = np.zeros((BINS, RANGES), np.uint8)
+    count = np.zeros((CELLS, CELLS), np.int32)
+    low, high = np.full((CELLS, CELLS), np.inf, np.float32), np.zeros((CELLS, CELLS), np.float32)
+    found = np.zeros((3, RANGES, BINS), np.uint8)
     pose = np.empty((3, 4), np.float32)
     pose[:, :3] = T[:3, :3]
     pose[:, 3] = CELLS / 2, CELLS / 2, T[2, 3]
@@ -99,14 +99,16 @@ def test_project_depth_equals_its_twin(yaw: float, pitch_down: float, seed: int)
     )
     intrinsics = np.array([1 / 50, 1 / 50, 31.5, 23.5], np.float32)
     body = np.array([0, 0, 0], np.float32)
-    kernels.project_depth(depth, intrinsics, pose, heading, limits, body, count, low, high, polar)
+    project_kernels.project_depth(
+        depth, intrinsics, pose, heading, limits, body, count, low, high, found
+    )
     expected, top, marks = projected_plainly(depth, T)
     # float32 against float64: a pixel on a border may fall to either side of it.
     assert abs(count.astype(int) - expected).sum() <= 0.01 * expected.sum() + 4
     both = (count > 0) & (count == expected)
     assert np.mean(abs(high[both] - top[both]) < 1e-3) > 0.99
     got = {(int(b), int(k), kind) for kind in (FLOOR, OBSTACLE)
-           for b, k in np.argwhere(polar & kind)}  # fmt: skip
+           for k, b in np.argwhere(found[kind])}  # fmt: skip
     assert len(got ^ marks) <= 0.02 * len(marks) + 4
 
 
@@ -127,7 +129,12 @@ def carved_plainly(line: NDArray[np.uint8], gap: int, shadow: int) -> NDArray[np
 
 
 @given(arrays(np.uint8, (4, 30), elements=st.integers(0, 3)), st.integers(1, 6), st.integers(0, 5))
-def test_carve_rays_equals_its_twin(polar: NDArray[np.uint8], gap: int, shadow: int) -> None:
-    expected = np.array([carved_plainly(line, gap, shadow) for line in polar])
-    kernels.carve_rays(polar, gap, shadow)
-    assert (((polar & SEEN) > 0) == expected).all()
+def test_floor_along_azimuths_equals_its_twin(
+    polar: NDArray[np.uint8], gap: int, shadow: int
+) -> None:
+    found = np.stack([polar * 0, polar & FLOOR, (polar & OBSTACLE) // OBSTACLE]).swapaxes(1, 2)
+    expected = np.array([carved_plainly(line, gap, shadow) for line in polar]).T
+    seen = np.zeros((30, 4 + 2), np.uint8)
+    project_kernels.floor_along_azimuths(np.ascontiguousarray(found), gap, shadow, seen)
+    assert (seen[:, 1:-1] == expected).all()
+    assert (seen[:, [0, -1]] == expected[:, [-1, 0]]).all()

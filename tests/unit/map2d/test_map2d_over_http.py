@@ -1,0 +1,64 @@
+"""Both maps as the real services save them, through the gateway into another home's processes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from fastapi.testclient import TestClient
+from helios_client.calls import arrays
+from helios_core import proto as pb
+from helios_core.health import Health
+from helios_core.topics import LIST_TASKS
+from helios_gateway.app import create_app
+from helios_gateway.fleet import Fleet, Served
+from helios_gateway.live import Live
+from helios_gateway.settings import Settings as GatewaySettings
+from helios_objectmap.service import ObjectMapService
+from helios_objectmap.settings import ObjectMapSettings
+from map2d_house import House
+from numpy.typing import NDArray
+
+from tests.support import wait_until
+
+ZIP = {"content-type": "application/zip"}
+
+
+@contextmanager
+def front_door(house: House) -> Iterator[TestClient]:
+    """A gateway over the house's map, an object map and an idle planner."""
+    ObjectMapService(house.bus, ObjectMapSettings.load([]), Health())
+    house.bus.serve(LIST_TASKS, lambda _: pb.TaskList())
+    house.scorer.serve(house.bus)
+    settings = GatewaySettings.load([])
+    live = Live(house.bus, settings)
+    yield TestClient(
+        create_app(Fleet({"robot": Served(house.bus, live)}), settings), "http://localhost"
+    )
+    live.close()
+
+
+def occupancy(door: TestClient) -> NDArray:
+    call = arrays("occupancy")
+    return call.answer(door.get(f"/v1{call.path}"))["occupancy"]  # pyright: ignore[reportArgumentType]
+
+
+def test_a_home_that_was_seen_is_known_to_new_processes_by_a_file() -> None:
+    first, second = House(), House()
+    with front_door(first) as door, front_door(second) as other:
+        empty = door.get("/v1/map.zip")
+        assert empty.status_code == 503
+        assert "no keyframe" in empty.json()["detail"]
+        first.search("first")
+        for frame in first.walk.look_around(2.0, 1.5):
+            first.keyframe(frame)
+            first.observe(frame, "first", {"pick": 0.4, "place": 0.2})
+        wait_until(lambda: door.get("/v1/map.zip").status_code == 200, 60, "there is a map")
+        second.say_epoch("another boot")
+        loaded = other.put("/v1/map.zip", content=door.get("/v1/map.zip").content, headers=ZIP)
+        assert loaded.status_code == 200, loaded.text
+        assert loaded.json()["known_m2"] > 1
+        np.testing.assert_array_equal(occupancy(other), occupancy(door))
+        asked = "/v1/seen?prompt=a mug"
+        assert other.get(asked).json()["views"] == door.get(asked).json()["views"] != []
