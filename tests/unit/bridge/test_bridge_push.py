@@ -124,6 +124,15 @@ def test_the_maps_hear_of_a_new_world_before_its_first_frame() -> None:
         assert heard.index(("state", epoch)) < heard.index(("frame", epoch))
 
 
+def test_the_robots_state_is_told_after_each_frame() -> None:
+    house = House()
+    told: list[pb.RobotState] = []
+    house.other.subscribe(ROBOT_STATE, told.append)
+    for _ in range(2):
+        id = house.push(pushed(robot_boot_id="me")).id
+        assert (told[-1].robot_boot_id, told[-1].last_seq) == ("me", id.seq)
+
+
 def test_without_a_world_of_its_own_all_frames_share_the_bridges() -> None:
     house = House()
     first, second = house.push(pushed()).id, house.push(pushed()).id
