@@ -98,6 +98,19 @@ def test_a_focal_length_that_nobody_knows_is_said(models: dict[str, Path]):
             opened(models[kind], "own")
 
 
+def test_what_is_farther_than_a_message_can_say_is_no_depth(models: dict[str, Path]):
+    far = opened(models["depth-pro"]).estimate(COLOR, 1e6)
+    assert (far.depth_m == 0).all()
+
+
+def test_a_guess_that_no_camera_has_is_refused(models: dict[str, Path]):
+    depth = opened(models["depth-pro"], "own")
+    with depth._model.use() as (model, _):
+        model.fov_model.head.layers[-1].bias.fill_(200.0)  # degrees
+    with pytest.raises(InvalidInput, match=r"guesses a field of view of \d+ degrees"):
+        depth.estimate(COLOR, 300.0)
+
+
 def test_settings_open_a_depth_model_or_none(models: dict[str, Path]):
     assert open_depth("none", DetectorOptions(), "calibrated") is None
     with pytest.raises(InvalidInput, match="set none or transformers:ID"):
@@ -133,6 +146,7 @@ def test_without_a_calibration_the_reply_says_its_own_focal_length(bus: MemoryBu
     request = pb.DepthRequest()
     request.compressed_color.format, request.compressed_color.data = "png", png.tobytes()
     reply = bus.call(ESTIMATE_DEPTH, request, 20.0)
+    assert reply.estimate_ms > 0
     assert reply.focal_px == pytest.approx(160 / np.tan(np.deg2rad(30)), rel=0.4)  # about 60 deg
     assert (reply.raw_depth.width, reply.raw_depth.height) == (320, 200)
 

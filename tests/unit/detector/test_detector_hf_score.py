@@ -24,7 +24,7 @@ from helios_core.types import Embedding, SearchContext
 from helios_detector.backend import DetectorOptions, ScorerBackend, open_scorer
 from helios_detector.ground_truth import GroundTruthDetector
 from helios_detector.hf.runtime import need_library, picture
-from helios_detector.hf.scorer import HfScorer
+from helios_detector.hf.scorer import Blip2, HfScorer
 from helios_detector.scorer import LexicalScorer
 from helios_detector.service import DetectorService
 
@@ -142,6 +142,30 @@ def test_texts_are_embedded_once(models: dict[str, Path], monkeypatch: pytest.Mo
     assert asked == [list(PROMPTS.values()), ["a sofa"]]
 
 
+def test_few_texts_are_remembered(models: dict[str, Path], monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("helios_detector.hf.scorer.TEXTS_REMEMBERED", 2)
+    scorer = opened(models["clip"])
+    assert isinstance(scorer, HfScorer)
+    assert scorer.score(frame(), (), PROMPTS) == opened(models["clip"]).score(frame(), (), PROMPTS)
+    assert len(scorer._texts) == 2
+
+
+def test_the_image_is_encoded_once_for_all_prompts(
+    models: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+):
+    for head in ("itc", "itm"):
+        scorer = opened(models["blip-2"], head)
+        assert isinstance(scorer, HfScorer)
+        tower, asked = scorer._tower, []
+        assert isinstance(tower, Blip2)
+        pixels = tower.pixels
+        monkeypatch.setattr(
+            tower, "pixels", lambda m, i, asked=asked, f=pixels: asked.append(1) or f(m, i)
+        )
+        assert len(scorer.score(frame(), (), PROMPTS)) == 3
+        assert asked == [1]
+
+
 def test_without_prompts_no_image_is_looked_at(models: dict[str, Path]):
     scorer = opened(models["clip"])
     assert isinstance(scorer, HfScorer)
@@ -175,6 +199,8 @@ def test_the_observation_carries_the_embedding_and_a_prompt_can_be_asked_on_the_
     assert later == pytest.approx(observation.layer_scores["place"], abs=2e-3)
     with pytest.raises(HeliosError, match="0 prompts came; send 1 to 64"):
         bus.call(EMBED_TEXT, pb.EmbedTextRequest(), 5.0)
+    with pytest.raises(HeliosError, match="65 prompts came; send 1 to 64"):
+        bus.call(EMBED_TEXT, pb.EmbedTextRequest(prompts=["a bed"] * 65), 5.0)
 
 
 def test_a_scorer_of_names_says_that_it_has_no_embeddings():

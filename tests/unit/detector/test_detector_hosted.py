@@ -1,6 +1,7 @@
 """From settings to a service: ready only when the models work, and what it says until then."""
 
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, VOCABULARY
 from helios_core.types import Role, SearchClass, SearchContext
 from helios_detector import models as models_module
-from helios_detector.backend import DetectorBackend, Findings
+from helios_detector.backend import DetectorBackend, DetectorOptions, Findings
 from helios_detector.ground_truth import GroundTruthDetector
 from helios_detector.hosted import Hosted
 from helios_detector.models import Models, landmarks_of, open_models
@@ -223,6 +224,72 @@ def test_a_fixed_vocabulary_stands_in_by_similarity_where_that_is_switched_on():
     wanted, refused = fixed_wanted(context, COCO_NAMES, NearestName(COCO_NAMES))
     assert {w.name: set(w.names) for w in wanted}["settee bench"] == {"bench"}
     assert refused.keys() == {"zeitgeist"}
+
+
+def test_every_setting_of_a_model_reaches_it(monkeypatch: pytest.MonkeyPatch):
+    truth, caught = SceneTruth(), {}
+
+    def opener(what: str, made: Any) -> Any:
+        return lambda *given: caught.update({what: given}) or made
+
+    monkeypatch.setattr(models_module, "open_scorer", opener("scorer", LexicalScorer()))
+    monkeypatch.setattr(models_module, "open_detector", opener("it", GroundTruthDetector(truth)))
+    monkeypatch.setattr(models_module, "open_depth", opener("depth", None))
+    open_models(
+        settings(
+            detector="a", scorer="b", depth="c", depth_focal="own", threads=3, noise="x",
+            noise_seed=4, noise_level=0.5, noise_correlation=0.25, device="cuda:1",
+            precision="float16", masks="m", score_head="itm", by_similarity=True, landmarks="sink",
+        ),
+        truth,
+    )  # fmt: skip
+    options = DetectorOptions(
+        truth=truth, threads=3, noise="x", noise_seed=4, noise_level=0.5, noise_correlation=0.25,
+        device="cuda:1", precision="float16", masks="m", by_similarity=True, score_head="itm",
+        landmarks=("sink",),
+    )  # fmt: skip
+    assert caught["it"] == ("a", options)
+    assert caught["depth"] == ("c", options, "own")
+    assert caught["scorer"] == ("b", replace(options, landmarks=()))
+
+
+def test_a_hosted_model_leaves_the_memory_when_idle_and_comes_back(
+    owl: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("helios_detector.hosted.IDLE_CHECK_S", 0.02)
+    hub, health, seen = MemoryHub(), Health(), []
+    bus = MemoryBus(hub)
+    bus.subscribe(OBSERVATION, seen.append)
+    bus.publish(CONTEXT, context_to_proto(context_of("mug", threshold=0.01)))
+    service = Hosted(
+        MemoryBus(hub), health,
+        settings(detector=f"transformers:{owl}", device="cpu", unload_after_s=0.05),
+    )  # fmt: skip
+    wait_until(lambda: health.metrics().get("unloads") == 1, 30, "unloaded")
+    bus.publish(KEYFRAME, frame_to_proto(frame_of()))
+    assert len(seen) == 1
+    assert seen[0].detections
+    wait_until(lambda: health.metrics().get("unloads") == 2, 30, "unloaded again")
+    service.close()
+
+
+def test_tries_are_made_at_doubling_pauses_up_to_a_minute(monkeypatch: pytest.MonkeyPatch):
+    pauses: list[float] = []
+
+    class Ending(threading.Event):
+        def wait(self, timeout: float | None = None) -> bool:
+            assert timeout is not None
+            pauses.append(timeout)
+            if len(pauses) == 8:
+                self.set()
+            return self.is_set()
+
+    def nothing_there(s: Settings, truth) -> Models:
+        raise Unavailable("the model is not there")
+
+    monkeypatch.setattr(models_module, "open_models", nothing_there)
+    assert models_module.load_models(settings(retry_s=2.0), None, Health(), Ending()) is None
+    assert pauses == [2, 4, 8, 16, 32, 60, 60, 60]
 
 
 def test_the_vocabulary_says_that_any_name_may_be_asked_for(owl: Path):

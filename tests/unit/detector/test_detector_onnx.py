@@ -5,7 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tiny_onnx
-from detector_scene import MUG, SceneTruth, box_of, context_of, frame_of, looking, render
+from detector_scene import (
+    MUG,
+    ROOM,
+    TABLE,
+    SceneTruth,
+    box_of,
+    context_of,
+    frame_of,
+    looking,
+    render,
+)
 from helios_core.codec import context_to_proto, frame_to_proto
 from helios_core.errors import InvalidInput
 from helios_core.health import Health
@@ -70,6 +80,17 @@ def test_a_synonym_of_the_context_finds_a_class_that_only_the_context_knows(tmp_
     assert grail.class_name == "grail"
     with pytest.raises(InvalidInput, match="'grail' is not among the 80 classes"):
         detector.detect(frame_of(), context_of("grail"))
+
+
+def test_a_receptacle_keeps_its_surface_and_an_object_leaves_it(tmp_path: Path):
+    frame, table = frame_of(), COCO_NAMES.index("dining table")
+    _, ids = render(ROOM, looking())
+    surface = ids == TABLE.id
+    x0, y0, x1, y1 = (float(v) for v in box_of(surface))
+    model = tiny_onnx.yolox(tmp_path / "m.onnx", [((x0, y0, x1, y1), table, 0.8)], 80)
+    classes = (SearchClass("dining table", Role.GOAL_RECEPTACLE, 0.3),)
+    (found,) = opened(model).detect(frame, SearchContext("c", classes)).detections
+    assert (found.mask & surface).sum() / surface.sum() > 0.9
 
 
 OWN = "Espresso_Machine\nwatering can\n\nsoap-dispenser\n"

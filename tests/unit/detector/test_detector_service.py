@@ -9,6 +9,7 @@ import pytest
 from detector_scene import MUG, SceneTruth, context_of
 from helios_core import proto as pb
 from helios_core.codec import context_to_proto, frame_to_proto, observation_from_proto
+from helios_core.errors import Unavailable
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, FRAME, KEYFRAME, OBSERVATION, PREVIEW, VOCABULARY
@@ -273,6 +274,43 @@ def test_a_fault_after_the_detection_is_counted_and_said_and_the_next_frame_answ
     house.bus.publish(KEYFRAME, house.frame(2))
     assert [o.frame.id.seq for o in house.observations] == [2]
     assert house.health.state == ("ready", "")
+
+
+@pytest.mark.parametrize(("silent", "answered"), [(2, 1), (3, 0)])
+def test_a_back_end_that_does_not_answer_is_asked_three_times(silent: int, answered: int):
+    class Shy(GroundTruthDetector):
+        asked = 0
+
+        def detect(self, frame, context) -> Findings:
+            self.asked += 1
+            if self.asked <= silent:
+                raise Unavailable("the world does not answer")
+            return super().detect(frame, context)
+
+    truth = SceneTruth()
+    house = House(Shy(truth))
+    house.truth = truth
+    house.look_for()
+    house.bus.publish(KEYFRAME, house.frame())
+    assert len(house.observations) == answered
+    assert house.count("detect_retries") == silent
+    assert house.count("keyframes_failed") == 1 - answered
+    assert ("the world does not answer" in house.health.state[1]) == (not answered)
+
+
+def test_memory_of_the_accelerator_is_told_per_frame():
+    class Big(GroundTruthDetector):
+        def accelerator_mb(self) -> float:
+            return 1234.0
+
+    truth = SceneTruth()
+    house = House(Big(truth))
+    house.truth = truth
+    house.look_for()
+    house.bus.publish(KEYFRAME, house.frame())
+    assert house.count("accelerator_mb_median") == 1234
+    assert house.count("memory_mb") > 10
+    assert house.observations[0].detect_ms > 0
 
 
 def test_a_context_that_the_back_end_cannot_read_is_counted_and_said():

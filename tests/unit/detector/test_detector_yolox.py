@@ -54,3 +54,10 @@ def test_a_file_that_is_no_model_is_invalid(tmp_path):
     path.write_bytes(b"not a model")
     with pytest.raises(InvalidInput, match="cannot be loaded"):
         YoloxDetector(path)
+
+
+def test_of_very_many_boxes_the_best_50_stay():
+    corner = 20 * np.arange(60, dtype=np.float32)
+    boxes = np.stack([corner, corner, corner + 9, corner + 9], 1)
+    scores = np.linspace(0.3, 0.9, 60, dtype=np.float32)
+    assert suppressed(boxes, scores) == list(range(59, 9, -1))
