@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_objectmap.create import tolerance_m
-from helios_objectmap.splat import Projection
+from helios_objectmap.kernels.sighting import THERE, THROUGH, sight_kernel
+from helios_objectmap.rendering import Projection
 
 
 @dataclass(frozen=True)
@@ -32,17 +33,11 @@ def sight(projection: Projection, depth_m: NDArray[np.float32], front_m: float) 
     For seeing through, all nine pixels must be valid and farther, so that an edge that is off by a
     pixel is kept.
     """
-    nearest = cv2.erode(depth_m, np.ones((3, 3), np.uint8), borderValue=0.0)
-    uv = np.rint(projection.uv).astype(np.int32)
-    inside = np.flatnonzero(
-        (uv[:, 0] >= 0)
-        & (uv[:, 0] < projection.width)
-        & (uv[:, 1] >= 0)
-        & (uv[:, 1] < projection.height)
-    )
-    u, v = uv[inside].T
-    z = projection.depth_m[inside]
-    all_around, here = nearest[v, u].astype(np.float32), depth_m[v, u]
-    through = (all_around > 0) & (z < all_around - tolerance_m(all_around, front_m))
-    there = (here > 0) & (np.abs(z - here) < tolerance_m(here, front_m))
-    return Sight(inside[through], inside[there & ~through])
+    depth_m = np.ascontiguousarray(depth_m, np.float32)
+    nearest = cv2.erode(depth_m, np.ones((3, 3), np.uint8), borderValue=0.0).astype(np.float32)
+    state = np.empty(len(projection.rows), np.uint8)
+    sight_kernel(
+        projection.uv, projection.depth_m, nearest, tolerance_m(nearest, front_m), depth_m,
+        tolerance_m(depth_m, front_m), state,
+    )  # fmt: skip
+    return Sight(np.flatnonzero(state == THROUGH), np.flatnonzero(state == THERE))

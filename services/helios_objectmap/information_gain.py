@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap import splat
 from helios_objectmap.dirichlet import concentration_of, entropy, marginal
+from helios_objectmap.rendering import Project
 from helios_objectmap.score import score
 from helios_objectmap.view import View
 
@@ -50,11 +50,11 @@ class Rates:
     other: float = 0.0  # share of what is expected that speaks for "other"; 0 is optimistic
 
 
-def kappa_at(member: Member, view: View, max_depth_m: float) -> Float32:
+def kappa_at(project: Project, member: Member, view: View, max_depth_m: float) -> Float32:
     """Weight that a view gives each Gaussian [n], summed over the pixels it would see it in."""
-    projection = splat.project(member.means, member.radius_m, member.opacity, view)
+    projection = project(member.means, member.radius_m, member.opacity, view)
     everywhere = np.zeros((view.height, view.width), np.int32)
-    kappa = splat.kappa_sums(projection, everywhere, 1)[:, 0]
+    kappa = projection.kappa_sums(everywhere, 1)[:, 0]
     out = np.zeros(len(member.means), np.float32)
     out[projection.rows] = np.where(projection.depth_m <= max_depth_m, kappa, 0)
     return out
@@ -85,10 +85,15 @@ def expected(
 
 
 def what_if(
-    member: Member, wanted: int, views: Sequence[View], rates: Rates, max_depth_m: float
+    project: Project,
+    member: Member,
+    wanted: int,
+    views: Sequence[View],
+    rates: Rates,
+    max_depth_m: float,
 ) -> tuple[list[Expected], Expected]:
     """Outcome of each view alone, and of all views together."""
-    kappas = [kappa_at(member, view, max_depth_m) for view in views]
+    kappas = [kappa_at(project, member, view, max_depth_m) for view in views]
     together = np.sum(kappas, axis=0) if kappas else np.zeros(len(member.means), np.float32)
     *alone, joint = expected(member, wanted, [*kappas, together], rates)
     return alone, joint

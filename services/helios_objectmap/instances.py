@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap import kernels
 from helios_objectmap.gaussians import NO_INSTANCE
+from helios_objectmap.kernels.components import components_kernel
 
 _BITS = 21
 _HALF = 1 << (_BITS - 1)
@@ -39,15 +39,15 @@ def touching(
 ) -> NDArray[np.bool_]:
     """Whether each point [n, 3] is in the voxel of one of the others [k, 3] or in one beside it."""
     steps = np.concatenate([-_PRECEDING, [0], _PRECEDING])
-    around = np.unique(np.unique(voxel_keys(others, voxel_m))[:, None] + steps)
+    around = np.unique(distinct(voxel_keys(others, voxel_m))[0][:, None] + steps)
     return np.isin(voxel_keys(points, voxel_m), around)
 
 
 def components(points: NDArray[np.float32], voxel_m: float) -> NDArray[np.int64]:
     """Number of the connected component of each point [n], 0, 1, ... without gaps."""
-    voxels, of_point = np.unique(voxel_keys(points, voxel_m), return_inverse=True)
+    voxels, of_point = distinct(voxel_keys(points, voxel_m))
     parent = np.empty(len(voxels), np.int64)
-    kernels.components_kernel(voxels, _PRECEDING, parent)
+    components_kernel(voxels, _PRECEDING, parent)
     _, of_voxel = np.unique(parent, return_inverse=True)
     return of_voxel[of_point]
 
@@ -83,5 +83,16 @@ def count_pairs(
     a: NDArray[np.integer], b: NDArray[np.integer]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Distinct pairs (a, b) of numbers from 0 to 2^31 - 1, and how often each occurs."""
-    key, counts = np.unique((a.astype(np.int64) << 32) | b, return_counts=True)
-    return key >> 32, key & 0xFFFFFFFF, counts
+    key, of_pair = distinct((a.astype(np.int64) << 32) | b)
+    return key >> 32, key & 0xFFFFFFFF, np.bincount(of_pair, minlength=len(key))
+
+
+def distinct(values: NDArray[np.integer]) -> tuple[NDArray[np.integer], NDArray[np.intp]]:
+    """The distinct values [n] in rising order, and which of them each one is.
+
+    As `numpy.unique`, but neighbours in the store are neighbours in space: only the starts of runs
+    of equal values are sorted.
+    """
+    starts = np.flatnonzero(np.diff(values, prepend=values[:1] - 1))
+    found, of_run = np.unique(values[starts], return_inverse=True)
+    return found, np.repeat(of_run, np.diff(starts, append=len(values)))

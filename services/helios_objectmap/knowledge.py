@@ -9,7 +9,7 @@ from helios_core.errors import InvalidInput
 from helios_core.types import ObjectInstance, Role, SearchContext
 from numpy.typing import NDArray
 
-from helios_objectmap import information_gain, picture, splat
+from helios_objectmap import information_gain, picture
 from helios_objectmap.detail import Grasp, grasp
 from helios_objectmap.dirichlet import marginal
 from helios_objectmap.gaussians import NO_INSTANCE, GaussianStore
@@ -17,6 +17,7 @@ from helios_objectmap.information_gain import Expected, Member, Rates
 from helios_objectmap.mapfile import Memory
 from helios_objectmap.objects import BELIEVED, InstanceGaussians, describe, gaussians_of
 from helios_objectmap.registry import InstanceRegistry, Moment
+from helios_objectmap.rendering import FAR_M, Projection, back_end
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.view import View
 from helios_objectmap.viewpoints import Viewpoints
@@ -30,6 +31,7 @@ class Knowledge:
 
     def __init__(self, settings: ObjectMapSettings) -> None:
         self._settings = settings
+        self._back_end = back_end(settings.renderer)
         self.reset()
 
     def reset(self) -> None:
@@ -94,6 +96,7 @@ class Knowledge:
             store.asked[rows, column],
         )
         return information_gain.what_if(
+            self._back_end,
             member,
             columns.index(column),
             [view.strided(s.stride_px) for view in views],
@@ -120,7 +123,7 @@ class Knowledge:
         layer: one of `picture.LAYERS`; the last two are of a class. Raises InvalidInput.
         """
         store, prior = self._store, self._settings.prior_concentration
-        projection = self._project(view, splat.FAR_M)
+        projection = self._project(view, FAR_M)
         rows = projection.rows
         if layer == "color":
             return picture.png(picture.color(projection, store.color[rows]))
@@ -181,11 +184,14 @@ class Knowledge:
     def _names(self) -> list[str]:
         return [c.name for c in self._context.classes] if self._context is not None else []
 
-    def _project(self, view: View, far_m: float | None = None) -> splat.Projection:
+    def _project(
+        self, view: View, far_m: float | None = None, rows: NDArray[np.int32] | None = None
+    ) -> Projection:
+        """What a view shows of some rows, default all."""
         store = self._store
         far_m = self._settings.max_depth_m + SEEN_BEYOND_M if far_m is None else far_m
-        rows = store.seen_by(view, far_m)
-        return splat.project(store.means, store.radius_m, store.opacity, view, rows, far_m)
+        rows = store.seen_by(view, far_m) if rows is None else rows
+        return self._back_end(store.means, store.radius_m, store.opacity, view, rows, far_m)
 
     def _is_receptacle(self, class_name: str) -> bool:
         return self._roles[class_name].is_receptacle

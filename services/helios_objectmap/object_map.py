@@ -9,15 +9,17 @@ import numpy as np
 from helios_core.types import Observation, SearchContext
 from numpy.typing import NDArray
 
-from helios_objectmap import create, splat
+from helios_objectmap import create
 from helios_objectmap.accumulate import accumulate
 from helios_objectmap.belief import believe
 from helios_objectmap.carve import sight
 from helios_objectmap.gaussians import NO_INSTANCE, OTHER
+from helios_objectmap.instances import distinct
 from helios_objectmap.knowledge import Knowledge
 from helios_objectmap.limit import surplus
 from helios_objectmap.reading import OTHER_LABEL, Reading, read, without_held
 from helios_objectmap.registry import Moment
+from helios_objectmap.rendering import Projection, Rendering
 from helios_objectmap.reobserve import reobserved
 from helios_objectmap.viewpoints import NEVER, Look
 
@@ -84,12 +86,13 @@ class ObjectMap(Knowledge):
             carved, lost = self._carve(projection, reading, look)
             if carved:
                 projection = self._project(reading.view)
-        rendering = splat.render(projection)
+        rendering = projection.render()
 
         created_mask = self._creation_mask(reading, rendering)
         created = self._create(reading, created_mask)
-        if created:
-            projection = self._project(reading.view)
+        if created:  # what was out of view still is
+            new = np.arange(len(store) - created, len(store), dtype=np.int32)
+            projection = self._project(reading.view, rows=np.append(projection.rows, new))
         seen = reobserved(
             reading.depth_m, rendering, created_mask, s.reobserve_agreement_m, s.closing_px
         )
@@ -136,9 +139,7 @@ class ObjectMap(Knowledge):
             self._viewpoints.forget(name)
             del self._roles[name]
 
-    def _carve(
-        self, projection: splat.Projection, reading: Reading, look: Look
-    ) -> tuple[int, set[int]]:
+    def _carve(self, projection: Projection, reading: Reading, look: Look) -> tuple[int, set[int]]:
         """Fade what is seen through, remove it once enough views did, restore what is there.
 
         Returns how many were removed, and the labels of the instances that lost some.
@@ -159,7 +160,7 @@ class ObjectMap(Knowledge):
         gone = through[store.through[through] >= WHOLE * s.carve_views]
         return len(gone), self._remove(gone)
 
-    def _creation_mask(self, reading: Reading, rendering: splat.Rendering) -> NDArray[np.bool_]:
+    def _creation_mask(self, reading: Reading, rendering: Rendering) -> NDArray[np.bool_]:
         detected = (reading.labels != OTHER_LABEL) | self._settings.full_scene
         if self._settings.creation_rule == "paper":
             return create.paper_creation_mask(reading.depth_m, rendering, detected)
@@ -177,7 +178,7 @@ class ObjectMap(Knowledge):
 
     def _fuse(
         self,
-        projection: splat.Projection,
+        projection: Projection,
         labels: NDArray[np.int32],
         look: Look,
         lost: set[int],
@@ -185,18 +186,19 @@ class ObjectMap(Knowledge):
     ) -> int:
         """Take the evidence of a view and renew the instances that it changed."""
         store, names = self._store, self._names
-        kappa = splat.kappa_sums(projection, labels, 1 + len(names))
+        kappa = projection.kappa_sums(labels, 1 + len(names))
         rows = projection.rows
-        store.seen[rows[kappa.any(axis=1)]] = self._updates
+        seen = kappa @ np.ones(kappa.shape[1], np.float32) > 0
+        store.seen[rows[seen]] = self._updates
         weights = self._viewpoints.weights(look, names, store.born[rows])
-        takes = np.flatnonzero(kappa.any(axis=1) & weights.any(axis=1))
+        takes = np.flatnonzero(seen & weights.any(axis=1))
         rows, kappa, weights = rows[takes], kappa[takes], weights[takes]
         self._viewpoints.mark(look, names, self._updates)
         accumulate(store, rows, kappa, self._columns, weights, self._settings.alpha_cpa)
         self._believe(rows, lost)
         self._registry.note_view(store.instance[rows], kappa, weights, names)
-        seen = np.unique(store.instance[rows]).tolist()
-        self._note_moments([label for label in seen if label != NO_INSTANCE], stamp_ns)
+        labels_seen = distinct(store.instance[rows])[0].tolist()
+        self._note_moments([label for label in labels_seen if label != NO_INSTANCE], stamp_ns)
         return len(rows)
 
     def _note_moments(self, labels: list[int], stamp_ns: int) -> None:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap import splat
+from helios_objectmap.rendering import Projection
 
 LAYERS = ("color", "depth", "probability", "uncertainty")
 MOST_UNCERTAIN = (
@@ -17,23 +17,21 @@ MOST_UNCERTAIN = (
 )
 
 
-def color(projection: splat.Projection, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def color(projection: Projection, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """[h, w, 3] RGB on white. rgb: [k, 3] of `projection.rows`."""
-    rendering = splat.render(projection, rgb.astype(np.float32) / np.float32(255))
+    rendering = projection.render(rgb.astype(np.float32) / np.float32(255))
     image = rendering.features.transpose(1, 2, 0) + (1 - rendering.coverage)[..., None]
     return np.rint(image.clip(0, 1) * 255).astype(np.uint8)
 
 
-def depth_mm(projection: splat.Projection) -> NDArray[np.uint16]:
+def depth_mm(projection: Projection) -> NDArray[np.uint16]:
     """[h, w] millimetres along the optical axis; 0 where nothing is modelled."""
-    return np.rint(splat.render(projection).depth_m.clip(0, 65.5) * 1000).astype(np.uint16)
+    return np.rint(projection.render().depth_m.clip(0, 65.5) * 1000).astype(np.uint16)
 
 
-def belief(
-    projection: splat.Projection, values: NDArray[np.floating], most: float
-) -> NDArray[np.uint8]:
+def belief(projection: Projection, values: NDArray[np.floating], most: float) -> NDArray[np.uint8]:
     """[h, w, 3] RGB from dark (0) to yellow (`most`), on white. values: [k]."""
-    rendering = splat.render(projection, values.astype(np.float32)[:, None])
+    rendering = projection.render(values.astype(np.float32)[:, None])
     share = np.divide(
         rendering.features[0], rendering.coverage,
         out=np.zeros_like(rendering.coverage), where=rendering.coverage > 1e-3,

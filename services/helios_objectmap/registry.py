@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
-from helios_objectmap.instances import components, count_pairs, relabel, touching
+from helios_objectmap.instances import components, count_pairs, distinct, relabel, touching
 
 MOST_HISTORY = 256
 
@@ -125,7 +125,7 @@ class InstanceRegistry:
         [k, C] of the view. An instance counts as seen with kappa of a pixel, and as detected with
         half of what was seen of it.
         """
-        labels, of_row = np.unique(instance, return_inverse=True)
+        labels, of_row = distinct(instance)
         seen = np.stack(
             [np.bincount(of_row, kappa[:, c], len(labels)) for c in range(kappa.shape[1])], axis=1
         )

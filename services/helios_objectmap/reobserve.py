@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_objectmap.create import MODELLED
-from helios_objectmap.splat import Rendering
+from helios_objectmap.rendering import Rendering
 
 
 def reobserved(

@@ -40,6 +40,11 @@ class ObjectMapSettings(ServiceSettings):
         default=1.0, ge=0, description="Weight of the uncertainty in a score (eq. 7)."
     )
 
+    renderer: Literal["cpu", "cuda"] = Field(
+        default="cpu",
+        description="What renders: the CPU, or gsplat on a GPU (the extra `cuda`).",
+    )
+
     assumption: Literal["optimistic", "50-50"] = Field(
         default="optimistic",
         description="What a what-if expects of a view: the class, or half of it something else.",

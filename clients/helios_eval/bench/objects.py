@@ -62,7 +62,7 @@ def _render(n: int) -> Row:
 
     def ours(_: int) -> NDArray[np.float32]:
         projection = splat.project(means, radius, opacity, view)
-        return splat.render(projection, features[projection.rows]).features
+        return projection.render(features[projection.rows]).features
 
     def peer(_: int) -> torch.Tensor:
         with torch.no_grad():
@@ -88,7 +88,7 @@ def observation(frame: Frame, columns: int = CAMERA.width) -> Observation:
     table = frame.depth_m > 0
     table[:, columns:] = False
     mug = table.copy()
-    mug[:, :300] = mug[:, 340:] = False
+    mug[:, :294] = mug[:, 347:] = False
     whole = (0, 0, CAMERA.width, CAMERA.height)
     found = tuple(Detection(n, 0.9, whole, m) for n, m in (("table", table), ("mug", mug)))
     return Observation(frame, "bench", found, {}, "bench")
@@ -142,7 +142,7 @@ def our_render(n: int = 50_000) -> Callable[[int], object]:
 
     def run(_: int) -> object:
         projection = splat.project(means, radius, opacity, view)
-        return splat.render(projection, features[projection.rows])
+        return projection.render(features[projection.rows])
 
     return run
 

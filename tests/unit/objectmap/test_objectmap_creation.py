@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from helios_objectmap import create, splat
 from helios_objectmap.carve import sight
+from helios_objectmap.rendering import Projection, Rendering
 from helios_objectmap.reobserve import reobserved
 from helios_objectmap.view import View
 
@@ -13,8 +14,8 @@ VIEW = View(30.0, 30.0, 15.5, 11.5, 32, 24, np.eye(4))
 EVERYWHERE = np.ones(SHAPE, bool)
 
 
-def rendering(depth_m: float, coverage: float = 1.0) -> splat.Rendering:
-    return splat.Rendering(
+def rendering(depth_m: float, coverage: float = 1.0) -> Rendering:
+    return Rendering(
         np.full(SHAPE, depth_m, np.float32),
         np.full(SHAPE, coverage, np.float32),
         np.zeros((0, *SHAPE), np.float32),
@@ -53,7 +54,7 @@ def test_the_literal_rule_keeps_errors_over_a_metre_and_eroded_ones_over_a_milli
     assert {tuple(p) for p in np.argwhere(mask)} == {(10, 10), (16, 16)}
 
 
-def one_gaussian(z: float) -> splat.Projection:
+def one_gaussian(z: float) -> Projection:
     mean = np.array([[0, 0, z]], np.float32)
     return splat.project(mean, np.array([0.03], np.float32), np.array([0.99], np.float32), VIEW)
 

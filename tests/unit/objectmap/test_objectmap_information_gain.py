@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helios_objectmap import splat
 from helios_objectmap.information_gain import Member, Rates, what_if
 from helios_objectmap.view import View
 from hypothesis import given, settings
@@ -42,7 +43,7 @@ def test_scores_and_gains_are_those_of_the_paper(scene, classes, other, seed):
     shifted[:3, 3] = rng.uniform(-0.2, 0.2, 3)
     views = [VIEW, View(60.0, 60.0, 23.5, 17.5, 48, 36, shifted)]
     rates = Rates(1.0, 3.0, 1.0, other)
-    alone, together = what_if(member, wanted, views, rates, 100.0)
+    alone, together = what_if(splat.project, member, wanted, views, rates, 100.0)
     for got, seen in [(alone[0], views[:1]), (alone[1], views[1:]), (together, views)]:
         psi, gain = reference(member, wanted, seen, rates)
         # kappa may differ by an alpha of 1/255 in each pixel of an edge; see the renderer's test.
@@ -57,13 +58,15 @@ def test_half_for_something_else_expects_less_than_the_optimist():
         means, np.full(n, 0.02, np.float32), np.full(n, 0.9, np.float32),
         np.zeros((n, 2), np.float32), np.zeros(n, np.float32),
     )  # fmt: skip
-    best, half = (what_if(member, 0, [VIEW], Rates(1, 3, 1, o), 8.0)[1] for o in (0.0, 0.5))
+    best, half = (
+        what_if(splat.project, member, 0, [VIEW], Rates(1, 3, 1, o), 8.0)[1] for o in (0.0, 0.5)
+    )
     assert best.psi > half.psi
     assert best.information_gain > half.information_gain > 0
 
 
 def test_no_views_change_nothing():
     member = Member(*(np.ones(s, np.float32) for s in ((3, 3), 3, 3, (3, 2), 3)))
-    alone, together = what_if(member, 0, [], Rates(1.0, 3.0, 1.0), 8.0)
+    alone, together = what_if(splat.project, member, 0, [], Rates(1.0, 3.0, 1.0), 8.0)
     assert alone == []
     assert together.information_gain == 0

@@ -1,0 +1,277 @@
+"""Front to back over the splats of a tile: kappa (eq. 1), row by row of sixteen pixels.
+
+The splats of a tile are taken in chunks. For each row of the tile the splats that reach it are
+listed, then their kappa is computed with the light that is left in a register, then it is used: to
+blend features, or to be summed per label.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from helios_objectmap.kernels.lanes import (
+    LANES,
+    at_most,
+    exp2_above,
+    fill,
+    fill_from,
+    larger,
+    largest_of,
+    load,
+    ramp,
+    store,
+    sum_of,
+)
+from helios_objectmap.kernels.projection import (
+    DEPTH,
+    LOG2_OPACITY,
+    QUADRATIC_UU,
+    QUADRATIC_UV,
+    QUADRATIC_VV,
+    U,
+    V,
+)
+from helios_objectmap.rendering import ALPHA_MIN, COVERAGE_MIN, TILE
+
+TRANSMITTANCE_MIN = 1e-4
+CHUNK = 64  # splats at a time; after each chunk rows without light are finished
+CHANNEL_BLOCK = 4  # channels blended together: as many sums as registers can hold everywhere
+_ALL_ROWS = (1 << TILE) - 1
+_PARAMETERS = 8  # of a splat in a tile
+
+_f4 = np.float32
+_i8 = np.int64
+_LOG2_ALPHA_MIN = math.log2(ALPHA_MIN)
+_SLACK_PX2 = 0.01  # a row is listed rather than missed by rounding
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _list_hits(splats, entries, first, n, tile_u, tile_v, own, hits, n_hits):
+    """Copy n splats relative to a tile into `own`; list for each row those that reach it."""
+    reached = np.empty(CHUNK, np.uint32)  # bit r: reaches row r
+    zero, rows, last = fill(_f4(0)), ramp(), fill(_f4(TILE - 1))
+    for j in range(n):
+        g = entries[first + j]
+        u, v = splats[g, U] - _f4(tile_u), splats[g, V] - _f4(tile_v)
+        a, b, c = splats[g, QUADRATIC_UU], splats[g, QUADRATIC_UV], splats[g, QUADRATIC_VV]
+        strength = splats[g, LOG2_OPACITY]
+        own[j * _PARAMETERS] = u
+        own[j * _PARAMETERS + 1] = v
+        own[j * _PARAMETERS + 2] = a
+        own[j * _PARAMETERS + 3] = b
+        own[j * _PARAMETERS + 4] = c
+        own[j * _PARAMETERS + 5] = strength
+        # In a row the exponent peaks at `middle`, and is above the least one within its width.
+        inverse = _f4(-1) / a
+        dv = rows - fill(v)
+        middle = fill(u) + fill(_f4(0.5) * b * inverse) * dv
+        width2 = fill((strength - _f4(_LOG2_ALPHA_MIN)) * inverse + _f4(_SLACK_PX2)) + (
+            fill((c + _f4(0.25) * b * b * inverse) * inverse) * dv * dv
+        )
+        gap = larger(zero, larger(zero - middle, middle - last))
+        reached[j] = at_most(gap * gap, width2)
+    for row in range(TILE):  # without a branch: which splats reach a row can't be predicted
+        m = 0
+        for j in range(n):
+            hits[row * CHUNK + m] = j
+            m += _i8((reached[j] >> np.uint32(row)) & np.uint32(1))
+        n_hits[row] = m
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _kappa_of_row(own, hits, n, row, light, at_light, kappa):
+    """kappa [n, 16] of the splats that reach a row (eq. 1); dims light [at_light : + 16].
+
+    Returns the most light that is left in a pixel.
+    """
+    left, u = load(light, at_light), ramp()
+    for i in range(n):
+        at = _i8(hits[row * CHUNK + i]) * _PARAMETERS
+        du = u - fill_from(own, at)
+        dv = _f4(row) - own[at + 1]
+        exponent = du * (du * fill_from(own, at + 2) + fill(own[at + 3] * dv)) + fill(
+            own[at + 4] * dv * dv + own[at + 5]
+        )
+        k = exp2_above(exponent, _f4(_LOG2_ALPHA_MIN)) * left
+        left = left - k
+        store(kappa, i * TILE, k)
+    store(light, at_light, left)
+    return largest_of(left)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _copy_channels(splats, features, n_features, entries, first, n, n_channels, channels):
+    """Depth and features of n splats into channels [n, n_channels].
+
+    Sixteen features at a time: what is copied beyond them is written over by the next splat, or
+    blended into channels that nobody reads.
+    """
+    for j in range(n):
+        g = _i8(entries[first + j])
+        channels[j * n_channels] = splats[g, DEPTH]
+        for c in range(0, n_features, LANES):
+            at, to = g * n_features + c, j * n_channels + 1 + c
+            if at + LANES <= features.size:
+                store(channels, to, load(features, at))
+            else:
+                for i in range(min(LANES, n_features - c)):
+                    channels[to + i] = features[at + i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _blend_row(channels, hits, n, row, n_channels, kappa, band, at_band, stride):
+    """Add kappa times the channels of the splats that reach a row to the sixteen pixels of
+    channel c at band[at_band + c * stride]."""
+    for c in range(0, n_channels, CHANNEL_BLOCK):
+        to0 = at_band + c * stride
+        to1, to2, to3 = to0 + stride, to0 + 2 * stride, to0 + 3 * stride
+        s0, s1, s2, s3 = load(band, to0), load(band, to1), load(band, to2), load(band, to3)
+        for i in range(n):
+            at = _i8(hits[row * CHUNK + i]) * n_channels + c
+            k = load(kappa, i * TILE)
+            s0 = s0 + k * fill_from(channels, at)
+            s1 = s1 + k * fill_from(channels, at + 1)
+            s2 = s2 + k * fill_from(channels, at + 2)
+            s3 = s3 + k * fill_from(channels, at + 3)
+        store(band, to0, s0)
+        store(band, to1, s1)
+        store(band, to2, s2)
+        store(band, to3, s3)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _blend_tile(
+    splats, features, n_features, entries, start, end, tile_u, tile_v, n_channels, light, band,
+    stride,
+):  # fmt: skip
+    own = np.empty(CHUNK * _PARAMETERS, np.float32)
+    channels = np.zeros(CHUNK * n_channels + LANES, np.float32)
+    kappa = np.empty(CHUNK * TILE, np.float32)
+    hits, n_hits = np.empty(TILE * CHUNK, np.int32), np.empty(TILE, np.int32)
+    finished = 0
+    for first in range(start, end, CHUNK):
+        n = min(CHUNK, end - first)
+        _list_hits(splats, entries, first, n, tile_u, tile_v, own, hits, n_hits)
+        _copy_channels(splats, features, n_features, entries, first, n, n_channels, channels)
+        for row in range(TILE):
+            m = n_hits[row]
+            if m > 0 and not (finished >> row) & 1:
+                left = _kappa_of_row(own, hits, m, row, light, row * stride + tile_u, kappa)
+                at_band = row * n_channels * stride + tile_u
+                _blend_row(channels, hits, m, row, n_channels, kappa, band, at_band, stride)
+                if left < _f4(TRANSMITTANCE_MIN):
+                    finished |= 1 << row
+        if finished == _ALL_ROWS:
+            break
+
+
+@njit(parallel=True, cache=True, nogil=True, error_model="numpy")
+def raster_kernel(splats, features, offsets, entries, depth_m, coverage, blended):
+    """Blend depth [h, w] and features [k * c] into blended [c, h, w]; coverage: sum of kappa.
+
+    The line above eq. 1. What is blended is not divided by the coverage, but the depth is. A band
+    of tiles is blended before it is written: tile by tile, each row of the image would be fetched
+    again and again.
+    """
+    height, width = coverage.shape
+    n_features = blended.shape[0]
+    n_channels = (1 + n_features + CHANNEL_BLOCK - 1) // CHANNEL_BLOCK * CHANNEL_BLOCK
+    tiles_x = (width + TILE - 1) // TILE
+    tiles_y = (height + TILE - 1) // TILE
+    stride = (tiles_x | 1) * TILE  # odd: rows that share no place in the cache
+    for i in prange(tiles_y):
+        tile_y = _dealt(i, tiles_y)
+        light = np.ones(TILE * stride, np.float32)
+        band = np.zeros(TILE * n_channels * stride, np.float32)  # [row, channel, u]
+        for tile_x in range(tiles_x):
+            t = tile_y * tiles_x + tile_x
+            _blend_tile(
+                splats, features, n_features, entries, offsets[t], offsets[t + 1], tile_x * TILE,
+                tile_y * TILE, n_channels, light, band, stride,
+            )  # fmt: skip
+        for row in range(min(TILE, height - tile_y * TILE)):
+            v = tile_y * TILE + row
+            for u in range(width):
+                covered = _f4(1) - light[row * stride + u]
+                depth = band[row * n_channels * stride + u]
+                coverage[v, u] = covered
+                depth_m[v, u] = depth / covered if covered > _f4(COVERAGE_MIN) else _f4(0)
+            for c in range(n_features):
+                at = (row * n_channels + 1 + c) * stride
+                for u in range(width):
+                    blended[c, v, u] = band[at + u]
+
+
+@njit(cache=True, nogil=True)
+def _dealt(i, n):
+    """Band i when n are dealt out in two: neighbours are alike, and not all one thread's."""
+    half = (n + 1) // 2
+    return 2 * i if i < half else 2 * (i - half) + 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sum_tile(
+    splats, entries, start, end, tile_u, tile_v, planes, present, n_labels, light, partial
+):
+    own = np.empty(CHUNK * _PARAMETERS, np.float32)
+    kappa = np.empty(CHUNK * TILE, np.float32)
+    hits, n_hits = np.empty(TILE * CHUNK, np.int32), np.empty(TILE, np.int32)
+    finished = 0
+    for first in range(start, end, CHUNK):
+        n = min(CHUNK, end - first)
+        _list_hits(splats, entries, first, n, tile_u, tile_v, own, hits, n_hits)
+        for row in range(TILE):
+            if n_hits[row] > 0 and not (finished >> row) & 1:
+                left = _kappa_of_row(own, hits, n_hits[row], row, light, row * TILE, kappa)
+                for label in range(n_labels):
+                    if present[label * TILE + row]:
+                        plane = load(planes, (label * TILE + row) * TILE)
+                        for i in range(n_hits[row]):
+                            to = first + hits[row * CHUNK + i]
+                            partial[to, label] += sum_of(load(kappa, i * TILE) * plane)
+                if left < _f4(TRANSMITTANCE_MIN):
+                    finished |= 1 << row
+        if finished == _ALL_ROWS:
+            break
+
+
+@njit(parallel=True, cache=True, nogil=True, error_model="numpy")
+def kappa_sums_kernel(splats, offsets, entries, labels, n_labels, partial):
+    """Sum kappa per (tile entry, label) over the pixels with label >= 0; partial [entries, l]."""
+    height, width = labels.shape
+    tiles_x = (width + TILE - 1) // TILE
+    tiles_y = (height + TILE - 1) // TILE
+    for i in prange(tiles_y * tiles_x):
+        tile_y = _dealt(i // tiles_x, tiles_y)
+        t = tile_y * tiles_x + i % tiles_x
+        tile_v = tile_y * TILE
+        tile_u = i % tiles_x * TILE
+        partial[offsets[t] : offsets[t + 1]] = 0
+        planes = np.zeros(n_labels * TILE * TILE, np.float32)
+        present = np.zeros(n_labels * TILE, np.bool_)
+        some = False
+        for r in range(min(TILE, height - tile_v)):
+            for x in range(min(TILE, width - tile_u)):
+                label = labels[tile_v + r, tile_u + x]
+                if label >= 0:
+                    planes[(label * TILE + r) * TILE + x] = _f4(1)
+                    present[label * TILE + r] = True
+                    some = True
+        if some and offsets[t + 1] > offsets[t]:
+            light = np.ones(TILE * TILE, np.float32)
+            _sum_tile(
+                splats, entries, offsets[t], offsets[t + 1], tile_u, tile_v, planes, present,
+                n_labels, light, partial,
+            )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def scatter_kernel(entries, partial, out):
+    """Add each tile entry's sums to its splat, in list order; out [k, l]."""
+    for k in range(entries.size):
+        g = entries[k]
+        for label in range(partial.shape[1]):
+            out[g, label] += partial[k, label]

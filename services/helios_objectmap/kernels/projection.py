@@ -1,0 +1,131 @@
+"""Spheres to splats: what of each Gaussian a pinhole camera draws, and on which tiles."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from helios_objectmap.rendering import ALPHA_MIN, OPACITY_MAX, TILE
+
+# Columns of a splat. Its alpha at (U + du, V + dv) is
+# 2 ** (QUADRATIC_UU du^2 + QUADRATIC_UV du dv + QUADRATIC_VV dv^2 + LOG2_OPACITY).
+U, V, QUADRATIC_UU, QUADRATIC_UV, QUADRATIC_VV, LOG2_OPACITY, DEPTH, RADIUS = range(8)
+COLUMNS = 8
+
+_f4 = np.float32
+_i4 = np.int32
+_i8 = np.int64
+_LOG2E = 1.4426950408889634
+_RUN = 2048  # Gaussians that one thread projects at a time
+
+
+@njit(parallel=True, cache=True, nogil=True, error_model="numpy")
+def project_kernel(
+    rows, means, radius, opacity, T_cam_world, camera, size, limits, splats, tiles, visible
+):
+    """EWA projection of the Gaussians in `rows`, [n]; returns how many touch the image.
+
+    camera: fx, fy, cx, cy; size: width, height; limits: near_m, far_m, low_pass_px2. The first
+    rows of splats [n, COLUMNS], tiles [n, 4] (first and last, u then v) and visible [n] are
+    filled in the order of `rows`.
+    """
+    n = rows.size
+    runs = (n + _RUN - 1) // _RUN
+    counts = np.zeros(runs, np.int64)
+    for run in prange(runs):
+        first = run * _RUN
+        counts[run] = _project_run(
+            first, min(first + _RUN, n), rows, means, radius, opacity, T_cam_world, camera, size,
+            limits, splats, tiles, visible,
+        )  # fmt: skip
+    total = 0
+    for run in range(runs):
+        first = run * _RUN
+        if first != total:
+            for i in range(counts[run]):
+                splats[total + i] = splats[first + i]
+                tiles[total + i] = tiles[first + i]
+                visible[total + i] = visible[first + i]
+        total += counts[run]
+    return total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _project_run(
+    first, end, rows, means, radius, opacity, T, camera, size, limits, splats, tiles, visible
+):
+    fx, fy, cx, cy = camera
+    width, height = size
+    near_m, far_m, low_pass = limits
+    one = _f4(1)
+    to = first
+    for k in range(first, end):
+        i = rows[k]
+        x, y, z = means[i, 0], means[i, 1], means[i, 2]
+        depth = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
+        if not near_m < depth < far_m:
+            continue
+        inverse_depth = one / depth
+        slope_x = (T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]) * inverse_depth
+        slope_y = (T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]) * inverse_depth
+        u = fx * slope_x + cx
+        v = fy * slope_y + cy
+        scale_x = radius[i] * fx * inverse_depth
+        scale_y = radius[i] * fy * inverse_depth
+        cov_uu = scale_x * scale_x * (one + slope_x * slope_x) + low_pass
+        cov_uv = scale_x * scale_y * slope_x * slope_y
+        cov_vv = scale_y * scale_y * (one + slope_y * slope_y) + low_pass
+        strength = min(opacity[i], _f4(OPACITY_MAX))
+        reach = _f4(2) * math.log(strength * _f4(1 / ALPHA_MIN))
+        if not reach > 0:
+            continue
+        half_w = math.sqrt(reach * cov_uu)
+        half_h = math.sqrt(reach * cov_vv)
+        u0, u1 = u - half_w, u + half_w
+        v0, v1 = v - half_h, v + half_h
+        if u1 < 0 or v1 < 0 or u0 > width - 1 or v0 > height - 1:
+            continue
+        first_u, last_u = max(0, _i8(math.ceil(u0))), min(width - 1, _i8(math.floor(u1)))
+        first_v, last_v = max(0, _i8(math.ceil(v0))), min(height - 1, _i8(math.floor(v1)))
+        if first_u > last_u or first_v > last_v:
+            continue
+        scale = _f4(-0.5 * _LOG2E) / (cov_uu * cov_vv - cov_uv * cov_uv)
+        splats[to, U] = u
+        splats[to, V] = v
+        splats[to, QUADRATIC_UU] = cov_vv * scale
+        splats[to, QUADRATIC_UV] = _f4(-2) * cov_uv * scale
+        splats[to, QUADRATIC_VV] = cov_uu * scale
+        splats[to, LOG2_OPACITY] = math.log2(strength)
+        splats[to, DEPTH] = depth
+        splats[to, RADIUS] = radius[i]
+        tiles[to, 0] = first_u // TILE
+        tiles[to, 1] = last_u // TILE
+        tiles[to, 2] = first_v // TILE
+        tiles[to, 3] = last_v // TILE
+        visible[to] = i
+        to += 1
+    return to - first
+
+
+@njit(cache=True, nogil=True)
+def bin_kernel(order, tiles, tiles_x, offsets, entries, fill):
+    """List per tile the splats that touch it, in their order. First call with fill=False."""
+    if not fill:
+        offsets[:] = 0
+        for g in range(tiles.shape[0]):
+            for ty in range(_i8(tiles[g, 2]), _i8(tiles[g, 3]) + 1):
+                for tx in range(_i8(tiles[g, 0]), _i8(tiles[g, 1]) + 1):
+                    offsets[ty * tiles_x + tx + 1] += 1
+        for t in range(offsets.size - 1):
+            offsets[t + 1] += offsets[t]
+        return
+    cursor = offsets[:-1].copy()
+    for k in range(order.size):
+        g = order[k]
+        for ty in range(_i8(tiles[g, 2]), _i8(tiles[g, 3]) + 1):
+            for tx in range(_i8(tiles[g, 0]), _i8(tiles[g, 1]) + 1):
+                t = ty * tiles_x + tx
+                entries[cursor[t]] = g
+                cursor[t] += 1

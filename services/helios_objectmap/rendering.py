@@ -1,0 +1,110 @@
+"""What a renderer of Gaussians offers, whichever machine it runs on (section 3.1.3, eq. 1).
+
+    alpha_n(p) = opacity_n * exp(-0.5 d^T S_n^-1 d),  d = p - mean of the splat in the image
+    kappa(p, n) = alpha_n(p) * prod_{j nearer than n} (1 - alpha_j(p))                   (eq. 1)
+
+The printed kernel lacks the minus sign. S_n is the EWA covariance of a sphere of `radius` plus
+LOW_PASS_PX2. An alpha below 1/255 counts as 0, an opacity above 0.999 as that, and a pixel may be
+finished once less than 1e-4 of its light is left.
+
+A back end is one function, `Project`: `splat.project` on the CPU, `splat_cuda.project` on CUDA.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helios_objectmap.view import View
+
+ALPHA_MIN = 1.0 / 255.0  # less counts as 0
+OPACITY_MAX = 0.999  # more counts as this
+LOW_PASS_PX2 = 0.3  # as in 3DGS: a splat never falls between two pixels
+COVERAGE_MIN = 1e-3  # less has no depth
+TILE = 16  # pixels, both ways
+NEAR_M = 0.05
+FAR_M = 100.0
+
+Float32 = NDArray[np.float32]
+BackEnd = Literal["cpu", "cuda"]
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """What a view shows of the Gaussians."""
+
+    depth_m: Float32  # [h, w] blended depth along the optical axis, 0 where nothing is modelled
+    coverage: Float32  # [h, w] sum of kappa, in [0, 1]
+    features: Float32  # [c, h, w] sums of kappa * feature, not divided by the coverage
+
+
+class Projection(Protocol):
+    """Gaussians as one view sees them: those that touch the image, in the order of the rows."""
+
+    @property
+    def width(self) -> int: ...
+
+    @property
+    def height(self) -> int: ...
+
+    @property
+    def rows(self) -> NDArray[np.int32]:
+        """[k] which of the Gaussians given."""
+        ...
+
+    @property
+    def depth_m(self) -> Float32:
+        """[k] distance along the optical axis."""
+        ...
+
+    @property
+    def uv(self) -> Float32:
+        """[k, 2] projected centres in pixels."""
+        ...
+
+    def render(self, features: Float32 | None = None) -> Rendering:
+        """Blend depth and, if given, features [k, c] of the rows over the image (eq. 1)."""
+        ...
+
+    def kappa_sums(self, labels: NDArray[np.int32], n_labels: int) -> Float32:
+        """Sum kappa(p, n) over the pixels of each label: the sum of eq. 3, [k, n_labels].
+
+        labels: [h, w]; pixels with a negative label are left out.
+        """
+        ...
+
+
+class Project(Protocol):
+    """A back end: how Gaussians become a projection."""
+
+    def __call__(
+        self,
+        means: Float32,
+        radius_m: Float32,
+        opacity: Float32,
+        view: View,
+        rows: NDArray[np.int32] | None = None,
+        far_m: float = FAR_M,
+    ) -> Projection:
+        """Project Gaussians into a view and order them by depth.
+
+        means: [n, 3] world, metres; radius_m, opacity: [n]; rows: the ones to look at, default
+        all. Equal depths are ordered by what is drawn, so the order of the rows never changes a
+        pixel.
+        """
+        ...
+
+
+def back_end(name: BackEnd) -> Project:
+    """The back end of a name. Raises Unavailable, saying what to install, where it can't run."""
+    if name == "cuda":
+        from helios_objectmap import splat_cuda  # loads torch only when chosen
+
+        splat_cuda.require()
+        return splat_cuda.project
+    from helios_objectmap import splat
+
+    return splat.project

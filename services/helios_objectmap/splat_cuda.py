@@ -1,0 +1,223 @@
+"""The renderer on CUDA: projection in torch, rasterising by gsplat (the extra `cuda`).
+
+gsplat blends as the CPU does, but leaves a pixel just before less than 1e-4 of its light would be
+left, and adds up kappa with atomics: results differ between runs by rounding. Its pixel (u, v) has
+the centre (u + 1/2, v + 1/2).
+"""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from helios_core.errors import Unavailable
+from numpy.typing import NDArray
+
+from helios_objectmap.rendering import (
+    ALPHA_MIN,
+    COVERAGE_MIN,
+    FAR_M,
+    LOW_PASS_PX2,
+    NEAR_M,
+    OPACITY_MAX,
+    TILE,
+    Float32,
+    Rendering,
+)
+from helios_objectmap.view import View
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+DEVICE = "cuda"
+_HALF_PIXEL = 0.5
+
+
+def _gsplat():
+    """The library, loaded when first used: it is heavy, and its kernels are built then."""
+    return importlib.import_module("gsplat")
+
+
+def require() -> None:
+    """Raise Unavailable, with what to do, unless gsplat can run here."""
+    chosen = "HELIOS_OBJECTMAP_RENDERER is cuda, but"
+    try:
+        import torch
+
+        _gsplat()
+    except ImportError as error:
+        install = "pip install 'helios-ovmm[cuda]'"
+        raise Unavailable(f"{chosen} {error}; {install}, or choose cpu") from error
+    if not torch.cuda.is_available():
+        raise Unavailable(
+            f"{chosen} torch {torch.__version__} sees no CUDA device; check nvidia-smi and that "
+            "this torch is built for CUDA, or choose cpu"
+        )
+
+
+@dataclass(frozen=True)
+class Splats:
+    """The Gaussians that touch an image, as tensors on one device, in the order of their rows."""
+
+    rows: Tensor  # [k] int64
+    uv: Tensor  # [k, 2] pixels
+    conics: Tensor  # [k, 3] inverse covariances, 1 / px^2: uu, uv, vv
+    half_px: Tensor  # [k, 2] how far alpha stays above the least one
+    depth_m: Tensor  # [k]
+    opacity: Tensor  # [k]
+    radius_m: Tensor  # [k]
+
+
+@dataclass(frozen=True)
+class CudaProjection:
+    """Gaussians as one view sees them."""
+
+    width: int
+    height: int
+    rows: NDArray[np.int32]  # [k] which of the Gaussians given
+    depth_m: Float32  # [k] distance along the optical axis
+    uv: Float32  # [k, 2] projected centres in pixels
+    splats: Splats  # of the same rows
+    offsets: Tensor | None  # [1, tiles v, tiles u] into entries; None where nothing is in view
+    entries: Tensor | None  # splats of each tile, near to far
+
+    def render(self, features: Float32 | None = None) -> Rendering:
+        """Blend depth and, if given, features [k, c] of the rows over the image (eq. 1)."""
+        import torch
+
+        channels = self.splats.depth_m[:, None]
+        if features is not None:
+            given = torch.from_numpy(np.ascontiguousarray(features, np.float32))
+            channels = torch.cat([channels, given.to(channels.device)], dim=1)
+        if not len(self.rows):
+            blank = np.zeros((self.height, self.width), np.float32)
+            planes = np.zeros((channels.shape[1] - 1, *blank.shape), np.float32)
+            return Rendering(blank, blank.copy(), planes)
+        with torch.no_grad():
+            blended, coverage = self._rasterized(channels)
+            depth = torch.where(coverage > COVERAGE_MIN, blended[..., 0] / coverage, 0.0)
+            planes = blended[..., 1:].permute(2, 0, 1).contiguous()
+        return Rendering(depth.cpu().numpy(), coverage.cpu().numpy(), planes.cpu().numpy())
+
+    def kappa_sums(self, labels: NDArray[np.int32], n_labels: int) -> Float32:
+        """Sum kappa(p, n) over the pixels of each label: the sum of eq. 3, [k, n_labels].
+
+        What is blended is linear in the channels, so the sum of kappa over a label's pixels is the
+        gradient of the blended channel, summed over these pixels.
+        """
+        import torch
+
+        if not len(self.rows):
+            return np.zeros((0, n_labels), np.float32)
+        device = self.splats.uv.device
+        channels = torch.zeros(len(self.rows), n_labels, device=device, requires_grad=True)
+        number = torch.arange(n_labels, device=device)
+        chosen = torch.from_numpy(np.ascontiguousarray(labels, np.int32)).to(device)
+        with torch.enable_grad():
+            blended, _ = self._rasterized(channels)
+            (sums,) = torch.autograd.grad(
+                blended, channels, (chosen[..., None] == number).to(blended.dtype)
+            )
+        return sums.cpu().numpy()
+
+    def _rasterized(self, channels: Tensor) -> tuple[Tensor, Tensor]:
+        """channels [k, c] blended [h, w, c], and the coverage [h, w]."""
+        blended, coverage = _gsplat().rasterize_to_pixels(
+            (self.splats.uv + _HALF_PIXEL)[None], self.splats.conics[None], channels[None],
+            self.splats.opacity[None], self.width, self.height, TILE, self.offsets, self.entries,
+        )  # fmt: skip
+        return blended[0], coverage[0, ..., 0]
+
+
+def project(
+    means: Float32,
+    radius_m: Float32,
+    opacity: Float32,
+    view: View,
+    rows: NDArray[np.int32] | None = None,
+    far_m: float = FAR_M,
+) -> CudaProjection:
+    """Project Gaussians into a view and order them by depth: see `rendering.Project`."""
+    import torch
+
+    if rows is None:
+        rows = np.arange(len(means), dtype=np.int32)
+    offsets = entries = None
+    with torch.no_grad():
+        splats = splats_of(means, radius_m, opacity, view, rows, far_m, DEVICE)
+        if len(splats.rows):
+            offsets, entries = _tiles(splats, view)
+    return CudaProjection(
+        view.width, view.height,
+        splats.rows.to(torch.int32).cpu().numpy(), splats.depth_m.cpu().numpy(),
+        splats.uv.cpu().numpy(), splats, offsets, entries,
+    )  # fmt: skip
+
+
+def _tiles(splats: Splats, view: View) -> tuple[Tensor, Tensor]:
+    """Offsets and entries of a projection."""
+    import torch
+
+    tiles_u, tiles_v = -(-view.width // TILE), -(-view.height // TILE)
+    order = tie_order(splats)  # gsplat sorts stably by depth: what is equally far stays so
+    uv = splats.uv[order] + _HALF_PIXEL
+    half_px = torch.ceil(splats.half_px[order]).to(torch.int32)
+    _, keys, entries = _gsplat().isect_tiles(
+        uv[None], half_px[None], splats.depth_m[order][None], TILE, tiles_u, tiles_v
+    )
+    offsets = _gsplat().isect_offset_encode(keys, 1, tiles_u, tiles_v)
+    return offsets, order[entries.long()].to(torch.int32)
+
+
+def splats_of(
+    means: Float32,
+    radius_m: Float32,
+    opacity: Float32,
+    view: View,
+    rows: NDArray[np.int32],
+    far_m: float,
+    device: str,
+) -> Splats:
+    """EWA projection in torch; the twin of `kernels.projection.project_kernel`."""
+    import torch
+
+    def tensor(array: NDArray) -> Tensor:
+        return torch.from_numpy(np.ascontiguousarray(array, np.float32)).to(device)
+
+    T = tensor(view.T_cam_world)
+    strength = tensor(opacity[rows]).clamp(max=OPACITY_MAX)
+    radius = tensor(radius_m[rows])
+    p = tensor(means[rows]) @ T[:3, :3].T + T[:3, 3]
+    depth = p[:, 2]
+    slope = p[:, :2] / depth[:, None]
+    focal = torch.tensor([view.fx, view.fy], dtype=torch.float32, device=device)
+    center = torch.tensor([view.cx, view.cy], dtype=torch.float32, device=device)
+    last = torch.tensor([view.width - 1, view.height - 1], device=device)
+    uv = focal * slope + center
+    scale = radius[:, None] * focal / depth[:, None]
+    variance = scale**2 * (1 + slope**2) + LOW_PASS_PX2
+    covariance = scale.prod(dim=1) * slope.prod(dim=1)
+    reach = 2 * torch.log(strength / ALPHA_MIN)
+    half = torch.sqrt(reach.clamp(min=0)[:, None] * variance)
+    first_px = torch.ceil(uv - half).clamp(min=0)
+    last_px = torch.minimum(torch.floor(uv + half), last)
+    shown = (depth > NEAR_M) & (depth < far_m) & (reach > 0) & (first_px <= last_px).all(dim=1)
+    k = torch.nonzero(shown).squeeze(1)
+    determinant = variance[k].prod(dim=1) - covariance[k] ** 2
+    conics = torch.stack([variance[k, 1], -covariance[k], variance[k, 0]], dim=1)
+    return Splats(
+        torch.from_numpy(rows.astype(np.int64)).to(device)[k], uv[k],
+        conics / determinant[:, None], half[k], depth[k], strength[k], radius[k],
+    )  # fmt: skip
+
+
+def tie_order(splats: Splats) -> Tensor:
+    """[k] splats ordered by what is drawn alone: centre, radius and opacity."""
+    import torch
+
+    order = torch.arange(len(splats.rows), device=splats.rows.device)
+    for drawn in (splats.opacity, splats.radius_m, splats.uv[:, 1], splats.uv[:, 0]):
+        order = order[torch.argsort(drawn[order], stable=True)]
+    return order

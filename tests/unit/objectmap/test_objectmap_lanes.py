@@ -1,0 +1,64 @@
+"""Sixteen lanes at once do what numpy does, and the depth order is that of a plain sort."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helios_objectmap.kernels import lanes
+from helios_objectmap.kernels.projection import COLUMNS, DEPTH, U, V
+from helios_objectmap.kernels.sorting import depth_order_kernel
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numba import njit
+
+_f4 = np.float32
+
+
+@njit(cache=True)
+def _lanes_at_work(a, b, out):
+    """a, b: at least 17 numbers; out: [6 * 16]."""
+    x, y = lanes.load(a, 1), lanes.load(b, 0)
+    lanes.store(out, 0, x + y)
+    lanes.store(out, 16, x - y)
+    lanes.store(out, 32, x * y)
+    lanes.store(out, 48, lanes.larger(x, y))
+    lanes.store(out, 64, lanes.exp2_above(x, _f4(-8)))
+    lanes.store(out, 80, lanes.ramp() * lanes.fill(_f4(3)) + lanes.fill_from(a, 2))
+    return lanes.at_most(x, y), lanes.sum_of(x), lanes.largest_of(x)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_lanes_compute_what_numpy_computes(seed):
+    rng = np.random.default_rng(seed)
+    a, b = rng.uniform(-20, 20, (2, 17)).astype(np.float32)
+    out = np.empty(96, np.float32)
+    below, total, largest = _lanes_at_work(a, b, out)
+    x, y = a[1:17], b[:16]
+    assert np.allclose(out[:16], x + y, atol=1e-5)
+    assert np.allclose(out[16:32], x - y, atol=1e-5)
+    assert np.allclose(out[32:48], x * y, rtol=1e-6)
+    assert np.array_equal(out[48:64], np.maximum(x, y))
+    exact = np.where(x >= -8, np.exp2(x.astype(np.float64)), 0)
+    assert np.allclose(out[64:80], exact, rtol=5e-7)
+    assert np.allclose(out[80:], np.arange(16) * 3 + a[2], atol=1e-5)
+    assert below == sum(1 << i for i in range(16) if x[i] <= y[i])
+    assert total == pytest.approx(float(x.sum()), abs=1e-4)
+    assert largest == x.max()
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 400), st.integers(1, 50), st.integers(0, 2**32 - 1))
+def test_depth_order_is_near_to_far_and_does_not_depend_on_the_order_given(n, depths, seed):
+    rng = np.random.default_rng(seed)
+    splats = np.zeros((n, COLUMNS), np.float32)
+    splats[:, DEPTH] = rng.choice(rng.uniform(0.05, 100, depths), n)  # many are equal
+    splats[:, U], splats[:, V] = rng.uniform(-5, 5, (2, n))
+    order = np.empty(n, np.int32)
+    depth_order_kernel(splats, order)
+    assert sorted(order.tolist()) == list(range(n))
+    assert (np.diff(splats[order, DEPTH]) >= 0).all()
+    shuffled = splats[rng.permutation(n)]
+    other = np.empty(n, np.int32)
+    depth_order_kernel(shuffled, other)
+    assert np.array_equal(shuffled[other], splats[order])
