@@ -55,7 +55,8 @@ def test_a_home_that_was_seen_is_known_to_new_processes_by_a_file() -> None:
             first.keyframe(frame)
             first.observe(frame, "first", {"pick": 0.4, "place": 0.2})
         wait_until(lambda: door.get("/v1/map.zip").status_code == 200, 60, "there is a map")
-        second.say_epoch("another boot")
+        second.keyframe(second.walk.look_around(2.0, 1.5)[0])  # its robot has looked once
+        wait_until(lambda: other.get("/v1/map").status_code == 200, 60, "it has a map of its own")
         loaded = other.put("/v1/map.zip", content=door.get("/v1/map.zip").content, headers=ZIP)
         assert loaded.status_code == 200, loaded.text
         assert loaded.json()["known_m2"] > 1
