@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 import pytest
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
-from helios_bridge.push import LONGEST_WAIT_S, PushDriver
+from helios_bridge.push import LONGEST_WAIT_S, PushDriver, capture_of
 from helios_bridge.service import BridgeService
 from helios_bridge.settings import Settings
 from helios_core import proto as pb
 from helios_core.codec import frame_from_proto, frame_to_proto
 from helios_core.codec.frames import pose_to_proto
-from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput
+from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.geometry import Pinhole, base_below_camera, camera_on_base, se2_to_se3
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
@@ -160,6 +160,21 @@ def test_while_nothing_is_looked_for_only_the_occupancy_is_waited_for() -> None:
     reply = house.push(pushed(), wait_s=LONGEST_WAIT_S)
     assert answered(reply) == {"map2d/occupancy"}
     assert list(reply.unanswered) == []
+
+
+def test_a_search_that_somebody_else_began_is_waited_for_too() -> None:
+    house = House()
+    house.parts = {"map2d/occupancy"}
+    house.other.publish(CONTEXT, pb.SearchContext(id="a task"))
+    assert list(house.push(pushed()).unanswered) == ["map2d/value", "objectmap/objects"]
+
+
+def test_a_frame_is_captured_once() -> None:
+    driver = PushDriver()
+    driver.offer(capture_of(pushed(), estimated_depth=False), "me", 0)
+    driver.capture()
+    with pytest.raises(Unavailable, match="no frame has come since"):
+        driver.capture()
 
 
 def test_what_is_looked_for_is_announced_once_and_anew_when_it_changes() -> None:
