@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Generator, Sequence
+import signal
+import threading
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
 
 from helios_core.errors import Unavailable
 
@@ -23,20 +26,21 @@ def play_all_on_ray(specs: Sequence[EpisodeSpec], address: str, commit: str) -> 
     try:
         import ray  # pyright: ignore[reportMissingImports]
         from ray.exceptions import (  # pyright: ignore[reportMissingImports]
+            RayError,
             RayTaskError,
-            WorkerCrashedError,
         )
     except ImportError as error:
         raise Unavailable(f"Ray is missing ({error}); pip install 'helios-ovmm[ray]'") from error
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nothing is told to others
     try:
-        ray.init(
-            address=None if address == LOCAL else address,
-            runtime_env={"env_vars": ONE_THREAD},
-            include_dashboard=False if address == LOCAL else None,
-            log_to_driver=False,
-            logging_level=logging.ERROR,
-        )
+        with _sigterm_kept():
+            ray.init(
+                address=None if address == LOCAL else address,
+                runtime_env={"env_vars": ONE_THREAD},
+                include_dashboard=False if address == LOCAL else None,
+                log_to_driver=False,
+                logging_level=logging.ERROR,
+            )
     except Exception as error:  # Ray has no error of its own for it
         raise Unavailable(f"no Ray cluster at {address} ({error}); see `ray status`") from error
     # A process that dies loses its episode alone, and Ray starts it again as often as the pool.
@@ -48,13 +52,26 @@ def play_all_on_ray(specs: Sequence[EpisodeSpec], address: str, commit: str) -> 
             spec = running.pop(ended)
             try:
                 came = ray.get(ended)
-            except WorkerCrashedError:
-                came = f"the process that played it died, {ATTEMPTS} times"
             except RayTaskError as error:
                 raise error.as_instanceof_cause() from error
+            except RayError as error:  # it crashed, took too much memory, its machine went away
+                came = f"the process that played it died, {ATTEMPTS} times ({type(error).__name__})"
             yield spec, came
     finally:
         ray.shutdown()
+
+
+@contextmanager
+def _sigterm_kept() -> Iterator[None]:
+    """Ray takes SIGTERM for itself, prints a stack and exits; whoever had it has it again."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    former = signal.getsignal(signal.SIGTERM)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, former)
 
 
 def _played(spec: EpisodeSpec, commit: str) -> object:

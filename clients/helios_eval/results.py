@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from helios_eval.record import EpisodeRecord
 from helios_eval.report.metrics import NAMES, values
+from helios_eval.report.stats import mean_sem
 
 RESULTS = "results.json"
 UNLIMITED = "unlimited"
@@ -66,8 +67,8 @@ def rows(records: Iterable[EpisodeRecord], picks: Sequence[Picks]) -> list[dict[
     return out
 
 
-def metrics(records: Sequence[EpisodeRecord], picks: Picks) -> dict[str, dict[str, float]]:
-    """name -> mean, standard error of the mean (0 for a single episode) and number of episodes.
+def metrics(records: Sequence[EpisodeRecord], picks: Picks) -> dict[str, dict[str, float | None]]:
+    """name -> mean, standard error of the mean (None for a single episode), number of episodes.
 
     All records are of one benchmark.
     """
@@ -87,7 +88,6 @@ def _group(record: EpisodeRecord) -> str:
     return record.model_copy(update={"seed": 0}).key
 
 
-def _summary(found: NDArray[np.float64]) -> dict[str, float]:
-    n = len(found)
-    sem = float(found.std(ddof=1)) / math.sqrt(n) if n > 1 else 0.0
-    return {"mean": float(found.mean()), "sem": sem, "n": n}
+def _summary(found: NDArray[np.float64]) -> dict[str, float | None]:
+    of = mean_sem(found)
+    return {"mean": of.mean, "sem": None if math.isnan(of.sem) else of.sem, "n": of.n}

@@ -17,7 +17,7 @@ from typing import Any
 
 from rich.console import Console
 
-from helios_eval import homes, keepsake, record, results
+from helios_eval import folder, homes, keepsake, record, results
 from helios_eval.bench.run import commit, machine
 from helios_eval.pool import Outcome, play_all
 from helios_eval.progress import Board
@@ -62,16 +62,21 @@ def run(asked: Run, console: Console) -> list[EpisodeRecord]:
     """Play what is missing, then write results and report; the records of this run's episodes.
 
     Whatever ends it, results and report are left of the episodes that are there. Raises Unavailable
-    where nothing can be played, InvalidInput for a folder that holds something else, and
-    KeyboardInterrupt when it was interrupted.
+    where nothing can be played or written, InvalidInput for a folder that holds something else,
+    Conflict for one into which another run plays, and KeyboardInterrupt when it was interrupted.
     """
-    asked.out.mkdir(parents=True, exist_ok=True)
+    with folder.held(asked.out):
+        return _run(asked, console)
+
+
+def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
     specs = asked.specs()
     known = {r.key: r for r in record.read(asked.out)}
     missing = [spec for spec in specs if spec.key not in known]
     here = commit()
     began = time.time()
-    note(asked, here, began, None)
+    with folder.writing(asked.out):
+        note(asked, here, began, None)
     where = "on Ray" if asked.ray else f"{asked.jobs} at a time"
     board = Board(console, [known[s.key] for s in specs if s.key in known], specs, where)
     try:
@@ -79,16 +84,18 @@ def run(asked: Run, console: Console) -> list[EpisodeRecord]:
             with closing(_outcomes(asked, missing, here)) as outcomes, board:
                 for spec, came in outcomes:
                     played = lost(spec, came, here) if isinstance(came, str) else came.record
-                    if not isinstance(came, str) and came.keepsake is not None:
-                        _keep(asked.out, came.keepsake)
-                    record.append(asked.out, played)
+                    with folder.writing(asked.out):
+                        if not isinstance(came, str) and came.keepsake is not None:
+                            _keep(asked.out, came.keepsake)
+                        record.append(asked.out, played)
                     known[spec.key] = played
                     board.add(played)
     finally:
-        note(asked, here, began, time.time() - began)
-        if there := record.read(asked.out):
-            results.write(asked.out, there, asked.picks)
-            write_report(asked.out)
+        with folder.writing(asked.out):
+            note(asked, here, began, time.time() - began)
+            if there := record.read(asked.out):
+                results.write(asked.out, there, asked.picks)
+                write_report(asked.out)
     return [known[spec.key] for spec in specs]
 
 

@@ -30,11 +30,11 @@ _ALL = (
     Metric("Pick", "FindObj, and the held object is one of those", lambda r: r.pick, True, True),
     Metric("FindRec", "Pick, and then the robot stood at a viewpoint of a goal receptacle and "
            "saw it", lambda r: r.find_receptacle, True, True),
-    Metric("Place", "Pick, and such an object came to rest on a goal receptacle",
+    Metric("Place", "FindRec, and such an object came to rest on a goal receptacle",
            lambda r: r.place, True, True),
-    Metric("SR", "success. OVMM: Place, and no collision in the whole episode. Object "
-           "navigation: the robot said that it is there, and it was", lambda r: r.success,
-           True, True),
+    Metric("SR", "success. OVMM: such an object rests on a goal receptacle in the end, whatever "
+           "phases came before, and no collision in the whole episode. Object navigation: the "
+           "robot said that it is there, and it was", lambda r: r.success, True, True),
     Metric("partial", "(FindObj + Pick + FindRec + SR) / 4", lambda r: r.partial_success,
            share=True),
     Metric("SPL", "success times the shortest path over the path that was driven",

@@ -48,7 +48,7 @@ def test_means_have_their_standard_error() -> None:
 
 def test_one_episode_has_no_error_of_its_mean() -> None:
     assert results.rows([record(0)], [UNLIMITED])[0]["metrics"]["SR"] == {
-        "mean": 1.0, "sem": 0.0, "n": 1,
+        "mean": 1.0, "sem": None, "n": 1,
     }  # fmt: skip
 
 

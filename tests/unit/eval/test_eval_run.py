@@ -1,0 +1,166 @@
+"""A run plays what is missing, once, and leaves results whatever ends it. Nothing is simulated."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Generator, Sequence
+from pathlib import Path
+
+import pytest
+from eval_constructed_records import record
+from helios_core.errors import Conflict, InvalidInput, Unavailable
+from helios_eval import folder, results
+from helios_eval import record as records
+from helios_eval import run as runs
+from helios_eval.play import Played
+from helios_eval.pool import Outcome
+from helios_eval.record import EpisodeRecord
+from helios_eval.run import Run, run
+from helios_eval.spec import EpisodeSpec, noise_of
+from rich.console import Console
+
+NOISE = noise_of("ovmm-v1", 1.0, None)
+
+
+def asked(out: Path, episodes: int = 3, agents: tuple[str, ...] = ("helios", "trusting")) -> Run:
+    return Run("ovmm", agents, (1, "unlimited"), "noisy", "ovmm-v1", episodes, 0, out, 1, NOISE, {})
+
+
+class Stage:
+    """Stands for the pool: notes what was asked for, and may be ended before the n-th episode."""
+
+    def __init__(self) -> None:
+        self.played: list[tuple[int, str]] = []
+        self.end_before: int | None = None
+        self.end: BaseException = KeyboardInterrupt()
+
+    def outcomes(self, _: Run, missing: Sequence[EpisodeSpec], __: str) -> Generator[Outcome]:
+        for k, spec in enumerate(missing):
+            if k == self.end_before:
+                raise self.end
+            self.played.append((spec.seed, spec.agent))
+            yield spec, Played(recorded(spec))
+
+
+def recorded(spec: EpisodeSpec) -> EpisodeRecord:
+    return record(
+        spec.seed, agent=spec.agent, preset=spec.preset, noise=spec.noise, settings=spec.settings
+    )
+
+
+@pytest.fixture
+def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
+    stage = Stage()
+    monkeypatch.setattr(runs, "_outcomes", stage.outcomes)
+    return stage
+
+
+def quiet() -> Console:
+    return Console(quiet=True)
+
+
+def test_home_by_home_and_nothing_twice(stage: Stage, tmp_path: Path) -> None:
+    everything = [(seed, agent) for seed in range(3) for agent in ("helios", "trusting")]
+    assert len(run(asked(tmp_path), quiet())) == 6
+    assert stage.played == everything
+    assert len(run(asked(tmp_path), quiet())) == 6
+    assert stage.played == everything
+    assert len((tmp_path / records.EPISODES).read_text().splitlines()) == 6
+
+
+def test_what_is_there_in_part_is_completed(stage: Stage, tmp_path: Path) -> None:
+    run(asked(tmp_path, 2, ("helios",)), quiet())
+    stage.played.clear()
+    run(asked(tmp_path), quiet())
+    assert stage.played == [(0, "trusting"), (1, "trusting"), (2, "helios"), (2, "trusting")]
+
+
+def test_a_torn_last_line_is_played_again(stage: Stage, tmp_path: Path) -> None:
+    run(asked(tmp_path), quiet())
+    stage.played.clear()
+    path = tmp_path / records.EPISODES
+    path.write_bytes(path.read_bytes()[:-40])
+    assert len(run(asked(tmp_path), quiet())) == 6
+    assert stage.played == [(2, "trusting")]
+
+
+def test_other_settings_are_other_episodes(stage: Stage, tmp_path: Path) -> None:
+    """Two benchmarks, presets or settings in one folder stand side by side."""
+    run(asked(tmp_path, 1, ("helios",)), quiet())
+    other = Run("ovmm", ("helios",), (1,), "noisy", "ovmm-v1", 1, 0, tmp_path, 1, NOISE, {"a": 1})
+    run(other, quiet())
+    assert len(stage.played) == 2
+    rows = json.loads((tmp_path / results.RESULTS).read_text())
+    assert [(row["settings"], row["metrics"]["SR"]["n"]) for row in rows] == [
+        ({}, 1),
+        ({"a": 1}, 1),
+    ]
+
+
+@pytest.mark.parametrize("end", [KeyboardInterrupt(), Unavailable("no OpenGL context")])
+def test_what_was_played_until_it_ended_has_results(
+    end: BaseException, stage: Stage, tmp_path: Path
+) -> None:
+    stage.end_before, stage.end = 2, end
+    with pytest.raises((KeyboardInterrupt, Unavailable)):
+        run(asked(tmp_path), quiet())
+    assert len(records.read(tmp_path)) == 2
+    assert json.loads((tmp_path / results.RESULTS).read_text())
+    assert "cut short: 4 episodes" in (tmp_path / "report.md").read_text()
+    stage.end_before = None
+    run(asked(tmp_path), quiet())
+    assert len(stage.played) == 6
+    assert "cut short" not in (tmp_path / "report.md").read_text()
+
+
+# --- the folder -----------------------------------------------------------------------------------
+def test_a_folder_is_for_one_run_at_a_time(stage: Stage, tmp_path: Path) -> None:
+    with folder.held(tmp_path), pytest.raises(Conflict, match="another run plays into"):
+        run(asked(tmp_path), quiet())
+    assert not stage.played
+    assert not (tmp_path / runs.RUN).exists()  # what the other one noted stays
+    run(asked(tmp_path), quiet())
+    assert len(stage.played) == 6
+
+
+def test_a_run_that_is_killed_lets_go_of_its_folder(stage: Stage, tmp_path: Path) -> None:
+    holds = (
+        "import pathlib, sys, time; from helios_eval import folder\n"
+        "with folder.held(pathlib.Path(sys.argv[1])): print('held', flush=True); time.sleep(600)"
+    )
+    command = [sys.executable, "-c", holds, str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        with pytest.raises(Conflict):
+            run(asked(tmp_path), quiet())
+        other.send_signal(signal.SIGKILL)
+    assert len(run(asked(tmp_path), quiet())) == 6
+
+
+def test_a_file_is_no_folder(stage: Stage, tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_text("mine")
+    for out in (file, file / "below"):
+        with pytest.raises(InvalidInput, match="a file is there"):
+            run(asked(out), quiet())
+    assert file.read_text() == "mine"
+    assert not stage.played
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a disk that is full: Linux has one")
+@pytest.mark.parametrize(("file", "played"), [(runs.RUN, 0), (results.RESULTS, 6)])
+def test_a_full_disk_is_told_in_a_sentence(
+    file: str, played: int, stage: Stage, tmp_path: Path
+) -> None:
+    full = tmp_path / f"{file}.part"  # what is to be the file
+    full.symlink_to("/dev/full")
+    with pytest.raises(Unavailable, match=r"cannot write to .*No space left"):
+        run(asked(tmp_path), quiet())
+    assert len(stage.played) == played
+    full.unlink()
+    assert len(run(asked(tmp_path), quiet())) == 6
+    assert len(stage.played) == 6
