@@ -50,7 +50,7 @@ def test_what_an_update_looks_at_does_not_follow_what_is_mapped(walk):
 
 
 def test_objects_only_are_a_small_part_of_the_full_scene():
-    maps = scene.measure(tape.play("demo-v1", 0, 12, STRIDE_PX))
+    maps = scene.measure(tape.play("demo-v1", 0, 45, STRIDE_PX))
     objects, everything = maps["objects only"], maps["full scene"]
     assert 0 < objects.gaussians[-1] < 0.5 * everything.gaussians[-1]
     assert objects.mb[-1] < 0.5 * everything.mb[-1]

@@ -122,7 +122,7 @@ def test_places_that_were_left_for_good_take_no_room():
     rng = np.random.default_rng(0)
     store, sizes = GaussianStore(), []
     for lap in range(60):
-        here = rng.uniform(-4, 4, (400, 3)) + (0, 0, 10 * lap)
+        here = rng.uniform(-4, 4, (400, 3)) + np.array([0, 0, 10 * lap])
         store.remove(np.arange(len(store)))
         appended(store, here)
         sizes.append(len(store.blocks._center_m))
