@@ -12,6 +12,7 @@ from helios_core.errors import InvalidInput
 from helios_core.types import ObjectInstance, Role, SearchClass, SearchContext
 
 MOST_CLASSES, MOST_LAYERS, MOST_CHARACTERS = 128, 16, 300  # each layer is a map of its own
+MOST_SYNONYMS, MOST_PROMPT_CHARACTERS = 64, 2000
 
 
 def vector_to_proto(v: Sequence[float] | NDArray[np.float64]) -> pb.Vector3:
@@ -40,7 +41,17 @@ def context_from_proto(context: pb.SearchContext) -> SearchContext:
             f"the search context asks for {len(context.classes)} classes and "
             f"{len(context.prompts)} value layers; ask for at most {MOST_CLASSES} and {MOST_LAYERS}"
         )
-    names = (context.id, *(c.name for c in context.classes), *context.prompts)
+    if (most := max((len(c.synonyms) for c in context.classes), default=0)) > MOST_SYNONYMS:
+        raise InvalidInput(
+            f"the search context gives a class {most} synonyms; give at most {MOST_SYNONYMS}"
+        )
+    if (longest := max(map(len, context.prompts.values()), default=0)) > MOST_PROMPT_CHARACTERS:
+        raise InvalidInput(
+            f"the search context holds a prompt of {longest} characters; send at most "
+            f"{MOST_PROMPT_CHARACTERS}"
+        )
+    synonyms = (s for c in context.classes for s in c.synonyms)
+    names = (context.id, *(c.name for c in context.classes), *synonyms, *context.prompts)
     if (longest := max(map(len, names))) > MOST_CHARACTERS:
         raise InvalidInput(
             f"the search context holds a name of {longest} characters; send at most "

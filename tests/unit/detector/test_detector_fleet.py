@@ -163,6 +163,33 @@ def test_two_detectors_share_four_robots_and_answer_every_keyframe_once(fleets: 
             robot.bus.close()
 
 
+@pytest.mark.timeout(240)
+def test_a_frozen_detector_counts_as_gone_and_takes_its_share_again(fleets: Fleets):
+    first, _ = fleets.detector(), fleets.detector()
+    robots = fleets.robots()
+    try:
+        wait_until(lambda: shares(robots) == [2, 2], 60, "both have half of the robots")
+        for robot in robots:
+            robot.meet()
+        first.send_signal(signal.SIGSTOP)
+        meanwhile = [robot.send() for robot in robots]
+        wait_until(
+            lambda: all(r.answers[n] for r, n in zip(robots, meanwhile, strict=True)), 40,
+            "the other answers for all robots",
+        )  # fmt: skip
+        first.send_signal(signal.SIGCONT)
+        wait_until(lambda: shares(robots) == [2, 2], 60, "it is back")
+        last = [robot.send() for robot in robots]
+        wait_until(
+            lambda: all(r.answers[n] for r, n in zip(robots, last, strict=True)), 30, "answered"
+        )
+        assert all(r.answers[n] == 1 for r, n in zip(robots, last, strict=True))
+    finally:
+        first.send_signal(signal.SIGCONT)
+        for robot in robots:
+            robot.bus.close()
+
+
 @pytest.mark.timeout(120)
 def test_a_model_that_cannot_work_is_said_to_every_robot(fleets: Fleets):
     fleets.detector("patient:-1")
