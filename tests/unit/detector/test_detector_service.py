@@ -241,22 +241,25 @@ def test_nan_and_negative_depth_count_as_no_depth():
     assert (frame.depth_m[:30] == 0).all()
 
 
+LONG = "x" * 301
+
+
 @pytest.mark.parametrize(
-    ("field", "value"),
+    "context",
     [
-        ("id", "x" * 301),
-        ("classes", [pb.SearchClass(name="x" * 301, role="object", threshold=0.5)]),
-        ("classes", [pb.SearchClass(name="m", role="object", synonyms=["x" * 301])]),
-        ("classes", [pb.SearchClass(name="m", role="object", synonyms=["x"] * 65)]),
-        ("classes", [pb.SearchClass(name="m", role="object", threshold=float("nan"))]),
-        ("classes", [pb.SearchClass(name=f"m{i}", role="object") for i in range(129)]),
-        ("prompts", {"pick": "x" * 2001}),
-        ("prompts", {f"layer{i}": "x" for i in range(17)}),
+        pb.SearchContext(id=LONG),
+        pb.SearchContext(classes=[pb.SearchClass(name=LONG, role="object")]),
+        pb.SearchContext(classes=[pb.SearchClass(name="m", role="object", synonyms=[LONG])]),
+        pb.SearchContext(classes=[pb.SearchClass(name="m", role="object", synonyms=["x"] * 65)]),
+        pb.SearchContext(classes=[pb.SearchClass(name="m", role="object", threshold=np.nan)]),
+        pb.SearchContext(classes=[pb.SearchClass(name="m", role="object")] * 129),
+        pb.SearchContext(prompts={"pick": "x" * 2001}),
+        pb.SearchContext(prompts={f"layer{i}": "x" for i in range(17)}),
     ],
 )
-def test_a_context_beyond_all_measure_is_refused_and_counted(field: str, value):
+def test_a_context_beyond_all_measure_is_refused_and_counted(context: pb.SearchContext):
     house = House()
-    house.bus.publish(CONTEXT, pb.SearchContext(**({"id": "c"} | {field: value})))
+    house.bus.publish(CONTEXT, context)
     assert house.count("contexts_refused") == 1
     assert not house.service.knows_context
 
