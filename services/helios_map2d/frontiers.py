@@ -62,6 +62,7 @@ class FrontierFinder:
         self._cells: dict[Tile, NDArray[np.int32]] = {}  # world cells
         self._scratch = np.zeros(grid.shape, np.int32)
         self._former: tuple[Frontier, ...] = ()
+        self._values_at: dict[str, dict[tuple[int, int], float]] = {}  # by world cell
 
     def grow(self, grid: GridSpec) -> None:
         """Go on over a larger grid."""
@@ -72,6 +73,23 @@ class FrontierFinder:
         """Nothing is searched any more."""
         self._cells.clear()
         self._former = ()
+        self._values_at.clear()
+
+    def values_changed(self, names: Iterable[str], box: Box) -> None:
+        """Layers have changed within a box of world cells: values near it must be found anew."""
+        near = box.grown(int(self.rules.value_radius_m / self.grid.cell_m) + 1)
+        for name in names:
+            kept = self._values_at.get(name, {})
+            self._values_at[name] = {
+                (row, column): value
+                for (row, column), value in kept.items()
+                if not (near.row_lo <= row < near.row_hi
+                        and near.column_lo <= column < near.column_hi)
+            }  # fmt: skip
+
+    def forget_values(self) -> None:
+        """All layers are other ones."""
+        self._values_at.clear()
 
     def remember(self, former: tuple[Frontier, ...]) -> None:
         """Frontiers by whose cells those found next are recognised."""
@@ -170,19 +188,30 @@ class FrontierFinder:
     def _values_near(
         self, centres: NDArray[np.int32], values: Mapping[str, NDArray[np.float32]]
     ) -> dict[str, NDArray[np.float64]]:
+        """By layer, near each centre; found anew only where the layers have changed since."""
         radius_cells = self.rules.value_radius_m / self.grid.cell_m
-        return {name: values_near(layer, centres, radius_cells) for name, layer in values.items()}
+        row, column = self.grid.corner
+        places = [(int(r) + row, int(c) + column) for r, c in centres]
+        out: dict[str, NDArray[np.float64]] = {}
+        for name, layer in values.items():
+            known = self._values_at.get(name, {})
+            new = [k for k, place in enumerate(places) if place not in known]
+            fresh = values_near(layer, centres[new], radius_cells) if new else ()
+            found = dict(zip((places[k] for k in new), fresh, strict=True))
+            self._values_at[name] = {p: known[p] if p in known else found[p] for p in places}
+            out[name] = np.array([self._values_at[name][p] for p in places], np.float64)
+        return out
 
     def _identified(self, found: list[Frontier]) -> list[Frontier]:
         """The frontiers with their numbers: those of former ones, or new ones."""
-        same = {_first(f): f for f in self._former}
+        same = {f.cells.tobytes(): f.id for f in self._former}
         ids = [0] * len(found)
         taken: set[int] = set()
         for k, f in enumerate(found):
-            g = same.get(_first(f))
-            if g is not None and np.array_equal(f.cells, g.cells):
-                ids[k] = g.id
-                taken.add(g.id)
+            former_id = same.get(f.cells.tobytes())
+            if former_id is not None:
+                ids[k] = former_id
+                taken.add(former_id)
         new = [k for k, id in enumerate(ids) if id == 0]
         old = [f for f in self._former if f.id not in taken]
         if new and old:
@@ -209,11 +238,6 @@ class FrontierFinder:
             _numbered(old), int(self.rules.same_within_m / self.grid.cell_m), self._scratch, votes,
         )  # fmt: skip
         return votes
-
-
-def _first(frontier: Frontier) -> tuple[int, int, int]:
-    row, column = frontier.cells[0]
-    return int(row), int(column), len(frontier.cells)
 
 
 def _numbered(parts: list[NDArray[np.int32]]) -> NDArray[np.int32]:

@@ -15,11 +15,44 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from helios_map2d.explored import SearchArea
 from helios_map2d.fuse_kernels import SEEN_NOW
 from helios_map2d.grid import Box
+from helios_map2d.ground import OpenGround
 from helios_map2d.occupancy import OccupancyLayer
 from helios_map2d.value import Cone, bin_directions
 from helios_map2d.view import View
+
+
+class ByCone:
+    """VLFM's way to count ground as explored; see `exploring.Exploring`."""
+
+    def reach_m(self, max_depth_m: float) -> float:
+        return max_depth_m
+
+    def cone(self, view: View) -> Cone:
+        return cone_by_column(view)
+
+    def mark(
+        self,
+        view: View,
+        layer: OccupancyLayer,
+        ground: OpenGround,
+        before: NDArray[np.int8],
+        came_of_it: NDArray[np.uint8],
+        box: Box,
+    ) -> NDArray[np.int8]:
+        ground.update(layer.occupancy, before, box)
+        followed = layer.occupancy[box.slices].copy()
+        reveal(layer, view, ground.crowd, came_of_it, box)
+        return followed
+
+    def tidy(self, search: SearchArea, ground: OpenGround, cell: tuple[int, int], box: Box) -> None:
+        search.take_back(ground.crowd[box.slices] > 0, box)
+        part = search.grid.to_local(search.box)
+        search.explored[part.slices] = part_around(
+            search.explored[part.slices].copy(), (cell[0] - part.row_lo, cell[1] - part.column_lo)
+        )
 
 
 def reveal(

@@ -6,31 +6,30 @@ import uuid
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 import numpy as np
-from helios_core.errors import Conflict, InvalidInput
+from helios_core.errors import Conflict
 from helios_core.geometry import yaw_of
 from helios_core.types import Frame, FrameId, Observation, SearchContext
 from numpy.typing import NDArray
 
 from helios_map2d import change_kernels, fuse_kernels
 from helios_map2d.explored import SearchArea
+from helios_map2d.exploring import ByDepth, Exploring
 from helios_map2d.frontiers import Frontier, FrontierFinder, FrontierRules
 from helios_map2d.grid import EMPTY, TILE, Box, GridSpec, Tile
 from helios_map2d.ground import OpenGround
 from helios_map2d.memory import SeenView, ViewMemory, small_picture
 from helios_map2d.occupancy import UNKNOWN, OccupancyLayer, OccupancyRules
 from helios_map2d.order import REMEMBERED_FRAMES, FrameOrder
-from helios_map2d.reveal import cone_by_column, part_around, reveal
+from helios_map2d.published_tiles import PublishedTiles
+from helios_map2d.reveal import ByCone
+from helios_map2d.room import grown_for, refuse_a_leap
 from helios_map2d.snapshot import MapSnapshot
-from helios_map2d.tiles import GroundTile, ValueTile, ground_tile, value_tile
+from helios_map2d.tiles import GroundTile, ValueTile
 from helios_map2d.trajectory import Trajectory
-from helios_map2d.value import Cone, ValueLayers, ValueRules, cone_of
+from helios_map2d.value import Cone, ValueLayers, ValueRules
 from helios_map2d.view import check_depth, check_pose, reach_of, view_of
-
-CAMERA_WITHIN_M = 5.0  # of the robot's base
-GROWS_BY = 512  # cells beyond what is needed, so that growing is rare
 
 
 @dataclass(frozen=True)
@@ -89,8 +88,8 @@ class MapState:
         self.trajectory = Trajectory(rules.trajectory_step_m)
         self.known = EMPTY  # world cells that hold all that is known
         self.version = first_version + 1
-        self.ground_tiles: dict[Tile, GroundTile] = {}
-        self.value_tiles: dict[str, dict[Tile, ValueTile]] = {}
+        self.tiles = PublishedTiles()
+        self._exploring: Exploring = ByCone() if rules.explored_by_cone else ByDepth()
         self._found: tuple[Frontier, ...] = ()
         self._observations_seen: deque[tuple[str, int]] = deque(maxlen=REMEMBERED_FRAMES)
         self.published = self.publish()
@@ -127,13 +126,8 @@ class MapState:
             body_m += rules.held_reach_m
         came_of_it = np.zeros((box.rows, box.columns), np.uint8)
         seen = self.occupancy.integrate(view, (x_m, y_m), body_m)
-        followed = before
-        if rules.explored_by_cone:
-            self.ground.update(self.occupancy.occupancy, before, box)
-            followed = self.occupancy.occupancy[at].copy()
         came_of_it[view.window.moved(-box.row_lo, -box.column_lo).slices] = seen
-        if rules.explored_by_cone:
-            reveal(self.occupancy, view, self.ground.crowd, came_of_it, box)
+        followed = self._exploring.mark(view, self.occupancy, self.ground, before, came_of_it, box)
         self.search.add(came_of_it, box)
         if self.footprint_radius_m > 0:
             disc = self.occupancy.clear_disc(x_m, y_m, self.footprint_radius_m)
@@ -144,13 +138,7 @@ class MapState:
                 self.occupancy.occupancy, x_m, y_m, rules.frontiers.blind_radius_m
             )
         self.ground.update(self.occupancy.occupancy, followed, box)
-        if rules.explored_by_cone:
-            self.search.take_back(self.ground.crowd[at] > 0, box)
-            part = self.grid.to_local(self.search.box)
-            self.search.explored[part.slices] = part_around(
-                self.search.explored[part.slices].copy(),
-                (row - part.row_lo, column - part.column_lo),
-            )
+        self._exploring.tidy(self.search, self.ground, (row, column), box)
         self.order.take(frame.id.seq)
         if newest:
             self.frame_id, self.stamp_ns = frame.id, frame.stamp_ns
@@ -181,10 +169,10 @@ class MapState:
         rules = self.rules
         view = view_of(frame.depth_m, frame.camera, frame.T_world_cam, self.grid,
                        rules.min_depth_m, rules.max_depth_m)  # fmt: skip
-        cone = cone_by_column(view) if rules.explored_by_cone else cone_of(view)
+        cone = self._exploring.cone(view)
         changed = self.values.integrate(cone, observation.layer_scores)
         self.version += 1
-        self._retile_values(observation.layer_scores, changed)
+        self._publish_values(observation.layer_scores, changed)
         if observation.image_embedding is not None and rules.most_views > 0:
             self.memory.add(SeenView(frame.id, frame.stamp_ns, cone, observation.image_embedding,
                                      small_picture(frame.color)))  # fmt: skip
@@ -195,14 +183,15 @@ class MapState:
     def set_layer(self, name: str, scored: Iterable[tuple[Cone, float]]) -> None:
         """Make a value layer anew of views and their scores, in the order given."""
         self.values.layers.pop(name, None)
+        self.frontiers.forget_values()
         changed = EMPTY
         for cone, score in scored:
             self._make_room(cone.box(self.rules.cell_m))
             changed = changed.union(self.values.integrate(cone, {name: score}))
         self.values.touch(name)
         self.version += 1
-        self.value_tiles[name] = {}
-        self._retile_values([name], changed)
+        self.tiles.empty_layer(name)
+        self._publish_values([name], changed)
         self.published = self.publish(ground_changed=False)
 
     def reset_search(self, context: SearchContext) -> bool:
@@ -218,10 +207,8 @@ class MapState:
         self.frontiers.reset()
         self.values.reset(tuple(context.prompts))
         self.version += 1
-        self.value_tiles = {name: {} for name in context.prompts}
-        for tile in searched.tiles:
-            if tile in self.ground_tiles:
-                self._retile(tile, shown=True)
+        self.tiles.reset_layers(context.prompts)
+        self.tiles.retile_known(searched, self.occupancy, self.search, self.version)
         self.published = self.publish()
         return True
 
@@ -259,7 +246,7 @@ class MapState:
             layer.z_low_m[at], layer.z_high_m[at] = tile.z_low_m, tile.z_high_m
             self.search.add(tile.searched, box)
             everything = everything.union(box)
-        self.ground_tiles = dict(tiles)
+        self.tiles.take(tiles, layers)
         if not everything.empty:
             nothing = np.full((everything.rows, everything.columns), UNKNOWN, np.int8)
             self.ground.update(layer.occupancy, nothing, everything)
@@ -267,7 +254,7 @@ class MapState:
             self._note_known(everything)
         for name, values in layers.items():
             self.values.restore(name, values.values())
-            self.value_tiles[name] = dict(values)
+        self.frontiers.forget_values()
         self.known = self.known.union(self.values.box)
 
     def publish(self, *, ground_changed: bool = True) -> MapSnapshot:
@@ -289,10 +276,8 @@ class MapState:
             stamp_ns=self.stamp_ns,
             context_id=self.context_id,
             grid=GridSpec.over(known, self.grid.cell_m),
-            ground=MappingProxyType(dict(self.ground_tiles)),
-            layers=MappingProxyType(
-                {n: MappingProxyType(dict(tiles)) for n, tiles in self.value_tiles.items()}
-            ),
+            ground=self.tiles.ground,
+            layers=self.tiles.layers,
             frontiers=self._found,
             robot_pose=self.robot_pose,
             trajectory_m=self.trajectory.points_m,
@@ -305,7 +290,9 @@ class MapState:
         check_depth(frame.depth_m, frame.camera)
         cell_m = self.rules.cell_m
         x_m, y_m = float(T_world_base[0, 3]), float(T_world_base[1, 3])
-        self._refuse_a_leap(x_m, y_m, check_pose(frame.T_world_cam, "T_world_cam"))
+        camera_x, camera_y = (float(v) for v in check_pose(frame.T_world_cam, "T_world_cam")[:2, 3])
+        last_m = None if self.robot_pose is None else self.robot_pose[:2]
+        refuse_a_leap((x_m, y_m), (camera_x, camera_y), last_m, self.rules.most_leap_m)
         reach = reach_of(frame.camera, frame.T_world_cam, cell_m, self.rules.max_depth_m)
         near_m = self._near_m
         row, column = int(y_m // cell_m), int(x_m // cell_m)
@@ -313,30 +300,11 @@ class MapState:
         self._make_room(reach.union(around))
         return x_m, y_m, float(yaw_of(T_world_base))
 
-    def _refuse_a_leap(self, x_m: float, y_m: float, T_world_cam: NDArray[np.float64]) -> None:
-        """InvalidInput for a place that the robot, or its camera, cannot have come to."""
-        camera_x, camera_y = T_world_cam[:2, 3]
-        apart_m = float(np.hypot(camera_x - x_m, camera_y - y_m))
-        if apart_m > CAMERA_WITHIN_M:
-            raise InvalidInput(
-                f"the camera is at ({camera_x:.2f}, {camera_y:.2f}) m, {apart_m:.2f} m from the "
-                f"robot at ({x_m:.2f}, {y_m:.2f}) m: send both poses in one world"
-            )
-        if self.robot_pose is None:
-            return
-        leap_m = float(np.hypot(x_m - self.robot_pose[0], y_m - self.robot_pose[1]))
-        if leap_m > self.rules.most_leap_m:
-            raise InvalidInput(
-                f"the robot is at ({x_m:.2f}, {y_m:.2f}) m, {leap_m:.0f} m from where it last was: "
-                "if its localisation jumped, a new world epoch must begin; if it went there "
-                "unseen, raise HELIOS_MAP2D_MOST_LEAP_M"
-            )
-
     @property
     def _near_m(self) -> float:
         """How far from the robot a frame may change what it does not see."""
         near_m = max(self.footprint_radius_m, self.rules.frontiers.blind_radius_m)
-        return max(near_m, self.rules.max_depth_m) if self.rules.explored_by_cone else near_m
+        return max(near_m, self._exploring.reach_m(self.rules.max_depth_m))
 
     def _make_room(self, needed: Box) -> None:
         """Grow the grid where it does not hold a box of world cells with a margin.
@@ -344,29 +312,9 @@ class MapState:
         Raises InvalidInput when it would be larger than the rules allow.
         """
         margin = max(TILE, self.ground.reach + 2)
-        whole = self.grid.to_world(self.grid.whole)
-        wanted = needed.grown(margin)
-        if needed.empty or whole.holds(wanted):
+        grid = grown_for(self.grid, needed, margin, self.rules.most_cells)
+        if grid is self.grid:
             return
-        spare = wanted.grown(GROWS_BY).tiled
-        grown = Box(
-            min(whole.row_lo, spare.row_lo) if wanted.row_lo < whole.row_lo else whole.row_lo,
-            max(whole.row_hi, spare.row_hi) if wanted.row_hi > whole.row_hi else whole.row_hi,
-            min(whole.column_lo, spare.column_lo)
-            if wanted.column_lo < whole.column_lo else whole.column_lo,
-            max(whole.column_hi, spare.column_hi)
-            if wanted.column_hi > whole.column_hi else whole.column_hi,
-        )  # fmt: skip
-        if max(grown.rows, grown.columns) > self.rules.most_cells + 2 * (GROWS_BY + TILE):
-            cell_m = self.rules.cell_m
-            raise InvalidInput(
-                f"a view around ({(needed.column_lo + needed.columns / 2) * cell_m:.2f}, "
-                f"{(needed.row_lo + needed.rows / 2) * cell_m:.2f}) m would make the map "
-                f"{grown.columns}x{grown.rows} cells: if the pose is right, start the service with "
-                f"a larger HELIOS_MAP2D_MOST_CELLS (now {self.rules.most_cells}); if the robot's "
-                "localisation jumped, a new world epoch must begin"
-            )
-        grid = GridSpec.over(grown, self.grid.cell_m)
         self.occupancy.grow(grid, self.known)
         self.ground.grow(grid, self.known)
         self.search.grow(grid)
@@ -396,10 +344,14 @@ class MapState:
         self.frontiers.update(self.occupancy.occupancy, self.search.explored, edges)
         self.version += 1
         for r, c in np.argwhere(kept):
-            self._retile((int(r) + row, int(c) + column), shown=bool(shown[r, c]))
+            place = (int(r) + row, int(c) + column)
+            self.tiles.retile(place, self.occupancy, self.search, self.version,
+                              shown=bool(shown[r, c]))  # fmt: skip
         self._note_known(box)
 
     def _note_known(self, box: Box) -> None:
+        if self.known.holds(self.grid.to_world(box)):
+            return
         at = box.slices
         extent = change_kernels.known_extent(self.occupancy.occupancy[at], self.search.explored[at])
         found = Box(*(int(v) for v in extent))
@@ -407,20 +359,11 @@ class MapState:
             found = found.moved(box.row_lo, box.column_lo)
             self.known = self.known.union(self.grid.to_world(found))
 
-    def _retile(self, place: Tile, *, shown: bool) -> None:
-        old = self.ground_tiles.get(place)
-        version = self.version if shown or old is None else old.version
-        self.ground_tiles[place] = ground_tile(
-            self.occupancy, self.search.explored, place, version, self.version
-        )
-
-    def _retile_values(self, names: Iterable[str], changed: Box) -> None:
+    def _publish_values(self, names: Iterable[str], changed: Box) -> None:
         """New tiles of the layers within a box of world cells."""
         self.known = self.known.union(changed)
-        for name in names:
-            layer, tiles = self.values.layers[name], self.value_tiles.setdefault(name, {})
-            for place in changed.tiles:
-                tiles[place] = value_tile(layer, name, self.grid, place, self.version)
+        self.tiles.retile_values(names, self.values, changed, self.version)
+        self.frontiers.values_changed(names, changed)
 
     def _robot_xy(self) -> tuple[float, float]:
         if self.robot_pose is not None:

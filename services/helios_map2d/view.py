@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Pinhole
+from numba import njit
 from numpy.typing import NDArray
 
 from helios_map2d.grid import Box, GridSpec
@@ -158,28 +159,39 @@ def spans_of(
     """
     ends = np.vstack([rays_m[:, :2], np.zeros(2)]) + T_world_cam[:2, 3]
     corner = np.array([grid.corner[1] + window.column_lo, grid.corner[0] + window.row_lo])
-    points = ends / grid.cell_m - corner
-    low = np.full(window.rows, np.inf)
-    high = np.full(window.rows, -np.inf)
-    bottom, top = np.arange(window.rows) - 2.0, np.arange(window.rows) + 3.0
-    for i in range(len(points)):
-        for j in range(i):  # every segment between two points lies within the hull
-            (x0, y0), (x1, y1) = points[i], points[j]
-            if y0 > y1:
-                x0, y0, x1, y1 = x1, y1, x0, y0
-            met = (top >= y0) & (bottom <= y1)
-            slope = (x1 - x0) / (y1 - y0) if y1 - y0 > 1e-9 else 0.0
-            a = x0 + slope * (np.clip(bottom, y0, y1) - y0)
-            b = x0 + slope * (np.clip(top, y0, y1) - y0)
-            if y1 - y0 <= 1e-9:
-                a, b = np.full(window.rows, x0), np.full(window.rows, x1)
-            low = np.where(met, np.minimum(low, np.minimum(a, b)), low)
-            high = np.where(met, np.maximum(high, np.maximum(a, b)), high)
-    empty = low > high
-    first = np.clip(np.floor(np.where(empty, 0, low)) - 2, 0, window.columns)
-    last = np.clip(np.ceil(np.where(empty, 0, high)) + 3, 0, window.columns)
-    last[empty] = first[empty]
-    return np.stack([first, last], 1).astype(np.int32)
+    spans = np.empty((window.rows, 2), np.int32)
+    spans_between(ends / grid.cell_m - corner, window.columns, spans)
+    return spans
+
+
+@njit(cache=True, nogil=True)
+def spans_between(points, columns, spans):
+    """The columns of each row within two cells of the convex hull of `points` float64 [n, 2]
+    (column, row): half open, into `spans` int32 [rows, 2]."""
+    for row in range(spans.shape[0]):
+        bottom, top = row - 2.0, row + 3.0
+        low, high = np.inf, -np.inf
+        for i in range(points.shape[0]):
+            for j in range(i):  # every segment between two points lies within the hull
+                x0, y0 = points[i]
+                x1, y1 = points[j]
+                if y0 > y1:
+                    x0, y0, x1, y1 = x1, y1, x0, y0
+                if top < y0 or bottom > y1:
+                    continue
+                a, b = x0, x1
+                if y1 - y0 > 1e-9:
+                    slope = (x1 - x0) / (y1 - y0)
+                    a = x0 + slope * (min(max(bottom, y0), y1) - y0)
+                    b = x0 + slope * (min(max(top, y0), y1) - y0)
+                low = min(low, a, b)
+                high = max(high, a, b)
+        first = last = 0
+        if low <= high:
+            first = min(max(math.floor(low) - 2, 0), columns)
+            last = min(max(math.ceil(high) + 3, 0), columns)
+        spans[row, 0] = first
+        spans[row, 1] = last
 
 
 def heading_of(T_world_cam: NDArray[np.float64]) -> tuple[float, float]:
