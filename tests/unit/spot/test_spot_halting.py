@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from typing import Any
 
 import pytest
 from helios_core.errors import Conflict, HeliosError, Unavailable
@@ -182,6 +183,25 @@ def test_a_stop_that_is_cleared_at_once_still_ends_the_walk(staging: Staging) ->
     assert stage.world.x < 0.9
     stage.world.hurry = 8.0
     assert stage.act(driver, Turn(0.3)).succeeded
+
+
+def test_a_stop_that_overtakes_a_command_on_its_way_holds(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver = stage.driver()
+    stage.act(driver, Observe())
+    send = driver._link.command
+
+    def overtaken(command: Any, what: str, end_s: float | None = None) -> int:
+        if what == "walk":
+            driver.stop("a person")  # the robot hears it first
+        return send(command, what, end_s)
+
+    monkeypatch.setattr(driver._link, "command", overtaken)
+    result = stage.act(driver, Forward(1.0))
+    assert (result.succeeded, result.reason) == (False, "a person")
+    assert stage.standing_still()
+    assert result.moved_m < 0.3
 
 
 def test_stop_now_without_a_link_says_so_and_holds(staging: Staging) -> None:
