@@ -15,7 +15,7 @@ from helios_bridge.acks import PARTS, AckBook
 from helios_bridge.crew import Crew
 from helios_core import proto as pb
 from helios_core.errors import Conflict, DeadlineExceeded, Unavailable
-from helios_core.topics import CLEAR_STOP, STOP
+from helios_core.topics import CLEAR_STOP, STOP, status_topic
 from helios_core.types import FrameId
 
 from tests.support import free_port, wait_until
@@ -154,3 +154,18 @@ def test_the_process_ends_although_the_driver_hangs(tmp_path: Path) -> None:
     said = log.read_text()
     assert "left behind" in said
     assert "FATAL" not in said
+
+
+def test_a_keyframe_that_waits_for_a_map_says_so_and_ending_is_no_fault_of_the_map(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("helios_bridge.lookout.SAY_WAITING_S", 0.05)
+    stage = Stage(LineRobot(frames=3), contexts=True, lockstep=True, ack_timeout_s=60.0)
+    stage.bridge.start()
+    for service in ("detector", "objectmap", "map2d"):
+        stage.other.publish(status_topic(service), pb.ServiceStatus(service=service, state="ready"))
+    wait_until(lambda: "waits for map2d/occupancy" in stage.health.state[1], 5, "it is said")
+    assert stage.health.state[0] == "ready"
+    assert stage.bridge.close() == []
+    assert "unanswered_keyframes" not in stage.health.metrics()
+    assert stage.health.state[0] == "ready"
