@@ -1,7 +1,7 @@
 """Several detectors share several robots: pure rules, against every order of what happens."""
 
 from helios_core import proto as pb
-from helios_detector.share import SETTLE_S, Ledger, Members
+from helios_detector.share import MOST_REMEMBERED, SETTLE_S, Ledger, Members
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -82,6 +82,15 @@ def test_a_claim_may_come_before_its_keyframe():
     ledger = Ledger()
     ledger.note(claim(1, "a", answered=True))
     ledger.add(frame(1))
+    assert ledger.next(frozenset()) is None
+
+
+def test_what_was_answered_long_ago_is_forgotten_and_the_rest_is_not():
+    ledger = Ledger()
+    for seq in range(1000):
+        ledger.note(claim(seq, "a", answered=True))
+    assert len(ledger._entries) == MOST_REMEMBERED
+    ledger.add(frame(1000 - MOST_REMEMBERED))
     assert ledger.next(frozenset()) is None
 
 
