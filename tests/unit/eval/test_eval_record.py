@@ -59,3 +59,4 @@ def test_whatever_changes_the_result_changes_the_key() -> None:
     ]  # fmt: skip
     assert len({FIRST.key, *(o.key for o in others)}) == 1 + len(others)
     assert record(1, steps=3, commit="other", wall_s=9.0).key == FIRST.key
+    assert record(1, settings={"a": 1, "b": 2}).key == record(1, settings={"b": 2, "a": 1}).key

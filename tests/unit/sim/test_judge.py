@@ -65,6 +65,9 @@ BUMP = Collided(5, ("walls",))
         (AT_GOAL, [GRASP, REFUSED], SPENT, judge.PLACE_MISSED),
         (PICKED, [GRASP, BESIDE], DONE, judge.RECEPTACLE_NOT_FOUND),
         (AT_GOAL, [GRASP, ROLLED, replace(VAIN, step=75)], GAVE_UP, judge.ROLLED_OFF),
+        (AT_GOAL, [GRASP, ROLLED, replace(REFUSED, step=75)], GAVE_UP, judge.ROLLED_OFF),
+        # What was let go and grasped again is held: what came before counts no more.
+        (AT_GOAL, [GRASP, ROLLED, replace(GRASP, step=75)], SPENT, judge.STEP_BUDGET),
         # Nothing was grasped.
         (FOUND, [VAIN], GAVE_UP, judge.PICK_FAILED),
         (FOUND, [VAIN, VAIN_AT_THE_END], SPENT, judge.PICK_FAILED),

@@ -88,6 +88,14 @@ def test_a_pick_without_finding_does_not_count():
     assert not run(holding(Step((9.0, 9.0)))).pick
 
 
+def test_one_step_may_pass_several_phases():
+    """It grasps what it first sees then, and the goal stands beside it."""
+    both = Step((3.0, 1.0), {"mug_2": 2e-3, "sofa_0": 0.3}, held="mug_2")
+    here = replace(TARGETS, objects={"mug_2": np.array([[3.0, 1.05]])})
+    done = advance(Progress(), both, here)
+    assert (done.find_object, done.pick, done.find_receptacle) == (True, True, True)
+
+
 def test_the_receptacle_counts_only_after_the_pick():
     assert not run(AT_MUG, AT_SOFA).find_receptacle
     assert run(AT_MUG, holding(AT_MUG), holding(AT_SOFA)).find_receptacle

@@ -1,0 +1,79 @@
+"""When something that was let go lies still: 50 control steps of 1/30 s without a break."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from helios_sim.gripper import Graspable, Gripper, Rest
+
+DT_S = 0.01
+ENOUGH = 167  # steps: 50 / 30 s
+LONGEST = 600  # steps: 6 s
+MUG = Graspable("mug_0", 0, 0, 0, (), (0.05, 0.05, 0.05))
+SOFA, FLOOR = 7, 8
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A step of the physics: speeds of the thing, and what it touches at which height."""
+
+    linear_m_s: float = 0.0
+    angular_rad_s: float = 0.0
+    on: tuple[tuple[int, float], ...] = ((SOFA, 0.4),)
+
+
+STILL = Moment()
+MOVES = Moment(linear_m_s=0.0051)
+TURNS = Moment(angular_rad_s=0.051)
+FALLS = Moment(on=())
+
+
+def settled(moments: Sequence[Moment]) -> Rest:
+    """What the gripper says of such a course; the last moment lasts for ever."""
+    data = SimpleNamespace(qvel=np.zeros(6), body_awake=[True], xpos=np.zeros((1, 3)))
+    count = 0
+
+    def step() -> None:
+        nonlocal count
+        now = moments[min(count, len(moments) - 1)]
+        data.qvel[:] = [0, 0, now.linear_m_s, now.angular_rad_s, 0, 0]
+        hand.touched_by = lambda _: dict(now.on)
+        count += 1
+
+    model = SimpleNamespace(opt=SimpleNamespace(timestep=DT_S))
+    hand: Any = SimpleNamespace(_data=data, _model=model, step=step)
+    rest = Gripper.settle(hand, MUG)
+    assert count <= LONGEST
+    return rest
+
+
+@pytest.mark.parametrize("restless", [MOVES, TURNS, FALLS])
+def test_fifty_control_steps_without_a_break(restless: Moment) -> None:
+    assert settled([STILL] * ENOUGH + [restless]).at_rest
+    assert not settled([STILL] * (ENOUGH - 1) + [restless]).at_rest
+    assert not settled(([STILL] * (ENOUGH - 1) + [restless]) * 4).at_rest
+    assert settled([restless] * (LONGEST - ENOUGH) + [STILL]).at_rest
+    assert not settled([restless] * (LONGEST - ENOUGH + 1) + [STILL]).at_rest
+
+
+def test_slower_than_the_limits_is_at_rest() -> None:
+    assert settled([Moment(linear_m_s=0.0049, angular_rad_s=0.049)]).at_rest
+
+
+def test_only_what_it_touches_all_the_while_holds_it() -> None:
+    """What it only brushed counts as met."""
+    both = replace(STILL, on=((SOFA, 0.4), (FLOOR, 0.0)))
+    rest = settled([both, *[STILL] * (ENOUGH - 1)])
+    assert (rest.at_rest, rest.on, rest.met) == (True, {SOFA: 0.4}, {SOFA, FLOOR})
+    late = settled([*[STILL] * (ENOUGH - 1), both])
+    assert (late.at_rest, late.on, late.met) == (True, {SOFA: 0.4}, {SOFA, FLOOR})
+
+
+def test_the_height_is_that_of_the_end() -> None:
+    sinking = [replace(STILL, on=((SOFA, 0.5),)), STILL]
+    assert settled(sinking).on == {SOFA: 0.4}
