@@ -261,9 +261,10 @@ def _draw_labels(sheet: Sheet, labels: Sequence[_Label], taken: Sequence[Rect]) 
     places = placed(wanted, (size, size - FOOT_PX), taken)
     for label, place in zip(labels, places, strict=True):
         if place is not None and (line := lead(place, label.box_px)):
-            ends = [(round(u), round(v)) for u, v in line]
-            cv2.line(sheet.pixels, *ends, HALO_RGB, sheet.line_px + 2, cv2.LINE_AA)
-            cv2.line(sheet.pixels, *ends, label.colour, sheet.line_px, cv2.LINE_AA)
+            (u0, v0), (u1, v1) = line
+            one, other = (round(u0), round(v0)), (round(u1), round(v1))
+            cv2.line(sheet.pixels, one, other, HALO_RGB, sheet.line_px + 2, cv2.LINE_AA)
+            cv2.line(sheet.pixels, one, other, label.colour, sheet.line_px, cv2.LINE_AA)
     for label, place in zip(labels, places, strict=True):
         if place is not None:
             at = round(place[0]) + 3, round(place[3] - sheet.text_height * 0.3)
