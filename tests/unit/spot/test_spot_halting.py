@@ -235,9 +235,10 @@ def test_stop_now_before_the_robot_was_ever_asked_to_move_is_kept(stage: Stage) 
 
 
 def test_a_walk_into_something_is_given_up_with_what_was_walked(stage: Stage) -> None:
-    driver = stage.driver(blocked_s=0.5)
+    driver = stage.driver(blocked_s=0.5, speed_m_s=0.05)  # the walk itself may take a minute
     stage.world.x, stage.world.y = 1.4, 0.6
-    result = stage.act(driver, Forward(1.0))  # the table stands in the way
+    result = Outcome(stage, driver, Forward(1.0)).wait(40).result  # the table stands in the way
+    assert result is not None
     assert not result.succeeded
     assert "blocked" in result.reason
     assert 0.1 < result.moved_m < 0.4
