@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from helios_core.robot import Action, Forward, Tilt, Turn
+from helios_core.robot import Action, Forward, Pick, Place, Tilt, Turn
 from helios_core.types import RobotDescription
 
 _SLACK = 1e-6  # angles and lengths that were added up in floating point
@@ -28,6 +28,9 @@ def refusal(action: Action, robot: RobotDescription) -> str:
             low, high = robot.tilt_range_rad
             if not low - _SLACK <= angle_rad <= high + _SLACK:
                 return f"tilt {angle_rad:.3g} rad is outside {low:g} to {high:g} rad"
+        case Pick(point, _) | Place(point):
+            if not all(map(math.isfinite, point)):
+                return f"the point {tuple(map(float, point))} is nowhere; give three finite numbers"
         case _:
             pass
     return ""

@@ -1,0 +1,49 @@
+"""Which actions a robot refuses to begin."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from helios_core.robot import Action, Forward, Observe, Pick, Place, Tilt, Turn
+from helios_sim.limits import refusal
+from helios_sim.robot_model import description
+
+ROBOT = description()
+LOW_TILT, HIGH_TILT = ROBOT.tilt_range_rad
+NOWHERE = (math.nan, math.inf, -math.inf)
+
+
+@pytest.mark.parametrize(
+    "action",
+    [
+        Forward(ROBOT.min_forward_m), Forward(ROBOT.max_forward_m), Turn(ROBOT.max_turn_rad),
+        Turn(-ROBOT.min_turn_rad), Tilt(LOW_TILT), Tilt(HIGH_TILT), Observe(),
+        Pick((99.0, 0.0, 0.5), "mug"), Place((0.0, -99.0, 0.5)),
+    ],
+)  # fmt: skip
+def test_what_lies_within_the_limits_may_begin(action: Action) -> None:
+    """A point too far away too: reaching for it is a try that counts."""
+    assert refusal(action, ROBOT) == ""
+
+
+@pytest.mark.parametrize(
+    "action",
+    [
+        Forward(ROBOT.min_forward_m - 1e-3), Forward(ROBOT.max_forward_m + 1e-3), Forward(-0.5),
+        Turn(ROBOT.max_turn_rad + 1e-3), Turn(ROBOT.min_turn_rad / 2), Turn(0.0),
+        Tilt(LOW_TILT - 1e-3), Tilt(HIGH_TILT + 1e-3),
+    ],
+)  # fmt: skip
+def test_what_lies_beyond_is_refused(action: Action) -> None:
+    assert "outside" in refusal(action, ROBOT)
+
+
+@pytest.mark.parametrize("x", NOWHERE)
+def test_what_is_no_number_is_refused(x: float) -> None:
+    """NaN is above no limit: a pick there would take whatever comes first."""
+    for action in (Forward(x), Turn(x), Tilt(x)):
+        assert refusal(action, ROBOT)
+    for point in ((x, 0.0, 0.0), (0.0, x, 0.0), (0.0, 0.0, x)):
+        assert "finite" in refusal(Pick(point, "mug"), ROBOT)
+        assert "finite" in refusal(Place(point), ROBOT)
