@@ -71,12 +71,15 @@ def test_models_of_a_folder_become_a_ready_service_that_answers(owl: Path, clip:
 
 
 def test_until_the_model_is_there_it_waits_and_says_for_what(owl: Path, tmp_path: Path):
-    health, link = Health(), tmp_path / "model"
-    service = Hosted(MemoryBus(MemoryHub()), health, settings(detector=f"transformers:{link}"))
+    hub, health, link = MemoryHub(), Health(), tmp_path / "model"
+    service = Hosted(MemoryBus(hub), health, settings(detector=f"transformers:{link}"))
     wait_until(lambda: "is not there; put config.json" in health.state[1], 10, "the reason")
     assert health.state[0] == "waiting"
+    with pytest.raises(Unavailable, match=r"the detector is not ready: .*is not there; put c"):
+        MemoryBus(hub).call(VOCABULARY, pb.Empty(), 1.0)
     link.symlink_to(owl)
     wait_until(lambda: health.state[0] == "ready", 30, "ready")
+    assert MemoryBus(hub).call(VOCABULARY, pb.Empty(), 1.0).open
     service.close()
 
 
