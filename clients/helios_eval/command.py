@@ -16,6 +16,7 @@ from helios_core.errors import InvalidInput
 from helios_sim.sensor import SENSORS
 from rich.console import Console
 
+from helios_eval import folder as folders
 from helios_eval import homes, record, results, service_settings, spec
 from helios_eval.calibration.command import calibration
 from helios_eval.record import Benchmark, Noise
@@ -108,8 +109,9 @@ def report(
     folder: Annotated[Path, typer.Argument(help="of a run")],
 ) -> None:
     """Write results.json, report.md and report.html of a folder anew, of a killed run too."""
-    write_report(folder)
-    results.write(folder, record.read(folder), results.picks_in(run_of(folder)))
+    with folders.writing(folder):
+        write_report(folder)
+        results.write(folder, record.read(folder), results.picks_in(run_of(folder)))
     print(f"written to {folder / 'report.md'} and {folder / 'report.html'}")
 
 

@@ -48,6 +48,6 @@ def writing(folder: Path) -> Iterator[None]:
 
 def _unwritable(folder: Path, error: OSError) -> Unavailable:
     return Unavailable(
-        f"cannot write to {folder} ({error.strerror or error}); mend that, then the same command "
-        "goes on from here"
+        f"cannot write to {folder} ({error.strerror or error}); mend that, then give the same "
+        "command again"
     )

@@ -19,5 +19,8 @@ def calibration(
 ) -> None:
     """Hold what the object map believed against the truth: reliability, ECE, AUROC."""
     from helios_eval.calibration import report  # matplotlib takes a second to load
+    from helios_eval.folder import writing
 
-    print(f"written to {report.write(folders, out, every_step)}")
+    with writing(out):
+        path = report.write(folders, out, every_step)
+    print(f"written to {path}")

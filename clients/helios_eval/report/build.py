@@ -80,8 +80,13 @@ def _calibration(records: Sequence[EpisodeRecord]) -> Section:
             table = rows.table("The numbers", names, words=words)
             blocks.append(replace(table, folded=len(rows.rows) > MOST_ROWS))
     if not blocks:
-        why = "too few to tell" if with_beliefs else "none"
-        blocks = [Paragraph(f"Of the object map's beliefs the episodes hold {why}.")]
+        blocks = [
+            Paragraph(
+                "The episodes hold too few beliefs of the object map to tell."
+                if with_beliefs
+                else "The episodes hold no beliefs of the object map."
+            )
+        ]
     return Section("calibration", "Do the scores of the object map mean anything?", tuple(blocks))
 
 

@@ -112,6 +112,22 @@ def test_fewer_than_six_episodes_have_no_interval():
     assert first.table[0]["ece_low"] is None
 
 
+def test_more_beliefs_of_the_same_homes_make_no_interval_narrower():
+    """What one home holds depends on one another: whole episodes are drawn."""
+
+    def rows(copies: int):
+        told = [
+            record(k, tuple(belief(i, k % 3 > 0, 0.3 + 0.02 * k) for i in range(copies)))
+            for k in range(24)
+        ]
+        return [r for r in rows_of({"": samples_of(told)}) if r.views == ALL]
+
+    for once, thrice in zip(rows(1), rows(3), strict=True):
+        assert (once.samples, thrice.samples) == (24, 72)
+        first, second = ([r.ece_low, r.ece_high, r.auroc_low, r.auroc_high] for r in (once, thrice))
+        np.testing.assert_allclose(first, second, equal_nan=True)
+
+
 def test_figures_are_pictures_with_numbers(made):
     assert [f.title.split(":")[0] for f in made] == [
         "Calibration by the detector's noise", *["Reliability", "What more views bring"] * 2,

@@ -167,7 +167,7 @@ def test_one_agent_without_failures_pictures_or_run_json(tmp_path):
     assert "There is one agent only" in markdown
     assert "none failed" in markdown
     assert "do not say how long each stage took" in markdown
-    assert "beliefs the episodes hold none" in markdown
+    assert "hold no beliefs of the object map" in markdown
 
 
 def test_a_single_episode_has_no_error_but_a_report(tmp_path):
