@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from helios_map2d.explored import SearchArea
 from helios_map2d.grid import Box
-from helios_map2d.ground import OpenGround
 from helios_map2d.occupancy import OccupancyLayer
 from helios_map2d.value import Cone, cone_of
 from helios_map2d.view import View
@@ -34,18 +33,15 @@ class Exploring(Protocol):
         self,
         view: View,
         layer: OccupancyLayer,
-        ground: OpenGround,
-        before: NDArray[np.int8],
         came_of_it: NDArray[np.uint8],
         box: Box,
-    ) -> NDArray[np.int8]:
-        """Say in `came_of_it` (flags over `box`) what was seen, once occupancy is folded in.
-
-        `before` is the occupancy of the box as it was; returns the one that `ground` follows.
-        """
+    ) -> None:
+        """Say in `came_of_it` (flags over `box`) what was seen, once occupancy is folded in."""
         ...
 
-    def tidy(self, search: SearchArea, ground: OpenGround, cell: tuple[int, int], box: Box) -> None:
+    def tidy(
+        self, layer: OccupancyLayer, search: SearchArea, cell: tuple[int, int], box: Box
+    ) -> None:
         """Correct what was searched, once all of a frame is folded in; `cell` is the robot's."""
         ...
 
@@ -63,12 +59,12 @@ class ByDepth:
         self,
         view: View,
         layer: OccupancyLayer,
-        ground: OpenGround,
-        before: NDArray[np.int8],
         came_of_it: NDArray[np.uint8],
         box: Box,
-    ) -> NDArray[np.int8]:
-        return before
+    ) -> None:
+        pass
 
-    def tidy(self, search: SearchArea, ground: OpenGround, cell: tuple[int, int], box: Box) -> None:
+    def tidy(
+        self, layer: OccupancyLayer, search: SearchArea, cell: tuple[int, int], box: Box
+    ) -> None:
         pass

@@ -1,9 +1,10 @@
-"""Explored area the way VLFM counts it: the whole cone of view out to the largest depth, as far as
-no known obstacle, widened by the robot's radius, stands in the way; and of all that, the one part
-that the robot stands in, with its holes filled.
+"""Explored area the way VLFM counts it, to compare with it on equal terms.
 
-Our own way (see `occupancy`) believes only what depth really measured. This one serves to compare
-with VLFM on equal terms.
+A view shows its whole cone out to the largest depth, less known obstacles widened by the robot's
+radius and less what lies behind their outlines; of the pieces that are left, the one at the camera,
+with its holes filled and one cell wider. Of all that was explored, only the piece that the robot
+stands in stays, with its holes filled. Our own way (see `occupancy`) believes only what depth
+really measured.
 """
 
 from __future__ import annotations
@@ -12,20 +13,24 @@ import math
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from helios_map2d.explored import SearchArea
 from helios_map2d.fuse_kernels import SEEN_NOW
 from helios_map2d.grid import Box
-from helios_map2d.ground import OpenGround
-from helios_map2d.occupancy import OccupancyLayer
+from helios_map2d.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyLayer
 from helios_map2d.value import Cone, bin_directions
 from helios_map2d.view import View
 
 
 class ByCone:
-    """VLFM's way to count ground as explored; see `exploring.Exploring`."""
+    """VLFM's way to count ground as explored; see `exploring.Exploring`.
+
+    Obstacles are widened by a square of the robot's diameter, an odd number of cells, as VLFM's.
+    """
+
+    def __init__(self, robot_radius_m: float, cell_m: float) -> None:
+        self._square = np.ones((int(2 * robot_radius_m / cell_m) // 2 * 2 + 1,) * 2, np.uint8)
 
     def reach_m(self, max_depth_m: float) -> float:
         return max_depth_m
@@ -37,41 +42,80 @@ class ByCone:
         self,
         view: View,
         layer: OccupancyLayer,
-        ground: OpenGround,
-        before: NDArray[np.int8],
         came_of_it: NDArray[np.uint8],
         box: Box,
-    ) -> NDArray[np.int8]:
-        ground.update(layer.occupancy, before, box)
-        followed = layer.occupancy[box.slices].copy()
-        reveal(layer, view, ground.crowd, came_of_it, box)
-        return followed
+    ) -> None:
+        occupancy, floor_seen = layer.occupancy[box.slices], layer.floor_seen[box.slices]
+        blocked = self._blocked(layer.occupancy, box)
+        column, row = (math.floor(v) for v in view.camera_xy_cells)
+        seen = seen_of_cone(
+            blocked, (row - box.row_lo, column - box.column_lo), math.atan2(*view.heading[::-1]),
+            view.half_fov_rad, view.max_depth_m / layer.grid.cell_m,
+        )  # fmt: skip
+        came_of_it &= np.uint8(255 - SEEN_NOW)
+        came_of_it[cv2.dilate(seen, np.ones((3, 3), np.uint8)) > 0] |= np.uint8(SEEN_NOW)
+        open_cells = (seen > 0) & (blocked == 0)
+        floor_seen[open_cells] = 1
+        occupancy[open_cells & (occupancy == UNKNOWN)] = FREE
 
-    def tidy(self, search: SearchArea, ground: OpenGround, cell: tuple[int, int], box: Box) -> None:
-        search.take_back(ground.crowd[box.slices] > 0, box)
+    def tidy(
+        self,
+        layer: OccupancyLayer,
+        search: SearchArea,
+        cell: tuple[int, int],
+        box: Box,
+    ) -> None:
+        search.take_back(self._blocked(layer.occupancy, box) > 0, box)
         part = search.grid.to_local(search.box)
         search.explored[part.slices] = part_around(
             search.explored[part.slices].copy(), (cell[0] - part.row_lo, cell[1] - part.column_lo)
         )
 
+    def _blocked(self, occupancy: NDArray[np.int8], box: Box) -> NDArray[np.uint8]:
+        """1 over `box` where an obstacle is nearer than the robot's radius."""
+        whole = Box(0, occupancy.shape[0], 0, occupancy.shape[1])
+        around = box.grown(len(self._square), whole)
+        wide = cv2.dilate((occupancy[around.slices] == OCCUPIED).astype(np.uint8), self._square)
+        return np.asarray(wide[box.moved(-around.row_lo, -around.column_lo).slices], np.uint8)
 
-def reveal(
-    layer: OccupancyLayer,
-    view: View,
-    crowd: NDArray[np.uint16],
-    came_of_it: NDArray[np.uint8],
-    box: Box,
-) -> None:
-    """Mark what the cone shows: `SEEN_NOW` in `came_of_it` (uint8 over `box`) in place of what was
-    there, and free ground in `layer`. `crowd` is that of `OpenGround`, over the grid.
+
+def seen_of_cone(
+    blocked: NDArray[np.uint8],
+    camera: tuple[int, int],
+    yaw_rad: float,
+    half_fov_rad: float,
+    reach_cells: float,
+) -> NDArray[np.uint8]:
+    """What a cone of view shows between obstacles: uint8 as `blocked` [rows, columns].
+
+    `camera` is its cell (row, column). Obstacles throw shadows from the points of their outlines,
+    of convex ones from the two points at their sides; a shadow's edge is two cells wide. Nothing
+    is seen where no piece begins within three cells of the camera. A cone without any obstacle is
+    seen whole, where VLFM sees nothing of it.
     """
-    at = box.slices
-    reach_cells = view.max_depth_m / layer.grid.cell_m
-    camera = np.array(view.camera_xy_cells) - (box.column_lo, box.row_lo)
-    follow_cone(
-        crowd[at], camera, math.atan2(*view.heading[::-1]), view.half_fov_rad, reach_cells,
-        layer.occupancy[at], layer.floor_seen[at], came_of_it,
-    )  # fmt: skip
+    at = (camera[1], camera[0])
+    cone = np.zeros(blocked.shape, np.uint8)
+    sides_deg = math.degrees(yaw_rad - half_fov_rad), math.degrees(yaw_rad + half_fov_rad)
+    cv2.ellipse(cone, at, (int(reach_cells),) * 2, 0, *sides_deg, 1, cv2.FILLED)
+    outlines, _ = cv2.findContours(cone & blocked, cv2.RETR_TREE, cv2.CHAIN_APPROX_SIMPLE)
+    if not outlines:
+        return cone
+    out = np.zeros(blocked.shape, np.uint8)
+    seen = cone & (1 - blocked)
+    for outline in outlines:
+        off = outline.reshape(-1, 2).astype(np.float64) - at
+        angle = np.arctan2(off[:, 1], off[:, 0])
+        ends = off + at + 1.05 * reach_cells * np.stack([np.cos(angle), np.sin(angle)], 1)
+        edges = np.stack([off + at, np.trunc(ends)], 1).astype(np.int32)
+        if cv2.isContourConvex(outline):
+            turned = np.angle(np.exp(1j * (angle - yaw_rad)))
+            edges = edges[[int(np.argmin(turned)), int(np.argmax(turned))]]
+        cv2.polylines(seen, list(edges), False, (0,), 2)
+    pieces, _ = cv2.findContours(seen, cv2.RETR_TREE, cv2.CHAIN_APPROX_SIMPLE)
+    far = [abs(cv2.pointPolygonTest(p, (float(at[0]), float(at[1])), True)) for p in pieces]
+    if far and min(far) <= 3:
+        cv2.drawContours(out, [pieces[far.index(min(far))]], 0, (1,), cv2.FILLED)
+    return out
 
 
 def cone_by_column(view: View) -> Cone:
@@ -102,27 +146,3 @@ def part_around(explored: NDArray[np.uint8], cell: tuple[int, int]) -> NDArray[n
     out = np.zeros(explored.shape, np.uint8)
     cv2.drawContours(out, [nearest], 0, 1, cv2.FILLED)
     return out
-
-
-@njit(cache=True, nogil=True)
-def follow_cone(crowd, camera, yaw, half_fov, reach, occupancy, floor_seen, came_of_it):
-    """Follow rays half a cell apart at their ends until one meets a cell with `crowd`."""
-    rows, columns = crowd.shape
-    for r in range(rows):
-        for c in range(columns):
-            came_of_it[r, c] &= 255 - SEEN_NOW
-    rays = int(2 * half_fov * reach * 2) + 1
-    for k in range(rays + 1):
-        angle = yaw - half_fov + 2 * half_fov * k / rays
-        dx, dy = math.cos(angle), math.sin(angle)
-        for step in range(int(reach * 2)):
-            c = math.floor(camera[0] + dx * step * 0.5)
-            r = math.floor(camera[1] + dy * step * 0.5)
-            if r < 0 or c < 0 or r >= rows or c >= columns or crowd[r, c] != 0:
-                break
-            for y in range(max(0, r - 1), min(rows, r + 2)):
-                for x in range(max(0, c - 1), min(columns, c + 2)):
-                    came_of_it[y, x] |= SEEN_NOW
-            floor_seen[r, c] = 1
-            if occupancy[r, c] == -1:
-                occupancy[r, c] = 0

@@ -89,7 +89,11 @@ class MapState:
         self.known = EMPTY  # world cells that hold all that is known
         self.version = first_version + 1
         self.tiles = PublishedTiles()
-        self._exploring: Exploring = ByCone() if rules.explored_by_cone else ByDepth()
+        self._exploring: Exploring = (
+            ByCone(rules.frontiers.robot_radius_m, rules.cell_m)
+            if rules.explored_by_cone
+            else ByDepth()
+        )
         self._found: tuple[Frontier, ...] = ()
         self._observations_seen: deque[tuple[str, int]] = deque(maxlen=REMEMBERED_FRAMES)
         self.published = self.publish()
@@ -127,7 +131,7 @@ class MapState:
         came_of_it = np.zeros((box.rows, box.columns), np.uint8)
         seen = self.occupancy.integrate(view, (x_m, y_m), body_m)
         came_of_it[view.window.moved(-box.row_lo, -box.column_lo).slices] = seen
-        followed = self._exploring.mark(view, self.occupancy, self.ground, before, came_of_it, box)
+        self._exploring.mark(view, self.occupancy, came_of_it, box)
         self.search.add(came_of_it, box)
         if self.footprint_radius_m > 0:
             disc = self.occupancy.clear_disc(x_m, y_m, self.footprint_radius_m)
@@ -137,8 +141,8 @@ class MapState:
             self.search.add_near_robot(
                 self.occupancy.occupancy, x_m, y_m, rules.frontiers.blind_radius_m
             )
-        self.ground.update(self.occupancy.occupancy, followed, box)
-        self._exploring.tidy(self.search, self.ground, (row, column), box)
+        self.ground.update(self.occupancy.occupancy, before, box)
+        self._exploring.tidy(self.occupancy, self.search, (row, column), box)
         self.order.take(frame.id.seq)
         if newest:
             self.frame_id, self.stamp_ns = frame.id, frame.stamp_ns

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from helios_map2d.reveal import part_around
+from helios_map2d.reveal import part_around, seen_of_cone
 from helios_map2d.settings import Settings
 from helios_map2d.state import MapRules, MapState
 from map2d_scene import Walk, room, table
@@ -62,3 +62,14 @@ def test_the_preset_sees_the_same_whichever_way_it_looks() -> None:
         areas.append(int(state.search.explored.sum()))
     assert max(areas) - min(areas) < 0.02 * max(areas)
     assert min(areas) * 0.025**2 > 10
+
+
+def test_what_lies_behind_an_obstacle_is_in_its_shadow_and_the_rest_of_the_cone_is_seen() -> None:
+    blocked = np.zeros((200, 200), np.uint8)
+    blocked[95:106, 130:136] = 1
+    seen = seen_of_cone(blocked, (100, 100), 0.0, math.radians(30), 80.0)
+    assert seen[100, 120] == 1
+    assert seen[100, 130:175].sum() == 0
+    assert seen[120, 150] == 1
+    assert seen[100, 90] == 0  # behind the camera
+    assert seen[100, 185] == 0  # beyond the reach
