@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 MEDIA_TYPE = "application/octet-stream"
 FREE_RGB, OCCUPIED_RGB, UNKNOWN_RGB = (250, 251, 253), (120, 128, 142), (222, 226, 233)
+DRAWN_LARGER = 3.0  # a Gaussian of 1 cm is less than a pixel where a whole home is in sight
 LEAST_CLASS_SCORE = 0.3  # from which an instance has a label
 
 
@@ -51,7 +52,7 @@ def scene_file(
     if ground is not None:
         _add_ground(scene, ground)
     if len(gaussians):
-        variances = np.square(gaussians.radii_m)[:, None, None]
+        variances = np.square(DRAWN_LARGER * gaussians.radii_m)[:, None, None]
         scene.add_gaussian_splats(
             "/gaussians",
             centers=gaussians.means_m,
