@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from helios_core.errors import Conflict, InvalidInput, Unavailable
+from helios_client.wrong_use import WrongUse
+from helios_core.errors import Conflict, Unavailable
 
 LOCK = "run.lock"
 
@@ -17,12 +18,12 @@ def held(folder: Path) -> Iterator[None]:
     """Make the folder if need be, and hold it until left; a process that is killed lets go of it.
 
     Two runs at once would play the same episodes. Raises Conflict while another one has the folder,
-    InvalidInput where no folder can be, and Unavailable where nothing can be written.
+    WrongUse where a file is, and Unavailable where nothing can be written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
-        raise InvalidInput(f"{folder} cannot be a folder: a file is there; take another") from error
+        raise WrongUse(f"{folder} cannot be a folder: a file is there; take another") from error
     except OSError as error:
         raise _unwritable(folder, error) from error
     with writing(folder):

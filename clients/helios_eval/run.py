@@ -62,8 +62,9 @@ def run(asked: Run, console: Console) -> list[EpisodeRecord]:
     """Play what is missing, then write results and report; the records of this run's episodes.
 
     Whatever ends it, results and report are left of the episodes that are there. Raises Unavailable
-    where nothing can be played or written, InvalidInput for a folder that holds something else,
-    Conflict for one into which another run plays, and KeyboardInterrupt when it was interrupted.
+    where nothing can be played or written, WrongUse for a file, InvalidInput for a folder that
+    holds something else, Conflict for one into which another run plays, and KeyboardInterrupt when
+    it was interrupted.
     """
     with folder.held(asked.out):
         return _run(asked, console)

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 from eval_constructed_records import record
-from helios_core.errors import Conflict, InvalidInput, Unavailable
+from helios_client.wrong_use import WrongUse
+from helios_core.errors import Conflict, Unavailable
 from helios_eval import folder, results
 from helios_eval import record as records
 from helios_eval import run as runs
@@ -145,7 +146,7 @@ def test_a_file_is_no_folder(stage: Stage, tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("mine")
     for out in (file, file / "below"):
-        with pytest.raises(InvalidInput, match="a file is there"):
+        with pytest.raises(WrongUse, match="a file is there"):
             run(asked(out), quiet())
     assert file.read_text() == "mine"
     assert not stage.played
