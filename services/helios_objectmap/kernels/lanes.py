@@ -20,15 +20,17 @@ from numba.extending import models, overload, register_model
 
 LANES = 16
 
-# What it decorates says what code to generate; what comes of it is called without `_typing`.
-intrinsic: Callable[[Callable[..., Any]], Callable[..., Any]] = numba.extending.intrinsic
-
 _FLOAT, _INT = ir.FloatType(), ir.IntType(32)
 _FLOATS, _INTS = ir.VectorType(_FLOAT, LANES), ir.VectorType(_INT, LANES)
 # A sum of products may be fused and its order changed, as `fastmath` does for scalars.
 _FAST = ("fast",)
 # 2**f = sum_k c_k f**k for |f| <= 1/2, relative error below 2e-7.
 _EXP2 = (1.3390903e-3, 9.6760335e-3, 5.5503577e-2, 2.4022107e-1, 6.9314719e-1, 1.0)
+
+
+def intrinsic(generator: Callable[..., Any]) -> Callable[..., Any]:
+    """What a kernel calls, without `_typing`, for what says which code to generate."""
+    return numba.extending.intrinsic(generator)
 
 
 class _LanesType(types.Type):
