@@ -162,6 +162,17 @@ def test_bad_requests_are_refused(bus: MemoryBus):
         bus.call(ESTIMATE_DEPTH, request, 5.0)
 
 
+def test_depths_that_were_made_are_counted(models: dict[str, Path]):
+    hub, health = MemoryHub(), Health()
+    depth = opened(models["depth-pro"])
+    DetectorService(
+        MemoryBus(hub), GroundTruthDetector(SceneTruth()), LexicalScorer(), health, depth=depth
+    )
+    with_estimated_depth(frame_of(), MemoryBus(hub), 20.0)
+    assert health.metrics()["depths_estimated"] == 1
+    assert health.metrics()["depth_ms_median"] > 0
+
+
 def test_a_detector_without_depth_says_what_to_set():
     hub = MemoryHub()
     with pytest.raises(Unavailable):

@@ -7,8 +7,6 @@ import pytest
 import tiny_onnx
 from detector_scene import (
     MUG,
-    ROOM,
-    TABLE,
     SceneTruth,
     box_of,
     context_of,
@@ -23,6 +21,7 @@ from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT
 from helios_core.types import Role, SearchClass, SearchContext
 from helios_detector.backend import DetectorBackend, DetectorOptions, open_detector
+from helios_detector.box_to_mask import box_to_mask
 from helios_detector.coco import COCO_NAMES
 from helios_detector.scorer import LexicalScorer
 from helios_detector.service import DetectorService
@@ -82,15 +81,20 @@ def test_a_synonym_of_the_context_finds_a_class_that_only_the_context_knows(tmp_
         detector.detect(frame_of(), context_of("grail"))
 
 
-def test_a_receptacle_keeps_its_surface_and_an_object_leaves_it(tmp_path: Path):
-    frame, table = frame_of(), COCO_NAMES.index("dining table")
-    _, ids = render(ROOM, looking())
-    surface = ids == TABLE.id
-    x0, y0, x1, y1 = (float(v) for v in box_of(surface))
-    model = tiny_onnx.yolox(tmp_path / "m.onnx", [((x0, y0, x1, y1), table, 0.8)], 80)
-    classes = (SearchClass("dining table", Role.GOAL_RECEPTACLE, 0.3),)
-    (found,) = opened(model).detect(frame, SearchContext("c", classes)).detections
-    assert (found.mask & surface).sum() / surface.sum() > 0.9
+@pytest.mark.parametrize("role", [Role.OBJECT, Role.GOAL_RECEPTACLE])
+def test_only_a_receptacle_keeps_its_surface(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, role: Role
+):
+    kept = []
+
+    def noted(depth_m, box, camera, T_world_cam, *, keep_surface: bool):
+        kept.append(keep_surface)
+        return box_to_mask(depth_m, box, camera, T_world_cam, keep_surface=keep_surface)
+
+    monkeypatch.setattr("helios_detector.yolox.box_to_mask", noted)
+    model = tiny_onnx.yolox(tmp_path / "m.onnx", [(BOX, CHAIR, 0.8)], 80)
+    opened(model).detect(frame_of(), SearchContext("c", (SearchClass("chair", role, 0.3),)))
+    assert kept == [role is Role.GOAL_RECEPTACLE]
 
 
 OWN = "Espresso_Machine\nwatering can\n\nsoap-dispenser\n"
