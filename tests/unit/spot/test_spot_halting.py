@@ -105,6 +105,19 @@ def connected(stage: Stage, driver: object) -> bool:
         return False
 
 
+def test_an_action_that_the_link_cut_short_is_not_begun_again(staging: Staging) -> None:
+    stage = staging(hurry=0.5)
+    driver = stage.driver()
+    cut = stage.during(driver, Forward(1.0), lambda: stage.cut(driver)).wait(30)
+    assert isinstance(cut.error, Unavailable)
+    stage.mend(driver)
+    standing(stage)
+    before = (stage.world.x, stage.world.y)
+    again = driver.act(Forward(1.0), f"action-{stage._number}")
+    assert (again.succeeded, again.reason) == (False, cut.error.message)
+    assert (stage.world.x, stage.world.y) == before
+
+
 def test_the_planner_going_away_ends_the_walk_and_says_so(staging: Staging) -> None:
     stage = staging(hurry=0.5)
     hub = MemoryHub()
