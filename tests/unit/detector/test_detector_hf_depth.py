@@ -154,12 +154,12 @@ def test_without_a_calibration_the_reply_says_its_own_focal_length(bus: MemoryBu
 def test_bad_requests_are_refused(bus: MemoryBus):
     with pytest.raises(InvalidInput, match="no colour image"):
         bus.call(ESTIMATE_DEPTH, pb.DepthRequest(), 5.0)
-    request = pb.DepthRequest(
-        raw_color=frame_to_proto(frame_of()).raw_color,
-        calibration=CameraCalibration(K=[float("nan")] * 9),
-    )
-    with pytest.raises(InvalidInput, match="send 9 numbers"):
-        bus.call(ESTIMATE_DEPTH, request, 5.0)
+    for K in ([float("nan")] * 9, [1.0] * 9, [1e6] * 9, [300.0] * 8):
+        request = pb.DepthRequest(
+            raw_color=frame_to_proto(frame_of()).raw_color, calibration=CameraCalibration(K=K)
+        )
+        with pytest.raises(InvalidInput, match="send 9 numbers"):
+            bus.call(ESTIMATE_DEPTH, request, 5.0)
 
 
 def test_depths_that_were_made_are_counted(models: dict[str, Path]):

@@ -1,10 +1,13 @@
 """Where models run and in which precision when nobody says so."""
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from helios_detector.hf.runtime import _device, _dtype
+import tiny_models
+import torch
+from helios_detector.hf.runtime import HfModel, Placement, _device, _dtype
 
 
 def torch_with(cuda: bool, mps: bool = False, bf16: bool = True) -> Any:
@@ -28,7 +31,20 @@ def torch_with(cuda: bool, mps: bool = False, bf16: bool = True) -> Any:
 def test_half_precision_on_cuda_alone(
     cuda: bool, mps: bool, bf16: bool, device: str, precision: str
 ):
-    torch = torch_with(cuda, mps, bf16)
-    assert _device("auto", torch) == device
-    assert _dtype("auto", device, torch) == precision
-    assert _dtype("float16", device, torch) == "float16"
+    machine = torch_with(cuda, mps, bf16)
+    assert _device("auto", machine) == device
+    assert _dtype("auto", device, machine) == precision
+    assert _dtype("float16", device, machine) == "float16"
+
+
+def test_a_model_on_the_processor_runs_on_as_many_threads_as_are_set(tmp_path: Path):
+    before = torch.get_num_threads()
+    folder = tiny_models.write("clip", tmp_path)
+    try:
+        for threads in (1, 2):
+            with HfModel(
+                str(folder), "scorer", Placement("cpu", threads=threads), "AutoModel"
+            ).use():
+                assert torch.get_num_threads() == threads
+    finally:
+        torch.set_num_threads(before)
