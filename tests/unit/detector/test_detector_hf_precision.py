@@ -48,3 +48,11 @@ def test_a_model_on_the_processor_runs_on_as_many_threads_as_are_set(tmp_path: P
                 assert torch.get_num_threads() == threads
     finally:
         torch.set_num_threads(before)
+
+
+def test_weights_are_halved_unless_a_model_keeps_them(tmp_path: Path):
+    folder, half = str(tiny_models.write("clip", tmp_path)), Placement("cpu", "bfloat16")
+    for halved, dtype in ((True, torch.bfloat16), (False, torch.float32)):
+        handle = HfModel(folder, "scorer", half, "AutoModel", half_weights=halved)
+        with handle.use() as (model, _):
+            assert next(model.parameters()).dtype == dtype
