@@ -122,6 +122,12 @@ def test_an_episode_that_never_began_still_counts_against_its_agent():
     assert [r.seed for r in mine] == [r.seed for r in theirs] == [0, 1]
 
 
+def test_pairs_are_of_one_home_whatever_else_was_played():
+    arms = arms_of([*(episode(s) for s in range(4)), *(episode(s, "trusting") for s in (2, 3, 5))])
+    mine, theirs = in_common(*arms)
+    assert [r.seed for r in mine] == [r.seed for r in theirs] == [2, 3]
+
+
 def test_the_colours_know_the_closed_list():
     from helios_eval.report import style
 
