@@ -4,7 +4,8 @@ A view shows its whole cone out to the largest depth, less known obstacles widen
 radius and less what lies behind their outlines; of the pieces that are left, the one at the camera,
 with its holes filled and one cell wider. Of all that was explored, only the piece that the robot
 stands in stays, with its holes filled. Our own way (see `occupancy`) believes only what depth
-really measured.
+really measured. The method of shadows is that of frontier_exploration (Naoki Yokoyama, MIT), which
+VLFM uses; the code here is ours.
 """
 
 from __future__ import annotations
