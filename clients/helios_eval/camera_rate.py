@@ -132,7 +132,7 @@ class Camera:
     """Sends frames and notes when they are answered. Times are monotonic seconds."""
 
     def __init__(self, bus: Bus, frames: list[pb.Frame]) -> None:
-        self._bus, self._frames, self._number = bus, frames, 0
+        self._bus, self._frames, self.number = bus, frames, 0
         self.sent_s: dict[int, float] = {}
         self.answered_s: dict[int, float] = {}
         self.keyframes: list[int] = []
@@ -170,14 +170,14 @@ class Camera:
             return self._news.wait_for(lambda: self.observed[number] > 0, within_s)
 
     def _send(self, frame: pb.Frame, keyframe: bool) -> int:
-        self._number += 1
-        frame.id.seq, frame.keyframe = self._number, keyframe
+        self.number += 1
+        frame.id.seq, frame.keyframe = self.number, keyframe
         if keyframe:
-            self.keyframes.append(self._number)
+            self.keyframes.append(self.number)
         else:
-            self.sent_s[self._number] = time.monotonic()
+            self.sent_s[self.number] = time.monotonic()
         self._bus.publish(KEYFRAME if keyframe else FRAME, frame)
-        return self._number
+        return self.number
 
     def _on_preview(self, preview: pb.Preview) -> None:
         self.answered_s[preview.id.seq] = time.monotonic()
@@ -191,10 +191,9 @@ class Camera:
 
 def measure(given: argparse.Namespace) -> tuple[Rate, list[Middles]]:
     """Raises HeliosError: the data set, the model or an answer is missing."""
-    frames = _frames(given.dataset)
+    frames = dataset_frames(given.dataset)
     context = SearchContext("camera-rate", (SearchClass(given.name, Role.OBJECT, given.threshold),))
-    if given.cores and hasattr(os, "sched_setaffinity"):  # children inherit it; Linux only
-        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: given.cores])
+    use_cores(given.cores)
     with tempfile.TemporaryDirectory() as folder:
         arguments = ("--detector", given.detector, "--threads", str(given.threads))
         processes = ServiceProcess("detector", arguments, Path(folder))
@@ -225,7 +224,14 @@ def _stream(camera: Camera, detector: psutil.Process, given: argparse.Namespace)
     )
 
 
-def _frames(folder: Path) -> list[pb.Frame]:
+def use_cores(most: int) -> None:
+    """For this process and its children; 0: all. Linux only."""
+    if most and hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:most])
+
+
+def dataset_frames(folder: Path) -> list[pb.Frame]:
+    """All images of a folder, as a camera sends them."""
     data = read_dataset(folder)
     out = []
     for index, image in enumerate(data.images):

@@ -1,4 +1,4 @@
-"""A router and one service as processes of their own, on a free port, for checks of the service."""
+"""A router and services as processes of their own, on a free port, for checks of one of them."""
 
 from __future__ import annotations
 
@@ -15,20 +15,26 @@ from helios_core.topics import status_topic
 from helios_core.zenoh_bus import ZenohBus
 
 START_WITHIN_S = 120.0
+ON_ITS_WAY = ("loading", "opening", "compiling", "starting", "warming")  # a reason to wait
 
 
 class ServiceProcess:
-    """`python -m helios_<name>` beside a router. Ended by `close`."""
+    """`python -m helios_<name>` beside a router, and others that are added. Ended by `close`."""
 
     def __init__(self, name: str, arguments: tuple[str, ...], folder: Path) -> None:
         """arguments: of the service, besides the router's address. folder: for the logs."""
         self.name = name
         self.router = f"tcp/127.0.0.1:{free_port()}"
         self._folder = folder
-        self._children = [
-            self._start("router", "helios_core.router", "--listen", self.router),
-            self._start(name, f"helios_{name}", "--router", self.router, *arguments),
-        ]
+        self._children = {
+            "router": self._start("router", "helios_core.router", "--listen", self.router)
+        }
+        self.add(name, arguments)
+
+    def add(self, name: str, arguments: tuple[str, ...] = ()) -> None:
+        """One more service beside it."""
+        module = f"helios_{name}"
+        self._children[name] = self._start(name, module, "--router", self.router, *arguments)
 
     def bus(self) -> Bus:
         """Raises Unavailable when the router does not come up."""
@@ -41,23 +47,25 @@ class ServiceProcess:
                     raise
                 time.sleep(0.2)
 
-    def ready(self, bus: Bus) -> int:
-        """Wait for the service; its process id. Raises Unavailable with its own words."""
+    def ready(self, bus: Bus, name: str = "") -> int:
+        """Wait for the service, or for one that was added; its process id. Raises Unavailable with
+        its own words."""
+        name = name or self.name
         said: list[pb.ServiceStatus] = []
-        bus.subscribe(status_topic(self.name), said.append)
+        bus.subscribe(status_topic(name), said.append)
         deadline = time.monotonic() + START_WITHIN_S
         while time.monotonic() < deadline:
             if said and said[-1].state == "ready":
                 return said[-1].pid
-            ending = self._children[1].ended()
+            ending = self._children[name].ended()
             if ending is not None or (said and _is_last_word(said[-1])):
-                raise Unavailable(f"{self.name}: {ending.reason if ending else said[-1].reason}")
+                raise Unavailable(f"{name}: {ending.reason if ending else said[-1].reason}")
             time.sleep(0.1)
         reason = said[-1].reason if said else "it has said nothing"
-        raise Unavailable(f"{self.name} was not ready in {START_WITHIN_S:g} s: {reason}")
+        raise Unavailable(f"{name} was not ready in {START_WITHIN_S:g} s: {reason}")
 
     def close(self) -> None:
-        for child in reversed(self._children):
+        for child in reversed(self._children.values()):
             child.terminate()
             if not child.wait(5):
                 child.kill()
@@ -69,5 +77,5 @@ class ServiceProcess:
 
 def _is_last_word(status: pb.ServiceStatus) -> bool:
     """Whether it will not get ready by itself within the minute: a model is not there, or wrong."""
-    loads = status.reason.startswith("loading")
-    return status.state == "degraded" or (status.state == "waiting" and not loads)
+    begins = status.reason.startswith(ON_ITS_WAY)
+    return status.state == "degraded" or (status.state == "waiting" and not begins)

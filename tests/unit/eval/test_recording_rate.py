@@ -1,0 +1,32 @@
+"""The command that records a camera's stream with everything else going on."""
+
+import json
+from pathlib import Path
+
+import pytest
+from helios_eval.recording_rate import main
+
+SHARED = Path(__file__).resolve().parents[4] / "shared"
+KITCHEN = SHARED / "data" / "redkitchen"
+MODEL = SHARED / "models" / "yolox_nano.onnx"
+
+
+def test_wrong_use_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["/no/such/folder", "--detector", "onnx:x"]) == 2
+    assert "there is no data set at" in capsys.readouterr().err
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.skipif(not KITCHEN.is_dir(), reason=f"no real frames at {KITCHEN}")
+@pytest.mark.skipif(not MODEL.is_file(), reason=f"no model at {MODEL}")
+def test_every_frame_is_in_the_file_and_the_maps_answered_meanwhile(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """At a rate that any machine keeps; 30 Hz is for the command on a quiet one."""
+    figures = tmp_path / "figures.json"
+    argv = [str(KITCHEN), "--detector", f"onnx:{MODEL}", "--hz", "8", "--seconds", "3"]
+    assert main([*argv, "--cores", "0", "--json", str(figures)]) == 0, capsys.readouterr()
+    found = json.loads(figures.read_text())
+    assert found["recorded"] == found["sent"] == 21
+    assert found["keyframes_recorded"] == 3
+    assert {"/detector/preview", "/objectmap/ack"} <= found["messages"].keys()
