@@ -156,6 +156,17 @@ def test_the_replay_command_gives_them_too(done: Done, tmp_path: Path) -> None:
         np.testing.assert_array_equal(arrays["explored"], live.explored)
 
 
+def test_a_free_running_replay_ends_and_leaves_what_it_found(done: Done, tmp_path: Path) -> None:
+    """No promise of equality: only that nothing is waited for and every file is there."""
+    told = helios(
+        "replay", str(done.folder), "--free-running", "--rate", "4", "--out", str(tmp_path)
+    )
+    assert told.returncode == 0, told.stderr
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["frames"] > 0
+    assert json.loads((tmp_path / "objects.json").read_text())
+
+
 @pytest.mark.skipif(RERUN is None, reason="the command `rerun` (pip install rerun-sdk) is not here")
 def test_rerun_opens_it(done: Done, tmp_path: Path) -> None:
     assert RERUN is not None

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from helios_client.cli import run
 from helios_client.doctor import examine
+from helios_client.stack import Stack
 
 from tests.support import free_port
 
@@ -168,6 +169,21 @@ def test_the_shell_completes_commands_and_options(monkeypatch: pytest.MonkeyPatc
             capture_output=True, text=True, check=False, timeout=60,
         )  # fmt: skip
         assert expected in done.stdout.split(), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("set_to", "folder"), [("1", Path("recordings")), ("0", None), (None, None)]
+)
+def test_a_variable_makes_every_start_record(
+    set_to: str | None, folder: Path | None, helios: Helios, monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    started: list[Stack] = []
+    monkeypatch.setattr("helios_client.up.up", lambda stack, _: started.append(stack))
+    if set_to is not None:
+        monkeypatch.setenv("HELIOS_RECORD", set_to)
+    assert helios("up", "--state", str(tmp_path)).status == 0
+    assert started[0].record == (folder and tmp_path / folder)
 
 
 def test_the_doctor_tells_programs_too(helios: Helios) -> None:
