@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser, BrowserType, sync_playwright
 
 # A graphics card in software: the page may draw in 3D on any machine.
 WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
@@ -28,11 +28,24 @@ def chromium(*more: str) -> Iterator[Browser]:
     path = chromium_path()
     if path is None:
         pytest.skip("no Chromium: apt-get install chromium, or set HELIOS_TEST_CHROMIUM")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=path, args=["--no-sandbox", *(more or ("--disable-gpu",))]
-        )
-        try:
-            yield browser
-        finally:
-            browser.close()
+    with sync_playwright() as playwright, _launched(playwright.chromium, path, more) as browser:
+        yield browser
+
+
+@contextmanager
+def beside(browser: Browser, *more: str) -> Iterator[Browser]:
+    """One more, started with other arguments: Playwright runs once in a thread."""
+    path = chromium_path()
+    assert path is not None
+    with _launched(browser.browser_type, path, more) as another:
+        yield another
+
+
+@contextmanager
+def _launched(kind: BrowserType, path: str, more: tuple[str, ...]) -> Iterator[Browser]:
+    arguments = ["--no-sandbox", *(more or ("--disable-gpu",))]
+    browser = kind.launch(executable_path=path, args=arguments)
+    try:
+        yield browser
+    finally:
+        browser.close()

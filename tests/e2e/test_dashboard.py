@@ -18,7 +18,7 @@ from helios_client.keys import add_key
 from helios_core.errors import Unavailable
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser import DEADLINE_MS, WEBGL, chromium
+from tests.browser import DEADLINE_MS, WEBGL, beside, chromium
 from tests.gateway_process import Served, served
 from tests.support import wait_until
 
@@ -235,11 +235,13 @@ def test_where_something_was_seen_is_told_with_pictures_and_shown_on_the_map(
     expect(page.locator("#seen-said")).to_contain_text("no view has been kept")
 
 
-def test_the_gaussians_are_seen_in_3d_with_the_key_and_from_here_alone(tmp_path: Path) -> None:
+def test_the_gaussians_are_seen_in_3d_with_the_key_and_from_here_alone(
+    browser: Browser, tmp_path: Path
+) -> None:
     key = add_key(tmp_path / "keys.toml", "tablet", "read")
     hosts: set[str] = set()
-    with served("--keys", str(tmp_path / "keys.toml")) as house, chromium(*WEBGL) as browser:
-        page = browser.new_page(viewport={"width": 1300, "height": 950})
+    with served("--keys", str(tmp_path / "keys.toml")) as house, beside(browser, *WEBGL) as drawing:
+        page = drawing.new_page(viewport={"width": 1300, "height": 950})
         page.set_default_timeout(120_000)
         page.on("request", lambda request: hosts.add(urlsplit(request.url).netloc))
         page.goto(house.url)
