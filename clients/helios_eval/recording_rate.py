@@ -15,13 +15,14 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import psutil
 from helios_core import proto as pb
 from helios_core.codec import context_to_proto
-from helios_core.errors import HeliosError, InvalidInput
+from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.topics import CONTEXT, status_topic
 from helios_core.types import Role, SearchClass, SearchContext
 from mcap.reader import make_reader
@@ -31,6 +32,7 @@ from helios_eval.service_process import ServiceProcess
 
 BESIDE = ("objectmap", "map2d", "detector")
 COUNTERS = ("dropped_frames", "dropped_messages", "missed_frames")
+SAID_WITHIN_S = 20.0
 STREAM, KEYFRAMES = "/bridge/frame", "/bridge/keyframe"
 
 
@@ -51,7 +53,8 @@ class Recorded:
     @property
     def whole(self) -> bool:
         everything = self.recorded == self.sent and self.keyframes_recorded == self.keyframes
-        return everything and not any(self.dropped.values())
+        counted = all(self.dropped.get(name) == 0 for name in COUNTERS)
+        return everything and counted
 
 
 def measure(given: argparse.Namespace) -> Recorded:
@@ -82,8 +85,7 @@ def measure(given: argparse.Namespace) -> Recorded:
             camera.stream(given.hz, given.seconds)
             after, took_s = recorder.cpu_times(), time.monotonic() - began
             cores = (after.user + after.system - before.user - before.system) / took_s
-            time.sleep(2.0)  # two statuses: what it counted to the end
-            counted = dict(said[-1].metrics) if said else {}
+            counted = _counted(said)
         finally:
             if bus is not None:
                 bus.close()
@@ -97,9 +99,20 @@ def measure(given: argparse.Namespace) -> Recorded:
         sum(n in numbers[STREAM] for n in camera.sent_s),
         len(camera.keyframes),
         sum(n in numbers[KEYFRAMES] for n in camera.keyframes if n > met),
-        {name: counted.get(name, 0.0) for name in COUNTERS},
+        counted,
         round(mb, 1), round(cores, 2), messages,
     )  # fmt: skip
+
+
+def _counted(said: Sequence[pb.ServiceStatus]) -> dict[str, float]:
+    """What the recorder counts, of its second status from now: then all of the stream is in it."""
+    until, deadline = len(said) + 2, time.monotonic() + SAID_WITHIN_S
+    while len(said) < until:
+        if time.monotonic() > deadline:
+            raise Unavailable(f"the recorder told no status for {SAID_WITHIN_S:g} s")
+        time.sleep(0.1)
+    metrics = said[-1].metrics
+    return {name: metrics[name] for name in COUNTERS if name in metrics}
 
 
 def _in_file(file: Path) -> tuple[dict[str, set[int]], dict[str, int]]:

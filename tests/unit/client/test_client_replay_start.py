@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -96,9 +95,9 @@ def test_a_model_may_take_its_time_to_load_but_one_that_is_not_there_ends_the_re
 def test_frames_left_out_are_told_and_none_left_is_an_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    say: Callable[[int], None] = lambda n: module._say_unreadable(  # noqa: E731
-        n, 4, job(tmp_path), Console(width=300)
-    )
+    def say(unreadable: int) -> None:
+        module._say_unreadable(unreadable, 4, job(tmp_path), Console(width=300))
+
     say(0)
     assert capsys.readouterr().out == ""
     say(3)
