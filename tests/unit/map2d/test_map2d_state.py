@@ -209,7 +209,9 @@ def test_a_snapshot_round_trips_through_npz() -> None:
 
 
 @pytest.mark.parametrize(
-    "data", [b"", b"no zip", encode_npz(MapState(RULES, (0, 0), 0).published)[:90]]
+    "data",
+    [b"", b"no zip", encode_npz(MapState(RULES, (0, 0), 0).published)[:90]],
+    ids=["empty", "no zip", "cut"],
 )
 def test_bytes_that_are_no_snapshot_are_refused(data: bytes) -> None:
     with pytest.raises(InvalidInput, match="no map snapshot"):
