@@ -52,17 +52,19 @@ def seen_tables(found: Seen) -> list[Table | str]:
     else:
         out.append(escape(f"no object of that name is believed: {found.prompt}"))
     if found.views:
-        views = Table("past view", "score", "looks at (m)", "from (m)", "at (s)", **PLAIN)
+        views = Table("past view", "named", "score", "at (m)", "from (m)", "time (s)", **PLAIN)
         for number, view in enumerate(found.views, start=1):
             camera = view.camera
             stood = _metres([camera["x_m"], camera["y_m"]]) if camera else "-"
             views.add_row(
-                str(number), f"{view.score:.2f}", _metres(view.center_m), stood,
-                f"{view.stamp_s:.1f}",
+                str(number), escape(view.class_name) or "-", f"{view.score:.2f}",
+                _metres(view.center_m), stood, f"{view.stamp_s:.1f}",
             )  # fmt: skip
         out.append(views)
-    else:
-        out.append(escape(f"no past view: {found.views_note or 'none fits'}"))
+    elif found.views_asked or not found.views_note:
+        out.append(f"no past view fits, of {found.views_asked} that were asked")
+    if found.views_note:
+        out.append(escape(found.views_note))
     return out
 
 

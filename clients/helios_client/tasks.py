@@ -100,15 +100,17 @@ class SeenView(_FromJson):
     """A past view that fits what was asked for."""
 
     score: float = 0.0  # how well, 0 to 1
-    center_m: list[float] = field(default_factory=list)  # x, y: middle of what it saw
+    class_name: str = ""  # what the detector named in it; empty: the scorer's model was asked
+    center_m: list[float] = field(default_factory=list)  # x, y: of that, or of what it saw
     camera: Pose | None = None  # where it stood, and its direction
     stamp_s: float = 0.0  # the robot's clock
     jpeg: bytes = field(default=b"", repr=False)  # a small picture
 
     @classmethod
     def from_json(cls, raw: dict[str, Any]) -> Self:
+        """The wire says `class`, which is no name in Python."""
         jpeg = base64.b64decode(raw.get("jpeg_base64", ""))
-        return replace(super().from_json(raw), jpeg=jpeg)
+        return replace(super().from_json(raw | {"class_name": raw.get("class", "")}), jpeg=jpeg)
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,7 @@ class Seen(_FromJson):
     objects: tuple[FoundObject, ...] = ()  # believed, of a class that the words name; surest first
     views: tuple[SeenView, ...] = ()  # past views that fit the words, best first
     views_asked: int = 0
-    views_note: str = ""  # why no past view could be asked
+    views_note: str = ""  # why past views were not asked, or by names alone
 
     @classmethod
     def from_json(cls, raw: dict[str, Any]) -> Self:

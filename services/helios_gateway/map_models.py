@@ -107,7 +107,13 @@ class SeenView(BaseModel):
     """A past view that fits what was asked for."""
 
     score: float | None = Field(description="how well it fits, 0 to 1")
-    center_m: Vector2 = Field(description="middle of what it saw")
+    class_name: str = Field(
+        validation_alias="class_name",
+        serialization_alias="class",
+        description="what the detector named in it, with that score; empty: the scorer's model "
+        "was asked",
+    )
+    center_m: Vector2 = Field(description="where that was; else the middle of what it saw")
     camera: RobotPose | None = Field(description="where the camera stood, and its direction")
     stamp_s: float = Field(description="the robot's clock")
     frame_id: str
@@ -121,7 +127,9 @@ class SeenAnswer(BaseModel):
     objects: list[ObjectInstance] = Field(description="surest first; pictures: /view.png of each")
     views: list[SeenView] = Field(description="best first, of different places")
     views_asked: int = Field(description="of all that were kept")
-    views_note: str = Field(description="why no past view could be asked; empty: they were")
+    views_note: str = Field(
+        description="why past views were not asked, or by names alone; empty: by the model"
+    )
 
 
 class MapChange(BaseModel):

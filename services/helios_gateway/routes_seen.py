@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import base64
-import re
 from typing import Annotated
 
 from fastapi import APIRouter, Query
 from helios_core import proto as pb
 from helios_core.codec.frames import frame_id_from_proto
 from helios_core.errors import HeliosError
+from helios_core.naming import names
 from helios_core.topics import RECALL
 
 from helios_gateway import convert, map_models
@@ -35,9 +35,10 @@ def seen_routes(prefix: str) -> APIRouter:
         limit: Annotated[int, Query(ge=1, le=50, description="at most so many views")] = 5,
     ) -> map_models.SeenAnswer:
         """Objects are those of the object map whose class the words name. Views are asked by the
-        scorer's image-text model, also for what no search ever named; where it has none,
-        `views_note` says so."""
-        recalled, note = _recalled(at, pb.RecallRequest(prompt=prompt, most_places=limit))
+        scorer's image-text model, also for what no search ever named. Where it has none (the
+        simulator's scorer, for instance) they are those in which the detector named it while it
+        was sought, and `views_note` says so."""
+        recalled = _recalled(at, pb.RecallRequest(prompt=prompt, most_places=limit))
         return map_models.SeenAnswer(
             prompt=prompt,
             objects=[
@@ -47,34 +48,25 @@ def seen_routes(prefix: str) -> APIRouter:
             ],
             views=[_view(place) for place in recalled.places],
             views_asked=recalled.views,
-            views_note=note,
+            views_note=recalled.note,
         )
 
     return routes
 
 
-def names(prompt: str, class_name: str) -> bool:
-    """Whether the words name this class: "the red mugs" does name mug."""
-    wanted, words = _plain(class_name), _plain(prompt)
-    return bool(wanted) and re.search(rf"\b{re.escape(wanted)}(?:e?s)?\b", words) is not None
-
-
-def _plain(text: str) -> str:
-    return " ".join(re.sub(r"[_-]", " ", text).casefold().split())
-
-
-def _recalled(at: Served, request: pb.RecallRequest) -> tuple[pb.RecallReply, str]:
+def _recalled(at: Served, request: pb.RecallRequest) -> pb.RecallReply:
     """The past views, or none and why. Objects are told all the same."""
     try:
-        return at.bus.call(RECALL, request, RECALL_S), ""
+        return at.bus.call(RECALL, request, RECALL_S)
     except HeliosError as error:
-        return pb.RecallReply(), error.message
+        return pb.RecallReply(note=f"past views were not asked: {error.message}")
 
 
 def _view(place: pb.SeenPlace) -> map_models.SeenView:
     camera = place.camera
     return map_models.SeenView(
         score=convert.finite(place.score),
+        class_name=place.class_name,
         center_m=[convert.metres(place.x_m), convert.metres(place.y_m)],
         camera=convert.pose(camera.x_m, camera.y_m, camera.yaw_rad),
         stamp_s=place.stamp_ns / 1e9,

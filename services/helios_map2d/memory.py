@@ -1,9 +1,9 @@
 """What past views saw, kept so that a prompt that comes later can be asked of them.
 
-A view is kept as its cone on the ground, what an image-text model made of its image, and a small
-picture. A score for each view then gives the very value layer that the prompt would have had from
-the start. At most `most` views are kept: when there are more, the one goes whose ground others saw
-best from the same side.
+A view is kept as its cone on the ground, what an image-text model made of its image, what the
+detector named in it, and a small picture. A score of the model for each view then gives the very
+value layer that the prompt would have had from the start. At most `most` views are kept: when there
+are more, the one goes whose ground others saw best from the same side.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from helios_core.errors import InvalidInput
 from helios_core.types import Embedding, FrameId
 from numpy.typing import NDArray
 
+from helios_map2d.sighted import Sighted
 from helios_map2d.value import Cone, bin_directions
 
 PICTURE_PX = 320  # along the longer side
@@ -37,13 +38,15 @@ PROBES = 48  # azimuths at which a view's ground is sampled
 
 @dataclass(frozen=True, eq=False)
 class SeenView:
-    """One view that can be asked about later. `jpeg` is a small picture of it."""
+    """One view that can be asked about later: by its embedding where the scorer made one, by
+    `named` where the detector named something. `jpeg` is a small picture of it."""
 
     id: FrameId
     stamp_ns: int
     cone: Cone
-    embedding: Embedding
+    embedding: Embedding | None
     jpeg: bytes
+    named: tuple[Sighted, ...] = ()
 
     @cached_property
     def patches(self) -> frozenset[tuple[int, int, int]]:
@@ -84,9 +87,12 @@ class SeenView:
             id=frame_id_to_proto(self.id), stamp_ns=self.stamp_ns, x_m=self.cone.x_m,
             y_m=self.cone.y_m, heading_x=self.cone.heading[0], heading_y=self.cone.heading[1],
             half_fov_rad=self.cone.half_fov_rad, bins=len(reach), first_bin=lo,
-            reach_m=reach[lo:hi].astype("<f4").tobytes(),
-            embedding=embedding_to_proto(self.embedding), jpeg=self.jpeg,
+            reach_m=reach[lo:hi].astype("<f4").tobytes(), jpeg=self.jpeg,
+            named=[pb.KeptSighting(class_name=s.class_name, score=s.score, x_m=s.x_m, y_m=s.y_m)
+                   for s in self.named],
         )  # fmt: skip
+        if self.embedding is not None:
+            view.embedding.CopyFrom(embedding_to_proto(self.embedding))
         return pb.KeptMap(views=[view]).SerializeToString()
 
 
@@ -98,6 +104,7 @@ def read_view(message: pb.KeptView) -> SeenView:
             f"a kept view has {len(reach)} ranges from {message.first_bin} of {message.bins}"
         )
     numbers = (message.x_m, message.y_m, message.heading_x, message.heading_y)
+    numbers += tuple(v for s in message.named for v in (s.score, s.x_m, s.y_m))
     if not np.isfinite([*numbers, message.half_fov_rad]).all() or not np.isfinite(reach).all():
         raise InvalidInput("a kept view has numbers that are not finite")
     whole = np.zeros(message.bins, np.float32)
@@ -108,7 +115,8 @@ def read_view(message: pb.KeptView) -> SeenView:
     )  # fmt: skip
     return SeenView(
         frame_id_from_proto(message.id), message.stamp_ns, cone,
-        embedding_from_proto(message.embedding), message.jpeg,
+        embedding_from_proto(message.embedding) if message.HasField("embedding") else None,
+        message.jpeg, tuple(Sighted(s.class_name, s.score, s.x_m, s.y_m) for s in message.named),
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from helios_core import proto as pb
 from helios_core.codec import embedding_from_proto, frame_id_to_proto
 from helios_core.embeddings import fit
 from helios_core.errors import Unavailable
+from helios_core.naming import names
 from helios_core.types import Embedding
 
 from helios_map2d.memory import SeenView
@@ -28,9 +29,9 @@ class Question:
     scale: float
     offset: float
 
-    def score(self, view: SeenView) -> float:
-        """How well a view fits, 0 to 1."""
-        return fit(view.embedding, self.text, self.scale, self.offset)
+    def score(self, image: Embedding) -> float:
+        """How well an image fits, 0 to 1."""
+        return fit(image, self.text, self.scale, self.offset)
 
 
 def questions(prompts: Sequence[str], reply: pb.EmbedTextReply) -> list[Question]:
@@ -46,46 +47,68 @@ def questions(prompts: Sequence[str], reply: pb.EmbedTextReply) -> list[Question
     ]
 
 
-def scored(views: Sequence[SeenView], question: Question) -> list[tuple[SeenView, float]]:
+@dataclass(frozen=True)
+class Answer:
+    """A view that fits. `class_name`: what the detector named, empty where the model was asked."""
+
+    view: SeenView
+    score: float  # 0 to 1
+    at_m: tuple[float, float]  # where the thing was seen, or the middle of what was seen
+    class_name: str = ""
+
+
+def scored(views: Sequence[SeenView], question: Question) -> list[Answer]:
     """The views of the question's model with their scores, in their order.
 
-    What another model has seen cannot be compared and is left out.
+    What another model has seen, or none, cannot be compared and is left out.
     """
-    return [(v, question.score(v)) for v in views if v.embedding.model == question.text.model]
+    return [
+        Answer(v, question.score(v.embedding), v.middle_m)
+        for v in views
+        if v.embedding is not None and v.embedding.model == question.text.model
+    ]
 
 
-def as_layer(answers: Sequence[tuple[SeenView, float]]) -> list[tuple[Cone, float]]:
+def by_name(views: Sequence[SeenView], prompt: str) -> list[Answer]:
+    """The views in which the detector named what the prompt names, with the detector's scores."""
+    return [
+        Answer(v, s.score, (s.x_m, s.y_m), s.class_name)
+        for v in views
+        for s in v.named
+        if names(prompt, s.class_name)
+    ]
+
+
+def as_layer(answers: Sequence[Answer]) -> list[tuple[Cone, float]]:
     """What `MapState.set_layer` makes a value layer of."""
-    return [(view.cone, score) for view, score in answers]
+    return [(answer.view.cone, answer.score) for answer in answers]
 
 
-def best_places(
-    answers: Sequence[tuple[SeenView, float]], most: int
-) -> list[tuple[SeenView, float]]:
+def best_places(answers: Sequence[Answer], most: int) -> list[Answer]:
     """The best views, best first, without those that show the same place from the same side."""
-    out: list[tuple[SeenView, float]] = []
-    for view, score in sorted(answers, key=lambda a: -a[1]):
+    out: list[Answer] = []
+    for answer in sorted(answers, key=lambda a: -a.score):
         if len(out) == most:
             break
-        if not any(_alike(view, other) for other, _ in out):
-            out.append((view, score))
+        if not any(_alike(answer, other) for other in out):
+            out.append(answer)
     return out
 
 
-def place_message(view: SeenView, score: float) -> pb.SeenPlace:
+def place_message(answer: Answer) -> pb.SeenPlace:
     """An answer as it travels."""
-    x_m, y_m = view.middle_m
-    heading = view.cone.heading
+    view, heading = answer.view, answer.view.cone.heading
     camera = pb.Pose2(
         x_m=view.cone.x_m, y_m=view.cone.y_m, yaw_rad=math.atan2(heading[1], heading[0])
     )
     return pb.SeenPlace(
-        id=frame_id_to_proto(view.id), stamp_ns=view.stamp_ns, score=score, camera=camera,
-        x_m=x_m, y_m=y_m, jpeg=view.jpeg,
+        id=frame_id_to_proto(view.id), stamp_ns=view.stamp_ns, score=answer.score, camera=camera,
+        x_m=answer.at_m[0], y_m=answer.at_m[1], jpeg=view.jpeg, class_name=answer.class_name,
     )  # fmt: skip
 
 
-def _alike(one: SeenView, other: SeenView) -> bool:
-    (ax, ay), (bx, by) = one.middle_m, other.middle_m
-    (cx, cy), (dx, dy) = one.cone.heading, other.cone.heading
-    return math.hypot(ax - bx, ay - by) < APART_M and cx * dx + cy * dy > TURNED
+def _alike(one: Answer, other: Answer) -> bool:
+    if one.class_name != other.class_name or math.dist(one.at_m, other.at_m) >= APART_M:
+        return False
+    (cx, cy), (dx, dy) = one.view.cone.heading, other.view.cone.heading
+    return cx * dx + cy * dy > TURNED

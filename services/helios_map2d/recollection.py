@@ -18,6 +18,7 @@ from helios_map2d.recall import (
     Question,
     as_layer,
     best_places,
+    by_name,
     place_message,
     questions,
     scored,
@@ -44,30 +45,41 @@ class Recollection:
     def recall(self, request: pb.RecallRequest) -> pb.RecallReply:
         """Where a prompt was seen, and its value layer if one is asked for.
 
-        Raises Unavailable when no view was kept or nobody embeds texts.
+        Views are asked through the scorer's image-text model; where there is none, by the names
+        that the detector gave in them, and the reply's note says why. A layer needs the model.
+        Raises Unavailable when no view was kept.
         """
         if not request.prompt.strip():
             raise InvalidInput("an empty prompt was asked; send what is looked for")
         state, views = self._views()
         if not views:
             raise Unavailable(
-                "no view has been kept: the detector's scorer does not embed images, or nothing "
-                "was seen yet; start the detector with a scorer that does"
+                "no view has been kept: nothing that is sought was detected yet, and the "
+                "detector's scorer does not embed images; let the robot search, or start the "
+                "detector with a scorer that does"
             )
-        (question,) = self._questions([request.prompt])
-        answers = scored(views, question)
-        version = state.published.version
-        if request.layer:
-            version = self._put(state, {request.layer: question})
+        version, note = state.published.version, ""
+        try:
+            question = self._question(views, request.prompt)
+        except HeliosError as error:
+            if request.layer:
+                raise
+            answers, asked = by_name(views, request.prompt), sum(bool(v.named) for v in views)
+            note = f"past views were asked by the detector's names alone: {error.message}"
+        else:
+            answers = scored(views, question)
+            asked = len(answers)
+            if request.layer:
+                version = self._put(state, {request.layer: question})
         most = min(request.most_places or DEFAULT_PLACES, MOST_PLACES)
-        places = [place_message(*answer) for answer in best_places(answers, most)]
-        return pb.RecallReply(places=places, views=len(answers), version=version)
+        places = [place_message(answer) for answer in best_places(answers, most)]
+        return pb.RecallReply(places=places, views=asked, version=version, note=note)
 
     def fill(self, context: SearchContext) -> None:
         """Give the layers of a search what past views say; nothing where they cannot be asked."""
         try:
             state, views = self._views()
-            if not views or not context.prompts:
+            if not context.prompts or all(v.embedding is None for v in views):
                 return
             asked = self._questions(list(context.prompts.values()))
             self._put(state, dict(zip(context.prompts, asked, strict=True)), context.id)
@@ -80,6 +92,13 @@ class Recollection:
             if maps is None or maps.current is None:
                 raise Unavailable("the map is empty: no keyframe has come yet")
             return maps.current, maps.current.memory.snapshot()
+
+    def _question(self, views: Sequence[SeenView], prompt: str) -> Question:
+        """Raises Unavailable where no view has been embedded, and what the detector says."""
+        if all(view.embedding is None for view in views):
+            raise Unavailable("the detector's scorer does not embed images")
+        (question,) = self._questions([prompt])
+        return question
 
     def _questions(self, prompts: Sequence[str]) -> list[Question]:
         request = pb.EmbedTextRequest(prompts=prompts)

@@ -25,6 +25,7 @@ from helios_map2d.order import REMEMBERED_FRAMES, FrameOrder
 from helios_map2d.published_tiles import PublishedTiles
 from helios_map2d.reveal import ByCone
 from helios_map2d.room import grown_for, refuse_a_leap
+from helios_map2d.sighted import sighted
 from helios_map2d.snapshot import MapSnapshot
 from helios_map2d.tiles import GroundTile, ValueTile
 from helios_map2d.trajectory import Trajectory
@@ -154,7 +155,7 @@ class MapState:
 
     def integrate_values(self, observation: Observation) -> bool:
         """Fold an observation's layer scores into the value layers of the present search, and
-        keep its view where the scorer embeds images.
+        keep its view where the scorer embeds images, or the detector names something.
 
         Returns False when this observation is in the map already. Raises Conflict when it belongs
         to another search context, InvalidInput as `integrate_frame` does or for a score that is
@@ -177,9 +178,10 @@ class MapState:
         changed = self.values.integrate(cone, observation.layer_scores)
         self.version += 1
         self._publish_values(observation.layer_scores, changed)
-        if observation.image_embedding is not None and rules.most_views > 0:
+        named = tuple(sighted(observation, rules.min_depth_m, rules.max_depth_m))
+        if rules.most_views > 0 and (observation.image_embedding is not None or named):
             self.memory.add(SeenView(frame.id, frame.stamp_ns, cone, observation.image_embedding,
-                                     small_picture(frame.color)))  # fmt: skip
+                                     small_picture(frame.color), named))  # fmt: skip
         self._observations_seen.append(key)
         self.published = self.publish(ground_changed=False)
         return True

@@ -26,17 +26,20 @@ export class Seen {
     }
   }
 
-  show({ prompt, objects, views, views_note }) {
+  show({ prompt, objects, views, views_asked, views_note }) {
     const found = objects.map((object) =>
       this.sight(object.center_m, `${object.class} ${object.id}`, `believed, Ψ ${number(object.score)}`),
     );
     const seen = views.map((view) =>
-      this.sight(view.center_m, "past view", `fits ${number(view.score)}`, view.jpeg_base64),
+      view.class
+        ? this.sight(view.center_m, view.class, `detected, ${number(view.score)}`, view.jpeg_base64)
+        : this.sight(view.center_m, "past view", `fits ${number(view.score)}`, view.jpeg_base64),
     );
     $("sights").replaceChildren(...found, ...seen);
     const said = [];
     if (!objects.length) said.push(`No object named in “${prompt}” is believed.`);
-    if (views_note) said.push(`Past views were not asked: ${views_note}.`);
+    if (!views.length && views_asked) said.push(`None of ${views_asked} past views fits.`);
+    if (views_note) said.push(`${views_note[0].toUpperCase()}${views_note.slice(1)}.`);
     $("seen-said").textContent = said.join(" ");
   }
 

@@ -7,7 +7,7 @@ import base64
 import pytest
 from fastapi.testclient import TestClient
 from helios_core.errors import Unavailable
-from helios_gateway.routes_seen import names
+from helios_core.naming import names
 
 from tests.gateway_backend import Backend, picture_jpeg
 
@@ -28,7 +28,8 @@ def test_where_no_view_can_be_asked_objects_are_told_all_the_same(
     backend.recalls = Unavailable("no view has been kept")
     answer = client.get("/v1/seen", params={"prompt": "coffee table"}).json()
     assert [found["class"] for found in answer["objects"]] == ["coffee table"]
-    assert (answer["views"], answer["views_note"]) == ([], "no view has been kept")
+    assert answer["views"] == []
+    assert answer["views_note"] == "past views were not asked: no view has been kept"
 
 
 @pytest.mark.parametrize("query", ["", "?prompt=", "?prompt=mug&limit=0", "?prompt=" + 501 * "m"])

@@ -27,7 +27,14 @@ from helios_core.topics import (
     ROBOT_STATE,
     SNAPSHOT,
 )
-from helios_core.types import Embedding, Frame, Observation, RobotDescription, SearchContext
+from helios_core.types import (
+    Detection,
+    Embedding,
+    Frame,
+    Observation,
+    RobotDescription,
+    SearchContext,
+)
 from helios_map2d.service import Map2DService
 from helios_map2d.settings import Settings
 from map2d_scene import CAMERA, CAMERA_HEIGHT_M, Walk, room, table
@@ -99,12 +106,16 @@ class House:
         self.bus.publish(KEYFRAME, frame_to_proto(frame))
 
     def observe(
-        self, frame: Frame, context_id: str, scores: Mapping[str, float] | None = None
+        self,
+        frame: Frame,
+        context_id: str,
+        scores: Mapping[str, float] | None = None,
+        detections: tuple[Detection, ...] = (),
     ) -> None:
         """An observation; with `scores` one of a scorer that embeds."""
         image = None if scores is None else self.scorer.image(frame)
         given = {"pick": 0.4, "place": 0.2} if scores is None else dict(scores)
-        seen = Observation(frame, context_id, (), given, "test", "test", image)
+        seen = Observation(frame, context_id, detections, given, "test", "test", image)
         self.bus.publish(OBSERVATION, observation_to_proto(seen))
 
     def snapshot(self, **request: int) -> pb.MapSnapshot:

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput, Unavailable
+from helios_core.geometry import lift_pixels
 from helios_core.grids import decode_snapshot
 from helios_core.topics import RECALL
-from helios_core.types import Embedding, FrameId
+from helios_core.types import Detection, Embedding, FrameId
 from helios_map2d.memory import SeenView, ViewMemory, read_view
+from helios_map2d.sighted import Sighted
 from helios_map2d.value import Cone
 from map2d_house import House
+from map2d_scene import CAMERA
 from numpy.typing import NDArray
 
 PROMPTS = {"pick": "a blue mug", "place": "a wooden counter"}
@@ -102,19 +106,52 @@ def test_without_views_or_without_a_text_model_the_question_is_refused_with_what
         house.bus.call(RECALL, pb.RecallRequest(prompt="a mug"), 5)
     with pytest.raises(InvalidInput, match="empty prompt"):
         house.bus.call(RECALL, pb.RecallRequest(prompt=" "), 5)
-    look(house, "first", {}, [2.0])
+    look(house, "first", {}, [2.0])  # by one that does, and then is away
+    reply = house.bus.call(RECALL, pb.RecallRequest(prompt="a mug"), 5)
+    assert (len(reply.places), reply.views) == (0, 0)
+    assert "names alone" in reply.note
     with pytest.raises(Unavailable):
-        house.bus.call(RECALL, pb.RecallRequest(prompt="a mug"), 5)
+        house.bus.call(RECALL, pb.RecallRequest(prompt="a mug", layer="mug"), 5)
     house.search("second", PROMPTS)  # and a search begins all the same
     assert house.snapshot().context_id == "second"
 
 
-def view(seq: int, x: float, y: float, yaw: float) -> SeenView:
+def box_detection(class_name: str, score: float, box: tuple[int, int, int, int]) -> Detection:
+    mask = np.zeros((CAMERA.height, CAMERA.width), bool)
+    mask[box[1] : box[3], box[0] : box[2]] = True
+    return Detection(class_name, score, box, mask)
+
+
+def test_a_scorer_that_looks_at_no_image_leaves_views_of_what_the_detector_named() -> None:
+    house = House()
+    house.search("search")
+    near, far = (house.walk.frame(x, 2.4, 0.0) for x in (1.0, 0.5))  # the table's edge: x 2.1 m
+    on_it = (75, 40, 85, 50)  # pixels
+    for frame, score in ((far, 0.5), (near, 0.75)):
+        house.keyframe(frame)
+        found = box_detection("coffee table", score, on_it), box_detection("mug", 0.9, (0, 0, 2, 2))
+        house.observe(frame, "search", detections=found)
+    nothing = house.walk.frame(1.0, 2.4, math.pi)
+    house.keyframe(nothing)
+    house.observe(nothing, "search")
+    reply = house.bus.call(RECALL, pb.RecallRequest(prompt="my coffee-table"), 5)
+    assert "names alone: the detector's scorer does not embed images" in reply.note
+    assert reply.views == 2, "nothing is kept of a view in which nothing is named"
+    (best,) = reply.places[:1]
+    assert (best.class_name, best.score, best.id.seq) == ("coffee table", 0.75, near.id.seq)
+    seen = lift_pixels(near.depth_m, near.camera, near.T_world_cam)[40:50, 75:85, :2]
+    np.testing.assert_allclose([best.x_m, best.y_m], np.median(seen.reshape(-1, 2), 0), atol=0.02)
+    assert best.jpeg.startswith(b"\xff\xd8")
+    assert not house.bus.call(RECALL, pb.RecallRequest(prompt="a piano"), 5).places
+
+
+def view(seq: int, x: float, y: float, yaw: float, *named: Sighted) -> SeenView:
     reach = np.zeros(400, np.float32)
     reach[180:220] = 3.0
     cone = Cone(x, y, (math.cos(yaw), math.sin(yaw)), 0.4, reach)
     vectors = np.array([[1.0, 0.0]], np.float32)
-    return SeenView(FrameId("boot", 0, seq), seq, cone, Embedding("model", vectors), b"jpeg")
+    return SeenView(FrameId("boot", 0, seq), seq, cone, Embedding("model", vectors), b"jpeg",
+                    named)  # fmt: skip
 
 
 def test_of_too_many_views_the_one_goes_that_others_saw_best() -> None:
@@ -139,11 +176,14 @@ def test_many_views_of_one_room_stay_within_the_bound_and_the_far_one_is_kept() 
 
 
 def test_a_kept_view_round_trips_and_a_damaged_one_is_refused() -> None:
-    one = view(7, 1.0, 2.0, 0.5)
+    one = view(7, 1.0, 2.0, 0.5, Sighted("mug", 0.5, 3.0, 4.0))
     message = pb.KeptMap.FromString(one.kept).views[0]
     again = read_view(message)
     np.testing.assert_array_equal(again.cone.reach_m, one.cone.reach_m)
     assert (again.id, again.cone.heading, again.jpeg) == (one.id, one.cone.heading, one.jpeg)
+    assert again.named == one.named
+    bare = replace(one, embedding=None)
+    assert read_view(pb.KeptMap.FromString(bare.kept).views[0]).embedding is None
     message.first_bin = 390
     with pytest.raises(InvalidInput, match="kept view"):
         read_view(message)

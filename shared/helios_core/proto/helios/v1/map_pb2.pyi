@@ -306,7 +306,7 @@ class RecallRequest(_message.Message):
     def __init__(self, prompt: _Optional[str] = ..., layer: _Optional[str] = ..., most_places: _Optional[int] = ...) -> None: ...
 
 class SeenPlace(_message.Message):
-    __slots__ = ("id", "stamp_ns", "score", "camera", "x_m", "y_m", "jpeg")
+    __slots__ = ("id", "stamp_ns", "score", "camera", "x_m", "y_m", "jpeg", "class_name")
     ID_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     SCORE_FIELD_NUMBER: _ClassVar[int]
@@ -314,6 +314,7 @@ class SeenPlace(_message.Message):
     X_M_FIELD_NUMBER: _ClassVar[int]
     Y_M_FIELD_NUMBER: _ClassVar[int]
     JPEG_FIELD_NUMBER: _ClassVar[int]
+    CLASS_NAME_FIELD_NUMBER: _ClassVar[int]
     id: _common_pb2.FrameId
     stamp_ns: int
     score: float
@@ -321,17 +322,20 @@ class SeenPlace(_message.Message):
     x_m: float
     y_m: float
     jpeg: bytes
-    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., stamp_ns: _Optional[int] = ..., score: _Optional[float] = ..., camera: _Optional[_Union[_common_pb2.Pose2, _Mapping]] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., jpeg: _Optional[bytes] = ...) -> None: ...
+    class_name: str
+    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., stamp_ns: _Optional[int] = ..., score: _Optional[float] = ..., camera: _Optional[_Union[_common_pb2.Pose2, _Mapping]] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., jpeg: _Optional[bytes] = ..., class_name: _Optional[str] = ...) -> None: ...
 
 class RecallReply(_message.Message):
-    __slots__ = ("places", "views", "version")
+    __slots__ = ("places", "views", "version", "note")
     PLACES_FIELD_NUMBER: _ClassVar[int]
     VIEWS_FIELD_NUMBER: _ClassVar[int]
     VERSION_FIELD_NUMBER: _ClassVar[int]
+    NOTE_FIELD_NUMBER: _ClassVar[int]
     places: _containers.RepeatedCompositeFieldContainer[SeenPlace]
     views: int
     version: int
-    def __init__(self, places: _Optional[_Iterable[_Union[SeenPlace, _Mapping]]] = ..., views: _Optional[int] = ..., version: _Optional[int] = ...) -> None: ...
+    note: str
+    def __init__(self, places: _Optional[_Iterable[_Union[SeenPlace, _Mapping]]] = ..., views: _Optional[int] = ..., version: _Optional[int] = ..., note: _Optional[str] = ...) -> None: ...
 
 class KeptTile(_message.Message):
     __slots__ = ("row", "column", "occupancy", "searched", "z_low_m", "z_high_m", "evidence", "floor_seen")
@@ -375,8 +379,20 @@ class KeptFrontier(_message.Message):
     cells: _containers.RepeatedScalarFieldContainer[int]
     def __init__(self, id: _Optional[int] = ..., cells: _Optional[_Iterable[int]] = ...) -> None: ...
 
+class KeptSighting(_message.Message):
+    __slots__ = ("class_name", "score", "x_m", "y_m")
+    CLASS_NAME_FIELD_NUMBER: _ClassVar[int]
+    SCORE_FIELD_NUMBER: _ClassVar[int]
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    class_name: str
+    score: float
+    x_m: float
+    y_m: float
+    def __init__(self, class_name: _Optional[str] = ..., score: _Optional[float] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ...) -> None: ...
+
 class KeptView(_message.Message):
-    __slots__ = ("id", "stamp_ns", "x_m", "y_m", "heading_x", "heading_y", "half_fov_rad", "bins", "first_bin", "reach_m", "embedding", "jpeg")
+    __slots__ = ("id", "stamp_ns", "x_m", "y_m", "heading_x", "heading_y", "half_fov_rad", "bins", "first_bin", "reach_m", "embedding", "jpeg", "named")
     ID_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     X_M_FIELD_NUMBER: _ClassVar[int]
@@ -389,6 +405,7 @@ class KeptView(_message.Message):
     REACH_M_FIELD_NUMBER: _ClassVar[int]
     EMBEDDING_FIELD_NUMBER: _ClassVar[int]
     JPEG_FIELD_NUMBER: _ClassVar[int]
+    NAMED_FIELD_NUMBER: _ClassVar[int]
     id: _common_pb2.FrameId
     stamp_ns: int
     x_m: float
@@ -401,7 +418,8 @@ class KeptView(_message.Message):
     reach_m: bytes
     embedding: _frame_pb2.Embedding
     jpeg: bytes
-    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., stamp_ns: _Optional[int] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., heading_x: _Optional[float] = ..., heading_y: _Optional[float] = ..., half_fov_rad: _Optional[float] = ..., bins: _Optional[int] = ..., first_bin: _Optional[int] = ..., reach_m: _Optional[bytes] = ..., embedding: _Optional[_Union[_frame_pb2.Embedding, _Mapping]] = ..., jpeg: _Optional[bytes] = ...) -> None: ...
+    named: _containers.RepeatedCompositeFieldContainer[KeptSighting]
+    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., stamp_ns: _Optional[int] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., heading_x: _Optional[float] = ..., heading_y: _Optional[float] = ..., half_fov_rad: _Optional[float] = ..., bins: _Optional[int] = ..., first_bin: _Optional[int] = ..., reach_m: _Optional[bytes] = ..., embedding: _Optional[_Union[_frame_pb2.Embedding, _Mapping]] = ..., jpeg: _Optional[bytes] = ..., named: _Optional[_Iterable[_Union[KeptSighting, _Mapping]]] = ...) -> None: ...
 
 class KeptMap(_message.Message):
     __slots__ = ("map_id", "id", "stamp_ns", "version", "cell_m", "tile_cells", "context_id", "layers", "robot", "trajectory_m", "next_frontier_id", "frontiers", "ground", "values", "views")

@@ -1,0 +1,50 @@
+"""What the detector named in a view, and where that is: what can be asked of views that no
+image-text model has seen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from helios_core.types import Detection, Frame, Observation
+
+
+@dataclass(frozen=True)
+class Sighted:
+    """A class that was detected in a view."""
+
+    class_name: str
+    score: float  # the detector's, 0 to 1
+    x_m: float  # where it is: median over its pixels
+    y_m: float
+
+
+def sighted(observation: Observation, min_depth_m: float, max_depth_m: float) -> list[Sighted]:
+    """The surest detection of each class whose depth was measured, surest first."""
+    out: dict[str, Sighted] = {}
+    for detection in sorted(observation.detections, key=lambda d: -d.score):
+        if detection.class_name in out or not math.isfinite(detection.score):
+            continue
+        place = _place(observation.frame, detection, min_depth_m, max_depth_m)
+        if place is not None:
+            out[detection.class_name] = Sighted(detection.class_name, detection.score, *place)
+    return list(out.values())
+
+
+def _place(
+    frame: Frame, detection: Detection, min_depth_m: float, max_depth_m: float
+) -> tuple[float, float] | None:
+    """Median x, y (m) of its pixels in the world; None where none has depth."""
+    x0, y0, x1, y1 = detection.box_xyxy
+    depth_m = frame.depth_m[y0:y1, x0:x1]
+    with np.errstate(invalid="ignore"):
+        good = detection.mask[y0:y1, x0:x1] & (depth_m > min_depth_m) & (depth_m < max_depth_m)
+    v, u = np.nonzero(good)
+    if not len(v):
+        return None
+    z, camera = depth_m[v, u].astype(np.float64), frame.camera
+    points_cam = np.stack([(u + x0 - camera.cx) / camera.fx * z,
+                           (v + y0 - camera.cy) / camera.fy * z, z])  # fmt: skip
+    x, y = frame.T_world_cam[:2, :3] @ points_cam + frame.T_world_cam[:2, 3:]
+    return float(np.median(x)), float(np.median(y))
