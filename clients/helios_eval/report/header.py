@@ -61,6 +61,7 @@ def section(
             f"The run was cut short: {what} of those that were asked for last are missing. The "
             "same command plays them."
         )
+    warnings += [w for b in benchmarks_of(arms) if (w := unlike(b, arms))]
     errors = sum(r.cause == "system error" for r in records)
     if errors:
         what = text.plural(errors, "episode")
@@ -70,6 +71,20 @@ def section(
     if "command" in run:
         blocks.append(Command(_command(run["command"])))
     return Section("run", "What was run", tuple(blocks))
+
+
+def unlike(benchmark: str, arms: Sequence[Arm]) -> str:
+    """That the rows of a benchmark's tables are not over the same homes; empty where they are."""
+    homes = {a.label: {r.seed for r in a.records} for a in arms if a.benchmark == benchmark}
+    if all(seeds == next(iter(homes.values())) for seeds in homes.values()):
+        return ""
+    shared = len(set.intersection(*homes.values()))
+    each = ", ".join(f"{label} {len(seeds)}" for label, seeds in homes.items())
+    return (
+        f"{TITLES[benchmark]}: not every row is over the same homes ({each}; "
+        f"{text.plural(shared, 'home')} in common). Means of such rows may differ because their "
+        "homes do; only the relations, and the differences between agents, compare the same homes."
+    )
 
 
 def missing(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> int:

@@ -199,10 +199,14 @@ def test_a_run_that_was_cut_short_says_what_is_missing(tmp_path):
            "episodes": 2}  # fmt: skip
     (tmp_path / "run.json").write_text(json.dumps(run))
     write_report(tmp_path)
-    assert "cut short: 1 episode of those" in (tmp_path / "report.md").read_text()
+    markdown = (tmp_path / "report.md").read_text()
+    assert "cut short: 1 episode of those" in markdown
+    assert "the same homes (helios 2, trusting 1; 1 home in common)" in markdown
     write(tmp_path, there, pictures=False)
     write_report(tmp_path)
-    assert "cut short" not in (tmp_path / "report.md").read_text()
+    markdown = (tmp_path / "report.md").read_text()
+    assert "cut short" not in markdown
+    assert "not every row is over the same homes" not in markdown
 
 
 def test_causes_that_are_as_frequent_as_one_another_are_not_ranked(tmp_path):
