@@ -8,7 +8,8 @@ import numpy as np
 from helios_core.geometry import Matrix
 from helios_core.robot import Action, ActionResult
 from helios_core.types import Frame, FrameId, ObjectInstance
-from helios_map2d.state import MapRules, MapState
+from helios_map2d.rules import MapRules
+from helios_map2d.state import MapState
 from helios_planner.body import Body, Frontier, WhatIf
 from helios_planner.decide import Decision
 from helios_planner.grid import GroundMap, Pose2
@@ -67,7 +68,12 @@ class WorldBody(Body):
         return ()
 
     def what_if(
-        self, id: int, class_name: str, T_world_cam: Sequence[Matrix], joint: bool
+        self,
+        id: int,
+        class_name: str,
+        T_world_cam: Sequence[Matrix],
+        joint: bool,
+        other_share: float = 0.0,
     ) -> WhatIf:
         return WhatIf((), ())
 

@@ -26,8 +26,9 @@ from numpy.typing import NDArray
 from helios_map2d.frontiers import Frontier
 from helios_map2d.grid import TILE, Tile
 from helios_map2d.memory import SeenView, read_view
+from helios_map2d.rules import MapRules
 from helios_map2d.snapshot import MapSnapshot
-from helios_map2d.state import MapRules, MapState
+from helios_map2d.state import MapState
 from helios_map2d.tiles import GroundTile, ValueTile, read_ground, read_values
 from helios_map2d.trajectory import Trajectory
 
@@ -141,8 +142,8 @@ def rebuilt(
     state.order.newest = content.frame_id.seq if content.frame_id is not None else None
     state.robot_pose = content.robot_pose
     state.trajectory = Trajectory(rules.trajectory_step_m, content.trajectory_m)
-    state.frontiers.next_id = max(1, content.next_frontier_id)
-    state.frontiers.remember(
+    state.stack.frontiers.next_id = max(1, content.next_frontier_id)
+    state.stack.frontiers.remember(
         tuple(Frontier(id, (0.0, 0.0), 0.0, False, {}, cells)
               for id, cells in content.frontiers.items() if len(cells))
     )  # fmt: skip

@@ -1,8 +1,4 @@
-"""A picture of the map for people: what is known, frontiers, values, the robot and its way.
-
-World x points right and y up. The map keeps its cells sharp; everything drawn over it is in
-picture pixels, so that lines and labels stay readable at any scale.
-"""
+"""A picture of the map for people: what is known, frontiers, values, the robot and its way."""
 
 from __future__ import annotations
 
@@ -14,34 +10,32 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
-from helios_map2d.grid import Box
 from helios_map2d.labels import Rect, Wanted, lead, placed
+from helios_map2d.legend import draw_foot
 from helios_map2d.occupancy import FREE, OCCUPIED
+from helios_map2d.sheet import (
+    BEYOND_RGB,
+    FOOT_PX,
+    FREE_RGB,
+    FRONTIER_RGB,
+    HALO_RGB,
+    INK_RGB,
+    KNOWN_BEFORE_RGB,
+    LOW_RGB,
+    OBJECT_RGB,
+    PATH_RGB,
+    ROBOT_RGB,
+    TALL_RGB,
+    TRAIL_RGB,
+    UNKNOWN_RGB,
+    Colour,
+    Sheet,
+    plain,
+)
 from helios_map2d.snapshot import MapSnapshot
 
 OCCUPANCY = "occupancy"
 MIN_PX, MAX_PX = 128, 4096
-MARGIN_M = 0.4
-FOOT_PX = 40
-
-Colour = tuple[int, int, int]  # RGB
-
-UNKNOWN_RGB: Colour = (222, 226, 233)
-KNOWN_BEFORE_RGB: Colour = (240, 243, 247)
-FREE_RGB: Colour = (255, 255, 255)
-LOW_RGB: Colour = (150, 160, 176)
-TALL_RGB: Colour = (38, 44, 58)
-FRONTIER_RGB: Colour = (240, 126, 24)
-BEYOND_RGB: Colour = (190, 150, 120)
-TRAIL_RGB: Colour = (72, 122, 214)
-PATH_RGB: Colour = (18, 158, 106)
-ROBOT_RGB: Colour = (28, 84, 196)
-INK_RGB: Colour = (44, 50, 62)
-HALO_RGB: Colour = (255, 255, 255)
-OBJECT_RGB: tuple[Colour, ...] = (
-    (196, 44, 92), (128, 62, 190), (0, 128, 150), (168, 110, 0), (70, 120, 30), (200, 70, 40),
-)  # fmt: skip
-FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 @dataclass(frozen=True)
@@ -61,80 +55,6 @@ class _Label:
     text: str
     box_px: Rect
     colour: Colour = INK_RGB
-
-
-class Sheet:
-    """The picture while it is drawn: RGB pixels, and where world points fall on them."""
-
-    def __init__(self, snapshot: MapSnapshot, size_px: int) -> None:
-        grid = snapshot.grid
-        self._grid = grid
-        margin = int(MARGIN_M / grid.cell_m)
-        self._box = Box(-margin, grid.rows + margin, -margin, grid.columns + margin)
-        room_px = size_px - FOOT_PX
-        self.scale = min(size_px / self._box.columns, room_px / self._box.rows)
-        self.width = max(1, round(self._box.columns * self.scale))
-        self.height = max(1, round(self._box.rows * self.scale))
-        self.offset_px = (size_px - self.width) // 2, (room_px - self.height) // 2
-        self.pixels = np.full((size_px, size_px, 3), UNKNOWN_RGB, np.uint8)
-        self.line_px = max(1, round(size_px / 400))
-        self.font = max(0.35, size_px / 2000)
-
-    def at(self, x_m: float, y_m: float) -> tuple[int, int]:
-        """Pixel (column, row) of a world point; far points stay within what OpenCV can draw."""
-        grid = self._grid
-        column = (x_m - grid.origin_m[0]) / grid.cell_m - self._box.column_lo
-        row = self._box.row_hi - (y_m - grid.origin_m[1]) / grid.cell_m
-        u = np.clip(column * self.scale + self.offset_px[0], -20000, 20000)
-        v = np.clip(row * self.scale + self.offset_px[1], -20000, 20000)
-        return round(float(u)), round(float(v))
-
-    def paint(self, cells: NDArray[np.uint8]) -> None:
-        """Lay an RGB picture of the grid's cells under everything."""
-        box = self._box
-        whole = np.full((box.rows, box.columns, 3), UNKNOWN_RGB, np.uint8)
-        whole[-box.row_lo : -box.row_lo + cells.shape[0],
-              -box.column_lo : -box.column_lo + cells.shape[1]] = cells  # fmt: skip
-        flat = np.ascontiguousarray(whole[::-1])
-        # Shrinking averages the cells that fall on one pixel; enlarging keeps them square.
-        how = cv2.INTER_AREA if self.scale < 1 else cv2.INTER_NEAREST
-        u, v = self.offset_px
-        self.pixels[v : v + self.height, u : u + self.width] = cv2.resize(
-            flat, (self.width, self.height), interpolation=how
-        )
-
-    def line(self, points_m: NDArray, colour: Colour, width: int) -> None:
-        if len(points_m) > 1:
-            points = np.array([self.at(x, y) for x, y in points_m], np.int32)
-            cv2.polylines(self.pixels, [points], False, colour, width, cv2.LINE_AA)
-
-    def text(self, text: str, at_px: tuple[int, int], colour: Colour = INK_RGB) -> None:
-        """Text with a white halo, its left end and base line at a pixel, or farther left where it
-        would leave the picture."""
-        width = max(1, round(self.font * 2))
-        shown = plain(text)
-        room_px = self.pixels.shape[1] - self.text_width(shown) - 4
-        u, v = max(0, min(at_px[0], room_px)), at_px[1]
-        # A thicker text would also be a wider one: the halo is the same text, shifted.
-        for du, dv in ((-2, 0), (2, 0), (0, -2), (0, 2), (-1, -1), (1, -1), (-1, 1), (1, 1)):
-            place = (u + du, v + dv)
-            cv2.putText(self.pixels, shown, place, FONT, self.font, HALO_RGB, width, cv2.LINE_AA)
-        cv2.putText(self.pixels, shown, (u, v), FONT, self.font, colour, width, cv2.LINE_AA)
-
-    def text_width(self, text: str) -> int:
-        (width, _), _ = cv2.getTextSize(text, FONT, self.font, max(1, round(self.font * 2)))
-        return width
-
-    @property
-    def text_height(self) -> int:
-        """Of a line, with what hangs below it."""
-        (_, height), below = cv2.getTextSize("Ag", FONT, self.font, max(1, round(self.font * 2)))
-        return height + below + 2
-
-
-def plain(text: str) -> str:
-    """OpenCV's font knows ASCII only."""
-    return text.encode("ascii", "replace").decode()
 
 
 def render(
@@ -158,7 +78,7 @@ def render(
         )
     if path_m is not None and not np.isfinite(path_m).all():
         raise InvalidInput("the path to draw holds NaN or infinity: send finite metres")
-    sheet = Sheet(snapshot, size_px)
+    sheet = Sheet(snapshot.grid, size_px)
     sheet.paint(cell_colours(snapshot, layer))
     for frontier in snapshot.frontiers:
         _draw_frontier_cells(sheet, snapshot, frontier.cells, frontier.reachable)
@@ -169,7 +89,7 @@ def render(
     labels = [*_draw_objects(sheet, objects), *_draw_frontier_centres(sheet, snapshot, layer)]
     robot = [] if snapshot.robot_pose is None else [_draw_robot(sheet, *snapshot.robot_pose)]
     _draw_labels(sheet, labels, robot)
-    _draw_foot(sheet, snapshot, layer)
+    draw_foot(sheet, layer, None if layer == OCCUPANCY else value_range(snapshot, layer))
     return sheet.pixels
 
 
@@ -282,51 +202,3 @@ def _draw_robot(sheet: Sheet, x_m: float, y_m: float, yaw_rad: float) -> Rect:
     cv2.polylines(sheet.pixels, [points], True, (255, 255, 255), sheet.line_px, cv2.LINE_AA)
     (u0, v0), (u1, v1) = points.min(axis=0), points.max(axis=0)
     return float(u0), float(v0), float(u1), float(v1)
-
-
-def _draw_foot(sheet: Sheet, snapshot: MapSnapshot, layer: str) -> None:
-    """A strip with the legend and a scale bar."""
-    size = sheet.pixels.shape[0]
-    top = size - FOOT_PX
-    sheet.pixels[top:] = (250, 251, 253)
-    cv2.line(sheet.pixels, (0, top), (size, top), (200, 206, 216), 1)
-    base = top + FOOT_PX // 2 + 5
-    metre_px = round(sheet.scale / snapshot.grid.cell_m)
-    bar = size - metre_px - 14
-    if metre_px < size // 3:
-        cv2.line(sheet.pixels, (bar, base - 5), (bar + metre_px, base - 5), INK_RGB, 2)
-        for u in (bar, bar + metre_px):
-            cv2.line(sheet.pixels, (u, base - 9), (u, base - 1), INK_RGB, 2)
-        bar -= sheet.text_width("1 m") + 8
-        sheet.text("1 m", (bar, base))
-    entries = [
-        ("free", FREE_RGB),
-        ("obstacle", TALL_RGB),
-        ("unknown", UNKNOWN_RGB),
-        ("frontier", FRONTIER_RGB),
-        ("out of reach", BEYOND_RGB),
-        ("way so far", TRAIL_RGB),
-        ("plan", PATH_RGB),
-    ]
-    u = 12
-    if layer != OCCUPANCY:
-        lo, hi = value_range(snapshot, layer)
-        sheet.text(f"{layer[:24]}  {lo:.2f}", (u, base))
-        u += sheet.text_width(f"{layer[:24]}  {lo:.2f}") + 8
-        ramp = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[None], cv2.COLORMAP_VIRIDIS)
-        wide = max(20, size // 8)
-        shown = cv2.resize(ramp[..., ::-1], (wide, 12), interpolation=cv2.INTER_LINEAR)
-        if u + wide < size:
-            sheet.pixels[base - 11 : base + 1, u : u + wide] = shown
-        u += wide + 8
-        sheet.text(f"{hi:.2f}", (u, base))
-        u += sheet.text_width(f"{hi:.2f}") + 18
-        entries = entries[3:]
-    for name, colour in entries:
-        end = u + 18 + sheet.text_width(name)
-        if end > bar - 8:
-            break
-        cv2.rectangle(sheet.pixels, (u, base - 11), (u + 12, base + 1), colour, -1)
-        cv2.rectangle(sheet.pixels, (u, base - 11), (u + 12, base + 1), (150, 156, 168), 1)
-        sheet.text(name, (u + 18, base))
-        u = end + 16

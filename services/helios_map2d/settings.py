@@ -10,7 +10,7 @@ from pydantic import Field
 
 from helios_map2d.frontiers import FrontierRules
 from helios_map2d.occupancy import OccupancyRules
-from helios_map2d.state import MapRules
+from helios_map2d.rules import MapRules
 from helios_map2d.value import ValueRules
 
 

@@ -9,7 +9,8 @@ from helios_core.geometry import Pinhole, camera_on_base
 from helios_core.types import Frame, FrameId, Observation, SearchContext
 
 from helios_map2d.frontiers import FrontierRules
-from helios_map2d.state import MapRules, MapState
+from helios_map2d.rules import MapRules
+from helios_map2d.state import MapState
 from helios_map2d.value_kernels import fuse_maximum
 
 
@@ -27,11 +28,11 @@ def warm_up() -> None:
         )  # fmt: skip
         state.integrate_frame(frame)
         state.integrate_values(Observation(frame, "warm-up", (), {"pick": 0.5}, "warm-up"))
-    state.frontiers.remember(
+    state.stack.frontiers.remember(
         tuple(replace(f, cells=f.cells[:-1]) for f in state.published.frontiers if len(f.cells) > 1)
     )
     state.go_on_from(0)
-    layer, spread = state.values.layers["pick"], np.zeros((2, 2), np.float32)
+    layer, spread = state.stack.values.layers["pick"], np.zeros((2, 2), np.float32)
     fuse_maximum(layer.value[:2, :2], layer.confidence[:2, :2], spread, np.float32(0),
                  np.float32(0))  # fmt: skip
-    state.snapshot().line_of_sight((0.0, 0.0, 1.0), (1.0, 0.5, 0.5))
+    state.published.line_of_sight((0.0, 0.0, 1.0), (1.0, 0.5, 0.5))

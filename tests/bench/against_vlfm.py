@@ -29,8 +29,9 @@ from helios_core.types import Frame, FrameId, Observation, SearchContext
 from helios_eval.bench.scene import frames as bench_frames
 from helios_map2d.frontiers import FrontierRules
 from helios_map2d.occupancy import OccupancyRules
+from helios_map2d.rules import MapRules
 from helios_map2d.settings import vlfm_compatible
-from helios_map2d.state import MapRules, MapState
+from helios_map2d.state import MapState
 from helios_map2d.value import ValueLayers, ValueRules, cone_of
 from helios_map2d.view import heading_of, view_of
 from helios_map2d.warm_up import warm_up
@@ -137,7 +138,7 @@ def speed(frames: list[Frame], cells: int, runs: int) -> dict[str, dict[str, flo
     rules = MapRules(size_cells=cells, frontiers=FrontierRules(robot_radius_m=RADIUS_M))
     ours, theirs = MapState(rules, (0.0, 0.0), RADIUS_M), Vlfm(cells, 40)
     ours.reset_search(SearchContext("bench", (), {}))
-    layers = ValueLayers(ours.grid, ValueRules())
+    layers = ValueLayers(ours.stack.grid, ValueRules())
     times: dict[str, list[float]] = {
         k: [] for k in ("map", "vlfm map", "values", "vlfm values", "frontiers", "vlfm frontiers",
                         "published")
@@ -148,12 +149,18 @@ def speed(frames: list[Frame], cells: int, runs: int) -> dict[str, dict[str, flo
         seen = Observation(frame, "bench", (), SCORES, "bench")
         times["published"].append(times["map"][-1] + timed(lambda o=seen: ours.integrate_values(o)))
         times["vlfm map"].append(timed(lambda f=frame: theirs.see(f)))
-        view = view_of(frame.depth_m, frame.camera, frame.T_world_cam, ours.grid, NEAR_M, FAR_M)
+        view = view_of(
+            frame.depth_m, frame.camera, frame.T_world_cam, ours.stack.grid, NEAR_M, FAR_M
+        )
         times["values"].append(timed(lambda v=view: layers.integrate(cone_of(v), SCORES)))
         times["vlfm values"].append(timed(lambda f=frame: theirs.value(f, SCORES)))
         xy = ours.robot_pose[:2] if ours.robot_pose else (0.0, 0.0)
         times["frontiers"].append(
-            timed(lambda p=xy: ours.frontiers.find(ours.occupancy.occupancy, ours.ground, p, {}))
+            timed(
+                lambda p=xy: ours.stack.frontiers.find(
+                    ours.stack.occupancy.occupancy, ours.stack.ground, p, {}
+                )
+            )
         )
         times["vlfm frontiers"].append(timed(theirs.frontiers))
     half = {k: statistics.median(v[len(v) // 3 :]) for k, v in times.items()}
@@ -189,14 +196,14 @@ def agreement(frames: list[Frame], cells: int, out: Path | None) -> dict[str, fl
     obstacles = theirs.upright(theirs.obstacles._map)
     explored = theirs.upright(theirs.obstacles.explored_area)
     values = theirs.upright(theirs.values._value_map[..., 0])
-    mine = [aligned(same, a, cells) for a in (same.occupancy.occupancy == 100,
-                                               same.search.explored > 0,
-                                               same.values.layers["pick"].value)]  # fmt: skip
+    mine = [aligned(same, a, cells) for a in (same.stack.occupancy.occupancy == 100,
+                                               same.stack.search.explored > 0,
+                                               same.stack.values.layers["pick"].value)]  # fmt: skip
     both = (mine[2] != 0) & (values != 0)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
-        usual = (aligned(default, default.occupancy.occupancy == 100, cells),
-                 aligned(default, default.search.explored > 0, cells))  # fmt: skip
+        usual = (aligned(default, default.stack.occupancy.occupancy == 100, cells),
+                 aligned(default, default.stack.search.explored > 0, cells))  # fmt: skip
         picture(out / "vlfm.png", [(obstacles, explored), (mine[0], mine[1]), usual])
     return {
         "obstacle_iou": round(iou(mine[0], obstacles, 1), 4),
@@ -218,7 +225,7 @@ def by_half_a_cell(frame: Frame, cell_m: float) -> Frame:
 
 def aligned(state: MapState, array: NDArray, cells: int) -> NDArray:
     """The part of one of our arrays that VLFM's map covers."""
-    row, column = -cells // 2 - state.grid.corner[0], -cells // 2 - state.grid.corner[1]
+    row, column = -cells // 2 - state.stack.grid.corner[0], -cells // 2 - state.stack.grid.corner[1]
     return array[row : row + cells, column : column + cells]
 
 

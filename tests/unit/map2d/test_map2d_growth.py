@@ -9,7 +9,8 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_core.types import Observation, SearchContext
 from helios_map2d.grid import Box, GridSpec
-from helios_map2d.state import MapRules, MapState
+from helios_map2d.rules import MapRules
+from helios_map2d.state import MapState
 from hypothesis import given
 from hypothesis import strategies as st
 from map2d_scene import Block, Walk, room, table
@@ -37,7 +38,7 @@ def walked(rules: MapRules) -> MapState:
 
 def test_a_map_that_grew_is_the_map_that_was_large_from_the_start() -> None:
     grown, large = walked(MapRules(size_cells=64)), walked(MapRules(size_cells=2400))
-    assert grown.grid.columns > 960
+    assert grown.stack.grid.columns > 960
     one, other = grown.published, large.published
     assert one.grid == other.grid
     np.testing.assert_array_equal(one.occupancy, other.occupancy)
@@ -55,13 +56,13 @@ def test_what_was_known_stays_where_it_was_when_the_map_grows() -> None:
     walk, state = hall(), MapState(MapRules(size_cells=64), (1.0, 1.0), 0.2)
     for frame in walk.look_around(1.0, 1.0):
         state.integrate_frame(frame)
-    before, grid = state.published, state.grid
+    before, grid = state.published, state.stack.grid
     wall = np.argwhere(before.occupancy == 100)
     places = [before.grid.centre_of(int(r), int(c)) for r, c in wall]
     for x in (6.0, 11.0, 16.0):
         state.integrate_frame(walk.frame(x, 1.0, 0.0))
     after = state.published
-    assert state.grid != grid
+    assert state.stack.grid != grid
     assert len(places) > 100
     kept = [after.occupancy[after.grid.cell_of(x, y)] == 100 for x, y in places]
     assert np.mean(kept) > 0.99

@@ -2,8 +2,9 @@
 
 import numpy as np
 from helios_map2d.labels import Rect, Wanted, lead, placed
-from helios_map2d.picture import UNKNOWN_RGB, Sheet
-from helios_map2d.state import MapRules, MapState
+from helios_map2d.rules import MapRules
+from helios_map2d.sheet import UNKNOWN_RGB, Sheet
+from helios_map2d.state import MapState
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,7 +22,7 @@ def overlap(a: Rect, b: Rect) -> bool:
 
 def ink_px(at_px: tuple[int, int]) -> int:
     """How many pixels a label changes."""
-    sheet = Sheet(MapState(MapRules(size_cells=64), (0, 0), 0.0).published, 600)
+    sheet = Sheet(MapState(MapRules(size_cells=64), (0, 0), 0.0).published.grid, 600)
     sheet.text("side table 0.48", at_px)
     return int((sheet.pixels != np.array(UNKNOWN_RGB)).any(-1).sum())
 

@@ -9,7 +9,8 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_core.types import Frame
 from helios_map2d.occupancy import OccupancyRules
-from helios_map2d.state import MapRules, MapState
+from helios_map2d.rules import MapRules
+from helios_map2d.state import MapState
 from map2d_scene import Block, Walk, chair, room, table
 from numpy.typing import NDArray
 
@@ -26,13 +27,13 @@ def mapped(frames: list[Frame], rules: MapRules = RULES) -> MapState:
 
 
 def at(state: MapState, x: float, y: float) -> int:
-    return int(state.occupancy.occupancy[state.grid.cell_of(x, y)])
+    return int(state.stack.occupancy.occupancy[state.stack.grid.cell_of(x, y)])
 
 
 def distances_to_walls(state: MapState, width: float, depth: float) -> NDArray[np.float64]:
     """Distance (m) of every occupied cell's centre to the nearest inner wall face of the room."""
-    cells = np.argwhere(state.occupancy.occupancy == 100)
-    x, y = np.array([state.grid.centre_of(r, c) for r, c in cells]).T
+    cells = np.argwhere(state.stack.occupancy.occupancy == 100)
+    x, y = np.array([state.stack.grid.centre_of(r, c) for r, c in cells]).T
     return np.min([abs(x), abs(x - width), abs(y), abs(y - depth)], axis=0)
 
 
@@ -42,7 +43,7 @@ def test_walls_are_within_two_cells_and_the_floor_is_free(pitch_deg: int) -> Non
     state = mapped(walk.look_around(3.0, 1.5, pitch_down=math.radians(pitch_deg)))
     far = distances_to_walls(state, 4.0, 3.0)
     assert len(far) > 200
-    assert far.max() <= 2 * state.grid.cell_m
+    assert far.max() <= 2 * state.stack.grid.cell_m
     assert at(state, 0.6, 1.5) == 0
     assert at(state, -0.5, 1.5) == -1  # behind the wall
 
@@ -52,7 +53,7 @@ def test_walls_stay_thin_and_free_ground_has_no_specks_with_noise_and_outliers()
     frames = [f for x in (0.7, 2.0, 3.3) for y in (0.8, 2.2) for f in walk.look_around(x, y)]
     state = mapped(frames)
     far = distances_to_walls(state, 4.0, 3.0)
-    assert np.mean(far <= 3 * state.grid.cell_m) > 0.97
+    assert np.mean(far <= 3 * state.stack.grid.cell_m) > 0.97
     assert far.max() < 0.2
     inside = [at(state, x, y) for x in np.arange(0.4, 3.6, 0.05) for y in np.arange(0.4, 2.6, 0.05)]
     assert np.mean(np.array(inside) == 0) > 0.99
@@ -93,33 +94,33 @@ def test_a_thin_leg_and_a_table_edge_are_obstacles_although_floor_is_seen_around
     assert at(state, 1.805, 0.51) == 100
     for y in (1.25, 1.5, 1.75):
         assert at(state, 2.11, y) == 100, "front edge of the table top"
-    before = state.occupancy.occupancy.copy()
+    before = state.stack.occupancy.occupancy.copy()
     for _ in range(5):
         state.integrate_frame(walk.frame(0.6, 1.5, 0.0))
-    lost = (before == 100) & (state.occupancy.occupancy != 100)
+    lost = (before == 100) & (state.stack.occupancy.occupancy != 100)
     assert lost.sum() == 0
 
 
 def test_floor_seen_under_a_table_leaves_the_top_occupied() -> None:
     walk = Walk([*room(), *table(2.5, 1.5)])
     state = mapped([walk.frame(0.7, 1.5, 0.0), walk.frame(1.2, 1.5, 0.0), *walk.look_around(1, 1)])
-    row, column = state.grid.cell_of(2.46, 1.5)
-    assert state.occupancy.occupancy[row, column] == 100
-    assert state.occupancy.z_high_m[row, column] == pytest.approx(0.74, abs=0.02)
+    row, column = state.stack.grid.cell_of(2.46, 1.5)
+    assert state.stack.occupancy.occupancy[row, column] == 100
+    assert state.stack.occupancy.z_high_m[row, column] == pytest.approx(0.74, abs=0.02)
 
 
 def test_heights_are_kept_within_two_centimetres() -> None:
     box = Block((2.0, 1.2, 0), (2.5, 1.8, 0.6))
     state = mapped(Walk([*room(), box]).look_around(0.8, 1.5))
-    row, column = state.grid.cell_of(2.01, 1.5)
-    assert state.occupancy.z_high_m[row, column] == pytest.approx(0.6, abs=0.02)
-    assert state.occupancy.z_low_m[row, column] < 0.15
+    row, column = state.stack.grid.cell_of(2.01, 1.5)
+    assert state.stack.occupancy.z_high_m[row, column] == pytest.approx(0.6, abs=0.02)
+    assert state.stack.occupancy.z_low_m[row, column] < 0.15
 
 
 @pytest.mark.parametrize("roll", [math.pi, math.pi / 2, 0.4])
 def test_a_rolled_or_upside_down_camera_sees_the_same_walls(roll: float) -> None:
     state = mapped(Walk(room()).look_around(2.0, 1.5, roll=roll))
-    assert distances_to_walls(state, 4.0, 3.0).max() <= 2 * state.grid.cell_m
+    assert distances_to_walls(state, 4.0, 3.0).max() <= 2 * state.stack.grid.cell_m
     assert at(state, 0.7, 1.5) == 0
 
 
@@ -142,7 +143,7 @@ def test_only_the_footprint_is_free_where_the_tilted_camera_cannot_see() -> None
 def test_the_robots_own_arm_leaves_nothing() -> None:
     arm = Block((2.1, 1.45, 0.6), (2.2, 1.55, 0.9))
     state = mapped(Walk([*room(), arm]).look_around(2.0, 1.5))
-    assert distances_to_walls(state, 4.0, 3.0).max() <= 2 * state.grid.cell_m
+    assert distances_to_walls(state, 4.0, 3.0).max() <= 2 * state.stack.grid.cell_m
 
 
 def test_invalid_pixels_change_nothing() -> None:
@@ -155,11 +156,11 @@ def test_invalid_pixels_change_nothing() -> None:
     for bad in (np.nan, np.inf, -1.0, 0.0):
         broken = np.where(upper, bad, depth).astype(np.float32)
         state = mapped([with_depth(frame, broken)])
-        assert set(np.unique(state.occupancy.occupancy)) <= {-1, 0, 100}
-        known = state.occupancy.occupancy != -1
+        assert set(np.unique(state.stack.occupancy.occupancy)) <= {-1, 0, 100}
+        known = state.stack.occupancy.occupancy != -1
         assert known.sum() > 500
         # What is known is a part of what the whole image shows.
-        lost = known & (clean.occupancy.occupancy == -1)
+        lost = known & (clean.stack.occupancy.occupancy == -1)
         assert lost.sum() <= 0.02 * known.sum()
 
 

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 from helios_map2d.reveal import part_around, seen_of_cone
+from helios_map2d.rules import MapRules
 from helios_map2d.settings import Settings
-from helios_map2d.state import MapRules, MapState
+from helios_map2d.state import MapState
 from map2d_scene import Walk, room, table
 
 
@@ -24,23 +25,23 @@ def rules(*flags: str) -> MapRules:
 def test_the_cone_is_explored_up_to_known_obstacles_measured_or_not() -> None:
     walk = Walk([*room(), *table(2.5, 1.5)])
     usual, vlfm = mapped(rules(), walk), mapped(rules("--preset", "vlfm-compatible"), walk)
-    before_its_feet = vlfm.grid.cell_of(1.3, 1.5)
-    assert vlfm.search.explored[before_its_feet] == 1
-    assert usual.occupancy.floor_seen[usual.grid.cell_of(1.3, 1.5)] == 0
-    behind_the_table = vlfm.grid.cell_of(3.4, 1.5)
-    assert vlfm.search.explored[behind_the_table] == 0
-    beside_an_obstacle = vlfm.grid.cell_of(2.0, 1.5)
-    assert vlfm.search.explored[beside_an_obstacle] == 0
+    before_its_feet = vlfm.stack.grid.cell_of(1.3, 1.5)
+    assert vlfm.stack.search.explored[before_its_feet] == 1
+    assert usual.stack.occupancy.floor_seen[usual.stack.grid.cell_of(1.3, 1.5)] == 0
+    behind_the_table = vlfm.stack.grid.cell_of(3.4, 1.5)
+    assert vlfm.stack.search.explored[behind_the_table] == 0
+    beside_an_obstacle = vlfm.stack.grid.cell_of(2.0, 1.5)
+    assert vlfm.stack.search.explored[beside_an_obstacle] == 0
 
 
 def test_nothing_is_freed_again() -> None:
     walk = Walk([*room(), *table(2.5, 1.5)])
     state = mapped(rules("--preset", "vlfm-compatible"), walk)
-    before = state.occupancy.occupancy == 100
+    before = state.stack.occupancy.occupancy == 100
     walk.blocks = room()
     for _ in range(4):
         state.integrate_frame(walk.frame(1.0, 1.5, 0.0))
-    assert (state.occupancy.occupancy[before] == 100).all()
+    assert (state.stack.occupancy.occupancy[before] == 100).all()
 
 
 def test_of_what_is_explored_the_part_around_the_robot_stays_with_its_holes_filled() -> None:
@@ -59,7 +60,7 @@ def test_the_preset_sees_the_same_whichever_way_it_looks() -> None:
     for k in range(4):
         state = MapState(rules("--preset", "vlfm-compatible"), (0.0, 0.0), 0.0)
         state.integrate_frame(Walk([]).frame(0.0, 0.0, k * math.pi / 2))
-        areas.append(int(state.search.explored.sum()))
+        areas.append(int(state.stack.search.explored.sum()))
     assert max(areas) - min(areas) < 0.02 * max(areas)
     assert min(areas) * 0.025**2 > 10
 

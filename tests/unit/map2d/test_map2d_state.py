@@ -10,8 +10,9 @@ import pytest
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.types import Frame, Observation, SearchContext
 from helios_map2d.epochs import EpochMaps
+from helios_map2d.rules import MapRules
 from helios_map2d.snapshot import decode_npz, encode_npz
-from helios_map2d.state import MapRules, MapState
+from helios_map2d.state import MapState
 from map2d_scene import Block, Walk, room, table
 
 RULES = MapRules(size_cells=400)
@@ -43,7 +44,7 @@ def open_room() -> Walk:
 
 def test_the_doorway_of_a_room_is_a_reachable_frontier_with_values() -> None:
     state = searching(open_room())
-    found = state.snapshot().frontiers
+    found = state.published.frontiers
     beyond = [f for f in found if f.centre_m[0] > 3.5]
     assert beyond
     assert beyond[0].reachable
@@ -56,17 +57,17 @@ def test_the_doorway_of_a_room_is_a_reachable_frontier_with_values() -> None:
 def test_a_new_search_forgets_what_was_searched_and_keeps_the_occupancy() -> None:
     walk = open_room()
     state = searching(walk)
-    before = state.snapshot()
+    before = state.published
     assert state.reset_search(context("second"))
-    after = state.snapshot()
+    after = state.published
     assert after.frontiers == ()
     assert not after.explored_for_search.any()
     assert not any(layer.any() for layer in after.values.values())
     assert (after.occupancy == 100).sum() == (before.occupancy == 100).sum()
     state.integrate_frame(walk.frame(2.0, 1.5, math.pi / 2))
-    assert state.snapshot().frontiers  # a known room must be searched again
+    assert state.published.frontiers  # a known room must be searched again
     assert not state.reset_search(context("second"))  # the same context again changes nothing
-    assert state.snapshot().frontiers
+    assert state.published.frontiers
 
 
 def test_an_observation_of_another_context_is_refused() -> None:
@@ -81,23 +82,23 @@ def test_a_frame_sent_twice_changes_nothing() -> None:
     state = searching(walk)
     frame = walk.frame(2.0, 1.5, 0.0)
     assert state.integrate_frame(frame)
-    version = state.snapshot().version
+    version = state.published.version
     assert not state.integrate_frame(frame)
     assert state.integrate_values(observed(frame, "first", pick=0.9))
     assert not state.integrate_values(observed(frame, "first", pick=0.9))
-    assert state.snapshot().version == version + 1
+    assert state.published.version == version + 1
 
 
 def test_a_late_stream_frame_is_refused_and_a_late_keyframe_is_taken() -> None:
     walk = open_room()
     late, late_key = walk.frame(2, 1.5, 0, keyframe=False), walk.frame(2, 1.5, 0.2)
     state = searching(walk)
-    pose, newest = state.snapshot().robot_pose, state.snapshot().frame_id
+    pose, newest = state.published.robot_pose, state.published.frame_id
     with pytest.raises(Conflict, match="older"):
         state.integrate_frame(late)
     assert state.integrate_frame(late_key)
-    assert state.snapshot().robot_pose == pose  # the newest frame says where the robot is
-    assert state.snapshot().frame_id == newest
+    assert state.published.robot_pose == pose  # the newest frame says where the robot is
+    assert state.published.frame_id == newest
 
 
 def broken_frames() -> list[tuple[str, Frame]]:
@@ -127,22 +128,22 @@ def test_a_broken_frame_is_refused_with_its_reason_and_changes_nothing(
     reason: str, frame: Frame
 ) -> None:
     state = MapState(RULES, (2.0, 1.5), 0.2)
-    before = state.snapshot()
+    before = state.published
     with pytest.raises(InvalidInput, match=reason):
         state.integrate_frame(frame)
     with pytest.raises(HeliosError):
         state.integrate_values(observed(frame, "", pick=0.3))
-    assert state.snapshot() is before
-    assert (state.occupancy.occupancy == -1).all()
+    assert state.published is before
+    assert (state.stack.occupancy.occupancy == -1).all()
 
 
 def test_a_frame_from_far_away_is_not_believed_and_the_next_is_taken() -> None:
     walk = open_room()
     state = searching(walk)
-    before = state.snapshot()
+    before = state.published
     with pytest.raises(InvalidInput, match="a new world epoch must begin"):
         state.integrate_frame(walk.frame(302.0, 1.5, 0.0))
-    assert state.snapshot() is before
+    assert state.published is before
     assert state.integrate_frame(walk.frame(2.1, 1.5, 0.0))
 
 
@@ -154,26 +155,26 @@ def test_a_strangers_huge_number_does_not_freeze_the_robots_place() -> None:
     assert state.integrate_frame(dataclasses.replace(stranger, id=huge))
     for x in (2.2, 2.4, 2.6):
         state.integrate_frame(walk.frame(x, 1.5, 0.0))
-    assert state.snapshot().robot_pose == pytest.approx((2.6, 1.5, 0.0))
+    assert state.published.robot_pose == pytest.approx((2.6, 1.5, 0.0))
     assert state.integrate_frame(walk.frame(2.8, 1.5, 0.0, keyframe=False))
 
 
 def test_a_published_version_never_changes() -> None:
     walk = open_room()
     state = searching(walk)
-    snapshot = state.snapshot()
+    snapshot = state.published
     copy = snapshot.occupancy.copy()
     walk.blocks = room()
     for frame in walk.look_around(2.0, 1.5):
         state.integrate_frame(frame)
     assert (snapshot.occupancy == copy).all()
-    assert state.snapshot().version > snapshot.version
+    assert state.published.version > snapshot.version
     with pytest.raises(ValueError, match="read-only"):
         snapshot.occupancy[0, 0] = 1
 
 
 def test_snapshot_coordinates_are_those_of_the_world() -> None:
-    snapshot = searching(open_room()).snapshot()
+    snapshot = searching(open_room()).published
     assert snapshot.occupancy.shape == snapshot.grid.shape
     row, column = snapshot.grid.cell_of(0.0 - 0.01, 1.5)
     assert 100 in snapshot.occupancy[row, max(0, column - 2) : column + 3]
@@ -183,7 +184,7 @@ def test_snapshot_coordinates_are_those_of_the_world() -> None:
 
 
 def test_a_snapshot_round_trips_through_npz() -> None:
-    snapshot = searching(open_room()).snapshot()
+    snapshot = searching(open_room()).published
     again = decode_npz(encode_npz(snapshot))
     for field in dataclasses.fields(snapshot):
         one, other = getattr(snapshot, field.name), getattr(again, field.name)
@@ -230,13 +231,13 @@ def test_a_new_epoch_parks_the_map_and_starts_a_fresh_one_in_the_same_search() -
     assert second is not first
     assert second.context_id == "first"
     assert list(maps.parked.values()) == [first]
-    assert second.snapshot().empty
+    assert second.published.empty
     with pytest.raises(Conflict, match="which is over"):
         maps.state_for(old_frame)
 
 
 def test_line_of_sight_is_blocked_by_a_wall_and_passes_over_a_table() -> None:
-    snapshot = searching(open_room()).snapshot()
+    snapshot = searching(open_room()).published
     eye = (2.0, 1.0, 1.31)
     assert snapshot.line_of_sight(eye, (2.5, 2.7, 0.9)).visible
     wall = snapshot.line_of_sight(eye, (-1.0, 1.0, 1.0))

@@ -1,0 +1,33 @@
+"""Every rule of the 2D maps in one place; `settings` makes them of a service's settings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from helios_map2d.frontiers import FrontierRules
+from helios_map2d.occupancy import OccupancyRules
+from helios_map2d.value import ValueRules
+
+
+@dataclass(frozen=True)
+class MapRules:
+    """Every rule of the maps. Depth outside (min, max) is no evidence; lengths in metres.
+
+    A map begins with `size_cells` a side and grows up to `most_cells`; a frame more than
+    `most_leap_m` from the last one is not believed. While something is held,
+    nothing within `held_reach_m` of the robot's body becomes an obstacle.
+    """
+
+    cell_m: float = 0.025
+    size_cells: int = 2000
+    most_cells: int = 16000
+    min_depth_m: float = 0.10
+    max_depth_m: float = 5.0
+    most_leap_m: float = 50.0
+    held_reach_m: float = 0.30
+    occupancy: OccupancyRules = field(default_factory=OccupancyRules)
+    values: ValueRules = field(default_factory=ValueRules)
+    frontiers: FrontierRules = field(default_factory=FrontierRules)
+    trajectory_step_m: float = 0.05
+    most_views: int = 512
+    explored_by_cone: bool = False  # VLFM's explored area, see `reveal`
