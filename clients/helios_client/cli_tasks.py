@@ -48,8 +48,11 @@ def task(
         ),
     ] = None,
 ) -> None:
-    """Submit a task and watch it; exit status 0 if it succeeded."""
-    from helios_client.task_view import wait_while_starting, watch_task
+    """Submit a task and watch it; exit status 0 if it succeeded.
+
+    On a stopped robot it waits until helios clear-stop, and says so.
+    """
+    from helios_client.task_view import say_stopped, wait_while_starting, watch_task
 
     settings = named_values(own or ())
     with at.connect() as helios:
@@ -57,6 +60,7 @@ def task(
             wait_while_starting(helios, at.port, console(stderr=True))
         # With --json the live view goes to stderr, so that stdout holds JSON and nothing else.
         asked = helios.submit(instruction, max_steps, agent, time_limit_s, priority, settings)
+        say_stopped(helios, console(stderr=True))
         ended = watch_task(helios, asked, timeout_s, console(stderr=as_json))
     if as_json:
         print_json(ended.raw)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+from helios_core.errors import DeadlineExceeded, HeliosError, Unavailable
 from rich.console import Console
 from rich.live import Live
 from rich.markup import escape
@@ -13,7 +14,7 @@ from rich.table import Table
 from helios_client import state_file
 from helios_client.connection import POLL_S
 from helios_client.sdk import Helios
-from helios_client.tasks import Task
+from helios_client.tasks import Status, Task
 
 STARTING_S = 60.0
 _COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow"}
@@ -39,13 +40,36 @@ def panel(task: Task, why: str) -> Table:
 
 
 def wait_while_starting(helios: Helios, port: int, console: Console) -> None:
-    """Where a `helios up` on this port is still starting, wait until it is ready."""
-    if helios.ready() or state_file.read(state_file.default_state_dir(port)) is None:
+    """Where a `helios up` on this port is still starting, wait until it has."""
+    if _started(helios) or state_file.read(state_file.default_state_dir(port)) is None:
         return
     console.print("waiting until all services are ready", style="dim")
     deadline_s = time.monotonic() + STARTING_S
-    while not helios.ready() and time.monotonic() < deadline_s:
+    while not _started(helios) and time.monotonic() < deadline_s:
         time.sleep(POLL_S)
+
+
+def _started(helios: Helios) -> bool:
+    """Ready, or held back by stop-now, which waiting does not end."""
+    status = _status(helios)
+    return status is not None and bool(status["ready"] or status["stopped"])
+
+
+def _status(helios: Helios) -> Status | None:
+    try:
+        return helios.status()
+    except (Unavailable, DeadlineExceeded):
+        return None
+
+
+def say_stopped(helios: Helios, console: Console) -> None:
+    """That a task which was submitted now waits for a person, where it does."""
+    status = _status(helios)
+    if status is not None and status["stopped"]:
+        console.print(
+            "[red]stop-now is latched[/]: the task waits until `helios clear-stop`; Ctrl-C cancels "
+            "it", highlight=False, soft_wrap=True,
+        )  # fmt: skip
 
 
 def run_task(helios: Helios, instruction: str, timeout_s: float, console: Console) -> Task:
@@ -91,8 +115,6 @@ def _watch_lines(helios: Helios, task: Task, timeout_s: float, console: Console)
 
 def newest_why(helios: Helios, task: Task) -> str:
     """The reason of the newest decision; empty where it cannot be had now."""
-    from helios_core.errors import HeliosError
-
     try:
         decisions = helios.decisions(task.id)
     except HeliosError:

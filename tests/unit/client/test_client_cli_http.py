@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helios_client import state_file
 from helios_client.cli import run
 from helios_core.errors import Unavailable
 
@@ -158,6 +159,23 @@ def test_a_task_has_a_priority_and_settings_of_its_own(house: Served, helios: He
     helios("task", INSTRUCTION, "--set", "alpha_d", status=2)
     assert "NAME=VALUE" in helios.error
     helios("task", INSTRUCTION, "--priority", "101", status=2)
+
+
+def test_a_task_for_a_stopped_robot_says_at_once_what_it_waits_for(
+    house: Served, helios: Helios, tmp_path: Path
+) -> None:
+    folder = tmp_path / "helios" / str(house.port)
+    state_file.write([folder], {"ready": True, "services": []})  # as a `helios up` leaves it
+    helios("stop")
+
+    def end_it() -> None:
+        wait_until(lambda: "t1" in house.backend.tasks, 30, "the task was submitted at once")
+        house.backend.change_task("t1", "succeeded")
+
+    threading.Thread(target=end_it, daemon=True).start()
+    helios.json("task", INSTRUCTION)
+    assert "the task waits until `helios clear-stop`" in helios.error
+    assert "waiting until all services" not in helios.error
 
 
 def test_another_robot_is_named(helios: Helios) -> None:
