@@ -53,6 +53,9 @@ def up(
     name: Annotated[str, typer.Option(help="the robot's name on the bus")] = "robot",
 ) -> None:
     """Start every service on this machine and keep them running until Ctrl-C."""
+    from helios_core.errors import InvalidInput
+    from helios_core.naming import robot_name
+
     from helios_client import state_file
     from helios_client.replay_words import check_detector, default_detector
     from helios_client.stack import Stack, free_port
@@ -63,6 +66,10 @@ def up(
         raise WrongUse(
             f"no robot is called {robot!r}; wanted sim, replay, spot, bus, push or package:Class"
         )
+    try:
+        robot_name(name)
+    except InvalidInput as error:
+        raise WrongUse(f"--name: {error.message}") from error
     if spot_host is not None and robot != "spot":
         raise WrongUse("--spot-host goes with --robot spot, and only with it")
     if detector is None:

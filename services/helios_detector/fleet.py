@@ -15,6 +15,7 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.health import Health
+from helios_core.naming import robot_names
 from helios_core.topics import CLAIM, CONTEXT, FRAME, KEYFRAME, status_topic
 
 from helios_detector.methods import NotYet
@@ -31,15 +32,6 @@ TOKEN = "detector-replica"
 TICK_S = 0.1
 REPORT_S = 1.0
 FINISH_WITHIN_S = 1.5  # at the end, for the frames that are worked on
-
-
-def robots_of(setting: str) -> tuple[str, ...]:
-    """Names by comma. Raises InvalidInput for one that cannot be part of a key."""
-    names = tuple(dict.fromkeys(n.strip() for n in setting.split(",") if n.strip()))
-    for name in names:
-        if any(c in name for c in "/*$#? ") or name == HOME:
-            raise InvalidInput(f"robots names {name!r}, which no robot can be called; correct it")
-    return names
 
 
 class Desk:
@@ -203,7 +195,7 @@ class Fleet:
             )
         self._bus, self._health, self._settings = bus, health, settings
         me = f"{os.getpid()}-{uuid.uuid4().hex[:6]}"
-        self._members = Members(me, robots_of(settings.robots))
+        self._members = Members(me, robot_names(settings.robots))
         self._lock = threading.Lock()
         self._ending = threading.Event()
         self._desks: list[Desk] = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from helios_core.settings import ServiceSettings, service_config
+from helios_core.settings import RobotNames, ServiceSettings, service_config
 from pydantic import Field
 
 
@@ -57,7 +57,7 @@ class Settings(ServiceSettings):
         default="itc", description="of BLIP-2: itc (contrastive, the paper's) or itm (matching)"
     )
     threads: int = Field(default=1, ge=1, le=64, description="threads of one model run")
-    robots: str = Field(
+    robots: RobotNames = Field(
         default="",
         description="names by comma: serve all of them, in place of robot; several detectors with "
         "the same names share the work",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from helios_core.settings import ServiceSettings, service_config
+from helios_core.settings import RobotNames, ServiceSettings, service_config
 from pydantic import Field
 
 
@@ -19,7 +19,7 @@ class Settings(ServiceSettings):
     port: int = Field(
         default=8080, ge=0, le=65535, description="TCP port to listen on; 0: any free one"
     )
-    robots: str = Field(
+    robots: RobotNames = Field(
         default="", description="further robots on the same router, by name, commas between"
     )
     keys: Path | None = Field(

@@ -16,9 +16,9 @@ import sys
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
-from pydantic import Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError
 from pydantic_core import to_jsonable_python
 from pydantic_settings import (
     BaseSettings,
@@ -26,6 +26,27 @@ from pydantic_settings import (
     PydanticBaseSettingsSource,
     SettingsConfigDict,
 )
+
+from helios_core.errors import InvalidInput
+from helios_core.naming import robot_name, robot_names
+
+
+def _robot(name: str) -> str:
+    try:
+        return robot_name(name)
+    except InvalidInput as error:
+        raise ValueError(error.message) from error
+
+
+def _robots(text: str) -> str:
+    try:
+        return ",".join(robot_names(text))
+    except InvalidInput as error:
+        raise ValueError(error.message) from error
+
+
+RobotName = Annotated[str, AfterValidator(_robot)]
+RobotNames = Annotated[str, AfterValidator(_robots)]  # by comma, each once; may be none
 
 
 def service_config(service: str) -> SettingsConfigDict:
@@ -50,7 +71,9 @@ class ServiceSettings(BaseSettings):
         default=None, description="TOML file with a table per service; or HELIOS_CONFIG"
     )
     router: str = Field(default="tcp/127.0.0.1:7447", description="endpoint of the router")
-    robot: str = Field(default="robot", description="name of the robot: first part of every key")
+    robot: RobotName = Field(
+        default="robot", description="name of the robot: first part of every key"
+    )
     log_level: str = Field(default="info", description="debug, info, warning or error")
 
     @classmethod

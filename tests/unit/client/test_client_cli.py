@@ -91,6 +91,7 @@ def test_every_command_has_help(command: list[str], helios: Helios) -> None:
         ["replay", "x", "--classes", "cup,,", "--detector", "simulated", "--out", "y"],
         ["replay", "x", "--classes", "cup", "--detector", "bogus", "--out", "y"],
         ["up", "--detector", "onnx:"],
+        ["up", "--name", "a/b"],
         ["bench", "--only", "nope", "--json", "x.json"],
         ["map", "paint"],
     ],

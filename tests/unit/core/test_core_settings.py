@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from helios_core.settings import ServiceSettings, service_config
+from helios_core.settings import RobotNames, ServiceSettings, service_config
 from pydantic import Field, SecretStr
 
 
@@ -65,3 +65,19 @@ def test_a_setting_without_a_default_is_told_without_one() -> None:
 
     told = Needy.load(["--source", "here"]).described()
     assert (told["source"]["value"], told["source"]["default"]) == ("here", None)
+
+
+class ForSeveral(Settings):
+    robots: RobotNames = Field(default="", description="further robots")
+
+
+def test_names_of_robots_are_tidied_and_checked_before_anything_starts(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert ForSeveral.load(["--robots", " ada, bob,,ada"]).robots == "ada,bob"
+    for name in ("a/b", "*", "two words", "_mine", "a$b"):
+        for flag in ("--robot", "--robots"):
+            with pytest.raises(SystemExit) as ended:
+                ForSeveral.load([flag, name])
+            assert ended.value.code == 2
+            assert "no robot can be called" in capsys.readouterr().err

@@ -16,6 +16,7 @@ from helios_core.codec import context_to_proto, frame_to_proto
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.naming import robot_names
 from helios_core.topics import (
     CONTEXT,
     FRAME,
@@ -26,7 +27,7 @@ from helios_core.topics import (
     status_topic,
 )
 from helios_core.zenoh_bus import ZenohBus
-from helios_detector.fleet import Fleet, robots_of
+from helios_detector.fleet import HOME, Fleet
 from helios_detector.settings import Settings
 
 from tests.support import free_port, wait_until
@@ -205,11 +206,9 @@ def test_a_model_that_cannot_work_is_said_to_every_robot(fleets: Fleets):
             robot.bus.close()
 
 
-def test_names_of_robots_are_checked():
-    assert robots_of(" ada, bob,,ada") == ("ada", "bob")
-    for wrong in ("a/b", "*", "_detectors", "two words"):
-        with pytest.raises(InvalidInput, match="which no robot can be called"):
-            robots_of(wrong)
+def test_no_robot_has_the_name_under_which_detectors_meet():
+    with pytest.raises(InvalidInput, match="no robot can be called"):
+        robot_names(HOME)
 
 
 def test_the_simulators_detectors_serve_one_robot():
