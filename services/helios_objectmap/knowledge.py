@@ -75,12 +75,17 @@ class Knowledge:
         return tuple(record.history) if record is not None else ()
 
     def what_if(
-        self, instance_id: int, class_name: str, views: Sequence[View]
+        self,
+        instance_id: int,
+        class_name: str,
+        views: Sequence[View],
+        other_share: float | None = None,
     ) -> tuple[list[Expected], Expected] | None:
         """Score and information gain if views showed an instance as a class (eq. 11 and 12).
 
-        views: full-resolution cameras with poses. Returns the outcome of each view alone and of
-        all together, or None where there is no such instance or class.
+        views: full-resolution cameras with poses. other_share: of what they show, what speaks for
+        "other"; None for the setting. Returns the outcome of each view alone and of all together,
+        or None where there is no such instance or class.
         """
         store, s = self._store, self._settings
         rows = store.instances.rows_of(np.array([instance_id]))
@@ -88,6 +93,8 @@ class Knowledge:
             return None
         column = store.class_names.index(class_name)
         columns = self._columns if column in self._columns else [*self._columns, column]
+        if other_share is None:
+            other_share = HALF if s.assumption == "50-50" else 0.0
         member = Member(
             store.means[rows],
             store.radius_m[rows],
@@ -100,12 +107,7 @@ class Knowledge:
             member,
             columns.index(column),
             [view.strided(s.stride_px) for view in views],
-            Rates(
-                s.prior_concentration,
-                s.alpha_cpa,
-                s.alpha_cs,
-                HALF if s.assumption == "50-50" else 0.0,
-            ),
+            Rates(s.prior_concentration, s.alpha_cpa, s.alpha_cs, other_share),
             s.max_depth_m,
         )
 

@@ -183,11 +183,14 @@ class ObjectMapService:
             raise InvalidInput(
                 f"{len(request.T_world_cam)} poses asked for; at most {MOST_POSES} in one call"
             )
+        other = request.other_share if request.HasField("other_share") else None
+        if other is not None and not 0 <= other <= 1:
+            raise InvalidInput(f"other_share is {other}; wanted a share from 0 to 1")
         camera = pinhole_from_proto(request.camera)
         intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
         views = [View(*intrinsics, transform_from_proto(T)) for T in request.T_world_cam]
         with self._lock:
-            answer = self._maps.current.what_if(request.object_id, request.class_name, views)
+            answer = self._maps.current.what_if(request.object_id, request.class_name, views, other)
         if answer is None:
             raise InvalidInput(
                 f"no object {request.object_id}, or no class {request.class_name!r} in any search "

@@ -1,18 +1,25 @@
 """The agents, side by side. Flow, motion, pick and place are the same for all.
 
-| agent               | takes for true       | object: next place          | goal: next frontier |
-|---------------------|----------------------|-----------------------------|---------------------|
-| helios              | object map, by score | objective (eq. 8-10)        | highest value       |
-| no-global-objective | object map, by score | receptacles, then frontiers | highest value       |
-| trusting            | whatever is detected | highest value               | highest value       |
-| random-frontier     | whatever is detected | drawn                       | drawn               |
-| homerobot-heuristic | whatever is detected | nearest                     | nearest             |
+| agent               | takes for true         | object: next place          | goal: next frontier |
+|---------------------|------------------------|-----------------------------|---------------------|
+| helios              | object map, by score   | objective (eq. 8-10)        | highest value       |
+| helios-5050         | object map, by score   | the same, half as hopeful   | highest value       |
+| no-global-objective | object map, by score   | receptacles, then frontiers | highest value       |
+| trusting            | whatever is detected   | highest value               | highest value       |
+| random-frontier     | whatever is detected   | drawn                       | drawn               |
+| homerobot-heuristic | whatever is detected   | nearest                     | nearest             |
+| vlfm                | what was detected well | highest value, kept         | highest value, kept |
+| vlfm-unfiltered     | and at an image's side | highest value, kept         | highest value, kept |
+| vlfm-helios-stop    | object map, by score   | highest value, kept         | highest value       |
+
+The last three are for object navigation (Table 2); they can do every task.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from helios_core.errors import InvalidInput
@@ -20,12 +27,15 @@ from helios_core.errors import InvalidInput
 from helios_planner import frontier_rules, global_search
 from helios_planner.belief import Belief, MapBelief, TrustingBelief
 from helios_planner.explore import Kit, Search
+from helios_planner.explorers import ByRule, Explorer, Pursuit
 from helios_planner.frontier_rules import FrontierRule
 from helios_planner.global_search import SearchRule
 from helios_planner.object_search import ObjectSearch
 from helios_planner.receptacle_search import ReceptacleSearch
 from helios_planner.task import Phase
 from helios_planner.trusting_search import TrustingSearch
+from helios_planner.vlfm_belief import UnfilteredBelief, VlfmBelief
+from helios_planner.vlfm_search import StopSearch
 
 
 @dataclass(frozen=True)
@@ -34,13 +44,15 @@ class Agent:
 
     seek_object: kit, class, start receptacle's class; seek_receptacle: kit, class, where the object
     was taken from if that must not be the goal. retries: whether a failed pick is tried again from
-    elsewhere, or that place is left alone.
+    elsewhere, or that place is left alone. other_share: of what a local search is expected to see,
+    what speaks for something else (Table 5); 0 is optimistic.
     """
 
     belief: type[Belief]
     seek_object: Callable[[Kit, str, str | None], Search]
     seek_receptacle: Callable[[Kit, str, np.ndarray | None], Search]
     retries: bool
+    other_share: float = 0.0
 
 
 def _scoring(rule: SearchRule) -> Agent:
@@ -52,21 +64,33 @@ def _scoring(rule: SearchRule) -> Agent:
     )
 
 
-def _trusting(rule: FrontierRule) -> Agent:
+def _trusting(belief: type[Belief], explorer: Callable[[Search, str], Explorer]) -> Agent:
     return Agent(
-        TrustingBelief,
-        lambda kit, name, _: TrustingSearch(kit, Phase.FIND_OBJECT, name, rule),
-        lambda kit, name, not_at: TrustingSearch(kit, Phase.FIND_RECEPTACLE, name, rule, not_at),
+        belief,
+        lambda kit, name, _: TrustingSearch(kit, Phase.FIND_OBJECT, name, explorer),
+        lambda kit, name, not_at: TrustingSearch(
+            kit, Phase.FIND_RECEPTACLE, name, explorer, not_at
+        ),
         retries=False,
     )
 
 
+def _by(rule: FrontierRule) -> Agent:
+    return _trusting(TrustingBelief, partial(ByRule, rule=rule))
+
+
+_HELIOS = _scoring(global_search.by_objective)
+
 AGENTS: dict[str, Agent] = {
-    "helios": _scoring(global_search.by_objective),
+    "helios": _HELIOS,
+    "helios-5050": replace(_HELIOS, other_share=0.5),
     "no-global-objective": _scoring(global_search.receptacles_first),
-    "trusting": _trusting(frontier_rules.highest_value),
-    "random-frontier": _trusting(frontier_rules.drawn),
-    "homerobot-heuristic": _trusting(frontier_rules.nearest),
+    "trusting": _by(frontier_rules.highest_value),
+    "random-frontier": _by(frontier_rules.drawn),
+    "homerobot-heuristic": _by(frontier_rules.nearest),
+    "vlfm": _trusting(VlfmBelief, Pursuit),
+    "vlfm-unfiltered": _trusting(UnfilteredBelief, Pursuit),
+    "vlfm-helios-stop": replace(_HELIOS, seek_object=lambda kit, name, _: StopSearch(kit, name)),
 }
 
 

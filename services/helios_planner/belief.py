@@ -38,6 +38,10 @@ class Belief(ABC):
     ) -> ObjectInstance | None:
         """The thing as it is believed now; None where it is no longer believed to be there."""
 
+    def holds(self, thing: ObjectInstance) -> bool:
+        """Whether it is worth to go on to it; who weighs views does so when it stands there."""
+        return True
+
     @abstractmethod
     def taken(self, thing: ObjectInstance) -> None:
         """It was picked up: it is no longer where it was."""
@@ -110,29 +114,39 @@ class TrustingBelief(Belief):
         self._ids = max((t.id for t in self._things), default=0)
 
     def _take_in(self, sighting: Sighting) -> None:
+        self._put(sighting, self._known_as(sighting))
+
+    def _known_as(self, sighting: Sighting) -> ObjectInstance | None:
+        """What it is a sighting of, if that was reported before."""
         same = [
-            k for k, t in enumerate(self._things)
+            t for t in self._things
             if t.class_name == sighting.class_name
             and math.dist(t.center_m[:2], sighting.center_m[:2]) < SAME_THING_M
         ]  # fmt: skip
-        if not same:
+        return min(same, key=lambda t: math.dist(t.center_m, sighting.center_m), default=None)
+
+    def _put(
+        self, sighting: Sighting, known: ObjectInstance | None, uncertainty: float = 0.0
+    ) -> None:
+        """Believe it, in the place of what was known."""
+        if known is None:
             self._ids += 1
-            self._things.append(trusted(self._ids, sighting, 1))
-            return
-        k = min(same, key=lambda k: math.dist(self._things[k].center_m, sighting.center_m))
-        self._things[k] = trusted(self._things[k].id, sighting, self._things[k].views + 1)
+            self._things.append(trusted(self._ids, sighting, 1, uncertainty))
+        else:
+            k = next(k for k, t in enumerate(self._things) if t.id == known.id)
+            self._things[k] = trusted(known.id, sighting, known.views + 1, uncertainty)
 
 
-def trusted(id: int, sighting: Sighting, views: int) -> ObjectInstance:
-    """A sighting as an instance that is beyond doubt."""
+def trusted(id: int, sighting: Sighting, views: int, uncertainty: float = 0.0) -> ObjectInstance:
+    """A sighting as an instance, beyond doubt unless an uncertainty is given."""
     return ObjectInstance(
         id=id,
         class_name=sighting.class_name,
         center_m=sighting.center_m,
         size_m=sighting.size_m,
-        score=1.0,
+        score=1.0 - uncertainty,
         class_score=1.0,
-        uncertainty=0.0,
+        uncertainty=uncertainty,
         views=views,
         gaussians=0,
         probabilities={sighting.class_name: 1.0},

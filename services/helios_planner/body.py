@@ -79,9 +79,15 @@ class Body(ABC):
 
     @abstractmethod
     def what_if(
-        self, id: int, class_name: str, T_world_cam: Sequence[Matrix], joint: bool
+        self,
+        id: int,
+        class_name: str,
+        T_world_cam: Sequence[Matrix],
+        joint: bool,
+        other_share: float = 0.0,
     ) -> WhatIf:
-        """What would be believed of an instance, were it seen as the class from there."""
+        """What would be believed of an instance, were it seen as the class from there; a share of
+        what is seen may speak for something else."""
 
     @abstractmethod
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:

@@ -196,7 +196,12 @@ class BusBody(Body):
         return self._inbox.sightings()
 
     def what_if(
-        self, id: int, class_name: str, T_world_cam: Sequence[Matrix], joint: bool
+        self,
+        id: int,
+        class_name: str,
+        T_world_cam: Sequence[Matrix],
+        joint: bool,
+        other_share: float = 0.0,
     ) -> WhatIf:
         request = pb.WhatIfRequest(
             object_id=id,
@@ -204,6 +209,7 @@ class BusBody(Body):
             T_world_cam=[transform_to_proto(T) for T in T_world_cam],
             camera=pinhole_to_proto(self.description.camera),
             joint=joint,
+            other_share=other_share or None,  # unset: as the object map is set
         )
         try:
             reply = self._line.call(WHAT_IF, request, refusals=(InvalidInput, Conflict))

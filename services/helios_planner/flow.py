@@ -38,7 +38,7 @@ class Mission:
         legs = legs_of(body, settings)
         belief = self.agent.belief(body, settings)
         self.kit = Kit(
-            body, settings, legs, Looking(body, legs, settings), belief,
+            body, settings, legs, Looking(body, legs, settings, self.agent.other_share), belief,
             np.random.default_rng(settings.agent_seed),
         )  # fmt: skip
         attempts = settings.picks_per_object if self.agent.retries else 1
@@ -226,7 +226,8 @@ class Mission:
         looking, near_m = self.kit.looking, max(self.settings.stop_distances_m)
         while True:
             found = search.find()
-            if not self._stand(found, looking.stops_at(found)):
+            stood = self._stand(found, looking.stops_at(found))
+            if stood is Outcome.UNREACHABLE:
                 x, y, _ = (float(v) for v in found.center_m)
                 if self.kit.legs.clear_way((x, y), near_m):
                     continue
@@ -237,10 +238,14 @@ class Mission:
                 return f"found the {search.name} at ({x:.2f}, {y:.2f}, {z:.2f}) m"
             search.tell(f"from near it does not look like a {search.name}; searching on")
 
-    def _stand(self, found: ObjectInstance, points: Sequence[GazePoint]) -> bool:
-        """Go to the first of these that can be got to; False when none can."""
+    def _stand(self, found: ObjectInstance, points: Sequence[GazePoint]) -> Outcome:
+        """Go to the first of these that can be got to, for as long as it is worth to."""
         go, purpose = self.kit.looking.go_and_look, f"show the {found.class_name}"
-        return any(go(found, gaze, purpose) is Outcome.ARRIVED for gaze in points)
+        for gaze in points:
+            outcome = go(found, gaze, purpose, lambda: not self.kit.belief.holds(found))
+            if outcome is not Outcome.UNREACHABLE:
+                return outcome
+        return Outcome.UNREACHABLE
 
 
 def _listed(point_m: np.ndarray | None) -> list[float] | None:

@@ -61,8 +61,12 @@ class BestView:
 class Looking:
     """Knows from where each candidate was looked at on purpose."""
 
-    def __init__(self, body: Body, legs: Legs, settings: Settings) -> None:
+    def __init__(
+        self, body: Body, legs: Legs, settings: Settings, other_share: float = 0.0
+    ) -> None:
+        """other_share: of what a local search may see, what speaks for something else."""
         self.body, self.legs, self.settings = body, legs, settings
+        self._other_share = other_share
         s = settings
         self._thing_rules = GazeRules(s.view_distances_m, s.view_spacing_m, s.block_height_m)
         self._place_rules = GazeRules(s.gaze_distances_m, s.gaze_spacing_m, s.block_height_m)
@@ -129,7 +133,9 @@ class Looking:
         key = (receptacle.id, receptacle.views, receptacle.gaussians, len(points))
         if key not in self._gains:
             poses = [g.T_world_cam(self.body.description) for g in points]
-            answer = self.body.what_if(receptacle.id, class_name, poses, joint=True)
+            answer = self.body.what_if(
+                receptacle.id, class_name, poses, joint=True, other_share=self._other_share
+            )
             self._gains[key] = answer.gains_nats[0] if answer.gains_nats else 0.0
         return self._gains[key]
 

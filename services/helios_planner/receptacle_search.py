@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from helios_core.types import ObjectInstance
 
-from helios_planner.decide import Do
 from helios_planner.explore import PLACE_LAYER, Kit, near_outline
+from helios_planner.explorers import ByRule
 from helios_planner.frontier_rules import highest_value
 from helios_planner.scored_search import ScoredSearch
 from helios_planner.task import Phase
@@ -22,21 +22,16 @@ class ReceptacleSearch(ScoredSearch):
         s = kit.settings
         super().__init__(kit, Phase.FIND_RECEPTACLE, name, s.tau_b, s.same_place_m)
         self._not_at = not_at
+        self._explorer = ByRule(self, PLACE_LAYER, highest_value)
 
     def explore(self) -> bool:
-        decision = highest_value(self.frontier_options(PLACE_LAYER), PLACE_LAYER, self.kit.rng)
-        self.body.tell_decision(decision)
-        if decision.do is Do.NOTHING_LEFT:
-            return False
-        self.tell(decision.why)
         before = {o.id for o in self.candidates()}
 
         def found() -> bool:
             now = self.candidates()
             return any(o.score >= self.threshold or o.id not in before for o in now)
 
-        self.visit_frontier(decision.chosen.position_m[:2], found)
-        return True
+        return self._explorer.step(found)
 
     def candidates(self) -> list[ObjectInstance]:
         return [

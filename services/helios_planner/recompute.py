@@ -39,7 +39,7 @@ _PICK = {"threshold": "tau_g", "tau_inc": "tau_inc", "class_threshold": "cs_g"}
 _PLACE = {"threshold": "tau_b", "tau_inc": "tau_inc", "class_threshold": "cs_b"}
 _READS: dict[str, dict[str, str]] = {
     BY_OBJECTIVE: _GLOBAL, RECEPTACLES_FIRST: _GLOBAL,
-    "pick (eq. 7, 11)": _PICK, "place (eq. 7, 11)": _PLACE,
+    "pick (eq. 7, 11)": _PICK, "stop (eq. 7, 11)": _PICK, "place (eq. 7, 11)": _PLACE,
 }  # fmt: skip
 SETTINGS = ("alpha_d", "tau_g", "tau_b", "tau_inc", "cs_a", "cs_g", "cs_b")
 

@@ -49,6 +49,14 @@ def highest_frontier(candidates: Sequence[Candidate], winner: int, layer: str) -
     )
 
 
+def kept_frontier(candidates: Sequence[Candidate], winner: int, layer: str, value: float) -> str:
+    c = candidates[winner]
+    return (
+        f"go on to {c.name}{_away(c)}: its {layer} value was {value:.2f} and is "
+        f"{c.terms['value']:.2f}, so it is kept"
+    )
+
+
 def nearest_frontier(candidates: Sequence[Candidate], winner: int) -> str:
     c = candidates[winner]
     return f"explore {c.name}{_away(c)}: the nearest of {_count(len(candidates), 'frontier')}"
@@ -153,4 +161,4 @@ def _is(n: int) -> str:
 
 
 def _on(what: str) -> str:
-    return "on " if what == "place" else ""
+    return {"place": "on ", "stop": "at "}.get(what, "")

@@ -36,7 +36,15 @@ class Settings(ServiceSettings):
     )
 
     agent: Literal[
-        "helios", "no-global-objective", "trusting", "random-frontier", "homerobot-heuristic"
+        "helios",
+        "helios-5050",
+        "no-global-objective",
+        "trusting",
+        "random-frontier",
+        "homerobot-heuristic",
+        "vlfm",
+        "vlfm-unfiltered",
+        "vlfm-helios-stop",
     ] = Field(default="helios", description="who decides, unless a task says so")
     agent_seed: int = Field(default=0, ge=0, description="seed of an agent that draws frontiers")
 
@@ -78,6 +86,9 @@ class Settings(ServiceSettings):
     od_g: float = Field(default=0.25, ge=0, le=1, description="detector threshold, object (od_g)")
     od_b: float = Field(
         default=0.45, ge=0, le=1, description="detector threshold, goal receptacle (od_b)"
+    )
+    vlfm_confidence: float = Field(
+        default=0.4, ge=0, le=1, description="least confidence of a detection that VLFM believes"
     )
     gain_norm: Literal["per_gaussian", "sum"] = Field(
         default="per_gaussian",

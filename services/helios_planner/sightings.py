@@ -23,6 +23,8 @@ class Sighting:
     center_m: NDArray[np.float64]  # [3] middle of the box of its points
     size_m: NDArray[np.float64]  # [3]
     outline_m: NDArray[np.float64]  # [n, 2] hull of its points on the ground
+    nearest_m: float  # from the camera to the nearest of its points
+    at_side: bool  # whole in the left or right third of the image, and at its edge
 
     @property
     def top_m(self) -> float:
@@ -37,7 +39,13 @@ def sightings_of(observation: Observation) -> list[Sighting]:
     for detection in observation.detections:
         points = mask_points_m(detection, frame.depth_m, frame.camera, frame.T_world_cam)
         if len(points) >= MIN_POINTS:
-            found.append(sighting_of(detection.class_name, detection.score, points))
+            left, _, right, _ = detection.box_xyxy
+            found.append(
+                sighting_of(
+                    detection.class_name, detection.score, points, frame.T_world_cam[:3, 3],
+                    lies_at_side(left, right, frame.camera.width),
+                )
+            )  # fmt: skip
     return found
 
 
@@ -66,11 +74,28 @@ def mask_points_m(
     return np.stack([x, y, z], -1) @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
 
 
-def sighting_of(class_name: str, confidence: float, points_m: NDArray[np.float64]) -> Sighting:
-    """A sighting of points [n, 3], n >= 1: their box without the outermost few, and their hull."""
+def lies_at_side(left_px: int, right_px: int, width_px: int) -> bool:
+    """Whether columns [left, right) lie within the left or right third of an image and come within
+    5 % of its edge: so little was seen of the thing that VLFM doubts it."""
+    third, margin = width_px // 3, int(0.05 * width_px)
+    if right_px <= third:
+        return left_px <= margin
+    return left_px >= 2 * third and right_px >= int(0.95 * width_px)
+
+
+def sighting_of(
+    class_name: str,
+    confidence: float,
+    points_m: NDArray[np.float64],
+    eye_m: NDArray[np.float64],
+    at_side: bool,
+) -> Sighting:
+    """A sighting of points [n, 3], n >= 1, from a point [3]: their box without the outermost few,
+    and their hull."""
     low, high = np.quantile(points_m, [TRIMMED, 1 - TRIMMED], axis=0)
     within = ((points_m >= low) & (points_m <= high)).all(axis=1)
     kept = points_m[within] if within.sum() >= 3 else points_m
+    away_m = np.linalg.norm(kept - eye_m, axis=1)
     hull = cv2.convexHull(kept[:, :2].astype(np.float32))
     return Sighting(
         class_name=class_name,
@@ -78,4 +103,6 @@ def sighting_of(class_name: str, confidence: float, points_m: NDArray[np.float64
         center_m=(low + high) / 2,
         size_m=high - low,
         outline_m=np.asarray(hull, np.float64).reshape(-1, 2),
+        nearest_m=float(away_m.min()),
+        at_side=at_side,
     )

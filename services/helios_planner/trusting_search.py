@@ -6,6 +6,9 @@ object map.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from typing import Any
+
 import numpy as np
 from helios_core.types import ObjectInstance
 
@@ -13,7 +16,7 @@ from helios_planner import sentences
 from helios_planner.belief import SAME_THING_M
 from helios_planner.decide import Candidate, Decision, Do, best_of, position_of
 from helios_planner.explore import PICK_LAYER, PLACE_LAYER, Kit, Search, near_outline
-from helios_planner.frontier_rules import FrontierRule
+from helios_planner.explorers import Explorer
 from helios_planner.task import Phase
 
 
@@ -26,13 +29,14 @@ class TrustingSearch(Search):
         kit: Kit,
         phase: Phase,
         name: str,
-        rule: FrontierRule,
+        explorer: Callable[[Search, str], Explorer],
         not_at: np.ndarray | None = None,
     ) -> None:
         """not_at: where the object was taken from, when start and goal are of one class."""
         super().__init__(kit, phase, name, SAME_THING_M)
-        self._rule, self._not_at = rule, not_at
-        self._layer = PICK_LAYER if phase is Phase.FIND_OBJECT else PLACE_LAYER
+        self._not_at = not_at
+        layer = PICK_LAYER if phase is Phase.FIND_OBJECT else PLACE_LAYER
+        self._explorer = explorer(self, layer)
 
     def reported(self) -> list[ObjectInstance]:
         return [
@@ -59,11 +63,11 @@ class TrustingSearch(Search):
         return Decision(rule, Do.ACT, tuple(candidates), k, why)
 
     def explore(self) -> bool:
-        options = self.frontier_options(self._layer)
-        decision = self._rule(options, self._layer, self.kit.rng)
-        self.body.tell_decision(decision)
-        if decision.do is Do.NOTHING_LEFT:
-            return False
-        self.tell(decision.why)
-        self.visit_frontier(decision.chosen.position_m[:2], lambda: bool(self.reported()))
-        return True
+        return self._explorer.step(lambda: bool(self.reported()))
+
+    def memory(self) -> dict[str, Any]:
+        return super().memory() | {"explorer": self._explorer.memory()}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        super().recall(memory)
+        self._explorer.recall(memory["explorer"])

@@ -176,7 +176,9 @@ def test_the_held_object_does_not_become_one(rig):
     assert not rig.objects("mug")
 
 
-def what_if(rig: Rig, object_id: int, name: str = "mug", joint: bool = False):
+def what_if(
+    rig: Rig, object_id: int, name: str = "mug", joint: bool = False, other: float | None = None
+):
     poses = [looking_at(0.4, y, MUG_CENTER) for y in (-0.2, 0.2)]
     return rig.bus.call(
         WHAT_IF,
@@ -186,6 +188,7 @@ def what_if(rig: Rig, object_id: int, name: str = "mug", joint: bool = False):
             T_world_cam=[transform_to_proto(T) for T in poses],
             camera=pinhole_to_proto(CAMERA),
             joint=joint,
+            other_share=other,
         ),
         1.0,
     )
@@ -200,6 +203,20 @@ def test_what_if_answers_per_pose_or_jointly(rig):
     assert min(each.score) > mug.score
     assert joint.score[0] > max(each.score)
     assert joint.information_gain[0] > max(each.information_gain)
+
+
+def test_a_what_if_may_expect_that_a_share_of_a_view_is_something_else(rig):
+    rig.ask_for()
+    rig.see()
+    (mug,) = rig.objects("mug")
+    gains = [
+        what_if(rig, mug.id, joint=True, other=share).information_gain[0]
+        for share in (None, 0.0, 0.5)
+    ]
+    assert gains[0] == gains[1] > gains[2]
+    for wrong in (-0.1, 1.1, float("nan")):
+        with pytest.raises(InvalidInput, match="other_share"):
+            what_if(rig, mug.id, other=wrong)
 
 
 def test_what_if_about_an_unknown_object_or_a_broken_camera_is_invalid_input(rig):

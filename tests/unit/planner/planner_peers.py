@@ -162,7 +162,9 @@ class Peers:
 
     def _what_if(self, request: pb.WhatIfRequest) -> pb.WhatIfReply:
         poses = [transform_from_proto(T, "T_world_cam") for T in request.T_world_cam]
-        out = self.world.what_if(request.object_id, request.class_name, poses, request.joint)
+        out = self.world.what_if(
+            request.object_id, request.class_name, poses, request.joint, request.other_share
+        )
         return pb.WhatIfReply(score=out.scores, information_gain=out.gains_nats)
 
     def _retire(self, request: pb.RetireRequest) -> pb.RetireReply:

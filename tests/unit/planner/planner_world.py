@@ -80,6 +80,7 @@ class FakeWorld(Body):
         self.phases: list[Phase] = []
         self.picks, self.released = 0, None
         self.cancel_after: int | None = None
+        self.shares: set[tuple[bool, float]] = set()  # of what-ifs: joint, other_share
         self._reported: list[Sighting] = []
         self._held: Thing | None = None
         self._pose, self._tilt = start, 0.0
@@ -207,7 +208,11 @@ class FakeWorld(Body):
         self._known |= own
         for t in self.things.values():
             if t is not self._held and self._sees(p, t.center_m):
-                self._reported.append(sighting_of(t.class_name, 0.6, corners_of(t)))
+                eye_m = np.array([p.x_m, p.y_m, height_m])
+                aside = abs(p.bearing_rad(t.center_m)) > 0.9 * half
+                self._reported.append(
+                    sighting_of(t.class_name, 0.6, corners_of(t), eye_m, aside)
+                )  # fmt: skip
                 here = (p.x_m, p.y_m, p.yaw_rad)
                 if all(math.dist(v[:2], here[:2]) > 0.08 or abs(wrap_angle(v[2] - here[2])) > 0.07
                        for v in t.views):  # fmt: skip
@@ -272,7 +277,12 @@ class FakeWorld(Body):
         return list(self._reported)
 
     def what_if(
-        self, id: int, class_name: str, T_world_cam: Sequence[Matrix], joint: bool
+        self,
+        id: int,
+        class_name: str,
+        T_world_cam: Sequence[Matrix],
+        joint: bool,
+        other_share: float = 0.0,
     ) -> WhatIf:
         t = self.things[id]
         seen = []
@@ -281,6 +291,7 @@ class FakeWorld(Body):
             seen.append(self._sees(Pose2(float(T[0, 3]), float(T[1, 3]), yaw), t.center_m))
         now = len(t.views)
         optimistic = Thing(0, "", t.center_m, t.size_m, 1.0)
+        self.shares.add((joint, other_share))
         views = [now + sum(seen)] if joint else [now + int(s) for s in seen]
         scores = tuple(max(t.score_at(v)[0], optimistic.score_at(v)[0] - 0.4) for v in views)
         gains = tuple(200 * math.log((1 + v) / (1 + now)) for v in views)

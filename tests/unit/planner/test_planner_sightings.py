@@ -65,16 +65,19 @@ def test_a_detection_without_depth_is_no_sighting() -> None:
 
 def test_a_surface_has_its_outline_and_its_height() -> None:
     xy = np.stack(np.meshgrid(np.linspace(1, 2, 60), np.linspace(3, 3.5, 60)), -1).reshape(-1, 2)
-    table = sighting_of("table", 0.5, np.column_stack([xy, np.full(len(xy), 0.74)]))
+    points = np.column_stack([xy, np.full(len(xy), 0.74)])
+    table = sighting_of("table", 0.5, points, np.array([1.5, 0.0, 0.74]), at_side=False)
     assert table.top_m == pytest.approx(0.74)
     assert table.size_m == pytest.approx([1.0, 0.5, 0.0], abs=0.05)
     assert table.outline_m.min(axis=0) == pytest.approx([1, 3], abs=0.03)
     assert table.outline_m.max(axis=0) == pytest.approx([2, 3.5], abs=0.03)
+    assert table.nearest_m == pytest.approx(3.0, abs=0.02)
 
 
 # --- trusting them -------------------------------------------------------------------------------
 def at(x: float, y: float, name: str = "mug") -> Sighting:
-    return sighting_of(name, 0.4, np.array([x, y, 0.5]) + 0.02 * np.eye(3))
+    points = np.array([x, y, 0.5]) + 0.02 * np.eye(3)
+    return sighting_of(name, 0.4, points, np.zeros(3), at_side=False)
 
 
 def believing(*sightings: Sighting) -> tuple[TrustingBelief, FakeWorld]:

@@ -94,18 +94,20 @@ class ObjectsReply(_message.Message):
     def __init__(self, objects: _Optional[_Iterable[_Union[ObjectInstance, _Mapping]]] = ..., id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., version: _Optional[int] = ..., gaussians: _Optional[int] = ...) -> None: ...
 
 class WhatIfRequest(_message.Message):
-    __slots__ = ("object_id", "class_name", "T_world_cam", "camera", "joint")
+    __slots__ = ("object_id", "class_name", "T_world_cam", "camera", "joint", "other_share")
     OBJECT_ID_FIELD_NUMBER: _ClassVar[int]
     CLASS_NAME_FIELD_NUMBER: _ClassVar[int]
     T_WORLD_CAM_FIELD_NUMBER: _ClassVar[int]
     CAMERA_FIELD_NUMBER: _ClassVar[int]
     JOINT_FIELD_NUMBER: _ClassVar[int]
+    OTHER_SHARE_FIELD_NUMBER: _ClassVar[int]
     object_id: int
     class_name: str
     T_world_cam: _containers.RepeatedCompositeFieldContainer[_common_pb2.Transform]
     camera: _common_pb2.Pinhole
     joint: bool
-    def __init__(self, object_id: _Optional[int] = ..., class_name: _Optional[str] = ..., T_world_cam: _Optional[_Iterable[_Union[_common_pb2.Transform, _Mapping]]] = ..., camera: _Optional[_Union[_common_pb2.Pinhole, _Mapping]] = ..., joint: bool = ...) -> None: ...
+    other_share: float
+    def __init__(self, object_id: _Optional[int] = ..., class_name: _Optional[str] = ..., T_world_cam: _Optional[_Iterable[_Union[_common_pb2.Transform, _Mapping]]] = ..., camera: _Optional[_Union[_common_pb2.Pinhole, _Mapping]] = ..., joint: bool = ..., other_share: _Optional[float] = ...) -> None: ...
 
 class WhatIfReply(_message.Message):
     __slots__ = ("score", "information_gain")

@@ -1,0 +1,225 @@
+"""VLFM in our house: what it believes, which frontier it keeps, and the stop decision of HELIOS."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helios_planner.agents import AGENTS
+from helios_planner.body import Frontier
+from helios_planner.decide import Do, FrontierOption
+from helios_planner.explorers import Pursuit
+from helios_planner.flow import Mission
+from helios_planner.frontier_rules import kept
+from helios_planner.grid import Pose2
+from helios_planner.instruction import parse
+from helios_planner.objective import ChosenFrontier
+from helios_planner.settings import Settings
+from helios_planner.sightings import Sighting, lies_at_side, sighting_of
+from helios_planner.task import TaskFailed
+from helios_planner.vlfm_belief import UnfilteredBelief, VlfmBelief
+from planner_world import FakeWorld, Thing, coffee_table, counter, flat, mug
+
+FIND = "find the mug"
+
+
+# --- at the side of an image ---------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("left", "right", "aside"),
+    [
+        (0, 100, True), (32, 213, True), (33, 213, False), (0, 214, False), (200, 400, False),
+        (426, 608, True), (426, 607, False), (425, 640, False), (600, 640, True), (0, 640, False),
+    ],
+)  # fmt: skip
+def test_at_the_side_is_what_lies_in_an_outer_third_and_at_the_edge(
+    left: int, right: int, aside: bool
+) -> None:
+    assert lies_at_side(left, right, 640) is aside
+
+
+# --- what is believed ----------------------------------------------------------------------------
+def seen(
+    x: float, away_m: float = 2.0, at_side: bool = False, confidence: float = 0.5, y: float = 1.0
+) -> Sighting:
+    points = np.array([x, y, 0.5]) + 0.02 * np.eye(3)
+    return sighting_of("mug", confidence, points, np.array([x - away_m, y, 0.5]), at_side)
+
+
+class Eyes:
+    """A robot that stands at (1, 1) and looks along x, with things reported to it one by one."""
+
+    def __init__(self, belief: type[VlfmBelief] = VlfmBelief) -> None:
+        self.world = flat(start=Pose2(1.0, 1.0, 0.0))
+        self.reported: list[Sighting] = []
+        self.world.sightings = lambda: list(self.reported)
+        self.belief = belief(self.world, Settings())
+
+    def report(self, *sightings: Sighting) -> list[float]:
+        """Where mugs are believed to be then (x)."""
+        self.reported += sightings
+        return [round(float(t.center_m[0]), 1) for t in self.belief.known("mug")]
+
+
+def test_a_faint_detection_and_one_from_too_near_are_not_believed() -> None:
+    assert Eyes().report(seen(3.0, confidence=0.39), seen(4.0, away_m=0.95)) == []
+    assert Eyes().report(seen(3.0, confidence=0.41), seen(4.0, away_m=1.05)) == [3.0, 4.0]
+
+
+def test_what_is_at_the_side_or_far_is_tentative_until_its_place_is_seen_from_near() -> None:
+    eyes = Eyes()
+    assert eyes.report(seen(5.0, 3.0, at_side=True), seen(8.0, 4.9)) == [5.0, 8.0]
+    first, _ = eyes.belief.known("mug")
+    assert eyes.belief.holds(first)
+    assert first.score == 0.0  # no robot says that it found this
+    eyes.world._pose = Pose2(3.0, 1.0, 0.0)  # 2 m before the first
+    assert eyes.report() == [8.0]
+    assert not eyes.belief.holds(first)
+    assert eyes.belief.from_near(first, "mug", 0.3) is None
+
+
+def test_what_is_tentative_stays_while_the_robot_looks_elsewhere() -> None:
+    eyes = Eyes()
+    eyes.report(seen(5.0, 3.0, at_side=True))
+    eyes.world._pose = Pose2(3.0, 1.0, 2.0)
+    assert eyes.report() == [5.0]
+
+
+def test_at_the_side_and_near_it_is_not_even_tentative() -> None:
+    assert Eyes().report(seen(3.0, 2.0, at_side=True)) == []
+
+
+def test_what_was_seen_well_stays_and_comes_before_all_that_is_tentative() -> None:
+    eyes = Eyes()
+    tentative, well = seen(5.0, 3.0, at_side=True), seen(5.1, 2.0)
+    assert eyes.report(tentative) == [5.0]
+    assert eyes.report(well) == [5.1]
+    eyes.report(seen(5.0, 3.0, at_side=True), seen(8.0, 4.9))
+    eyes.world._pose = Pose2(3.0, 1.0, 0.0)
+    assert eyes.report() == [5.1]
+
+
+def test_unfiltered_believes_what_is_at_the_side_and_doubts_only_what_is_far() -> None:
+    eyes = Eyes(UnfilteredBelief)
+    assert eyes.report(seen(3.0, 2.0, at_side=True)) == [3.0]
+    assert eyes.report(seen(8.0, 4.9)) == [3.0]
+
+
+def test_a_planner_that_starts_again_knows_what_was_tentative() -> None:
+    eyes, later = Eyes(), Eyes()
+    eyes.report(seen(5.0, 3.0, at_side=True))
+    later.belief.recall(eyes.belief.memory())
+    assert later.report() == [5.0]
+    later.world._pose = Pose2(3.0, 1.0, 0.0)
+    assert later.report() == []
+
+
+# --- which frontier ------------------------------------------------------------------------------
+def options(*values: float) -> list[FrontierOption]:
+    return [FrontierOption(k, (float(k), 0.0), v, 1.0) for k, v in enumerate(values)]
+
+
+@pytest.mark.parametrize(
+    ("last", "chosen"),
+    [
+        (None, 2), (ChosenFrontier((1.0, 0.0), 0.30), 1), (ChosenFrontier((1.4, 0.0), 0.30), 1),
+        (ChosenFrontier((1.0, 0.0), 0.309), 1), (ChosenFrontier((1.0, 0.0), 0.311), 2),
+        (ChosenFrontier((-0.6, 0.0), 0.1), 2),
+    ],
+)  # fmt: skip
+def test_the_last_frontier_is_kept_while_its_value_has_not_fallen(
+    last: ChosenFrontier | None, chosen: int
+) -> None:
+    assert kept(options(0.1, 0.30, 0.35), "pick", last).chosen.id == chosen
+
+
+def test_without_a_frontier_nothing_is_left() -> None:
+    assert kept([], "pick", ChosenFrontier((0.0, 0.0), 0.5)).do is Do.NOTHING_LEFT
+
+
+def chased(values: list[float]) -> tuple[FakeWorld, Pursuit]:
+    """A robot on its way to a frontier 4 m ahead, whose value after each look is the next one."""
+    world = flat(start=Pose2(0.6, 1.2, 0.0))
+    mission = Mission(world, parse(FIND), Settings(agent="vlfm"))
+    mission.kit.legs.look_around()
+    search = mission.agent.seek_object(mission.kit, "mug", None)
+    told = iter(values)
+    worth = [next(told)]
+    look = world.look
+
+    def looking() -> None:
+        look()
+        worth[0] = next(told, worth[0])
+
+    world.look = looking
+    world.frontiers = lambda: [Frontier(1, (4.0, 1.2), 1.0, {"pick": worth[0]})]
+    return world, Pursuit(search, "pick")
+
+
+def test_a_frontier_whose_value_falls_on_the_way_is_left() -> None:
+    world, pursuit = chased([0.5, 0.495, 0.48])
+    before = world.steps
+    assert pursuit.step(lambda: False)
+    assert world.steps - before <= 5
+    assert world.pose().x_m < 3.5
+
+
+def test_a_frontier_that_keeps_its_value_is_gone_to() -> None:
+    world, pursuit = chased([0.5])
+    assert pursuit.step(lambda: False)
+    assert world.pose().distance_m((4.0, 1.2)) < 1.5
+    assert pursuit.memory() == [4.0, 1.2, 0.5]
+
+
+def test_a_search_that_was_cut_off_keeps_its_frontier() -> None:
+    world = flat()
+    mission = Mission(world, parse(FIND), Settings(agent="vlfm"))
+    for agent in ("vlfm", "vlfm-helios-stop"):
+        first = AGENTS[agent].seek_object(mission.kit, "mug", None)
+        memory = first.memory() | {"explorer": [1.0, 2.0, 0.3]}
+        first.recall(memory)
+        assert first.memory() == memory
+
+
+# --- finding -------------------------------------------------------------------------------------
+@pytest.mark.parametrize("agent", ["vlfm", "vlfm-unfiltered", "vlfm-helios-stop"])
+def test_a_mug_that_is_always_detected_is_found(agent: str) -> None:
+    world = flat([coffee_table(), counter(), mug()])
+    Mission(world, parse(FIND), Settings(agent=agent)).run()  # pyright: ignore[reportArgumentType]
+    assert world.pose().distance_m((7.2, 5.35)) < 1.0
+    assert world.contacts == 0
+
+
+def seldom() -> Thing:
+    """Something that is taken for a mug in every fourth view."""
+    return mug(4, 2.9, 6.5, 0.95, rate=0.25)
+
+
+def test_vlfm_stops_at_what_is_taken_for_a_mug_and_with_the_stop_decision_it_goes_on() -> None:
+    def found_at(agent: str) -> float:
+        world = flat([counter(), mug(), seldom()], Pose2(1.5, 4.0, 1.2))
+        Mission(world, parse(FIND), Settings(agent=agent)).run()  # pyright: ignore[reportArgumentType]
+        return world.pose().x_m
+
+    assert found_at("vlfm") < 4.4
+    assert found_at("vlfm-helios-stop") > 4.5
+
+
+def test_the_stop_decision_never_stops_at_a_score_that_is_too_low() -> None:
+    world = flat([counter(), seldom()], Pose2(1.5, 4.0, 1.2))
+    with pytest.raises(TaskFailed):
+        Mission(world, parse(FIND), Settings(agent="vlfm-helios-stop", rounds=1)).run()
+    assert not any(d.do is Do.ACT for d in world.decisions)
+
+
+# --- 50-50 ---------------------------------------------------------------------------------------
+@pytest.mark.parametrize(("agent", "share"), [("helios", 0.0), ("helios-5050", 0.5)])
+def test_half_of_what_a_local_search_may_see_is_something_else_and_no_single_view(
+    agent: str, share: float
+) -> None:
+    """The gain (eq. 12) is asked for jointly; the score after one more view (eq. 11) stays."""
+    world = flat([counter()], Pose2(2.2, 5.0, 1.57))
+    kit = Mission(world, parse(FIND), Settings(agent=agent)).kit  # pyright: ignore[reportArgumentType]
+    kit.legs.look_around()
+    (thing,) = world.objects("counter")
+    assert kit.looking.information_gain_nats(thing, "counter") is not None
+    assert kit.looking.best_view(thing, "counter") is not None
+    assert world.shares == {(True, share), (False, 0.0)}
