@@ -11,6 +11,7 @@ import asyncio
 import threading
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -27,17 +28,39 @@ if TYPE_CHECKING:
     import viser
 
 MEDIA_TYPE = "application/octet-stream"
+# Put before viser's own program. What stands after # counts as parameters, so that the page is
+# fetched once whatever they are; what it logs (its camera, with `logCamera`) the page around hears.
+HEAD = b"""<script>
+if (location.hash) history.replaceState(null, "", `${location.pathname}?${location.hash.slice(1)}`);
+if (parent !== self) {
+  const log = console.log;
+  console.log = (...said) => {
+    parent.postMessage({ viser: String(said[0]) }, location.origin);
+    log(...said);
+  };
+}
+</script>
+"""
 FREE_RGB, OCCUPIED_RGB, UNKNOWN_RGB = (250, 251, 253), (120, 128, 142), (222, 226, 233)
 DRAWN_LARGER = 3.0  # a Gaussian of 1 cm is less than a pixel where a whole home is in sight
 LEAST_CLASS_SCORE = 0.3  # from which an instance has a label
 
 
 def page() -> bytes:
-    """viser's page: one file, no other host. Raises Unavailable where viser is not installed."""
+    """viser's page with `HEAD`: one file, no other host. Raises Unavailable where viser is not
+    installed, and where its page is not as expected."""
     found = find_spec("viser")
     if found is None or found.origin is None:
         raise Unavailable("the 3D view needs viser; pip install 'helios-ovmm[viewer]'")
-    return (Path(found.origin).parent / "client" / "build" / "index.html").read_bytes()
+    return _with_head(Path(found.origin).parent / "client" / "build" / "index.html")
+
+
+@cache
+def _with_head(path: Path) -> bytes:
+    before, tag, after = path.read_bytes().partition(b"<head>")
+    if not tag:
+        raise Unavailable("this viser's page has no head; pip install 'helios-ovmm[viewer]'")
+    return before + tag + HEAD + after
 
 
 def scene_file(

@@ -1,7 +1,12 @@
-// The Gaussians in 3D: viser's page in a frame, playing a scene that the gateway made.
+// The Gaussians in 3D: viser's page in a frame, playing a scene that the gateway made. While the
+// map changes, the next scene is opened behind the present one and takes its place with its camera.
 import { $, address, element, get } from "./api.js";
 
 const COLORS = { color: "As seen", class: "Class", probability: "Probability", uncertainty: "Uncertainty" };
+const TITLE = "Gaussians of the object map in 3D: drag to turn, scroll to zoom";
+const RENEW_MS = 4000; // from a change to the next scene
+const DRAWN_MS = 600; // from a scene being there to its being drawn
+const STILL_MS = 800; // a camera that has not moved for so long is in nobody's hand
 
 export class View3d {
   /** `bounds()` gives [left, bottom, right, top] of the map in metres, or null. */
@@ -9,6 +14,11 @@ export class View3d {
     this.bounds = bounds;
     this.color = "class";
     this.shown = false;
+    this.frame = null; // on show
+    this.coming = null; // the one behind it
+    this.camera = ""; // viser's parameters of it, empty until it moved
+    this.movedMs = -Infinity;
+    this.timer = null;
     const buttons = Object.entries(COLORS).map(([name, textContent]) => {
       const button = element("button", { type: "button", textContent });
       button.setAttribute("aria-pressed", name === this.color);
@@ -22,29 +32,47 @@ export class View3d {
     $("colors").replaceChildren(...buttons);
     $("show-2d").addEventListener("click", () => this.show(false));
     $("show-3d").addEventListener("click", () => this.show(true));
-    $("refresh-3d").addEventListener("click", () => this.load());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.load());
+    document.addEventListener("visibilitychange", () => document.hidden || this.load());
+    addEventListener("message", (event) => {
+      if (event.origin === location.origin && typeof event.data?.viser === "string") {
+        this.hear(event.source, event.data.viser);
+      }
+    });
   }
 
   show(shown) {
+    if (shown === this.shown) return;
     this.shown = shown;
     $("show-2d").setAttribute("aria-pressed", !shown);
     $("show-3d").setAttribute("aria-pressed", shown);
     for (const id of ["frame-2d", "layers", "map-tools", "legend-2d"]) $(id).hidden = shown;
-    for (const id of ["frame-3d", "colors"]) $(id).hidden = !shown;
-    $("refresh-3d").hidden = true;
+    for (const id of ["frame-3d", "colors", "legend-3d"]) $(id).hidden = !shown;
     if (shown) this.load();
-    else $("view-3d").removeAttribute("src"); // what nobody sees costs nothing
+    else this.close(); // what nobody sees costs nothing
   }
 
-  /** There is something newer than what is on show; the view is kept until a person asks. */
+  close() {
+    clearTimeout(this.timer);
+    this.timer = null;
+    for (const frame of [this.frame, this.coming]) frame?.remove();
+    this.frame = this.coming = null;
+  }
+
+  /** There is something newer than what is on show. */
   changed() {
-    if (this.shown) $("refresh-3d").hidden = false;
+    if (this.shown) this.later(RENEW_MS);
+  }
+
+  later(ms) {
+    this.timer ??= setTimeout(() => {
+      this.timer = null;
+      this.load();
+    }, ms);
   }
 
   async load() {
-    if (!this.shown) return;
-    $("refresh-3d").hidden = true;
+    if (!this.shown || document.hidden) return;
     const scene = `/objects.viser?color=${this.color}`;
     try {
       const response = await get(scene); // the frame has it from the browser's store, by its tag
@@ -52,33 +80,71 @@ export class View3d {
         this.say((await response.json().catch(() => ({}))).detail ?? "There is no scene.");
         return;
       }
+      await response.arrayBuffer();
     } catch {
       this.say("The gateway cannot be reached.");
       return;
     }
-    const query = new URLSearchParams({ playbackPath: address(scene), ...this.camera() });
+    if (!this.shown) return;
+    const query = new URLSearchParams({ playbackPath: address(scene), logCamera: "" });
     if (matchMedia("(prefers-color-scheme: dark)").matches) query.set("darkMode", "");
-    $("view-3d").src = `${address("/view3d")}?${query}`;
+    const src = `${address("/view3d")}#${query}&${this.camera || this.above()}`;
+    const frame = element("iframe", { title: TITLE, src });
+    frame.camera = this.camera;
     this.say("");
+    this.coming?.remove();
+    this.coming = frame;
+    if (this.frame === null) this.swap();
+    else frame.className = "coming";
+    $("frame-3d").append(frame);
   }
 
   /** Above one side of the map, looking at its middle. */
-  camera() {
+  above() {
     const bounds = this.bounds();
-    if (!bounds) return {};
+    if (!bounds) return "";
     const [left, bottom, right, top] = bounds;
     const [x, y] = [(left + right) / 2, (bottom + top) / 2];
     const size = Math.max(right - left, top - bottom, 2);
-    return {
-      initialCameraPosition: [x, y - 0.6 * size, 0.7 * size].map((v) => v.toFixed(2)).join(),
-      initialCameraLookAt: [x, y, 0].map((v) => v.toFixed(2)).join(),
+    const point = (...values) => values.map((v) => v.toFixed(2)).join();
+    return new URLSearchParams({
+      initialCameraPosition: point(x, y - 0.6 * size, 0.7 * size),
+      initialCameraLookAt: point(x, y, 0),
       initialCameraUp: "0,0,1",
-    };
+    }).toString();
   }
 
+  /** What viser's page logs: its camera with every move, and that a scene is there. */
+  hear(source, said) {
+    if (said.startsWith("&initialCamera") && source === this.frame?.contentWindow) {
+      this.camera = said.slice(1);
+      this.movedMs = performance.now();
+    } else if (said.startsWith("File loaded") && source === this.coming?.contentWindow) {
+      const frame = this.coming;
+      setTimeout(() => frame === this.coming && this.swap(), DRAWN_MS);
+    }
+  }
+
+  /** The frame behind comes to the front, unless a person turned the view meanwhile. */
+  swap() {
+    const held = performance.now() - this.movedMs < STILL_MS || this.coming.camera !== this.camera;
+    if (this.frame !== null && held) {
+      this.coming.remove();
+      this.coming = null;
+      this.later(STILL_MS);
+      return;
+    }
+    this.frame?.remove();
+    this.frame = this.coming;
+    this.coming = null;
+    this.frame.id = "view-3d";
+    this.frame.className = "";
+  }
+
+  /** Something in place of the scene; "" for nothing. */
   say(text) {
     $("empty-3d").textContent = text;
     $("empty-3d").hidden = !text;
-    $("view-3d").hidden = Boolean(text);
+    if (this.frame) this.frame.hidden = Boolean(text);
   }
 }

@@ -102,6 +102,7 @@ def test_the_page_speaks_to_this_gateway_alone(client: TestClient) -> None:
     policy = page.headers["content-security-policy"]
     assert "default-src 'none'" in policy
     assert "http" not in policy
+    assert page.text.index("parent.postMessage") < page.text.index("</title>"), "before viser's"
 
 
 def test_nothing_of_it_is_told_without_a_key(
