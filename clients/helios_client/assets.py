@@ -10,7 +10,7 @@ import typer
 
 app = typer.Typer(
     name="assets",
-    help="Realistic furniture for simulated homes, from Debian's sweethome3d-furniture.",
+    help="Realistic furniture for simulated homes. From Debian's sweethome3d-furniture.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -29,7 +29,7 @@ def bake(
     ] = None,
     cache: Cache = None,
 ) -> None:
-    """Turn the furniture package into small models in the cache; some minutes, once."""
+    """Turn the furniture package into small models. In the cache; some minutes, once."""
     from helios_sim.assets.bake import bake as run_bake
     from rich.console import Console
     from rich.progress import Progress

@@ -40,7 +40,7 @@ def bench(
     context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
 )
 def evaluate(context: typer.Context) -> None:
-    """Play episodes in simulated homes, judge them by the truth, report: helios eval --help."""
+    """Play episodes in simulated homes, judge them by the truth. See helios eval --help."""
     try:
         from helios_eval.command import app as eval_app
     except ImportError as error:
@@ -56,7 +56,7 @@ def evaluate(context: typer.Context) -> None:
 
 @app.command()
 def doctor(port: Port = 8080, as_json: Json = False) -> None:
-    """What is missing on this machine, and how to mend it; exit status 1 if something is."""
+    """What is missing on this machine, and how to mend it. Exit status 1 if something is."""
     from dataclasses import asdict
 
     from helios_client.doctor import examine

@@ -49,7 +49,7 @@ def seen(
     out: Annotated[Path | None, typer.Option(help="folder for the views' pictures")] = None,
     as_json: Json = False,
 ) -> None:
-    """Where something was seen: believed objects of that name, and past views that fit."""
+    """Where something was seen, with pictures. Believed objects of that name, and past views."""
     from helios_client.lists import seen_tables
     from helios_client.map_files import write_views
 

@@ -15,7 +15,7 @@ app = typer.Typer()
 @app.command()
 @flat
 def status(at: At, state: State = None, as_json: Json = False) -> None:
-    """How every service is, and whether stop-now is latched; works while the gateway is down."""
+    """How every service is, and whether stop-now is latched. Works while the gateway is down."""
     from helios_client.status import find_status, status_table
 
     with at.connect(timeout_s=3.0) as helios:
@@ -67,7 +67,7 @@ def key(
     ] = "operate",
     file: Annotated[Path, typer.Option(help="of the keys' hashes")] = Path("keys.toml"),
 ) -> None:
-    """Make an API key, shown once; HELIOS_GATEWAY_KEYS=FILE helios up asks for keys."""
+    """Make an API key, shown once. HELIOS_GATEWAY_KEYS=FILE helios up asks for keys."""
     from helios_client.keys import add_key
 
     print(add_key(file, name, scope))
@@ -76,7 +76,7 @@ def key(
 @app.command()
 @flat
 def mcp(at: At) -> None:
-    """Serve the robot to a language agent over MCP, on standard input and output."""
+    """Serve the robot to a language agent over MCP. On standard input and output."""
     from helios_client.mcp_server import build
     from helios_client.sdk_async import AsyncHelios
 

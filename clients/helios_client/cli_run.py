@@ -52,7 +52,7 @@ def up(
     ] = None,
     name: Annotated[str, typer.Option(help="the robot's name on the bus")] = "robot",
 ) -> None:
-    """Start every service on this machine and keep them running until Ctrl-C."""
+    """Start every service on this machine, until Ctrl-C."""
     from helios_core.errors import InvalidInput
     from helios_core.naming import robot_name
 
@@ -105,7 +105,7 @@ def record(
         str | None, typer.Option(help="the robot's name  [default: that of helios up]")
     ] = None,
 ) -> None:
-    """Record every topic of a running robot into MCAP until Ctrl-C."""
+    """Record every topic of a running robot into MCAP. Until Ctrl-C."""
     from helios_client.record import record as run_record
 
     run_record(out, port, state, router, name)
@@ -141,7 +141,7 @@ def replay(
         str, typer.Option(help='of a ROS bag: "color=/a,depth=/b,info=/c,pose=/d"')
     ] = "",
 ) -> None:
-    """Play a recording or data set through the services and write what they found."""
+    """Play a recording or data set, and write what was found. Through the same services."""
     from helios_client.replay import Pace, ReplayJob
     from helios_client.replay import replay as run_replay
     from helios_client.replay_words import check_detector, what_to_seek

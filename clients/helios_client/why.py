@@ -37,7 +37,7 @@ def why(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Why a task did what it did: every decision, its candidates, and one sentence."""
+    """Why a task did what it did. Every decision, its candidates, and one sentence."""
     from helios_client.why_view import flips, report
 
     with at.connect() as helios:

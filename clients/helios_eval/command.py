@@ -72,7 +72,7 @@ def ovmm(
     max_steps: Steps = None,
     ray: Ray = None,
 ) -> None:
-    """Open-vocabulary mobile manipulation: move a thing from one kind of furniture to another."""
+    """Open-vocabulary mobile manipulation. Move a thing from one kind of furniture to another."""
     _run(
         "ovmm", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise, noise_level,
         noise_correlation, sensor, assignments or [], max_steps, ray,
@@ -108,7 +108,7 @@ def objectnav(
 def report(
     folder: Annotated[Path, typer.Argument(help="of a run")],
 ) -> None:
-    """Write results.json, report.md and report.html of a folder anew, of a killed run too."""
+    """Write a folder's results and report anew. Of a killed run, too."""
     with folders.writing(folder):
         write_report(folder)
         results.write(folder, record.read(folder), results.picks_in(run_of(folder)))

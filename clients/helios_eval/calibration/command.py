@@ -17,7 +17,7 @@ def calibration(
         bool, typer.Option("--every-step", help="all recorded beliefs, not the last of each thing")
     ] = False,
 ) -> None:
-    """Hold what the object map believed against the truth: reliability, ECE, AUROC."""
+    """Hold what the object map believed against the truth. Reliability, ECE, AUROC."""
     from helios_eval.calibration import report  # matplotlib takes a second to load
     from helios_eval.folder import writing
 

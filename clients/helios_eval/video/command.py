@@ -35,7 +35,7 @@ def video(
         int | None, typer.Option(help="actions the episode may take", min=1)
     ] = None,
 ) -> None:
-    """Play one episode and film it: camera, maps and decisions side by side."""
+    """Play one episode and film it. Camera, maps and decisions side by side."""
     from typing import get_args
 
     from helios_client.wrong_use import WrongUse
