@@ -17,6 +17,7 @@ from helios_client.sdk import Helios
 from helios_client.tasks import Status, Task
 
 STARTING_S = 60.0
+CANCEL_S = 30.0  # longest wait for a cancelled task to end
 _COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow"}
 
 
@@ -78,7 +79,7 @@ def run_task(helios: Helios, instruction: str, timeout_s: float, console: Consol
 
 
 def watch_task(helios: Helios, task: Task, timeout_s: float, console: Console) -> Task:
-    """The task once it has ended; interrupting cancels it.
+    """The task once it has ended. Interrupting cancels it first, and waits until the robot stands.
 
     Without a terminal each change of phase or message is a line. Raises HeliosError.
     """
@@ -88,7 +89,9 @@ def watch_task(helios: Helios, task: Task, timeout_s: float, console: Console) -
         return _watch_lines(helios, task, timeout_s, console)
     except KeyboardInterrupt:
         console.print("cancelling the task")
-        return helios.cancel(task.id)
+        helios.cancel(task.id)
+        console.print(helios.wait(task.id, CANCEL_S).message, highlight=False, markup=False)
+        raise
 
 
 def _watch_live(helios: Helios, task: Task, timeout_s: float, console: Console) -> Task:

@@ -7,6 +7,7 @@ import json
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -176,6 +177,18 @@ def test_a_task_for_a_stopped_robot_says_at_once_what_it_waits_for(
     helios.json("task", INSTRUCTION)
     assert "the task waits until `helios clear-stop`" in helios.error
     assert "waiting until all services" not in helios.error
+
+
+def test_an_interrupted_task_is_cancelled_first(
+    house: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> NoReturn:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("helios_client.task_view._watch_lines", interrupted)
+    told = helios("task", INSTRUCTION, status=130)
+    assert told.startswith("cancelling the task")
+    assert house.backend.tasks["t1"].state == "cancelled"
 
 
 def test_another_robot_is_named(helios: Helios) -> None:
