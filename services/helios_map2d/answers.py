@@ -28,11 +28,11 @@ class Answers:
         self._encoded = EncodedOnce()
 
     def snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot:
-        """The whole map; without arrays while it is not newer than what the asker has."""
+        """The whole map; without arrays while it is the version that the asker has."""
         published = published_of(self._maps())
         if published is None:
             return pb.MapSnapshot()
-        if request.if_newer and published.version <= request.if_newer:
+        if request.if_newer and published.version == request.if_newer:
             return pb.MapSnapshot(version=published.version, unchanged=True)
         return self._encoded.of(published, request.layers)
 

@@ -43,8 +43,9 @@ def changes_after(snapshot: MapSnapshot, request: pb.MapChangesRequest) -> pb.Ma
     last = new[min(limit, len(new)) - 1] if new else after
     out.next.CopyFrom(pb.MapCursor(**last._asdict()))
     out.more = len(new) > limit
-    if snapshot.frame_id is not None and snapshot.robot_pose is not None:
+    if snapshot.frame_id is not None:
         out.id.CopyFrom(frame_id_to_proto(snapshot.frame_id))
+    if snapshot.robot_pose is not None:
         x_m, y_m, yaw_rad = snapshot.robot_pose
         out.robot.CopyFrom(pb.Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad))
     if not out.more:

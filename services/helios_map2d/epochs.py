@@ -52,6 +52,7 @@ class EpochMaps:
         self._gone: deque[EpochKey] = deque(maxlen=REMEMBERED_EPOCHS)
         self._first_version = first_version
         self.robot_key: EpochKey | None = None  # the epoch that the robot itself is in
+        self._robot_pose: tuple[float, float, float] | None = None  # x, y (m), yaw (rad) there
 
     @property
     def version(self) -> int:
@@ -97,26 +98,31 @@ class EpochMaps:
         self.current, self.key = fresh, key
         return fresh
 
-    def robot_is_in(self, key: EpochKey) -> None:
-        """Note the epoch that the robot itself is in; where nothing is known yet but a kept map is
-        of that epoch, it goes on."""
-        self.robot_key = key
+    def robot_is_in(self, key: EpochKey, pose: tuple[float, float, float] | None = None) -> None:
+        """Note the epoch that the robot itself is in, and where (x, y in m, yaw in rad) if it says
+        so; where nothing is known yet but a kept map is of that epoch, it goes on."""
+        self.robot_key, self._robot_pose = key, pose
         if self.current is None:
             self._brought_back(key)
 
     def keep(self, key: EpochKey, state: MapState) -> None:
-        """Park a map, in place of one of the same epoch."""
+        """Park a map, in place of one of the same epoch; where nothing is known yet and the robot
+        is in that epoch, it goes on. Later versions rise from this map's."""
         kept = [(k, other) for k, other in self._parked if k != key]
         self._parked.clear()
         self._parked.extend([*kept, (key, state)])
+        self._first_version = max(self._first_version, state.version)
+        if self.current is None and key == self.robot_key:
+            self._brought_back(key)
 
     def replace(self, state: MapState) -> None:
         """Take a map in place of the present one, in its epoch. Raises Conflict without any."""
         key = self.key or self.robot_key
         if key is None:
             raise Conflict("no robot has said where it is; start its bridge, then load the map")
-        if state.frame_id is None or EpochKey.of(state.frame_id) != key:
-            state.continue_as(self.current)
+        foreign = state.frame_id is None or EpochKey.of(state.frame_id) != key
+        if foreign or self.current is not None:
+            state.continue_as(self.current, self._told_pose(key))
         state.go_on_from(self.version)
         if self._context is not None:
             state.reset_search(self._context)
@@ -136,11 +142,17 @@ class EpochMaps:
         if self.current is not None and self.key is not None:
             self._parked.append((self.key, self.current))
             self._gone.append(self.key)
+        if back.frame_id is None:
+            back.continue_as(None, self._told_pose(key))
         back.go_on_from(self.version)
         if self._context is not None:
             back.reset_search(self._context)
         self.current, self.key = back, key
         return back
+
+    def _told_pose(self, key: EpochKey) -> tuple[float, float, float] | None:
+        """Where the robot itself says that it is in an epoch."""
+        return self._robot_pose if key == self.robot_key else None
 
     def reset_search(self, context: SearchContext) -> bool:
         """Begin a search in the present map and those to come; whether it is a new one there."""

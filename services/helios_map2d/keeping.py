@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 from pathlib import PurePosixPath
 
@@ -12,7 +13,7 @@ from helios_core.codec import frame_id_to_proto
 from helios_core.errors import InvalidInput, Unavailable
 
 from helios_map2d.answers import DEFAULT_PICTURE_PX, known
-from helios_map2d.epochs import EpochKey, EpochMaps
+from helios_map2d.epochs import EpochMaps
 from helios_map2d.exchange import decode_exported, decode_ros, encode_ros
 from helios_map2d.kept import (
     FILE_NAME,
@@ -25,30 +26,41 @@ from helios_map2d.kept import (
 from helios_map2d.occupancy import OCCUPIED, UNKNOWN
 from helios_map2d.picture import OCCUPANCY, png_of, render
 from helios_map2d.settings import Settings
-from helios_map2d.snapshot import encode_npz
+from helios_map2d.snapshot import MapSnapshot, encode_npz
 from helios_map2d.state import MapState
 
 log = logging.getLogger(__name__)
 
 FORMATS = "map, npz, ros or png"
+LOST_VERSIONS = 10_000  # more than there can have been between the last writing and a crash
 
 
 class Keeping:
-    """Files of the present map. `trouble`: what is wrong with keeping it, "" if nothing is."""
+    """Files of the present map, and what there is to say of them."""
 
     def __init__(
         self,
         settings: Settings,
         lock: threading.RLock,
         maps: Callable[[], EpochMaps | None],
-        say: Callable[[str], None],
+        say: Callable[[], None],
     ) -> None:
-        self.trouble = ""
+        """say: called when `said` has changed."""
+        self._trouble = ""  # what is wrong with keeping the map
         self._refused = ""  # why the kept map was, to be told as long as the process lives
+        self._restored = ("", "")  # id of the map that was kept, and what to say once it goes on
         self._lock, self._maps, self._say = lock, maps, say
         self._path = None if settings.state_dir is None else settings.state_dir / FILE_NAME
         self._period_s = settings.keep_period_s
         self._keeper: Keeper | None = None
+
+    def said(self) -> str:
+        """What is wrong with keeping the map, and that it was restored; "" when neither is so."""
+        maps = self._maps()
+        state = maps.current if maps is not None else None
+        id, note = self._restored
+        goes_on = state is not None and state.map_id == id
+        return "; ".join(part for part in (self._trouble, note if goes_on else "") if part)
 
     def recover(self, maps: EpochMaps) -> None:
         """Park the map that was kept until the robot says that it is in its epoch, and begin to
@@ -57,6 +69,7 @@ class Keeping:
             return
         self._keeper = Keeper(self._path, self._period_s, self._encoded, self._troubled)
         try:
+            written_s = self._path.stat().st_mtime
             data = self._path.read_bytes()
         except FileNotFoundError:
             return
@@ -64,19 +77,27 @@ class Keeping:
             self._troubled(f"the kept map {self._path} cannot be read: {error.strerror}")
             return
         try:
-            state = decode_map(data, maps.rules, maps.footprint_radius_m, maps.version)
+            state, epoch = decode_map(data, maps.rules, maps.footprint_radius_m, maps.version)
         except InvalidInput as error:
             aside = put_aside(self._path)
             self._refused = f"{error.message}; the kept map was put aside as {aside}"
             log.warning("%s", self._refused)
-            self.trouble = self._refused
+            self._trouble = self._refused
             return
-        if state.frame_id is not None:
-            key = EpochKey.of(state.frame_id)
-            maps.keep(key, state)
-            if key == maps.robot_key:
-                maps.robot_is_in(key)
-            log.info("kept map of frame %s taken up, %d views", state.frame_id, len(state.memory))
+        state.go_on_from(state.version + LOST_VERSIONS)
+        newest = "" if state.frame_id is None else f", frames up to number {state.frame_id.seq}"
+        note = (
+            f"the map was restored as it was written {max(0.0, time.time() - written_s):.1f} s "
+            f"ago: {areas_m2(state.published)[0]:.0f} m² known, {len(state.memory)} views{newest}"
+        )
+        log.info("%s; it goes on while the robot is in %s", note, epoch)
+        self._restored = (state.map_id, note)
+        maps.keep(epoch, state)
+
+    def forget(self) -> None:
+        """Keep nothing of what was known until now."""
+        if self._keeper is not None:
+            self._keeper.forget()
 
     def save(self, request: pb.SaveMap2DRequest) -> pb.SaveMap2DReply:
         """The present map as files; Unavailable while there is none."""
@@ -119,12 +140,9 @@ class Keeping:
             maps.replace(state)
             published = state.published
             views = len(state.memory)
-        cell_m2 = published.grid.cell_m**2
+        known_m2, occupied_m2 = areas_m2(published)
         return pb.LoadMap2DReply(
-            version=published.version,
-            known_m2=float((published.occupancy != UNKNOWN).sum()) * cell_m2,
-            occupied_m2=float((published.occupancy == OCCUPIED).sum()) * cell_m2,
-            views=views,
+            version=published.version, known_m2=known_m2, occupied_m2=occupied_m2, views=views
         )
 
     def close(self) -> None:
@@ -138,7 +156,8 @@ class Keeping:
             published = known(maps)
             current = maps.current if maps is not None else None
             views = current.memory.snapshot() if current is not None else ()
-        return published.version, encode_map(published, views)
+            epoch = maps.key if maps is not None else None
+        return published.version, encode_map(published, views, epoch)
 
     def _encoded(self) -> tuple[int, bytes] | None:
         try:
@@ -148,9 +167,16 @@ class Keeping:
 
     def _troubled(self, reason: str) -> None:
         reason = reason or self._refused
-        if reason != self.trouble:
-            self.trouble = reason
-            self._say(reason)
+        if reason != self._trouble:
+            self._trouble = reason
+            self._say()
+
+
+def areas_m2(published: MapSnapshot) -> tuple[float, float]:
+    """What is known of the ground, and how much of it is occupied."""
+    cell_m2 = published.grid.cell_m**2
+    known_cells = int((published.occupancy != UNKNOWN).sum())
+    return known_cells * cell_m2, int((published.occupancy == OCCUPIED).sum()) * cell_m2
 
 
 def loaded(request: pb.LoadMap2DRequest, maps: EpochMaps) -> MapState:
@@ -158,7 +184,7 @@ def loaded(request: pb.LoadMap2DRequest, maps: EpochMaps) -> MapState:
     by_ending = {PurePosixPath(f.name).suffix.lower(): f.data for f in request.files}
     rules, version = maps.rules, maps.version
     if set(by_ending) == {".map"}:
-        return decode_map(by_ending[".map"], rules, maps.footprint_radius_m, version)
+        return decode_map(by_ending[".map"], rules, maps.footprint_radius_m, version)[0]
     if set(by_ending) == {".npz"}:
         content = decode_exported(by_ending[".npz"], rules.cell_m, version)
     elif ".yaml" in by_ending and len(by_ending) == 2:

@@ -23,6 +23,7 @@ from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.types import FrameId
 from numpy.typing import NDArray
 
+from helios_map2d.epochs import EpochKey
 from helios_map2d.frontiers import Frontier
 from helios_map2d.grid import TILE, Tile
 from helios_map2d.memory import SeenView, read_view
@@ -38,8 +39,8 @@ HEAD = b"helios map2d 1\n"
 FILE_NAME = "map2d.map"
 
 
-def encode_map(snapshot: MapSnapshot, views: tuple[SeenView, ...]) -> bytes:
-    """The file of a version and the views that can be asked about later."""
+def encode_map(snapshot: MapSnapshot, views: tuple[SeenView, ...], epoch: EpochKey | None) -> bytes:
+    """The file of a version, the views that can be asked about later, and its world's epoch."""
     head = pb.KeptMap(
         map_id=snapshot.map_id, stamp_ns=snapshot.stamp_ns, version=snapshot.version,
         cell_m=snapshot.grid.cell_m, tile_cells=TILE, context_id=snapshot.context_id,
@@ -48,6 +49,8 @@ def encode_map(snapshot: MapSnapshot, views: tuple[SeenView, ...]) -> bytes:
         frontiers=[pb.KeptFrontier(id=f.id, cells=f.cells.ravel().tolist())
                    for f in snapshot.frontiers],
     )  # fmt: skip
+    if epoch is not None:
+        head.robot_boot_id, head.world_epoch = epoch.robot_boot_id, epoch.world_epoch
     if snapshot.frame_id is not None:
         head.id.CopyFrom(frame_id_to_proto(snapshot.frame_id))
     if snapshot.robot_pose is not None:
@@ -62,8 +65,10 @@ def encode_map(snapshot: MapSnapshot, views: tuple[SeenView, ...]) -> bytes:
     return HEAD + hashlib.sha256(body).digest() + body
 
 
-def decode_map(data: bytes, rules: MapRules, footprint_radius_m: float, version: int) -> MapState:
-    """The map of a file, with a version above `version`.
+def decode_map(
+    data: bytes, rules: MapRules, footprint_radius_m: float, version: int
+) -> tuple[MapState, EpochKey]:
+    """The map of a file, with a version above `version`, and the epoch of its world.
 
     Raises InvalidInput when the file is cut short, damaged, not ours, or of another cell size.
     """
@@ -105,7 +110,7 @@ def decode_map(data: bytes, rules: MapRules, footprint_radius_m: float, version:
     )  # fmt: skip
     for view in message.views:
         state.memory.add(read_view(view))
-    return state
+    return state, EpochKey(message.robot_boot_id, message.world_epoch)
 
 
 @dataclass(frozen=True)
@@ -222,6 +227,15 @@ class Keeper:
         self._stopped.set()
         self._thread.join(1.0)
         self.write()
+
+    def forget(self) -> None:
+        """Remove the file: a map that was forgotten on purpose does not come back."""
+        with self._turn:
+            self._version = 0
+            try:
+                self._path.unlink(missing_ok=True)
+            except OSError as error:
+                self._troubled(f"the kept map {self._path} cannot be removed: {error.strerror}")
 
     def _run(self) -> None:
         while not self._stopped.wait(self._period_s):

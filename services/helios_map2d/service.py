@@ -47,6 +47,7 @@ from helios_map2d.epochs import EpochKey, EpochMaps
 from helios_map2d.keeping import Keeping
 from helios_map2d.recollection import Recollection
 from helios_map2d.settings import Settings
+from helios_map2d.wire import Pose, told_pose
 
 log = logging.getLogger(__name__)
 
@@ -62,7 +63,7 @@ class Map2DService:
         self._maps: EpochMaps | None = None
         self._contexts: list[str] = []  # ids in the order of their coming
         self._context: pb.SearchContext | None = None
-        self._robot_key: EpochKey | None = None  # the epoch that the robot itself is in
+        self._robot: tuple[EpochKey, Pose | None] | None = None  # where it says that it is
         self._frames_waiting: deque[pb.Frame] = deque()
         self._observations_waiting: deque[pb.Observation] = deque()
         self._holding = False
@@ -83,7 +84,7 @@ class Map2DService:
         bus.serve(PATH_COST, self._answers.path_cost)
         bus.serve(RECALL, self._recollection.recall)
         bus.serve(SAVE_MAP2D, self._keeping.save)
-        bus.serve(LOAD_MAP2D, self._keeping.load)
+        bus.serve(LOAD_MAP2D, self.load)
         bus.serve(RESET_MAP2D, self.reset)
         # Only now: who sees it ready sends keyframes at once, and none may be missed.
         with self._lock:
@@ -114,7 +115,7 @@ class Map2DService:
             waiting = list(self._frames_waiting) + list(self._observations_waiting)
             self._frames_waiting.clear()
             self._observations_waiting.clear()
-        self._health.ready(self._keeping.trouble)
+        self._say()
         self._again(waiting)
 
     def on_context(self, message: pb.SearchContext) -> None:
@@ -138,13 +139,21 @@ class Map2DService:
             self._recollection.fill(context)
 
     def on_robot_state(self, message: pb.RobotState) -> None:
-        """Which world epoch the robot itself says it is in, and whether it holds something."""
-        if message.robot_boot_id:
-            with self._lock:
-                self._robot_key = EpochKey(message.robot_boot_id, message.world_epoch)
-                self._holding = bool(message.held)
-                if self._maps is not None:
-                    self._maps.robot_is_in(self._robot_key)
+        """Which world epoch the robot itself says it is in, where, and whether it holds
+        something."""
+        if not message.robot_boot_id:
+            return
+        key, pose = EpochKey(message.robot_boot_id, message.world_epoch), told_pose(message)
+        with self._lock:
+            self._robot = key, pose
+            self._holding = bool(message.held)
+            before = self._maps.current if self._maps is not None else None
+            if self._maps is not None:
+                self._maps.robot_is_in(key, pose)
+            goes_on = self._maps is not None and self._maps.current is not before
+        if goes_on:
+            self._say()
+            self._catch_up()
 
     def on_keyframe(self, message: pb.Frame) -> None:
         late: pb.Frame | None = None
@@ -159,6 +168,7 @@ class Map2DService:
             self._answer("occupancy", late.id, "", Unavailable(reason), 0.0)
         if not wait:
             self._integrate("occupancy", message.id, "", lambda: self._fold_frame(message))
+            self._say()  # a frame may have brought back the map that was kept
 
     def on_stream_frame(self, message: pb.Frame) -> None:
         """Fold a stream frame in, unless the maps are not ready for it; it is not answered."""
@@ -189,14 +199,22 @@ class Map2DService:
             )
 
     # --- methods ------------------------------------------------------------------------------
+    def load(self, request: pb.LoadMap2DRequest) -> pb.LoadMap2DReply:
+        """See `Keeping.load`; the present search learns what the map's views have seen."""
+        reply = self._keeping.load(request)
+        self._say()
+        self._catch_up()
+        return reply
+
     def reset(self, _: pb.Empty) -> pb.Empty:
-        """Forget every map, the parked ones too; the present search goes on."""
+        """Forget every map, the parked and the kept ones too; the present search goes on."""
         with self._lock:
             if self._maps is not None:
                 old = self._maps
                 self._maps = self._fresh(
                     EpochMaps(old.rules, old.footprint_radius_m, first_version=self._version() + 1)
                 )
+        self._keeping.forget()
         return pb.Empty()
 
     # --- inside -------------------------------------------------------------------------------
@@ -258,16 +276,24 @@ class Map2DService:
                 self.on_observation(message)
 
     def _fresh(self, maps: EpochMaps) -> EpochMaps:
-        if self._robot_key is not None:
-            maps.robot_is_in(self._robot_key)
+        if self._robot is not None:
+            maps.robot_is_in(*self._robot)
         if self._context is not None:
             maps.reset_search(context_from_proto(self._context))
         return maps
 
-    def _say(self, trouble: str) -> None:
-        """Tell what is wrong with keeping the map, "" once nothing is."""
+    def _catch_up(self) -> None:
+        """Give the present search what a map just taken up has seen, unless it has values."""
+        with self._lock:
+            state = self._maps.current if self._maps is not None else None
+            message = self._context
+        if state is not None and message is not None and not any(state.published.layers.values()):
+            self._recollection.fill(context_from_proto(message))
+
+    def _say(self) -> None:
+        """Tell what is wrong with keeping the map, and that it was restored."""
         if self._maps is not None:
-            self._health.ready(trouble)
+            self._health.ready(self._keeping.said())
 
     def _version(self) -> int:
         with self._lock:

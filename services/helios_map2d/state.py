@@ -47,7 +47,8 @@ class MapState:
         self.context_id = ""
         self.frame_id: FrameId | None = None
         self.stamp_ns = 0
-        self.robot_pose: tuple[float, float, float] | None = None
+        self.robot_pose: tuple[float, float, float] | None = None  # of the newest frame
+        self._told_pose: tuple[float, float, float] | None = None  # before there is one
         self.trajectory = Trajectory(rules.trajectory_step_m)
         self.version = first_version + 1
         self.tiles = PublishedTiles()
@@ -154,9 +155,15 @@ class MapState:
         self.version = max(self.version, version) + 1
         self.published = self.publish()
 
-    def continue_as(self, other: MapState | None) -> None:
-        """Belong to the epoch and the place of another map, or of none yet: frames go on there."""
+    def continue_as(
+        self, other: MapState | None, told_pose: tuple[float, float, float] | None
+    ) -> None:
+        """Belong to the epoch and the place of another map, or of none yet: frames go on there.
+
+        told_pose: where the robot says that it is (x, y in m, yaw in rad), if it has.
+        """
         self.frame_id, self.stamp_ns, self.robot_pose = None, 0, None
+        self._told_pose = told_pose
         self.order = FrameOrder()
         if other is not None:
             self.frame_id, self.stamp_ns = other.frame_id, other.stamp_ns
@@ -184,7 +191,7 @@ class MapState:
             ground=self.tiles.ground,
             layers=self.tiles.layers,
             frontiers=self.stack.find_frontiers(robot_m, ground_changed=ground_changed),
-            robot_pose=self.robot_pose,
+            robot_pose=self.robot_pose or self._told_pose,
             trajectory_m=self.trajectory.points_m,
             next_frontier_id=self.stack.frontiers.next_id,
         )
@@ -207,7 +214,8 @@ class MapState:
 
     def _robot_m(self) -> tuple[float, float]:
         """Where the robot is (world x, y); the middle of the map while nobody knows."""
-        if self.robot_pose is not None:
-            return self.robot_pose[:2]
+        pose = self.robot_pose or self._told_pose
+        if pose is not None:
+            return pose[:2]
         grid = self.stack.grid
         return grid.centre_of(grid.rows // 2, grid.columns // 2)

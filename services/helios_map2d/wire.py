@@ -1,4 +1,4 @@
-"""Snapshots as they travel; `helios_core.grids` reads them."""
+"""Snapshots as they travel (`helios_core.grids` reads them), and where a robot says that it is."""
 
 from __future__ import annotations
 
@@ -6,25 +6,40 @@ import threading
 
 import numpy as np
 from helios_core import proto as pb
-from helios_core.codec import frame_id_to_proto
+from helios_core.codec import frame_id_to_proto, transform_from_proto
+from helios_core.errors import InvalidInput
+from helios_core.geometry import yaw_of
 
 from helios_map2d.changes import frontier_messages
 from helios_map2d.occupancy import OCCUPIED
 from helios_map2d.snapshot import MapSnapshot
 from helios_map2d.tiles import in_mm, packed
 
+Pose = tuple[float, float, float]  # x, y (m), yaw (rad) in the world
+
+
+def told_pose(message: pb.RobotState) -> Pose | None:
+    """Where a robot says that it is; None while it does not know."""
+    try:
+        T_world_base = transform_from_proto(message.T_world_base, "T_world_base")
+    except InvalidInput:
+        return None
+    return float(T_world_base[0, 3]), float(T_world_base[1, 3]), yaw_of(T_world_base)
+
 
 def snapshot_to_proto(snapshot: MapSnapshot, layers: bool) -> pb.MapSnapshot:
-    """The message of a version; without arrays, and with a cell size of 0, while nothing is known.
+    """The message of a version; without arrays, and with a cell size of 0, while nothing is known
+    or nobody has said where the robot is.
 
     `explored` is what was seen since the search began; heights are sent in millimetres.
     """
     out = pb.MapSnapshot(version=snapshot.version, context_id=snapshot.context_id)
-    if snapshot.frame_id is None or snapshot.robot_pose is None:
+    if snapshot.empty or snapshot.robot_pose is None:
         return out
     grid = snapshot.grid
     x_m, y_m, yaw_rad = snapshot.robot_pose
-    out.id.CopyFrom(frame_id_to_proto(snapshot.frame_id))
+    if snapshot.frame_id is not None:
+        out.id.CopyFrom(frame_id_to_proto(snapshot.frame_id))
     out.cell_m = grid.cell_m
     out.origin_x_m, out.origin_y_m = grid.origin_m
     out.height, out.width = grid.shape

@@ -13,8 +13,10 @@ from helios_core.codec import (
     embedding_to_proto,
     frame_to_proto,
     observation_to_proto,
+    state_to_proto,
 )
 from helios_core.embeddings import fit
+from helios_core.geometry import se2_to_se3
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import (
@@ -33,6 +35,7 @@ from helios_core.types import (
     Frame,
     Observation,
     RobotDescription,
+    RobotState,
     SearchContext,
 )
 from helios_map2d.service import Map2DService
@@ -84,7 +87,7 @@ class House:
         self.health = Health()
         self.acks: list[pb.Ack] = []
         self.bus.subscribe(MAP2D_ACK, self.acks.append)
-        settings = Settings.load(["--size-cells", "400", *flags])
+        settings = Settings.load(["--size-cells", "640", *flags])
         self.service = Map2DService(self.bus, settings, self.health)
         self.walk = Walk([*room(), *table(2.5, 2.4)])
         self.scorer = Scorer()
@@ -94,9 +97,18 @@ class House:
     def describe(self, robot: RobotDescription = ROBOT) -> None:
         self.bus.publish(ROBOT_DESCRIPTION, description_to_proto(robot))
 
-    def say_epoch(self, boot_id: str, world_epoch: int = 0, held: str = "") -> None:
-        state = pb.RobotState(robot_boot_id=boot_id, world_epoch=world_epoch, held=held)
-        self.bus.publish(ROBOT_STATE, state)
+    def say_epoch(
+        self,
+        boot_id: str,
+        world_epoch: int = 0,
+        held: str = "",
+        at: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        """The robot's state; `at` is x, y (m) and yaw (rad)."""
+        state = RobotState(
+            se2_to_se3(*at), held=held, world_epoch=world_epoch, robot_boot_id=boot_id
+        )
+        self.bus.publish(ROBOT_STATE, state_to_proto(state))
 
     def search(self, name: str, prompts: Mapping[str, str] | None = None) -> None:
         asked = {"pick": "a mug", "place": "a counter"} if prompts is None else dict(prompts)

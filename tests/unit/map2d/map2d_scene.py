@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -44,6 +45,12 @@ def cast(
     blocks: Sequence[Block], T_world_cam: NDArray[np.float64], camera: Pinhole = CAMERA
 ) -> NDArray[np.float32]:
     """Depth along the optical axis (m) of the nearest block or the floor; 0 where nothing is."""
+    return _cast(tuple(blocks), T_world_cam.tobytes(), camera).copy()
+
+
+@functools.lru_cache(1024)  # many tests look at the same room from the same places
+def _cast(blocks: tuple[Block, ...], pose: bytes, camera: Pinhole) -> NDArray[np.float32]:
+    T_world_cam = np.frombuffer(pose).reshape(4, 4)
     u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
     rays = np.stack(
         [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], -1

@@ -3,58 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import Conflict, InvalidInput, Unavailable
-from helios_core.topics import LOAD_MAP2D, RECALL, SAVE_MAP2D
-from helios_map2d.kept import FILE_NAME
-from helios_map2d.state import MapState
+from helios_core.topics import RECALL
 from map2d_house import House
-
-
-def state_of(house: House) -> MapState:
-    maps = house.service._maps
-    assert maps is not None
-    assert maps.current is not None
-    return maps.current
-
-
-def saved(house: House, kind: str) -> list[pb.Map2DFile]:
-    return list(house.bus.call(SAVE_MAP2D, pb.SaveMap2DRequest(format=kind), 10).files)
-
-
-def load(house: House, files: list[pb.Map2DFile]) -> pb.LoadMap2DReply:
-    return house.bus.call(LOAD_MAP2D, pb.LoadMap2DRequest(files=files), 10)
-
-
-def walked(*flags: str) -> House:
-    """A house that was looked at, with views that can be asked later."""
-    house = House(*flags)
-    house.say_epoch("boot")
-    house.search("first")
-    for frame in house.walk.look_around(2.0, 1.5):
-        house.keyframe(frame)
-        house.observe(frame, "first", {"pick": 0.3, "place": 0.6})
-    return house
-
-
-def assert_same_state(one: MapState, other: MapState) -> None:
-    a, b = one.published, other.published
-    assert a.grid == b.grid
-    for name in ("occupancy", "explored_for_search", "z_low_m", "z_high_m"):
-        np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
-    for name, value in a.values.items():
-        np.testing.assert_array_equal(value, b.values[name])
-        np.testing.assert_array_equal(a.confidences[name], b.confidences[name])
-    assert [(f.id, f.centre_m, f.size_m, f.reachable, f.values) for f in a.frontiers] == [
-        (f.id, f.centre_m, f.size_m, f.reachable, f.values) for f in b.frontiers
-    ]
-    np.testing.assert_array_equal(a.trajectory_m, b.trajectory_m)
-    assert len(one.memory) == len(other.memory)
+from map2d_kept import assert_same_state, load, saved, state_of, walked
 
 
 def test_a_saved_map_goes_on_as_if_nothing_had_happened() -> None:
@@ -189,72 +146,6 @@ def test_there_is_nothing_to_save_before_the_first_keyframe() -> None:
         saved(House(), "map")
     with pytest.raises(InvalidInput, match="map, npz, ros or png"):
         saved(walked(), "jpeg2000")
-
-
-def kept(tmp_path: Path) -> tuple[str, ...]:
-    return "--state-dir", str(tmp_path), "--keep-period-s", "3600"
-
-
-def test_a_killed_service_goes_on_with_its_map_when_the_robot_is_still_in_its_world(
-    tmp_path: Path,
-) -> None:
-    house = walked(*kept(tmp_path))
-    keeper = house.service._keeping._keeper
-    assert keeper is not None
-    assert keeper.write()
-    assert not keeper.write()  # nothing has changed
-    version = state_of(house).published.version
-    again = House(*kept(tmp_path))  # the first one is never closed: it was killed
-    again.say_epoch("boot")
-    assert_same_state(state_of(house), state_of(again))
-    assert state_of(again).published.version > version
-    again.search("first")
-    assert_same_state(state_of(house), state_of(again))
-    again.keyframe(house.walk.frame(2.0, 1.5, 0.1))
-    assert again.acks[-1].accepted
-
-
-def test_a_kept_map_of_another_world_is_not_used(tmp_path: Path) -> None:
-    house = walked(*kept(tmp_path))
-    house.service.close()
-    again = House(*kept(tmp_path))
-    again.say_epoch("another boot")
-    assert again.snapshot().cell_m == 0
-
-
-@pytest.mark.parametrize("damage", ["cut", "changed", "foreign", "empty"])
-def test_a_damaged_kept_map_is_put_aside_and_told_of(tmp_path: Path, damage: str) -> None:
-    house = walked(*kept(tmp_path))
-    house.service.close()
-    path = tmp_path / FILE_NAME
-    data = path.read_bytes()
-    bad = {"cut": data[:-100], "changed": data[:-5] + b"12345", "foreign": b"\x7fELF" * 100,
-           "empty": b""}[damage]  # fmt: skip
-    path.write_bytes(bad)
-    again = House(*kept(tmp_path))
-    state, reason = again.health.state
-    assert state == "ready"
-    assert "put aside as" in reason
-    (aside,) = tmp_path.glob("*.refused-*")
-    assert aside.read_bytes() == bad
-    again.say_epoch("boot")
-    again.keyframe(again.walk.frame(2.0, 1.5, 0.0))
-    assert again.acks[-1].accepted
-    again.service.close()
-    assert path.read_bytes().startswith(b"helios map2d")
-
-
-def test_a_state_directory_that_cannot_be_written_is_told_of_and_ends_nothing(
-    tmp_path: Path,
-) -> None:
-    (tmp_path / "file").write_text("no directory")
-    house = walked(*kept(tmp_path / "file"))
-    keeper = house.service._keeping._keeper
-    assert keeper is not None
-    assert not keeper.write()
-    assert "cannot be" in house.health.state[1]
-    house.keyframe(house.walk.frame(2.0, 1.5, 0.1))
-    assert house.acks[-1].accepted
 
 
 def test_views_come_back_with_a_saved_map() -> None:

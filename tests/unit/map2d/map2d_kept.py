@@ -1,0 +1,50 @@
+"""Houses whose maps are saved, loaded and compared."""
+
+from __future__ import annotations
+
+import numpy as np
+from helios_core import proto as pb
+from helios_core.topics import LOAD_MAP2D, SAVE_MAP2D
+from helios_map2d.state import MapState
+from map2d_house import House
+
+
+def state_of(house: House) -> MapState:
+    maps = house.service._maps
+    assert maps is not None
+    assert maps.current is not None
+    return maps.current
+
+
+def saved(house: House, kind: str) -> list[pb.Map2DFile]:
+    return list(house.bus.call(SAVE_MAP2D, pb.SaveMap2DRequest(format=kind), 10).files)
+
+
+def load(house: House, files: list[pb.Map2DFile]) -> pb.LoadMap2DReply:
+    return house.bus.call(LOAD_MAP2D, pb.LoadMap2DRequest(files=files), 10)
+
+
+def walked(*flags: str) -> House:
+    """A house that was looked at, with views that can be asked later."""
+    house = House(*flags)
+    house.say_epoch("boot")
+    house.search("first")
+    for frame in house.walk.look_around(2.0, 1.5):
+        house.keyframe(frame)
+        house.observe(frame, "first", {"pick": 0.3, "place": 0.6})
+    return house
+
+
+def assert_same_state(one: MapState, other: MapState) -> None:
+    a, b = one.published, other.published
+    assert a.grid == b.grid
+    for name in ("occupancy", "explored_for_search", "z_low_m", "z_high_m"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
+    for name, value in a.values.items():
+        np.testing.assert_array_equal(value, b.values[name])
+        np.testing.assert_array_equal(a.confidences[name], b.confidences[name])
+    assert [(f.id, f.centre_m, f.size_m, f.reachable, f.values) for f in a.frontiers] == [
+        (f.id, f.centre_m, f.size_m, f.reachable, f.values) for f in b.frontiers
+    ]
+    np.testing.assert_array_equal(a.trajectory_m, b.trajectory_m)
+    assert len(one.memory) == len(other.memory)

@@ -1,0 +1,179 @@
+"""The map that is kept from crashes: what a killed service knows again, and what it says."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from helios_core import proto as pb
+from helios_core.grids import decode_snapshot
+from helios_core.topics import MAP_CHANGES, PICTURE, RESET_MAP2D
+from helios_map2d.kept import FILE_NAME, Keeper
+from map2d_house import House
+from map2d_kept import assert_same_state, load, saved, state_of, walked
+
+
+def kept(tmp_path: Path) -> tuple[str, ...]:
+    return "--state-dir", str(tmp_path), "--keep-period-s", "3600"
+
+
+def keeper(house: House) -> Keeper:
+    found = house.service._keeping._keeper
+    assert found is not None
+    return found
+
+
+def test_a_killed_service_goes_on_with_its_map_when_the_robot_is_still_in_its_world(
+    tmp_path: Path,
+) -> None:
+    house = walked(*kept(tmp_path))
+    assert keeper(house).write()
+    assert not keeper(house).write()  # nothing has changed
+    before = house.snapshot()
+    again = House(*kept(tmp_path))  # the first one is never closed: it was killed
+    assert again.snapshot().cell_m == 0  # it may be another world
+    assert again.health.state == ("ready", "")
+    again.say_epoch("boot")
+    assert_same_state(state_of(house), state_of(again))
+    told = again.snapshot()
+    assert (told.id, told.robot, told.occupancy) == (before.id, before.robot, before.occupancy)
+    assert told.version > before.version + 1000  # higher than any that the dead one may have told
+    said = again.health.state[1]
+    newest = state_of(house).published.frame_id
+    assert newest is not None
+    assert re.search(r"was restored as it was written \d+\.\d s ago: \d+ m² known, 12 views", said)
+    assert said.endswith(f"frames up to number {newest.seq}")
+    again.search("first")
+    assert_same_state(state_of(house), state_of(again))
+    again.keyframe(house.walk.frame(2.0, 1.5, 0.1))
+    assert again.acks[-1].accepted
+
+
+def test_a_kept_map_of_another_world_is_not_used(tmp_path: Path) -> None:
+    house = walked(*kept(tmp_path))
+    house.service.close()
+    again = House(*kept(tmp_path))
+    again.say_epoch("another boot")
+    assert again.snapshot().cell_m == 0
+    assert again.health.state == ("ready", "")
+    frame = again.walk.frame(2.0, 1.5, 0.0)
+    again.keyframe(replace(frame, id=replace(frame.id, robot_boot_id="another boot")))
+    assert again.snapshot().version > house.snapshot().version
+
+
+@pytest.mark.parametrize("damage", ["cut", "changed", "foreign", "empty"])
+def test_a_damaged_kept_map_is_put_aside_and_told_of(tmp_path: Path, damage: str) -> None:
+    house = walked(*kept(tmp_path))
+    house.service.close()
+    path = tmp_path / FILE_NAME
+    data = path.read_bytes()
+    bad = {"cut": data[:-100], "changed": data[:-5] + b"12345", "foreign": b"\x7fELF" * 100,
+           "empty": b""}[damage]  # fmt: skip
+    path.write_bytes(bad)
+    again = House(*kept(tmp_path))
+    state, reason = again.health.state
+    assert state == "ready"
+    assert "put aside as" in reason
+    (aside,) = tmp_path.glob("*.refused-*")
+    assert aside.read_bytes() == bad
+    again.say_epoch("boot")
+    again.keyframe(again.walk.frame(2.0, 1.5, 0.0))
+    assert again.acks[-1].accepted
+    again.service.close()
+    assert path.read_bytes().startswith(b"helios map2d")
+
+
+def test_a_state_directory_that_cannot_be_written_is_told_of_and_ends_nothing(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "file").write_text("no directory")
+    house = walked(*kept(tmp_path / "file"))
+    assert not keeper(house).write()
+    assert "cannot be" in house.health.state[1]
+    house.keyframe(house.walk.frame(2.0, 1.5, 0.1))
+    assert house.acks[-1].accepted
+
+
+def test_a_frame_of_its_world_brings_a_kept_map_back_before_the_robot_says_where_it_is(
+    tmp_path: Path,
+) -> None:
+    house = walked(*kept(tmp_path))
+    house.service.close()
+    again = House(*kept(tmp_path))
+    again.keyframe(house.walk.frame(2.0, 1.5, 0.1))
+    assert again.acks[-1].accepted
+    assert "was restored" in again.health.state[1]
+    assert again.snapshot().occupied_m2 >= 0.9 * house.snapshot().occupied_m2
+
+
+@pytest.mark.parametrize("kind", ["map", "npz", "ros"])
+def test_a_loaded_map_is_told_at_once_with_the_robot_where_it_says_that_it_is(kind: str) -> None:
+    house, other = walked(), House()
+    other.say_epoch("another boot", at=(1.0, 0.5, 0.3))
+    load(other, saved(house, kind))
+    told, before = decode_snapshot(other.snapshot()), decode_snapshot(house.snapshot())
+    assert told.robot_pose == pytest.approx((1.0, 0.5, 0.3))
+    assert told.frame_id.robot_boot_id == ""  # no frame of this world yet
+    assert told.occupied_m2 == pytest.approx(before.occupied_m2)
+    assert told.origin_m == pytest.approx(before.origin_m)
+    assert (told.occupancy == before.occupancy).all()
+    assert told.frontiers
+    changes = other.bus.call(MAP_CHANGES, pb.MapChangesRequest(), 5)
+    assert (changes.robot.x_m, len(changes.tiles) > 0) == (1.0, True)
+    assert other.bus.call(PICTURE, pb.PictureRequest(), 5).png
+
+
+def test_a_map_that_is_loaded_in_mid_run_leaves_the_robot_where_its_newest_frame_says() -> None:
+    house = walked()
+    files = saved(house, "map")
+    house.keyframe(house.walk.frame(2.3, 1.2, 0.5))
+    before, newest = house.snapshot(), house.acks[-1].id.seq
+    load(house, files)
+    after = house.snapshot()
+    assert (after.robot, after.id) == (before.robot, before.id)
+    assert after.version > before.version
+    house.keyframe(house.walk.frame(2.3, 1.2, 0.7))
+    assert house.acks[-1].accepted
+    assert house.snapshot().id.seq > newest
+
+
+def test_a_loaded_map_that_no_frame_has_come_to_yet_survives_a_kill(tmp_path: Path) -> None:
+    house = House(*kept(tmp_path))
+    house.say_epoch("boot", at=(1.0, 0.5, 0.0))
+    load(house, saved(walked(), "ros"))
+    assert keeper(house).write()
+    again = House(*kept(tmp_path))
+    again.say_epoch("boot", at=(1.2, 0.5, 0.0))
+    assert again.snapshot().occupancy == house.snapshot().occupancy
+    assert again.snapshot().robot.x_m == pytest.approx(1.2)
+    again.keyframe(again.walk.frame(2.0, 1.5, 0.0))
+    assert again.acks[-1].accepted
+
+
+def test_what_was_forgotten_on_purpose_does_not_come_back_after_a_kill(tmp_path: Path) -> None:
+    house = walked(*kept(tmp_path))
+    assert keeper(house).write()
+    house.bus.call(RESET_MAP2D, pb.Empty(), 5)
+    again = House(*kept(tmp_path))
+    again.say_epoch("boot")
+    assert again.snapshot().cell_m == 0
+
+
+def test_who_knows_a_version_of_an_earlier_process_is_told_the_whole_map() -> None:
+    house = walked()
+    assert house.snapshot(if_newer=house.snapshot().version).unchanged
+    assert not house.snapshot(if_newer=10**6).unchanged
+
+
+def test_a_search_that_is_under_way_learns_from_the_views_of_a_loaded_map() -> None:
+    house, other = walked(), House()
+    other.scorer.serve(other.bus)
+    other.say_epoch("another boot")
+    other.search("tea", {"pick": "a teapot"})
+    load(other, saved(house, "map"))
+    house.scorer.serve(house.bus)
+    house.search("tea", {"pick": "a teapot"})
+    assert house.snapshot().values["pick"] == other.snapshot().values["pick"]
+    assert decode_snapshot(other.snapshot()).values["pick"].max() > 0
