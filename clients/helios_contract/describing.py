@@ -41,6 +41,10 @@ class Describing:
     def test_the_least_drive_is_no_longer_than_the_longest(self, rig: Rig) -> None:
         assert 0.0 < rig.robot.min_forward_m <= rig.robot.max_forward_m <= 10.0
 
+    def test_a_robot_that_can_move_back_can_do_so_by_the_least_drive(self, rig: Rig) -> None:
+        back_m = rig.robot.max_back_m
+        assert back_m == 0.0 or rig.robot.min_forward_m <= back_m <= 2.0
+
     def test_a_robot_that_can_pick_can_reach(self, rig: Rig) -> None:
         robot = rig.robot
         assert robot.reach_m > 0.0 or not (robot.can_pick or robot.can_place)

@@ -43,6 +43,19 @@ class Moving:
         assert y_m == pytest.approx(0.0, abs=rig.tolerance_m)
         assert result.moved_m == pytest.approx(x_m, abs=rig.tolerance_m)
 
+    def test_a_move_back_goes_straight_back_by_that_distance(self, rig: Rig) -> None:
+        rig.need_motion()
+        if rig.robot.max_back_m == 0.0:
+            pytest.skip("this robot cannot move back")
+        rig.act(Forward(rig.forward_m))
+        before, back_m = rig.pose(), min(rig.forward_m, rig.robot.max_back_m)
+        result = rig.act(Forward(-back_m))
+        assert result.succeeded, result.reason
+        x_m, y_m = (invert(before) @ rig.pose())[:2, 3]
+        assert x_m == pytest.approx(-back_m, abs=rig.tolerance_m)
+        assert y_m == pytest.approx(0.0, abs=rig.tolerance_m)
+        assert result.moved_m == pytest.approx(back_m, abs=rig.tolerance_m)  # never below 0
+
     def test_tilting_moves_the_camera_and_nothing_else(self, rig: Rig) -> None:
         rig.need_motion()
         low, high = rig.robot.tilt_range_rad

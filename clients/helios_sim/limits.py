@@ -14,9 +14,10 @@ def refusal(action: Action, robot: RobotDescription) -> str:
     """Why an action is outside the robot's limits, as a sentence; empty if it is not."""
     match action:
         case Forward(distance_m):
-            low, high = robot.min_forward_m, robot.max_forward_m
-            if not low - _SLACK <= distance_m <= high + _SLACK:
-                return f"forward {distance_m:.3g} m is outside {low:g} to {high:g} m"
+            low, back = robot.min_forward_m, distance_m < 0
+            high, way = (robot.max_back_m, "back") if back else (robot.max_forward_m, "forward")
+            if not low - _SLACK <= abs(distance_m) <= high + _SLACK:
+                return f"{way} {abs(distance_m):.3g} m is outside {low:g} to {high:g} m"
         case Turn(angle_rad):
             low, high = robot.min_turn_rad, robot.max_turn_rad
             if not low - _SLACK <= abs(angle_rad) <= high + _SLACK:

@@ -46,10 +46,10 @@ class Base:
         self._step = step
 
     def forward(self, distance_m: float, stop_asked: Callable[[], bool]) -> Drive:
-        """Straight ahead until there, blocked or stopped."""
+        """Straight ahead, below 0 back, until there, blocked or stopped."""
         x, y, yaw = self._robot.pose(self._data)
         goal = (x + distance_m * math.cos(yaw), y + distance_m * math.sin(yaw), yaw)
-        slowest_s = 2.0 * (distance_m / MAX_SPEED_M_S + MAX_SPEED_M_S / MAX_ACCELERATION_M_S2)
+        slowest_s = 2.0 * (abs(distance_m) / MAX_SPEED_M_S + MAX_SPEED_M_S / MAX_ACCELERATION_M_S2)
         return self._drive(goal, slowest_s, stop_asked)
 
     def turn(self, angle_rad: float, stop_asked: Callable[[], bool]) -> Drive:

@@ -49,6 +49,7 @@ def description(max_depth_m: float = MAX_DEPTH_M) -> RobotDescription:
         camera_height_m=CAMERA_HEIGHT_M,
         reach_m=REACH_M,
         max_depth_m=max_depth_m,
+        max_back_m=0.3,
         tilt_range_rad=TILT_RANGE_RAD,
         simulated=True,
     )

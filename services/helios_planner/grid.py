@@ -30,6 +30,11 @@ class Pose2:
     def xy(self) -> tuple[float, float]:
         return self.x_m, self.y_m
 
+    def ahead(self, distance_m: float) -> Pose2:
+        """The pose so far straight ahead; below 0 behind."""
+        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return Pose2(self.x_m + distance_m * c, self.y_m + distance_m * s, self.yaw_rad)
+
     def distance_m(self, point: tuple[float, float] | NDArray[np.float64]) -> float:
         """In the ground plane, from the base's middle."""
         return math.hypot(point[0] - self.x_m, point[1] - self.y_m)

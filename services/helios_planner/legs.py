@@ -168,6 +168,14 @@ class Legs:
             return False
         return self.mishaps.act(Forward(free_m)).moved_m > NO_MOTION_M
 
+    def back(self) -> bool:
+        """Move straight back, where the robot came from and can do so; whether it moved."""
+        most_m = self.body.description.max_back_m
+        free_m = self.reach(self.levels[-1]).free_back_m(most_m, self.rules)
+        if free_m < self.rules.min_forward_m - 1e-9:
+            return False
+        return self.mishaps.act(Forward(-free_m)).moved_m > NO_MOTION_M
+
     def _mark_ahead(self, pose: Pose2, moved_m: float) -> None:
         """Something unseen is in the way: remember it where the rim met it."""
         self.mishaps.blocked()
@@ -188,8 +196,8 @@ class Legs:
 
     def _get_free(self) -> None:
         """While wedged: the camera may be blind for the ground at the feet; or what was felt is
-        gone or never was there, so forget it and look all around, a few times. Raises TaskFailed
-        when that does not help."""
+        gone or never was there, so forget it and look all around, then move back, a few times.
+        Raises TaskFailed when that does not help."""
         if self._wedged():
             self.look_down_around()
         if self._wedged():
@@ -199,6 +207,8 @@ class Legs:
             self.felt.clear()
             self._full_turn(down_only=True)
             self.tilt(self.settings.travel_tilt_rad)
+            if self._wedged():
+                self.back()
 
     def _settle_jump(self) -> None:
         """After a jump of the localisation: what was felt lies elsewhere now; look around, so that

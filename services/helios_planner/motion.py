@@ -68,6 +68,19 @@ class Reach:
         """Whether the robot fits there with that heading; a disc does wherever it can get."""
         return True
 
+    def free_back_m(self, wanted_m: float, rules: MotionRules) -> float:
+        """How far it can go straight back, coming no nearer to anything than it stands now; 0 if
+        less than the smallest move."""
+        here = least_clearance_m(self.clearance, self.ground, self.robot, self.robot.xy)
+        least_m = min(here, rules.footprint_m) - 0.5 * self.ground.cell_m
+        distance_m = wanted_m
+        while distance_m >= rules.min_forward_m - 1e-9:
+            end = self.robot.ahead(-distance_m).xy
+            if least_clearance_m(self.clearance, self.ground, self.robot, end) >= least_m:
+                return distance_m
+            distance_m -= self.ground.cell_m
+        return 0.0
+
     def nearest(self, point: tuple[float, float], within_m: float) -> tuple[float, float] | None:
         """The reachable place nearest to a point, if any lies within `within_m`."""
         ground = self.ground

@@ -164,6 +164,14 @@ class PoseReach(Reach):
             distance_m -= self.ground.cell_m
         return 0.0
 
+    def free_back_m(self, wanted_m: float, rules: MotionRules) -> float:
+        distance_m = wanted_m
+        while distance_m >= rules.min_forward_m - 1e-9:
+            if self._slack_at(self.robot.ahead(-distance_m), distance_m) >= self.least_slack_m:
+                return distance_m
+            distance_m -= self.ground.cell_m
+        return 0.0
+
     @property
     def least_slack_m(self) -> float:
         """What a motion from here must keep: the margin, or what there is where there is less."""

@@ -21,7 +21,7 @@ from helios_core.types import RobotDescription, RobotState
 
 @dataclass(frozen=True)
 class Forward:
-    """Drive straight ahead."""
+    """Drive straight ahead; below 0 straight back, where the description allows it."""
 
     distance_m: float
 

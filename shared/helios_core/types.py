@@ -122,6 +122,7 @@ class RobotDescription:
     camera_forward_m: float = 0.0  # ahead of the base's centre
     min_forward_m: float = 0.1
     max_forward_m: float = 1.0
+    max_back_m: float = 0.0  # longest move straight back; 0: it cannot
     min_turn_rad: float = float(np.deg2rad(5))
     max_turn_rad: float = float(np.deg2rad(30))
     tilt_range_rad: tuple[float, float] = (0.0, 0.0)  # positive looks down

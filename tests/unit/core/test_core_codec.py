@@ -253,7 +253,15 @@ def test_numbers_that_no_robot_has_are_refused(
 
 @pytest.mark.parametrize(
     "action",
-    [Forward(0.5), Turn(-0.3), Tilt(0.2), Pick((1, 2, 3), "mug"), Place((1, 2, 0.5)), Observe()],
+    [
+        Forward(0.5),
+        Forward(-0.2),
+        Turn(-0.3),
+        Tilt(0.2),
+        Pick((1, 2, 3), "mug"),
+        Place((1, 2, 0.5)),
+        Observe(),
+    ],
 )
 def test_an_action_survives_the_wire(action: Action) -> None:
     assert action_from_proto(action_to_proto(action)) == action
@@ -265,7 +273,9 @@ def test_an_empty_action_is_refused() -> None:
 
 
 def test_a_description_survives_the_wire() -> None:
-    robot = RobotDescription("r", 0.3, 1.4, CAMERA, 1.31, 0.8, 10.0, tilt_range_rad=(-0.5, 1.0))
+    robot = RobotDescription(
+        "r", 0.3, 1.4, CAMERA, 1.31, 0.8, 10.0, max_back_m=0.25, tilt_range_rad=(-0.5, 1.0)
+    )
     assert description_from_proto(description_to_proto(robot)) == robot
 
 

@@ -134,7 +134,8 @@ class FakeWorld(Body):
                 self._pose = Pose2(p.x_m, p.y_m, wrap_angle(p.yaw_rad + angle))
                 return ActionResult(True, turned_rad=angle)
             case Forward(distance):
-                assert 0.0999 <= distance <= 1.0001, action
+                most = 1.0 if distance > 0 else self.description.max_back_m
+                assert 0.0999 <= abs(distance) <= most + 0.0001, action
                 return self._drive(distance)
             case Tilt(angle):
                 self._tilt = angle
@@ -147,15 +148,14 @@ class FakeWorld(Body):
                 return ActionResult(True)
 
     def _drive(self, distance: float) -> ActionResult:
-        p, moved = self._pose, 0.0
-        while moved < distance - 1e-9:
-            step = min(0.01, distance - moved)
-            x = self._pose.x_m + step * math.cos(p.yaw_rad)
-            y = self._pose.y_m + step * math.sin(p.yaw_rad)
-            if not self._clear(x, y):
+        moved = 0.0
+        while moved < abs(distance) - 1e-9:
+            step = min(0.01, abs(distance) - moved)
+            there = self._pose.ahead(math.copysign(step, distance))
+            if not self._clear(*there.xy):
                 self.contacts += 1
                 return ActionResult(False, "touched something", moved_m=moved, collided=True)
-            self._pose, moved = Pose2(x, y, p.yaw_rad), moved + step
+            self._pose, moved = there, moved + step
         return ActionResult(True, moved_m=moved)
 
     def _pick(self, point: NDArray[np.float64], class_name: str) -> ActionResult:

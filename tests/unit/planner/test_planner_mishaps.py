@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from helios_planner.legs import Legs, Outcome
 from helios_planner.mishaps import MOST_BLOCKS, MOST_JUMPS, MOST_WEDGED
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
-from planner_world import Box, FakeWorld, coffee_table, counter, flat, mug
+from planner_world import ROBOT, Box, FakeWorld, coffee_table, counter, flat, mug
 
 MOVE = "Move the mug from the coffee table to the counter"
 Trouble = Callable[[FakeWorld, Action], ActionResult | None]
@@ -118,6 +119,42 @@ def test_what_was_felt_and_is_no_longer_there_does_not_wedge_the_robot_for_good(
         legs.felt.append((2.0 + 0.42 * math.cos(a), 2.0 + 0.42 * math.sin(a), 0.08))
     assert legs.go_to(Pose2(3.0, 3.0, 0.0), "test") is Outcome.ARRIVED
     assert legs.mishaps.wedged == 1
+
+
+def lane(max_back_m: float) -> Legs:
+    """A robot that stands in a lane in which it just fits, 0.4 m from where it came in."""
+    walls = [Box(1.6, 2.0, 3.2, 2.7, 1.0), Box(1.6, 3.325, 3.2, 4.0, 1.0)]
+    world = flat(start=Pose2(2.0, 3.0125, 0.0), extra=walls)
+    world.description = replace(ROBOT, max_back_m=max_back_m)
+    return legs_in(world)
+
+
+def test_a_wedged_robot_that_can_moves_back_out_of_where_it_came_in() -> None:
+    legs = lane(0.3)
+    assert legs.go_to(Pose2(0.8, 3.0, 3.1), "test") is Outcome.ARRIVED
+    assert isinstance(legs.body, FakeWorld)
+    back = [a.distance_m for a in legs.body.log if isinstance(a, Forward) and a.distance_m < 0]
+    assert 1 <= len(back) <= MOST_WEDGED
+    assert min(back) >= -0.3
+    assert legs.body.contacts == 0
+
+
+def test_a_robot_that_cannot_move_back_is_never_told_to() -> None:
+    legs = lane(0.0)
+    with pytest.raises(TaskFailed, match="wedged"):
+        legs.go_to(Pose2(0.8, 3.0, 3.1), "test")
+    assert isinstance(legs.body, FakeWorld)
+    assert not any(isinstance(a, Forward) for a in legs.body.log)
+
+
+@pytest.mark.parametrize(("behind_m", "free_m"), [(0.9, 0.3), (0.52, 0.2), (0.36, 0.0)])
+def test_a_move_back_ends_before_what_is_behind(behind_m: float, free_m: float) -> None:
+    """A box whose near edge is so far behind the robot's middle; its rim is 0.3 m away."""
+    box = Box(3.0 - behind_m - 0.5, 2.5, 3.0 - behind_m, 3.5, 1.0)
+    legs = legs_in(flat(start=Pose2(3.0, 3.0, 0.0), extra=[box]))
+    assert legs.reach(legs.levels[-1]).free_back_m(0.3, legs.rules) == pytest.approx(
+        free_m, abs=0.03
+    )
 
 
 # --- pick missed, object fallen, place missed ------------------------------------------------

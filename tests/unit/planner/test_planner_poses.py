@@ -68,6 +68,29 @@ def test_in_a_door_it_stands_lengthwise_only() -> None:
     assert not reached.fits(Pose2(3.5, 2.0, math.pi / 2))
 
 
+@settings(max_examples=60, deadline=None)
+@given(st.floats(0.6, 6.4), st.floats(0.6, 3.4), st.floats(-3.1, 3.1))
+def test_a_move_back_touches_nothing_that_it_does_not_touch_already(
+    x: float, y: float, yaw: float
+) -> None:
+    ground, pose = two_rooms(0.9), Pose2(x, y, yaw)
+    if touches(ground, pose):
+        return
+    free_m = pose_reach(ground, pose, SPOT, RULES).free_back_m(0.3, RULES)
+    assert free_m == 0.0 or 0.1 - 1e-9 <= free_m <= 0.3
+    for away in np.linspace(0, free_m, 12):
+        assert not touches(ground, pose.ahead(-away))
+
+
+def test_a_box_with_room_behind_it_moves_back_and_one_without_does_not() -> None:
+    ground = two_rooms(0.9)
+    free = [
+        pose_reach(ground, Pose2(x, 2.0, 0.0), SPOT, RULES).free_back_m(0.3, RULES)
+        for x in (2.0, 0.68)
+    ]
+    assert free == [0.3, 0.0]
+
+
 def drive(ground: GroundMap, pose: Pose2, goal: Pose2) -> Pose2:
     """Follow the plan, made anew before every motion; no intermediate pose may touch anything."""
     for _ in range(120):

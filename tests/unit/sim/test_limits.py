@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from helios_core.robot import Action, Forward, Observe, Pick, Place, Tilt, Turn
@@ -17,7 +18,8 @@ NOWHERE = (math.nan, math.inf, -math.inf)
 @pytest.mark.parametrize(
     "action",
     [
-        Forward(ROBOT.min_forward_m), Forward(ROBOT.max_forward_m), Turn(ROBOT.max_turn_rad),
+        Forward(ROBOT.min_forward_m), Forward(ROBOT.max_forward_m), Forward(-ROBOT.max_back_m),
+        Forward(-ROBOT.min_forward_m), Turn(ROBOT.max_turn_rad),
         Turn(-ROBOT.min_turn_rad), Tilt(LOW_TILT), Tilt(HIGH_TILT), Observe(),
         Pick((99.0, 0.0, 0.5), "mug"), Place((0.0, -99.0, 0.5)),
     ],
@@ -31,12 +33,17 @@ def test_what_lies_within_the_limits_may_begin(action: Action) -> None:
     "action",
     [
         Forward(ROBOT.min_forward_m - 1e-3), Forward(ROBOT.max_forward_m + 1e-3), Forward(-0.5),
+        Forward(-ROBOT.max_back_m - 1e-3), Forward(-ROBOT.min_forward_m + 1e-3), Forward(0.0),
         Turn(ROBOT.max_turn_rad + 1e-3), Turn(ROBOT.min_turn_rad / 2), Turn(0.0),
         Tilt(LOW_TILT - 1e-3), Tilt(HIGH_TILT + 1e-3),
     ],
 )  # fmt: skip
 def test_what_lies_beyond_is_refused(action: Action) -> None:
     assert "outside" in refusal(action, ROBOT)
+
+
+def test_a_robot_that_cannot_move_back_is_not_asked_to() -> None:
+    assert "back 0.1 m" in refusal(Forward(-0.1), replace(ROBOT, max_back_m=0.0))
 
 
 @pytest.mark.parametrize("x", NOWHERE)
