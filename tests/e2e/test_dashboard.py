@@ -224,7 +224,7 @@ def test_where_something_was_seen_is_told_with_pictures_and_shown_on_the_map(
     page.fill("#seen-prompt", "the red mug")
     page.press("#seen-prompt", "Enter")
     expect(page.locator("#sights li")).to_have_count(5)
-    expect(page.locator("#sights")).to_contain_text("believed, Ψ 0.71")
+    expect(page.locator("#sights")).to_contain_text("believed, score Ψ 0.71")
     expect(page.locator("#sights img").first).to_be_visible()
     before = page.locator("#map").screenshot()
     page.locator("#sights button", has_text="fits 0.82").click()

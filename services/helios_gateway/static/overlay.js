@@ -2,6 +2,7 @@
 import { $, number } from "./api.js";
 
 const FONT = "600 12px system-ui, sans-serif";
+const FEWEST_PX = 32; // a metre; below, values of frontiers would cover the map
 
 export function drawOverlay(context, view, colors) {
   const labels = new Labels(context, colors);
@@ -107,6 +108,7 @@ function drawObjects(context, view, colors, labels) {
     const [left, right] = [Math.min(...xs), Math.max(...xs)];
     const at = view.toScreen([cx, cy]);
     if (right - left < 10) {
+      labels.block(...at, 5);
       context.beginPath();
       context.arc(...at, 5, 0, 2 * Math.PI);
       context.fillStyle = colors.object;
@@ -124,6 +126,7 @@ function drawFrontiers(context, view, colors, labels) {
   for (const frontier of view.frontiers) {
     if (frontier.center_m.includes(null)) continue;
     const at = view.toScreen(frontier.center_m);
+    labels.block(...at, 6);
     context.beginPath();
     context.arc(...at, frontier.reachable ? 6 : 5, 0, 2 * Math.PI);
     context.fillStyle = frontier.reachable ? colors.frontier : colors.card;
@@ -133,7 +136,7 @@ function drawFrontiers(context, view, colors, labels) {
     context.stroke();
     const values = Object.entries(frontier.values).filter(([name]) => !layer || name === layer);
     const text = values.map(([name, value]) => `${layer ? "" : `${name} `}${number(value)}`).join(" · ");
-    if (text) labels.add(text, at, 8, colors.frontier, -1);
+    if (text && view.scale >= FEWEST_PX) labels.add(text, at, 8, colors.frontier, -1);
   }
 }
 

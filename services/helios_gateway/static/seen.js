@@ -28,7 +28,7 @@ export class Seen {
 
   show({ prompt, objects, views, views_asked, views_note }) {
     const found = objects.map((object) =>
-      this.sight(object.center_m, `${object.class} ${object.id}`, `believed, Ψ ${number(object.score)}`),
+      this.sight(object.center_m, `${object.class} ${object.id}`, `believed, score Ψ ${number(object.score)}`),
     );
     const seen = views.map((view) =>
       view.class
@@ -45,12 +45,13 @@ export class Seen {
 
   sight(place, name, how, jpeg) {
     const [x, y] = place;
-    const where = x == null || y == null ? "no place yet" : `x ${number(x, 1)}, y ${number(y, 1)} m`;
+    const where = x == null || y == null ? "no place yet" : `x ${number(x, 1)} m, y ${number(y, 1)} m`;
     const words = element(
       "span",
       {},
       element("strong", { textContent: name }),
-      element("span", { textContent: `${how}, at ${where}` }),
+      element("span", { textContent: how }),
+      element("span", { className: "hint", textContent: where }),
     );
     const button = element("button", { type: "button" });
     if (jpeg) button.append(element("img", { src: `data:image/jpeg;base64,${jpeg}`, alt: "" }));

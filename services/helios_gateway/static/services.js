@@ -21,8 +21,8 @@ function row({ name, state, reason, restarts, pid }) {
     element("span", { textContent: name }),
     element("span", { className: "state", textContent: state }),
     element("span", {
-      className: restarts ? "restarts some" : "restarts",
-      textContent: `${restarts} restart${restarts === 1 ? "" : "s"}`,
+      className: "restarts",
+      textContent: restarts ? `${restarts} restart${restarts === 1 ? "" : "s"}` : "",
     }),
     element("span", { className: "reason", textContent: reason.startsWith("http") ? "" : reason }),
   );

@@ -108,7 +108,7 @@ export class View3d {
     const size = Math.max(right - left, top - bottom, 2);
     const point = (...values) => values.map((v) => v.toFixed(2)).join();
     return new URLSearchParams({
-      initialCameraPosition: point(x, y - 0.6 * size, 0.7 * size),
+      initialCameraPosition: point(x, y - 0.45 * size, 0.6 * size),
       initialCameraLookAt: point(x, y, 0),
       initialCameraUp: "0,0,1",
     }).toString();

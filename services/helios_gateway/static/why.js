@@ -69,10 +69,16 @@ function drawTable(candidates) {
     if (candidate.name) first.append(element("small", { textContent: candidate.kind }));
     if (candidate.chosen) first.append(element("span", { className: "hidden", textContent: " (chosen)" }));
     const row = element("tr", { className: candidate.chosen ? "chosen" : "" }, first);
-    row.append(...names.map((name) => element("td", { textContent: number(candidate.terms[name], 3) })));
+    row.append(...names.map((name) => element("td", { textContent: term(name, candidate.terms[name]) })));
     return row;
   });
   $("why-table").replaceChildren(element("thead", {}, head), element("tbody", {}, ...rows));
+}
+
+/** A number with as many digits as it means something. */
+function term(name, value) {
+  if (name === "in_place") return value ? "yes" : "no";
+  return number(value, name === "views" ? 0 : name.endsWith("_m") ? 2 : 3);
 }
 
 /** distance_m → distance (m) */
