@@ -77,7 +77,10 @@ def key(
 @flat
 def mcp(at: At) -> None:
     """Serve the robot to a language agent over MCP. On standard input and output."""
+    import logging
+
     from helios_client.mcp_server import build
     from helios_client.sdk_async import AsyncHelios
 
+    logging.getLogger("httpx").setLevel(logging.WARNING)  # else a line for every request
     build(AsyncHelios(at.base_url, key=at.key, robot=at.robot)).run("stdio")
