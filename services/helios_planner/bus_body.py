@@ -62,6 +62,7 @@ class Listener(Protocol):
     def on_picks(self, picks: int) -> None: ...
     def on_paused(self, why: str) -> None: ...
     def on_resumed(self) -> None: ...
+    def on_wait(self, what: str | None) -> None: ...
 
 
 class BusBody(Body):
@@ -83,7 +84,7 @@ class BusBody(Body):
         """parts: of a keyframe that must be answered before the next action (`acks.PARTS`)."""
         self._settings, self._acks, self._parts = settings, acks, parts
         self._inbox = Inbox(bus, acks, context_id) if PART in parts else None
-        self._line = Line(bus, settings, cancelled)
+        self._line = Line(bus, settings, cancelled, listener.on_wait)
         self._driver = Driver(self._line, settings, task_id, self._on_pause)
         self.description = description_from_proto(description)
         self._context_id, self._max_steps, self._listener = context_id, max_steps, listener
@@ -105,13 +106,15 @@ class BusBody(Body):
                 if not ack.accepted or (part != "occupancy" and ack.context_id != self._context_id)
             ]  # fmt: skip
             if not missing and not foreign:
+                self._line.waits_for("")
                 return
+            parts = [PARTS[p] for p in (*missing, *foreign)]
+            self._line.waits_for(f"{_listed(parts)} to take up the search")
             if time.monotonic() > deadline:
-                parts = [PARTS[p] for p in (*missing, *foreign)]
                 reasons = [answers[p].reason for p in foreign if answers[p].reason]
                 raise TaskFailed(
                     Cause.SYSTEM_ERROR,
-                    f"{' and '.join(dict.fromkeys(parts))} did not take up the search"
+                    f"{_listed(parts)} did not take up the search"
                     + (f": {'; '.join(reasons)}" if reasons else "; see `helios status`"),
                 )
             self._line.rest(RETRY_S)
@@ -127,9 +130,10 @@ class BusBody(Body):
         result, _, missing = self._do(action, ACK_PATIENCE_S)
         deadline = time.monotonic() + self._settings.ack_timeout_s
         while missing:
+            whom = _listed([PARTS[p] for p in missing])
+            self._line.waits_for(f"{whom} to answer keyframe {self._frame}")
             if time.monotonic() > deadline:
                 waited = ACK_PATIENCE_S + self._settings.ack_timeout_s
-                whom = " and ".join(dict.fromkeys(PARTS[p] for p in missing))
                 raise TaskFailed(
                     Cause.SYSTEM_ERROR,
                     f"{whom} did not answer keyframe {self._frame} within {waited:.0f} s; see "
@@ -137,6 +141,7 @@ class BusBody(Body):
                 )
             log.warning("keyframe %s lacks %s; looking again", self._frame, ", ".join(missing))
             _, _, missing = self._do(Observe(), ACK_PATIENCE_S)
+        self._line.waits_for("")
         return result
 
     def _do(
@@ -269,3 +274,7 @@ class BusBody(Body):
 
     def tell_picks(self, picks: int) -> None:
         self._listener.on_picks(picks)
+
+
+def _listed(services: Sequence[str]) -> str:
+    return " and ".join(dict.fromkeys(services))

@@ -28,10 +28,18 @@ MOST_IN_VAIN = 8
 
 
 class Line:
-    """Calls for one task: patient with services that are away, and ended by a cancel."""
+    """Calls for one task: patient with services that are away, and ended by a cancel. `on_wait` is
+    told what is waited for, and None when it came."""
 
-    def __init__(self, bus: Bus, settings: Settings, cancelled: threading.Event) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        settings: Settings,
+        cancelled: threading.Event,
+        on_wait: Callable[[str | None], None],
+    ) -> None:
         self._bus, self._settings, self.cancelled = bus, settings, cancelled
+        self._on_wait, self._waited_for = on_wait, ""
 
     def call(
         self,
@@ -41,12 +49,29 @@ class Line:
     ) -> Rep:
         """Ask, and wait for a service that is away, up to `away_s`. Refusals are passed on; any
         other error ends the task as a system error."""
-        return patiently(
+        away = False
+
+        def waits(error: HeliosError) -> None:
+            nonlocal away
+            away = True
+            self.waits_for(f"the {method.name.partition('/')[0]}: {error.message}")
+
+        reply = patiently(
             lambda: self._bus.call(method, request, self._settings.call_timeout_s),
             self._settings.away_s,
             self.rest,
             refusals,
+            waits,
         )
+        if away:
+            self.waits_for("")
+        return reply
+
+    def waits_for(self, what: str) -> None:
+        """Tell it, once; empty when it came."""
+        if what != self._waited_for:
+            self._waited_for = what
+            self._on_wait(what or None)
 
     def call_once(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
         """Ask without patience; raises what the bus raises."""
@@ -101,6 +126,8 @@ class Driver:
             try:
                 result = self._line.call_once(ACT, request, self._settings.action_timeout_s + 5.0)
                 self._note(problem)
+                if problem is not None:
+                    self._line.waits_for("")
                 return result
             except Conflict as error:
                 self._token = None
@@ -114,6 +141,7 @@ class Driver:
             except HeliosError as error:
                 raise system_error(error) from error
             log.warning("the bridge did not act: %s", problem.message)
+            self._line.waits_for(f"the bridge: {problem.message}")
             away_since = away_since or time.monotonic()
             if time.monotonic() - away_since > self._settings.away_s:
                 raise TaskFailed(
@@ -159,6 +187,7 @@ class Driver:
             except Conflict as error:
                 if time.monotonic() > deadline:
                     raise system_error(error) from error
+                self._line.waits_for(f"the bridge: {error.message}")
                 self._line.rest(RETRY_S)
 
     def _next_id(self) -> str:

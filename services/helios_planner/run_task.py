@@ -15,7 +15,6 @@ from helios_core.topics import CONTEXT, VOCABULARY
 from helios_planner.acks import AckBook
 from helios_planner.agents import agent_named
 from helios_planner.bus_body import BusBody
-from helios_planner.calls import patiently
 from helios_planner.context import check_able, in_vocabulary, search_context
 from helios_planner.driving import Line
 from helios_planner.flow import Mission
@@ -75,6 +74,9 @@ class TaskRun:
             if body is not None:
                 body.end()
 
+    def _line(self) -> Line:
+        return Line(self._bus, self._settings, self._cancelled, self._voice.on_wait)
+
     def _body(self, context_id: str) -> BusBody:
         """Each life has its own ids of actions, so that none is taken for an earlier one."""
         life = self._journal.entry.life
@@ -90,28 +92,13 @@ class TaskRun:
     def _take_up(self, mission: Mission) -> None:
         """Settle the action in flight, and remember what was known."""
         log.info("task %s is taken up again, life %d", self._task.id, self._journal.entry.life)
-        line = Line(self._bus, self._settings, self._cancelled)
-        last = last_action(line, self._settings, self._journal)
+        last = last_action(self._line(), self._settings, self._journal)
         if self._journal.entry.memory:
             mission.recall(self._journal.entry.memory, last)
 
     def _named(self) -> None:
         """The task in the detector's names; waits for a detector that is away."""
-
-        def rest(seconds: float) -> None:
-            if self._cancelled.wait(seconds):
-                raise TaskCancelled
-
-        def waits(error: HeliosError) -> None:
-            message = f"waits for the detector: {error.message}"
-            if self._book.known(self._task.id).message != message:
-                self._book.change(self._task.id, message=message)
-
-        vocabulary = patiently(
-            lambda: self._bus.call(VOCABULARY, pb.Empty(), self._settings.call_timeout_s),
-            self._settings.away_s, rest, waits=waits,
-        )  # fmt: skip
-        named = in_vocabulary(self._task.instruction, vocabulary)
+        named = in_vocabulary(self._task.instruction, self._line().call(VOCABULARY, pb.Empty()))
         self._task = self._book.change(self._task.id, instruction=named)
 
 

@@ -123,7 +123,7 @@ class PlannerService:
             max_steps=request.max_steps or self._settings.max_steps,
             time_limit_s=request.time_limit_s or self._settings.time_limit_s,
             created_s=time.time(),
-            message=waiting_words(instruction),
+            message=waiting_words(instruction, self._description is not None),
             context_id=id,
             agent=agent,
             priority=request.priority,

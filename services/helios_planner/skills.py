@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum, auto
+from itertools import product
 
 import numpy as np
 from helios_core.robot import Pick, Place
@@ -18,6 +19,8 @@ from helios_planner.mishaps import Dropped
 from helios_planner.motion import Reach
 from helios_planner.settings import Settings
 from helios_planner.stand import (
+    ON_SHELF_M,
+    ON_TOP_M,
     AheadRules,
     PlaceRules,
     Spot,
@@ -100,11 +103,14 @@ class Skills:
     def _approach(
         self, target_m: np.ndarray, tried: list[tuple[float, float]], purpose: str
     ) -> bool:
-        """Stand within reach of a point, facing it, the head towards it."""
-        for level in self.legs.levels:
+        """Stand within reach of a point, facing it, the head towards it: with it in sight, else
+        where only what is over it would hide it, as the boards of a shelf seem to do in a map of
+        heights."""
+        for above_m, level in product((ON_TOP_M, ON_SHELF_M), self.legs.levels):
             stand = stand_for(
-                target_m, self.legs.reach(level), self.body.description, self._reach_m, tried
-            )
+                target_m, self.legs.reach(level), self.body.description, self._reach_m, tried,
+                above_m,
+            )  # fmt: skip
             if stand is None:
                 continue
             if self._stand_at(stand, target_m, purpose):

@@ -15,6 +15,9 @@ from helios_planner.gaze import eye_of, in_sight, outline_mask, outline_of
 from helios_planner.grid import GroundMap, Pose2, facing
 from helios_planner.motion import Reach
 
+ON_TOP_M = 0.15  # so near to a thing nothing but itself stands
+ON_SHELF_M = 0.45  # from a shelf's edge to a thing at its back
+
 
 @dataclass(frozen=True)
 class PlaceRules:
@@ -51,10 +54,12 @@ def stand_for(
     robot: RobotDescription,
     reach_m: float,
     tried: Sequence[tuple[float, float]] = (),
+    near_m: float = ON_TOP_M,
     tried_m: float = 0.2,
 ) -> Pose2 | None:
     """A reachable pose within `reach_m` of a point (world x, y, z), facing it, with it in sight and
-    not near one that was tried: short way, wide clearance. None if there is none."""
+    not near one that was tried: short way, wide clearance. None if there is none. near_m: so near
+    to the point nothing hides it."""
     ground = reached.ground
     row, column = ground.cells_of(np.array([target_m[:2]]))[0]
     n = math.ceil(reach_m / ground.cell_m)
@@ -75,7 +80,7 @@ def stand_for(
     for k in np.argsort(cost, kind="stable")[:400:4]:
         pose = facing(float(xy[k, 0]), float(xy[k, 1]), (float(target_m[0]), float(target_m[1])))
         eye = eye_of(pose, robot)
-        seen = in_sight(ground, eye, robot.camera_height_m, target_m, 0.15, robot.height_m)
+        seen = in_sight(ground, eye, robot.camera_height_m, target_m, near_m, robot.height_m)
         if seen and reached.fits(pose):
             return pose
     return None

@@ -143,9 +143,11 @@ class TaskBook:
             log.warning("%s was not told: %s", topic.name, error.message)
 
 
-def waiting_words(instruction: Instruction) -> str:
+def waiting_words(instruction: Instruction, robot_known: bool) -> str:
     """What a queued task says of itself."""
     words = "waits for its turn"
+    if not robot_known:
+        words += "; the bridge has not described the robot yet"
     if instruction.unused:
         words += f"; not used: {', '.join(f'“{u}”' for u in instruction.unused)}"
     return words

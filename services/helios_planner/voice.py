@@ -35,6 +35,7 @@ class TaskVoice:
         self._desk, self._id, self._settings = desk, id, settings
         self._phase: Phase | None = None
         self._phase_began, self._steps, self._decisions = 0, 0, first_decision
+        self._before: str | None = None  # what was told before it had to wait
 
     def on_phase(self, phase: Phase, seeking: str, message: str) -> None:
         if phase is not self._phase:
@@ -56,6 +57,15 @@ class TaskVoice:
 
     def on_resumed(self) -> None:
         self._desk.change(self._id, state=State.RUNNING, message="goes on")
+
+    def on_wait(self, what: str | None) -> None:
+        """Somebody is away; None: they are there again, and it goes on with what it did."""
+        if self._before is None:
+            self._before = self._desk.known(self._id).message
+        message = self._before if what is None else f"waits for {what}"
+        self._desk.change(self._id, message=message)
+        if what is None:
+            self._before = None
 
     def on_hold(self, paused: bool) -> None:
         """Somebody paused the task, or lets it go on."""

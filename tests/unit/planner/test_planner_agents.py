@@ -17,6 +17,7 @@ from helios_planner.grid import Pose2
 from helios_planner.instruction import parse
 from helios_planner.settings import Settings
 from helios_planner.sightings import Sighting
+from helios_planner.skills import Done
 from helios_planner.task import Cause, TaskFailed
 from planner_world import FakeWorld, Thing, coffee_table, counter, flat, mug
 
@@ -106,6 +107,27 @@ def test_after_a_failed_pick_the_place_is_left_alone_and_the_search_goes_on() ->
     assert len(at_false) == 1
     assert world.picks == 2
     assert world.released is world.things[3]
+
+
+def test_helios_leaves_alone_what_it_could_not_pick_and_takes_another() -> None:
+    """The object map goes on to believe in it; its place is refused for the rest of the task."""
+    stuck = mug(4, 6.8, 5.6)
+    stuck.graspable = False
+    world = flat([coffee_table(), counter(), mug(), stuck], Pose2(7.0, 4.6, 1.57))
+    mission = Mission(world, parse(MOVE), Settings())
+    mission.kit.legs.look_around()
+    search = mission.agent.seek_object(mission.kit, "mug", "coffee table")
+    wrong = next(o for o in world.objects("mug") if o.id == stuck.id)
+    assert mission.skills.pick(wrong, "mug") is Done.FAILED
+    assert world.picks == Settings().picks_per_object
+    search.leave(wrong, out_of_reach=False)
+    assert [o.id for o in search.candidates()] == [3]  # pyright: ignore[reportAttributeAccessIssue]
+    search.next_round()
+    again = mission.agent.seek_object(mission.kit, "mug", "coffee table")
+    again.recall(search.memory())
+    for later in (search, again):
+        assert not later.open(wrong)
+        assert later.open(next(o for o in world.objects("mug") if o.id == 3))
 
 
 def test_picks_of_the_trusting_agent_are_limited_as_those_of_any() -> None:

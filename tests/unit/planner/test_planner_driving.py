@@ -54,8 +54,11 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(driving, "RETRY_S", 0.001)
 
 
+WAITED: list[str | None] = []  # for what, newest last; None: it came
+
+
 def drive(robot: Robot, actions: int) -> None:
-    line = Line(robot.bus, Settings(), threading.Event())
+    line = Line(robot.bus, Settings(), threading.Event(), WAITED.append)
     driver = Driver(line, Settings(), "task", lambda _: None)
     for _ in range(actions):
         driver.do(Tilt(0.3))
@@ -83,8 +86,10 @@ def test_every_other_action_in_vain_is_too_many() -> None:
 
 def test_a_link_that_hiccups_now_and_then_is_waited_for() -> None:
     robot = Robot(lambda n: starved(n) if n % 4 == 0 else None)
+    WAITED.clear()
     drive(robot, 200)
     assert len(robot.ids) == 200
+    assert WAITED == ["the bridge: cannot walk: no answer from the robot", None] * 50
 
 
 def test_stops_are_no_trouble_of_the_robots() -> None:

@@ -14,8 +14,9 @@ from helios_planner.grid import GroundMap, Pose2
 from helios_planner.instruction import parse
 from helios_planner.motion import MotionRules, reach
 from helios_planner.settings import Settings
-from helios_planner.stand import AheadRules, PlaceRules, highest_ahead, place_spots
-from planner_world import CELL_M, ROBOT, coffee_table, counter, flat, mug
+from helios_planner.skills import Done
+from helios_planner.stand import AheadRules, PlaceRules, highest_ahead, place_spots, stand_for
+from planner_world import CELL_M, ROBOT, Box, coffee_table, counter, flat, mug
 
 TABLE_TOP_M = 0.7
 
@@ -73,6 +74,19 @@ def test_sight_begins_at_the_camera_and_not_at_the_base() -> None:
     seen = [in_sight(ground, eye_of(stand, robot), 1.3, target, 0.15, 2.0)
             for robot in (ROBOT, by_hand)]  # fmt: skip
     assert seen == [False, True]
+
+
+def test_what_lies_at_the_back_of_a_lower_shelf_is_picked() -> None:
+    """The map of heights knows the bookcase's top alone, and that hides what is on its boards."""
+    low = mug(x=2.5, y=6.62, z=0.4)
+    world = flat([low], Pose2(2.5, 4.9, 1.57), [Box(2.0, 6.25, 3.0, 6.95, 1.2)])
+    mission = Mission(world, parse("find the mug"), Settings())
+    mission.kit.legs.look_around()
+    (thing,) = world.objects("mug")
+    reached = mission.kit.legs.reach()
+    assert stand_for(thing.center_m, reached, ROBOT, 0.74) is None
+    assert mission.skills.pick(thing, "mug") is Done.SUCCEEDED
+    assert world.contacts == 0
 
 
 @pytest.mark.parametrize("rule", ["flat", "paper"])

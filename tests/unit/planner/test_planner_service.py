@@ -20,6 +20,7 @@ from helios_core.topics import (
     LIST_TASKS,
     OBJECTS,
     RETIRE,
+    SNAPSHOT,
     SUBMIT,
     TASK,
     VOCABULARY,
@@ -146,9 +147,39 @@ def test_a_robot_that_begins_a_new_world_in_mid_task_is_a_system_error(start: St
 def test_a_map_that_stays_silent_fails_the_task_and_is_named(start: Start) -> None:
     _, bus, peers = start()
     peers.silent.add("objects")
+    told: list[str] = []
+    bus.subscribe(TASK, lambda task: told.append(task.message))
     done = ended(bus, submit(bus).id)
     assert (done.state, done.cause) == ("failed", "system error")
     assert "objectmap" in done.message
+    assert any(m.startswith("waits for objectmap") for m in told)
+
+
+def test_a_task_says_what_it_waits_for_and_goes_on_with_what_it_did(start: Start) -> None:
+    _, bus, peers = start()
+    away = [2]
+
+    def snapshot(request: pb.SnapshotRequest) -> pb.MapSnapshot:
+        if peers.world.steps > 5 and away[0]:
+            away[0] -= 1
+            raise Unavailable("it starts again")
+        return peers._snapshot(request)
+
+    peers.bus.serve(SNAPSHOT, snapshot)
+    told: list[str] = []
+    bus.subscribe(TASK, lambda task: told.append(task.message))
+    assert ended(bus, submit(bus, "go to the counter").id).state == "succeeded"
+    k = told.index("waits for the map2d: it starts again")
+    assert told.count(told[k]) == 1
+    assert told[k + 1] == told[k - 1]
+
+
+def test_a_queued_task_says_that_no_robot_is_there_yet(tmp_path: Path) -> None:
+    hub = MemoryHub()
+    service = PlannerService(MemoryBus(hub), Settings(state_dir=tmp_path), Health())
+    told = submit(MemoryBus(hub)).message
+    service.close()
+    assert told == "waits for its turn; the bridge has not described the robot yet"
 
 
 def test_a_task_may_name_its_agent_and_one_that_trusts_the_detector_needs_no_object_map(
