@@ -55,7 +55,7 @@ class Answers:
             points_of(request.path_m),
             things,
         )
-        return pb.PictureReply(png=png_of(pixels), version=published.version)
+        return pb.PictureReply(png=png_of(pixels, published), version=published.version)
 
     def sight(self, request: pb.SightRequest) -> pb.SightReply:
         """Which points can be seen from an eye; Unavailable while there is no map."""

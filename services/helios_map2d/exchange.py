@@ -2,11 +2,12 @@
 
 ROS: a picture with its top row at the highest y, dark where occupied, and a text file with the
 cell size and the world position of the lower-left corner. Heights, values and what the map
-remembers do not fit into it.
+remembers do not fit into it; frame, stamp and pose stand in a comment.
 """
 
 from __future__ import annotations
 
+import json
 import math
 
 import cv2
@@ -16,7 +17,7 @@ from helios_core.errors import InvalidInput
 from helios_map2d.grid import GridSpec
 from helios_map2d.kept import MapContent
 from helios_map2d.occupancy import FREE, OCCUPIED, UNKNOWN
-from helios_map2d.snapshot import MapSnapshot, decode_npz, ground_of
+from helios_map2d.snapshot import MapSnapshot, about, decode_npz, ground_of
 
 FREE_GREY, OCCUPIED_GREY, UNKNOWN_GREY = 254, 0, 205  # as map_saver writes them
 MOST_CELLS = 64_000_000
@@ -31,6 +32,7 @@ def encode_ros(snapshot: MapSnapshot, name: str = "map") -> dict[str, bytes]:
     x_m, y_m = snapshot.grid.origin_m
     pgm = f"P5\n# HELIOS {snapshot.map_id} version {snapshot.version}\n{columns} {rows}\n255\n"
     text = (
+        f"# HELIOS: {json.dumps(about(snapshot))}\n"
         f"image: {name}.pgm\nresolution: {snapshot.grid.cell_m:.9g}\n"
         f"origin: [{x_m:.9g}, {y_m:.9g}, 0.0]\nnegate: 0\noccupied_thresh: 0.65\n"
         "free_thresh: 0.196\nmode: trinary\n"

@@ -80,7 +80,7 @@ class Keeping:
             state, epoch = decode_map(data, maps.rules, maps.footprint_radius_m, maps.version)
         except InvalidInput as error:
             aside = put_aside(self._path)
-            self._refused = f"{error.message}; the kept map was put aside as {aside}"
+            self._refused = f"the kept map was refused and put aside as {aside}: {error.message}"
             log.warning("%s", self._refused)
             self._trouble = self._refused
             return
@@ -112,7 +112,7 @@ class Keeping:
         elif kind == "png":
             size_px = request.size_px or DEFAULT_PICTURE_PX
             pixels = render(published, request.layer or OCCUPANCY, size_px)
-            files = {"map2d.png": png_of(pixels)}
+            files = {"map2d.png": png_of(pixels, published)}
         else:
             raise InvalidInput(f"no format is called {kind[:40]!r}; ask for {FORMATS}")
         reply = pb.SaveMap2DReply(

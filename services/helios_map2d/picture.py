@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import struct
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -32,10 +35,11 @@ from helios_map2d.sheet import (
     Sheet,
     plain,
 )
-from helios_map2d.snapshot import MapSnapshot
+from helios_map2d.snapshot import MapSnapshot, about
 
 OCCUPANCY = "occupancy"
 MIN_PX, MAX_PX = 128, 4096
+PNG_HEAD = 33  # bytes of the signature and of the first chunk, IHDR
 
 
 @dataclass(frozen=True)
@@ -93,10 +97,13 @@ def render(
     return sheet.pixels
 
 
-def png_of(pixels: NDArray[np.uint8]) -> bytes:
-    """An RGB picture as PNG."""
-    _, data = cv2.imencode(".png", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR))
-    return data.tobytes()
+def png_of(pixels: NDArray[np.uint8], snapshot: MapSnapshot) -> bytes:
+    """An RGB picture of a version as PNG, with `snapshot.about` as its text chunk "helios"."""
+    _, encoded = cv2.imencode(".png", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR))
+    data = encoded.tobytes()
+    text = b"tEXthelios\0" + json.dumps(about(snapshot)).encode("ascii")
+    chunk = struct.pack(">I", len(text) - 4) + text + struct.pack(">I", zlib.crc32(text))
+    return data[:PNG_HEAD] + chunk + data[PNG_HEAD:]
 
 
 def cell_colours(snapshot: MapSnapshot, layer: str) -> NDArray[np.uint8]:

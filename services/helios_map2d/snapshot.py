@@ -122,6 +122,22 @@ def frontier_json(frontier: Frontier) -> dict[str, object]:
     }
 
 
+def about(snapshot: MapSnapshot) -> dict[str, object]:
+    """What every export says of itself, as plain JSON: which map and version, the newest frame in
+    it (boot id, world epoch, number) and its stamp, where the robot was, and the grid."""
+    frame_id = snapshot.frame_id
+    return {
+        "map_id": snapshot.map_id,
+        "version": snapshot.version,
+        "frame_id": None if frame_id is None else
+        [frame_id.robot_boot_id, frame_id.world_epoch, frame_id.seq],
+        "stamp_ns": snapshot.stamp_ns,
+        "context_id": snapshot.context_id,
+        "grid": _grid_json(snapshot.grid),
+        "robot_pose": snapshot.robot_pose,
+    }  # fmt: skip
+
+
 def encode_npz(snapshot: MapSnapshot) -> bytes:
     """The snapshot as a compressed NPZ: its arrays, and `meta`, a JSON text with everything else.
 
@@ -130,23 +146,15 @@ def encode_npz(snapshot: MapSnapshot) -> bytes:
     """
     cells = [np.column_stack([np.full(len(f.cells), k), f.cells])
              for k, f in enumerate(snapshot.frontiers)]  # fmt: skip
-    frame_id = snapshot.frame_id
     meta = {
-        "map_id": snapshot.map_id,
-        "version": snapshot.version,
-        "frame_id": None if frame_id is None else
-        [frame_id.robot_boot_id, frame_id.world_epoch, frame_id.seq],
-        "stamp_ns": snapshot.stamp_ns,
-        "context_id": snapshot.context_id,
-        "grid": _grid_json(snapshot.grid),
+        **about(snapshot),
         "next_frontier_id": snapshot.next_frontier_id,
-        "robot_pose": snapshot.robot_pose,
         "frontiers": [frontier_json(f) for f in snapshot.frontiers],
         "layers": list(snapshot.values),
         "frames": "world z up; row along y, column along x; origin_m is the lower-left corner; "
         "corner counts cells from the world's origin",
         "occupancy": {"unknown": -1, "free": 0, "occupied": 100},
-    }  # fmt: skip
+    }
     arrays: dict[str, NDArray] = {
         "meta": np.array(json.dumps(meta)),
         "occupancy": snapshot.occupancy,

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import io
+import json
+import zlib
 
 import cv2
 import numpy as np
@@ -78,6 +81,29 @@ def test_a_map_goes_through_ros_map_server_and_back() -> None:
     after = state_of(other).published
     assert after.grid.centre_of(0, 0) == pytest.approx(before.grid.centre_of(0, 0))
     np.testing.assert_array_equal(before.occupancy, after.occupancy)
+
+
+def test_every_export_says_which_frame_when_where_and_in_which_world() -> None:
+    house = walked()
+    house.keyframe(house.walk.frame(2.25, 1.5, 0.5))
+    published = state_of(house).published
+    (npz,) = saved(house, "npz")
+    with np.load(io.BytesIO(npz.data)) as arrays:
+        of_npz = json.loads(str(arrays["meta"]))
+    (png,) = saved(house, "png")
+    at = png.data.index(b"tEXthelios\0")
+    length = int.from_bytes(png.data[at - 4 : at], "big")
+    chunk = png.data[at : at + 4 + length]
+    assert int.from_bytes(png.data[at + 4 + length :][:4], "big") == zlib.crc32(chunk)
+    assert cv2.imdecode(np.frombuffer(png.data, np.uint8), cv2.IMREAD_COLOR) is not None
+    yaml = next(f.data for f in saved(house, "ros") if f.name.endswith(".yaml")).decode()
+    of_ros = json.loads(yaml.splitlines()[0].removeprefix("# HELIOS: "))
+    assert of_ros == json.loads(chunk[len(b"tEXthelios\0") :])
+    assert of_ros == {name: of_npz[name] for name in of_ros}
+    assert published.frame_id is not None
+    assert of_ros["frame_id"] == ["boot", 0, published.frame_id.seq]
+    assert of_ros["stamp_ns"] == published.stamp_ns > 0
+    assert of_ros["robot_pose"] == pytest.approx([2.25, 1.5, 0.5])
 
 
 def test_a_ros_map_in_block_style_on_other_cells_is_moved_by_less_than_half_a_cell() -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from helios_core.errors import InvalidInput
 from helios_core.types import Frame
 from helios_map2d.occupancy import OccupancyRules
 from helios_map2d.rules import MapRules
+from helios_map2d.settings import Settings
 from helios_map2d.state import MapState
 from map2d_scene import Block, Walk, chair, room, table
 from numpy.typing import NDArray
@@ -144,6 +147,80 @@ def test_the_robots_own_arm_leaves_nothing() -> None:
     arm = Block((2.1, 1.45, 0.6), (2.2, 1.55, 0.9))
     state = mapped(Walk([*room(), arm]).look_around(2.0, 1.5))
     assert distances_to_walls(state, 4.0, 3.0).max() <= 2 * state.stack.grid.cell_m
+
+
+def test_what_the_robot_holds_leaves_nothing_while_it_holds_it() -> None:
+    held = Block((2.35, 1.42, 0.7), (2.45, 1.58, 0.9))  # beyond its radius of 0.2 m
+    walk = Walk([*room(), held])
+    for holding in (True, False):
+        state = MapState(RULES, (2.0, 1.5), RADIUS_M)
+        for _ in range(3):
+            state.integrate_frame(walk.frame(2.0, 1.5, 0.0), holding=holding)
+        assert (at(state, 2.36, 1.5) == 100) is not holding
+        assert at(state, 3.99, 0.9) == 100
+
+
+def test_a_person_who_walks_by_leaves_nothing() -> None:
+    walk = Walk(room())
+    frames = []
+    for x in np.arange(1.8, 3.4, 0.2):
+        walk.blocks = [*room(), Block((x, 1.0, 0), (x + 0.3, 1.5, 1.75))]
+        frames.append(walk.frame(0.5, 1.5, -0.1, math.radians(20)))
+    assert at(mapped(frames), 3.21, 1.3) == 100
+    walk.blocks = room()
+    frames += [walk.frame(0.5, 1.5, -0.1, math.radians(20)) for _ in range(3)]
+    state = mapped(frames)
+    assert distances_to_walls(state, 4.0, 3.0).max() <= 2 * state.stack.grid.cell_m
+    for x in (2.2, 2.6, 3.1):
+        assert at(state, x, 1.25) == 0
+
+
+@pytest.mark.parametrize(
+    ("block_m", "settings", "obstacle"),
+    [
+        ((1.60, 1.90), {}, False),  # the robot goes under it
+        ((1.60, 1.90), {"band_hi_m": 1.8}, True),
+        ((0.0, 0.06), {}, False),  # a rug
+        ((0.0, 0.06), {"band_lo_m": 0.04, "floor_tolerance_m": 0.02, "band_rise_per_m": 0}, True),
+        ((0.0, 0.30), {}, True),
+        ((0.0, 0.30), {"band_lo_m": 0.40}, False),
+    ],
+)
+def test_the_height_band_decides_what_is_an_obstacle(
+    block_m: tuple[float, float], settings: dict[str, Any], obstacle: bool
+) -> None:
+    low, high = block_m
+    walk = Walk([*room(), Block((3.0, 0.7, low), (3.4, 2.3, high))])
+    state = mapped(
+        [walk.frame(0.5, 1.5, 0.0, math.radians(10)) for _ in range(2)],
+        replace(RULES, occupancy=OccupancyRules(**settings)),
+    )
+    row, column = state.stack.grid.cell_of(3.01, 1.5)
+    front = state.stack.occupancy.occupancy[row, column - 2 : column + 3]
+    assert (100 in front) is obstacle
+
+
+@pytest.mark.parametrize("depth_m", [0.0, math.nan, math.inf, -1.0, 65.535])
+def test_an_image_without_any_measurement_shows_nothing(depth_m: float) -> None:
+    frame = Walk(room()).frame(2.0, 1.5, 0.0)
+    state = mapped([with_depth(frame, np.full_like(frame.depth_m, depth_m))])
+    known = np.argwhere(state.stack.occupancy.occupancy != -1)
+    x, y = np.array([state.stack.grid.centre_of(r, c) for r, c in known]).T
+    assert np.hypot(x - 2.0, y - 1.5).max() <= RADIUS_M  # where it stands
+
+
+def test_floor_behind_a_box_is_neither_explored_nor_searched() -> None:
+    walk = Walk([*room(), Block((2.8, 1.0, 0), (3.2, 2.0, 0.9))])
+    state = mapped([walk.frame(0.7, 1.5, 0.0, math.radians(20))])
+    behind, before = (state.stack.grid.cell_of(x, 1.5) for x in (3.5, 2.5))
+    assert (state.stack.occupancy.occupancy[behind], state.stack.search.explored[behind]) == (-1, 0)
+    assert (state.stack.occupancy.occupancy[before], state.stack.search.explored[before]) == (0, 1)
+
+
+def test_a_map_begins_with_two_thousand_cells_a_side_of_two_and_a_half_centimetres() -> None:
+    grid = MapState(Settings.load([]).rules(10.0, 0.2), (0.0, 0.0), RADIUS_M).stack.grid
+    assert grid.cell_m == 0.025
+    assert min(grid.shape) >= 2000
 
 
 def test_invalid_pixels_change_nothing() -> None:

@@ -1,0 +1,185 @@
+"""SIGKILL of a map in mid-task: it is back with what it knew, or says why it is not."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.grids import UNKNOWN, MapView, decode_snapshot
+from helios_core.topics import MAP2D_ACK, OBJECTMAP_ACK, OBJECTS, SNAPSHOT, TRUTH_EPISODE
+from helios_core.zenoh_bus import ZenohBus
+
+from tests.house import House
+from tests.support import wait_until
+
+pytestmark = pytest.mark.timeout(420)
+
+OLD_S = 5.0  # what is older than this when a service dies, it still knows afterwards
+RESTORED = r"the map was restored as it was written .* frames up to number (\d+)"
+REFUSED = r"the kept map was refused and put aside as (\S+): "
+KEPT = {"objectmap": "objectmap/objects.npz", "map2d": "map2d/map2d.map"}  # below the state folder
+MAPS = tuple(KEPT)
+
+
+class Watched:
+    """A house at work, and when which map took up which frame."""
+
+    def __init__(self, house: House, bus: Bus) -> None:
+        self.house, self.bus = house, bus
+        self.taken: dict[str, list[tuple[float, int]]] = {name: [] for name in MAPS}
+        bus.subscribe(OBJECTMAP_ACK, self._on_ack)
+        bus.subscribe(MAP2D_ACK, self._on_ack)
+        self.instruction = bus.call(TRUTH_EPISODE, pb.Empty(), 10).instruction
+        self.task = ""
+        self.works_on()
+
+    def works_on(self) -> None:
+        """Give the task (again) unless it is being worked on."""
+        if not self.task or self.house.task(self.task)["state"] != "running":
+            self.task = self.house.post("/v1/tasks", {"instruction": self.instruction})["id"]
+
+    def objects(self) -> pb.ObjectsReply:
+        return self.bus.call(OBJECTS, pb.ObjectsRequest(), 10)
+
+    def ground(self) -> MapView:
+        return decode_snapshot(self.bus.call(SNAPSHOT, pb.SnapshotRequest(), 10))
+
+    def kept(self, name: str) -> Path:
+        return self.house.state / KEPT[name]
+
+    def kill(self, name: str) -> int:
+        """Returns the process that is no more."""
+        pid = self.house.pid(name)
+        os.kill(pid, signal.SIGKILL)
+        return pid
+
+    def back(self, name: str, killed_pid: int, says: str) -> re.Match[str]:
+        """Wait until it is ready under another process and says something (a pattern)."""
+        found: list[re.Match[str]] = []
+
+        def is_back() -> bool:
+            now = self.house.service(name)
+            if now["state"] == "ready" and now["pid"] != killed_pid:
+                found.extend(re.finditer(says, now["reason"]))
+            return bool(found)
+
+        wait_until(is_back, 60, f"{name} is back and says {says!r}")  # loaded machines are slow
+        return found[0]
+
+    def takes_more(self, name: str, frames: int) -> None:
+        """Wait until it has taken up so many more frames."""
+        enough = len(self.taken[name]) + frames
+        wait_until(
+            lambda: len(self.taken[name]) >= enough, 120, f"{name} takes up {frames} more frames"
+        )
+
+    def _on_ack(self, ack: pb.Ack) -> None:
+        if ack.accepted and ack.part in ("objects", "occupancy"):
+            self.taken[ack.service].append((time.monotonic(), ack.id.seq))
+
+
+@pytest.fixture(scope="module")
+def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
+    house = House(tmp_path_factory.mktemp("state"))
+    bus: ZenohBus | None = None
+    try:
+        wait_until(house.ready, 180, "all services are ready")
+        bus = ZenohBus(f"tcp/127.0.0.1:{house.router_port}")
+        yield Watched(house, bus)
+    finally:
+        if bus is not None:
+            bus.close()
+        house.close()
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_a_killed_map_is_back_with_what_it_knew_5_s_before_and_says_so(
+    watched: Watched, name: str
+) -> None:
+    def works() -> bool:
+        long_ago = all(t and time.monotonic() - t[0][0] > OLD_S for t in watched.taken.values())
+        return long_ago and any(o.score >= 0.5 for o in watched.objects().objects)
+
+    wait_until(works, 150, "something is believed")
+    watched.works_on()
+    objects, ground, since = watched.objects(), watched.ground(), time.monotonic()
+    wait_until(lambda: time.monotonic() - since > OLD_S, 60, "that is 5 s old")
+    killed = time.monotonic()
+    said = watched.back(name, watched.kill(name), RESTORED)
+
+    newest = int(said[1])
+    assert newest >= max(n for at, n in watched.taken[name] if at < killed - OLD_S), said[0]
+    if name == "objectmap":
+        assert_knows_objects(watched.objects(), objects, newest)
+    else:
+        assert_knows_ground(watched.ground(), ground, newest)
+    watched.takes_more(name, 3)
+    assert watched.house.task(watched.task)["state"] in ("running", "succeeded")
+    assert said[0] in (watched.house.state / "logs" / f"{name}.log").read_text()
+
+
+@pytest.mark.parametrize("kind", ["truncated", "foreign"])
+def test_kept_maps_that_cannot_be_used_are_put_aside_and_said(watched: Watched, kind: str) -> None:
+    watched.works_on()
+    for name in MAPS:
+        wait_until(watched.kept(name).is_file, 30, f"{name} keeps its map")
+    killed = {name: watched.kill(name) for name in MAPS}
+    wrong: dict[str, bytes] = {}
+    for name in MAPS:  # nobody writes now; the next process reads it after its imports
+        wrong[name] = foreign() if kind == "foreign" else watched.kept(name).read_bytes()[:-1000]
+        watched.kept(name).write_bytes(wrong[name])
+
+    for name in MAPS:
+        said = watched.back(name, killed[name], REFUSED)
+        assert Path(said[1]).read_bytes() == wrong[name]
+    for name in MAPS:
+        watched.takes_more(name, 3)
+    watched.works_on()  # a robot that stands still may see nothing that it seeks
+    wait_until(lambda: watched.objects().gaussians > 0, 120, "objects are mapped anew")
+    assert watched.ground().explored_m2 > 1
+    for name in MAPS:
+        wait_until(watched.kept(name).is_file, 30, f"{name} keeps its new map")
+
+
+def assert_knows_objects(now: pb.ObjectsReply, then: pb.ObjectsReply, newest: int) -> None:
+    assert now.id.seq >= newest
+    assert now.gaussians > 0.9 * then.gaussians
+    for o in then.objects:
+        if o.score >= 0.5:
+            near = [p for p in now.objects if p.class_name == o.class_name and is_near(p, o)]
+            assert near, f"{o.class_name} {o.id} is forgotten"
+
+
+def is_near(a: pb.ObjectInstance, b: pb.ObjectInstance) -> bool:
+    p, q = ((o.center_m.x, o.center_m.y, o.center_m.z) for o in (a, b))
+    return float(np.linalg.norm(np.subtract(p, q))) < 0.5
+
+
+def assert_knows_ground(now: MapView, then: MapView, newest: int) -> None:
+    assert now.frame_id.seq >= newest
+    assert now.version > then.version
+    row, column = (round((b - a) / now.cell_m) for a, b in
+                   zip(now.origin_m[::-1], then.origin_m[::-1], strict=True))  # fmt: skip
+    assert row >= 0 <= column
+    rows, columns = then.shape
+    same_ground = now.occupancy[row : row + rows, column : column + columns]
+    assert same_ground.shape == then.shape
+    forgotten = (then.occupancy != UNKNOWN) & (same_ground == UNKNOWN)
+    assert not forgotten.any(), f"{forgotten.sum()} cells are forgotten"
+    assert np.array_equal(now.trajectory_m[: len(then.trajectory_m)], then.trajectory_m)
+
+
+def foreign() -> bytes:
+    """A good file, but of another program."""
+    stream = io.BytesIO()
+    np.savez(stream, header=np.arange(3), means=np.zeros((4, 3)))
+    return stream.getvalue()
