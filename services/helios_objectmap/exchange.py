@@ -96,7 +96,7 @@ class Exchange:
 
         The file's world frame is taken to be the present one.
         """
-        return self._recall(request.data)
+        return self._recall(request.data, same_world=False)
 
     def export(self, request: pb.ExportRequest) -> pb.ExportReply:
         """Gaussians of all instances, or of one, for other programs."""
@@ -149,7 +149,7 @@ class Exchange:
     # --- parts --------------------------------------------------------------------------------
     def _restored(self, kept: Kept) -> str:
         """Know what an earlier process wrote; returns what there is to say. Raises InvalidInput."""
-        loaded = self._recall(kept.data)
+        loaded = self._recall(kept.data, same_world=True)
         newest = self._maps.newest
         frames = "" if newest is None else f", frames up to number {newest.seq}"
         return (
@@ -157,13 +157,14 @@ class Exchange:
             f"objects, {loaded.gaussians} Gaussians{frames}"
         )
 
-    def _recall(self, data: bytes) -> pb.ObjectMapLoaded:
+    def _recall(self, data: bytes, *, same_world: bool) -> pb.ObjectMapLoaded:
+        """same_world: only while the robot is in the world epoch that the file names."""
         began = time.perf_counter()
         found = mapfile.read(data, self._maps.current.no_viewpoints())
         with self._lock:
             present = self._maps.current
             present.recall(found.memory)
-            if self._maps.epoch is None:
+            if same_world and self._maps.epoch is None:
                 self._maps.epoch, self._maps.newest = found.epoch, found.newest
                 self._maps.from_disk = found.epoch is not None
             self._replaced()

@@ -101,6 +101,15 @@ def test_a_loaded_map_knows_what_the_saved_one_knew_and_goes_on(rig):
     assert other.mug().score > before.score
 
 
+def test_a_map_that_is_loaded_before_the_first_frame_stays_whatever_world_it_was_made_in(rig):
+    other = Rig()
+    other.bus.publish(CONTEXT, context_to_proto(SOUGHT))
+    other.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=rig.saved()), 5.0)
+    state = RobotState(np.eye(4), robot_boot_id="a boot that the file does not name")
+    other.bus.publish(ROBOT_STATE, state_to_proto(state))
+    assert other.objects() == rig.objects()
+
+
 @settings(max_examples=20, deadline=None)
 @given(share=st.floats(0, 0.999))
 def test_a_truncated_file_is_refused_and_changes_nothing(rig, share):
