@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_objectmap.gaussians import GaussianStore
+from helios_objectmap.kernels.evidence import accumulate_kernel
 
 
 def accumulate(
@@ -15,14 +16,18 @@ def accumulate(
     columns: list[int],
     weights: NDArray[np.float32],
     alpha_cpa: float,
-) -> None:
-    """Add what one view says to the evidence of the Gaussians it shows.
+) -> NDArray[np.int64]:
+    """Add what one view says to the evidence of the Gaussians it shows; which of `rows` took some.
 
-    rows: [k]; kappa: [k, 1 + C] summed per label, "other" first, then the context's classes;
-    columns: [C] where those classes are in the store; weights: [k, C] share in [0, 1] that the view
-    gives a Gaussian and class. Evidence never falls, and is linear in alpha_cpa.
+    rows: [k], distinct; kappa: [k, 1 + C] summed per label, "other" first, then the context's
+    classes; columns: [C] where those classes are in the store; weights: [k, C] share in [0, 1] that
+    the view gives a Gaussian and class. For class c, eq. 3 is
+        positive_c += weight_c * alpha_cpa * kappa_c,    asked_c += weight_c * alpha_cpa * sum kappa
+    so evidence never falls, and is linear in alpha_cpa.
     """
-    total = alpha_cpa * kappa.sum(axis=1)
-    for j, column in enumerate(columns):
-        store.positive[rows, column] += weights[:, j] * alpha_cpa * kappa[:, 1 + j]  # eq. 3
-        store.asked[rows, column] += weights[:, j] * total
+    took = np.empty(len(rows), np.int64)
+    n = accumulate_kernel(
+        rows, kappa, np.array(columns, np.int64), weights, np.float32(alpha_cpa),
+        store.positive, store.asked, took,
+    )  # fmt: skip
+    return took[:n]

@@ -11,14 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_objectmap.gaussians import NO_INSTANCE
-from helios_objectmap.kernels.components import components_kernel
+from helios_objectmap.kernels.components import components_kernel, voxel_keys_kernel
 
-_BITS = 21
-_HALF = 1 << (_BITS - 1)
-# The 13 neighbours of a voxel that come before it in the order of keys; the other 13 come after.
+BITS = 21  # of a key for each axis
 _PRECEDING = np.array(
     [
-        (dx << (2 * _BITS)) + (dy << _BITS) + dz
+        (dx << (2 * BITS)) + (dy << BITS) + dz
         for dx in (-1, 0, 1)
         for dy in (-1, 0, 1)
         for dz in (-1, 0, 1)
@@ -26,45 +24,52 @@ _PRECEDING = np.array(
     ],
     np.int64,
 )
+# Steps to the 26 neighbours of a voxel: 13 come before it in the order of keys, 13 after.
+NEIGHBOURS: tuple[int, ...] = (*_PRECEDING.tolist(), *(-_PRECEDING).tolist())
 
 
 def voxel_keys(points: NDArray[np.float32], voxel_m: float) -> NDArray[np.int64]:
     """One integer per point [n, 3]: its voxel. The map reaches 2^20 voxels from the origin."""
-    ijk = np.floor(points.astype(np.float64) / voxel_m).astype(np.int64) + _HALF
-    return (ijk[:, 0] << (2 * _BITS)) | (ijk[:, 1] << _BITS) | ijk[:, 2]
+    keys = np.empty(len(points), np.int64)
+    voxel_keys_kernel(points, voxel_m, BITS, keys)
+    return keys
 
 
-def touching(
-    points: NDArray[np.float32], others: NDArray[np.float32], voxel_m: float
-) -> NDArray[np.bool_]:
-    """Whether each point [n, 3] is in the voxel of one of the others [k, 3] or in one beside it."""
-    steps = np.concatenate([-_PRECEDING, [0], _PRECEDING])
-    around = np.unique(distinct(voxel_keys(others, voxel_m))[0][:, None] + steps)
-    return np.isin(voxel_keys(points, voxel_m), around)
+def connected(voxels: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Number of the connected component of each voxel [n], 0, 1, ... without gaps.
+
+    voxels: distinct keys in rising order. Components are numbered by their first voxel.
+    """
+    parent = np.empty(len(voxels), np.int64)
+    components_kernel(voxels, _PRECEDING, parent)
+    return np.unique(parent, return_inverse=True)[1]
 
 
 def components(points: NDArray[np.float32], voxel_m: float) -> NDArray[np.int64]:
     """Number of the connected component of each point [n], 0, 1, ... without gaps."""
     voxels, of_point = distinct(voxel_keys(points, voxel_m))
-    parent = np.empty(len(voxels), np.int64)
-    components_kernel(voxels, _PRECEDING, parent)
-    _, of_voxel = np.unique(parent, return_inverse=True)
-    return of_voxel[of_point]
+    return connected(voxels)[of_point]
 
 
 def relabel(
-    component: NDArray[np.int64], former: NDArray[np.int32], next_label: int
+    component: NDArray[np.int64],
+    former: NDArray[np.int32],
+    count: NDArray[np.int64],
+    next_label: int,
 ) -> tuple[NDArray[np.int32], int]:
     """Stable labels for components: [n] labels, and the next free label.
 
-    former: [n] label of each point so far, NO_INSTANCE for none. A component that holds the larger
-    part of a former instance is its heir; of several inheritances it takes the smallest label, so
-    a merge keeps the smaller one and in a split the larger part keeps it. Others get new labels.
+    The n are points, or voxels of points. former: [n] label so far, NO_INSTANCE for none; count:
+    [n] points that have it. A component that holds the larger part of a former instance is its
+    heir; of several inheritances it takes the smallest label, so a merge keeps the smaller one and
+    in a split the larger part keeps it. Others get new labels.
     """
     n_components = int(component.max(initial=-1)) + 1
     label_of = np.zeros(n_components, np.int32)
     known = former != NO_INSTANCE
-    labels, parts, counts = count_pairs(former[known], component[known])
+    pair, of_pair = distinct((former[known].astype(np.int64) << 32) | component[known])
+    labels, parts = pair >> 32, pair & 0xFFFFFFFF
+    counts = np.bincount(of_pair, count[known], len(pair))
     # Most points first; between equal parts the component with the smaller number.
     by_size = np.lexsort((parts, -counts, labels))
     heirs: set[int] = set()
@@ -77,14 +82,6 @@ def relabel(
         label_of[part] = next_label
         next_label += 1
     return label_of[component], next_label
-
-
-def count_pairs(
-    a: NDArray[np.integer], b: NDArray[np.integer]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Distinct pairs (a, b) of numbers from 0 to 2^31 - 1, and how often each occurs."""
-    key, of_pair = distinct((a.astype(np.int64) << 32) | b)
-    return key >> 32, key & 0xFFFFFFFF, np.bincount(of_pair, minlength=len(key))
 
 
 def distinct(values: NDArray[np.integer]) -> tuple[NDArray[np.integer], NDArray[np.intp]]:

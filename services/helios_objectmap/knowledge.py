@@ -15,7 +15,14 @@ from helios_objectmap.dirichlet import marginal
 from helios_objectmap.gaussians import NO_INSTANCE, GaussianStore
 from helios_objectmap.information_gain import Expected, Member, Rates
 from helios_objectmap.mapfile import Memory
-from helios_objectmap.objects import BELIEVED, InstanceGaussians, describe, gaussians_of
+from helios_objectmap.objects import (
+    BELIEVED,
+    Belief,
+    InstanceGaussians,
+    believed,
+    describe,
+    gaussians_of,
+)
 from helios_objectmap.registry import InstanceRegistry, Moment
 from helios_objectmap.rendering import FAR_M, Projection, back_end
 from helios_objectmap.settings import ObjectMapSettings
@@ -138,7 +145,7 @@ class Knowledge:
             )
         column = store.class_names.index(class_name)
         mean, deviation = marginal(
-            store.positive[rows, column], store.asked[rows, column], prior, len(self._names) + 1
+            store.positive[rows, column], store.asked[rows, column], prior, self._n_classes
         )
         if layer == "probability":
             return picture.png(picture.belief(projection, np.asarray(mean), 1.0))
@@ -153,10 +160,10 @@ class Knowledge:
         column = store.class_names.index(self._registry.records[instance_id].class_name)
         mean, _ = marginal(
             store.positive[rows, column], store.asked[rows, column],
-            self._settings.prior_concentration, len(self._names) + 1,
+            self._settings.prior_concentration, self._n_classes,
         )  # fmt: skip
-        believed = rows[mean > BELIEVED]
-        return grasp(store.means[believed if len(believed) else rows])
+        own = rows[mean > BELIEVED]
+        return grasp(store.means[own if len(own) else rows])
 
     # On disk ------------------------------------------------------------------------------------
 
@@ -186,6 +193,11 @@ class Knowledge:
     def _names(self) -> list[str]:
         return [c.name for c in self._context.classes] if self._context is not None else []
 
+    @property
+    def _n_classes(self) -> int:
+        """Classes that the prior speaks of, "other" included."""
+        return len(self._names) + 1
+
     def _project(
         self, view: View, far_m: float | None = None, rows: NDArray[np.int32] | None = None
     ) -> Projection:
@@ -202,20 +214,21 @@ class Knowledge:
         s = self._settings
         return s.receptacle_voxel_m if self._is_receptacle(class_name) else s.object_voxel_m
 
-    def _describe(self, label: int) -> ObjectInstance | None:
+    def _belief(self, label: int) -> Belief | None:
+        """In an instance for its own class; None where it is too small to be reported."""
         store, s = self._store, self._settings
         rows = store.instances.rows_of(np.array([label]))
         if len(rows) < s.min_gaussians:
             return None
-        record = self._registry.records[label]
-        names, columns = list(self._names), list(self._columns)
-        if record.class_name not in names:
-            names.append(record.class_name)
-            columns.append(store.class_names.index(record.class_name))
-        mean, deviation = marginal(
-            store.positive[rows][:, columns],
-            store.asked[rows][:, columns],
-            s.prior_concentration,
-            len(self._names) + 1,
+        class_name, names = self._registry.records[label].class_name, list(self._names)
+        if class_name not in names:
+            names.append(class_name)
+        return believed(
+            store, rows, class_name, names, s.prior_concentration, self._n_classes, s.alpha_cs
         )
-        return describe(label, record, store.means[rows], mean, deviation, names, s.alpha_cs)
+
+    def _describe(self, label: int) -> ObjectInstance | None:
+        belief = self._belief(label)
+        if belief is None:
+            return None
+        return describe(label, self._registry.records[label], self._store.means, belief)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +12,7 @@ from helios_objectmap import create
 from helios_objectmap.accumulate import accumulate
 from helios_objectmap.belief import believe
 from helios_objectmap.carve import sight
-from helios_objectmap.gaussians import NO_INSTANCE, OTHER
-from helios_objectmap.instances import distinct
+from helios_objectmap.gaussians import OTHER
 from helios_objectmap.knowledge import Knowledge
 from helios_objectmap.limit import surplus
 from helios_objectmap.reading import OTHER_LABEL, Reading, read, without_held
@@ -50,9 +48,8 @@ class ObjectMap(Knowledge):
         if context == self._context:
             return
         store = self._store
-        voxels = {
-            r.class_name: self._voxel_m(r.class_name) for r in self._registry.records.values()
-        }
+        classes = {r.class_name for r in self._registry.records.values()}
+        voxels = {name: self._voxel_m(name) for name in classes}
         self._context = context
         for c in context.classes:
             store.column(c.name)
@@ -61,12 +58,10 @@ class ObjectMap(Knowledge):
         self._forget_classes(
             list(self._roles)[: -max(self._settings.max_classes, len(self._names))]
         )
-        lost = {
-            label
-            for label, record in self._registry.records.items()
-            if self._voxel_m(record.class_name) != voxels[record.class_name]
-        }
-        self._believe(np.arange(len(store)), lost)
+        for name in sorted(classes & self._roles.keys()):
+            if self._voxel_m(name) != voxels[name]:
+                self._registry.recluster(store, name, self._voxel_m(name))
+        self._believe(np.arange(len(store)))
         self._described.clear()
 
     def update(
@@ -81,27 +76,25 @@ class ObjectMap(Knowledge):
         )  # fmt: skip
         look = self._viewpoints.look(reading.view.T_world_cam)
         projection = self._project(reading.view)
-        carved, lost = 0, set()
+        gone = np.empty(0, np.int32)
         if s.creation_rule != "paper":
-            carved, lost = self._carve(projection, reading, look)
-            if carved:
-                projection = self._project(reading.view)
+            projection, gone = self._carve(projection, reading, look)
         rendering = projection.render()
 
         created_mask = self._creation_mask(reading, rendering)
         created = self._create(reading, created_mask)
         if created:  # what was out of view still is
             new = np.arange(len(store) - created, len(store), dtype=np.int32)
-            projection = self._project(reading.view, rows=np.append(projection.rows, new))
+            projection = projection.renewed(gone[:0], self._project(reading.view, rows=new))
         seen = reobserved(
             reading.depth_m, rendering, created_mask, s.reobserve_agreement_m, s.closing_px
         )
         labels = np.where(seen, reading.labels, -1).astype(np.int32)
-        fused = self._fuse(projection, labels, look, lost, observation.frame.stamp_ns)
+        fused = self._fuse(projection, labels, look, observation.frame.stamp_ns)
         self._updates += 1
-        gone = surplus(store.believed, store.seen, s.max_gaussians)
-        self._recluster(gone[:0], self._remove(gone))
-        return UpdateReport(created, carved, len(projection.rows), fused, len(store))
+        store.remove(gone)
+        self._remove(surplus(store.believed, store.seen, s.max_gaussians))
+        return UpdateReport(created, len(gone), len(projection.rows), fused, len(store))
 
     def retire(self, instance_id: int) -> int:
         """Remove an object that was picked; the number of Gaussians removed, 0 if unknown.
@@ -118,7 +111,7 @@ class ObjectMap(Knowledge):
         receptacles = [i for i, name in enumerate(store.class_names) if self._is_receptacle(name)]
         inside &= ~np.isin(store.believed[near], receptacles)
         gone = np.union1d(member, near[inside])
-        self._recluster(gone[:0], self._remove(gone))
+        self._remove(gone)
         return len(gone)
 
     # Parts ----------------------------------------------------------------------------------------
@@ -130,35 +123,42 @@ class ObjectMap(Knowledge):
             return
         columns = [store.class_names.index(name) for name in names]
         rows = np.flatnonzero(np.isin(store.believed, columns))
-        lost = set(np.unique(store.instance[rows]).tolist())
+        self._registry.leave(store, rows, self._voxel_m)
         store.believed[rows] = OTHER
-        store.instances.move(rows, NO_INSTANCE)
-        self._recluster(rows[:0], lost)
+        self._join(rows)
         store.drop_columns(names)
         for name in names:
             self._viewpoints.forget(name)
             del self._roles[name]
 
-    def _carve(self, projection: Projection, reading: Reading, look: Look) -> tuple[int, set[int]]:
-        """Fade what is seen through, remove it once enough views did, restore what is there.
-
-        Returns how many were removed, and the labels of the instances that lost some.
-        """
+    def _carve(
+        self, projection: Projection, reading: Reading, look: Look
+    ) -> tuple[Projection, NDArray[np.int32]]:
+        """Fade what is seen through, restore what is there, and give up what enough views saw
+        through: the projection as it is then, and the rows that are to be removed."""
         s, store = self._settings, self._store
         seen = sight(projection, reading.depth_m, s.carve_front_m)
-        there = projection.rows[seen.there]
-        there = there[store.through[there] > 0]
-        store.through[there], store.through_from[there] = 0, NEVER
+        there = seen.there[store.through[projection.rows[seen.there]] > 0]
+        restored = projection.rows[there]
+        store.through[restored], store.through_from[restored] = 0, NEVER
         through = projection.rows[seen.through]
         share = self._viewpoints.between(look, store.through_from[through])
         counted = through[share > 0]
         store.through[counted] += share[share > 0]
         store.through_from[counted] = look.viewpoint
-        for rows in (there, counted):
-            left = np.maximum(1 - store.through[rows] / s.carve_views, 0)
-            store.opacity[rows] = s.opacity * left
-        gone = through[store.through[through] >= WHOLE * s.carve_views]
-        return len(gone), self._remove(gone)
+        changed = np.concatenate([restored, counted])
+        if not len(changed):
+            return projection, changed
+        left = np.maximum(1 - store.through[changed] / s.carve_views, 0)
+        store.opacity[changed] = s.opacity * left
+        is_gone = store.through[changed] >= WHOLE * s.carve_views
+        gone, stays = changed[is_gone], changed[~is_gone]
+        self._registry.leave(store, gone, self._voxel_m)
+        store.believed[gone] = OTHER
+        return projection.renewed(
+            np.concatenate([there, seen.through[share > 0]]),
+            self._project(reading.view, rows=stays),
+        ), gone
 
     def _creation_mask(self, reading: Reading, rendering: Rendering) -> NDArray[np.bool_]:
         detected = (reading.labels != OTHER_LABEL) | self._settings.full_scene
@@ -177,58 +177,51 @@ class ObjectMap(Knowledge):
         return len(means)
 
     def _fuse(
-        self,
-        projection: Projection,
-        labels: NDArray[np.int32],
-        look: Look,
-        lost: set[int],
-        stamp_ns: int,
+        self, projection: Projection, labels: NDArray[np.int32], look: Look, stamp_ns: int
     ) -> int:
         """Take the evidence of a view and renew the instances that it changed."""
         store, names = self._store, self._names
         kappa = projection.kappa_sums(labels, 1 + len(names))
         rows = projection.rows
-        seen = kappa @ np.ones(kappa.shape[1], np.float32) > 0
-        store.seen[rows[seen]] = self._updates
+        store.seen[rows[kappa @ np.ones(kappa.shape[1], np.float32) > 0]] = self._updates
         weights = self._viewpoints.weights(look, names, store.born[rows])
-        takes = np.flatnonzero(seen & weights.any(axis=1))
-        rows, kappa, weights = rows[takes], kappa[takes], weights[takes]
         self._viewpoints.mark(look, names, self._updates)
-        accumulate(store, rows, kappa, self._columns, weights, self._settings.alpha_cpa)
-        self._believe(rows, lost)
-        self._registry.note_view(store.instance[rows], kappa, weights, names)
-        labels_seen = distinct(store.instance[rows])[0].tolist()
-        self._note_moments([label for label in labels_seen if label != NO_INSTANCE], stamp_ns)
+        alpha_cpa = self._settings.alpha_cpa
+        took = accumulate(store, rows, kappa, self._columns, weights, alpha_cpa)
+        rows, kappa, weights = rows[took], kappa[took], weights[took]
+        self._believe(rows)
+        given = self._registry.note_view(store.instance[rows], kappa, weights, names)
+        self._note_moments(given, stamp_ns)
         return len(rows)
 
     def _note_moments(self, labels: list[int], stamp_ns: int) -> None:
-        """Add to the history of instances that took evidence; they are described anew."""
+        """Add to the history of instances that took evidence; their description is out of date."""
         for label in labels:
-            self._described[label] = o = self._describe(label)
+            self._described.pop(label, None)
+            belief = self._belief(label)
             record = self._registry.records[label]
-            if o is not None:
-                record.note(Moment(stamp_ns, record.views, o.score, o.class_score))
+            if belief is not None:
+                scored = belief.score
+                record.note(Moment(stamp_ns, record.views, scored.psi, scored.class_score))
 
-    def _remove(self, rows: NDArray[np.integer]) -> set[int]:
-        """Remove rows; returns the labels of the instances that lost some."""
-        if not len(rows):
-            return set()
-        lost = set(np.unique(self._store.instance[rows]).tolist())
-        self._store.remove(rows)
-        return lost
+    def _remove(self, rows: NDArray[np.integer]) -> None:
+        """Remove rows from their instances and from the map."""
+        if len(rows):
+            self._registry.leave(self._store, rows, self._voxel_m)
+            self._join(rows[:0])
+            self._store.remove(rows)
 
-    def _believe(self, rows: NDArray[np.integer], lost: set[int]) -> None:
-        """Renew the beliefs of rows, and the instances that this or a loss changes."""
+    def _believe(self, rows: NDArray[np.integer]) -> None:
+        """Renew the beliefs of rows, and the instances that this changes."""
         store = self._store
         prior = self._settings.prior_concentration
-        new = believe(store.positive[rows], store.asked[rows], self._columns, prior)
+        new = believe(store.positive, store.asked, rows, self._columns, prior, self._n_classes)
         differs = np.flatnonzero(new != store.believed[rows])
         changed = rows[differs]
-        lost = lost | set(np.unique(store.instance[changed]).tolist())
+        self._registry.leave(store, changed, self._voxel_m)
         store.believed[changed] = new[differs]
-        store.instances.move(changed, NO_INSTANCE)
-        self._recluster(changed, lost)
+        self._join(changed)
 
-    def _recluster(self, rows: NDArray[np.integer], lost: Iterable[int]) -> None:
-        for label in self._registry.cluster(self._store, rows, lost, self._voxel_m):
+    def _join(self, rows: NDArray[np.integer]) -> None:
+        for label in self._registry.join(self._store, rows, self._voxel_m):
             self._described.pop(label, None)

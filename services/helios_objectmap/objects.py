@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -11,8 +12,15 @@ from numpy.typing import NDArray
 
 from helios_objectmap.dirichlet import concentration_of
 from helios_objectmap.gaussians import GaussianStore
+from helios_objectmap.kernels.describing import (
+    beliefs_kernel,
+    gather_kernel,
+    inside_kernel,
+    outer_kernel,
+    ranked_kernel,
+)
 from helios_objectmap.registry import InstanceRecord
-from helios_objectmap.score import score
+from helios_objectmap.score import Score, weighed
 
 BELIEVED = 0.5  # Gaussians more likely than not of the class make up an instance's box
 # A pixel on an edge that mixes two depths makes a stray Gaussian; a few must not move the box.
@@ -33,64 +41,90 @@ class InstanceGaussians:
     concentration: NDArray[np.float32]  # [n, classes] Dirichlet parameters
 
 
-def describe(
-    label: int,
-    record: InstanceRecord,
-    means: NDArray[np.float32],
-    mean: NDArray[np.floating],
-    deviation: NDArray[np.floating],
+@dataclass(frozen=True)
+class Belief:
+    """What is believed of an instance."""
+
+    rows: NDArray[np.integer]  # [n] in the store
+    mean: NDArray[np.float64]  # [n] E[theta] of its own class
+    probabilities: dict[str, float]  # class -> mean over the Gaussians, "other" too
+    score: Score  # for its own class
+
+
+def believed(
+    store: GaussianStore,
+    rows: NDArray[np.integer],
+    class_name: str,
     class_names: list[str],
+    prior: float,
+    n_classes: int,
     alpha_cs: float,
+) -> Belief:
+    """Belief in an instance of a class, which is one of class_names; n_classes: see `marginal`."""
+    columns = np.array([store.class_names.index(name) for name in class_names], np.int64)
+    own = class_names.index(class_name)
+    means, deviations, mine = np.zeros(len(columns)), np.zeros(len(columns)), np.empty(len(rows))
+    beliefs_kernel(
+        rows, store.positive, store.asked, columns, own, prior, prior * n_classes, means,
+        deviations, mine,
+    )  # fmt: skip
+    mean, deviation = means / len(rows), deviations / len(rows)
+    probabilities = dict(zip(class_names, mean.tolist(), strict=True))
+    probabilities["other"] = max(0.0, 1.0 - float(mean.sum()))
+    scored = weighed(float(mean[own]), float(deviation[own]), alpha_cs)
+    return Belief(rows, mine, probabilities, scored)
+
+
+def describe(
+    label: int, record: InstanceRecord, points: NDArray[np.float32], belief: Belief
 ) -> ObjectInstance:
-    """Figures of an instance. means: [n, 3]; mean, deviation: [n, C] of the classes named."""
-    own = class_names.index(record.class_name)
-    believed = mean[:, own] > BELIEVED
-    chosen = means[believed] if believed.any() else means
-    xyz = np.ascontiguousarray(chosen.T, np.float64)  # axis by axis is faster
-    box = np.quantile(xyz, BOX_QUANTILES, axis=1)
-    inside = ((xyz >= box[0][:, None]) & (xyz <= box[1][:, None])).all(axis=0)
-    solid = xyz[:, inside].T if inside.any() else xyz.T
-    scored = score(mean[:, own], deviation[:, own], alpha_cs)
-    probability = mean.mean(axis=0, dtype=np.float64)
-    probabilities = {name: float(p) for name, p in zip(class_names, probability, strict=True)}
-    probabilities["other"] = max(0.0, 1.0 - float(probability.sum()))
+    """Figures of an instance. points: [., 3] of the store."""
+    xyz = np.empty((3, len(belief.rows)), np.float32)
+    least = BELIEVED if (belief.mean > BELIEVED).any() else -1.0
+    own = gather_kernel(belief.rows, points, belief.mean, least, xyz)
+    box = quantiles(xyz[:, :own], BOX_QUANTILES)
+    xy = np.empty((own, 2), np.float32)
+    inside, top_m = inside_kernel(xyz, own, box[0], box[1], xy)
+    if not inside:  # few points: the box may hold none of them
+        everything = np.full(3, np.inf)
+        inside, top_m = inside_kernel(xyz, own, -everything, everything, xy)
     return ObjectInstance(
         id=label,
         class_name=record.class_name,
         center_m=box.mean(axis=0),
         size_m=box[1] - box[0],
-        score=scored.psi,
-        class_score=scored.class_score,
-        uncertainty=scored.uncertainty,
+        score=belief.score.psi,
+        class_score=belief.score.class_score,
+        uncertainty=belief.score.uncertainty,
         views=round(record.views),
-        gaussians=len(means),
-        probabilities=probabilities,
-        top_m=float(solid[:, 2].max()),
-        outline_m=outline(solid),
+        gaussians=len(belief.rows),
+        probabilities=belief.probabilities,
+        top_m=float(top_m),
+        outline_m=outline(xy[:inside]),
         detection_rate=record.detected / record.views if record.views else 0.0,
     )
 
 
-def outline(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Convex hull [k, 2] of the ground projection of points [n, 3]."""
-    xy = np.ascontiguousarray(points[:, :2], np.float32)
+def quantiles(values: NDArray[np.float32], shares: Sequence[float]) -> NDArray[np.float64]:
+    """Quantiles [shares, k] of each row of values [k, n], as `numpy.quantile` interpolates."""
+    at = np.asarray(shares) * (values.shape[1] - 1)
+    low = np.floor(at).astype(np.int64)
+    high = np.ceil(at).astype(np.int64)
+    out = np.empty((len(shares), len(values)))
+    found = np.empty((2, len(shares)), np.float32)
+    for k, row in enumerate(values):
+        ranked_kernel(row, np.concatenate([low, high]), found.reshape(-1))
+        out[:, k] = found[0] + (found[1].astype(np.float64) - found[0]) * (at - low)
+    return out
+
+
+def outline(xy: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Convex hull [k, 2] of points [n, 2]."""
     if len(xy) > MANY_POINTS:
-        xy = xy[~_inside_of_extremes(xy)]
+        corners = np.empty_like(xy)
+        xy = corners[: outer_kernel(xy, corners)]
     hull = cv2.convexHull(xy)
     return np.asarray(hull, np.float64).reshape(-1, 2)
-
-
-def _inside_of_extremes(xy: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Points [n, 2] well inside of the octagon of the extreme ones: no corner of the hull."""
-    x, y = np.ascontiguousarray(xy.T, np.float64)
-    towards = (x, x + y, y, y - x)  # counter-clockwise
-    corner = np.array([np.argmax(d) for d in towards] + [np.argmin(d) for d in towards])
-    edge = xy[np.roll(corner, -1)].astype(np.float64) - xy[corner]
-    inside = np.ones(len(xy), bool)
-    for i, (along_x, along_y) in zip(corner, edge, strict=True):
-        if along_x or along_y:
-            inside &= along_x * (y - y[i]) - along_y * (x - x[i]) > 1e-9
-    return inside & bool(edge.any())  # all in one place: nothing is inside
 
 
 def gaussians_of(

@@ -1,22 +1,25 @@
 """Which instances there are: labels of Gaussians, kept stable, and what is known of each instance.
 
-After an update only what it touched is clustered: the Gaussians whose class changed, the instances
-that lost some, and those with a voxel next to one that gained some. Any other instance is as far
-from the rest as it was, so the partition equals that of clustering everything.
+After an update only the voxels that it filled or emptied are clustered, with those beside them. Any
+other voxel is as near to the rest as it was, so the partition equals that of clustering everything.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
-from helios_objectmap.instances import components, count_pairs, distinct, relabel, touching
+from helios_objectmap.instances import components, distinct, relabel
+from helios_objectmap.kernels.evidence import views_kernel
+from helios_objectmap.voxels import Regrouped, Voxels
 
 MOST_HISTORY = 256
+
+VoxelSize = Callable[[str], float]  # of a class, metres
 
 
 @dataclass(frozen=True)
@@ -52,65 +55,79 @@ class InstanceRecord:
 
 
 class InstanceRegistry:
-    """Labels never change their class and are never used again."""
+    """Labels never change their class and are never used again.
+
+    A Gaussian that changes its class, or goes, first leaves its instance; when all that changes has
+    left, those that are believed to be something join, and the partition is whole again.
+    """
 
     def __init__(self) -> None:
         self.records: dict[int, InstanceRecord] = {}
         self.next_label = NO_INSTANCE + 1
+        self._voxels: dict[str, Voxels] = {}  # of each class that has changed
+        self._left: dict[str, set[int]] = {}  # class -> instances that lost some since `join`
 
-    def cluster(
-        self,
-        store: GaussianStore,
-        rows: NDArray[np.integer],
-        labels: Iterable[int],
-        voxel_m: Callable[[str], float],
-    ) -> set[int]:
-        """Renew the partition after a change; returns the labels of all instances that it touched.
+    def leave(self, store: GaussianStore, rows: NDArray[np.integer], voxel_m: VoxelSize) -> None:
+        """Rows are of no instance any more; they are still where and what they were."""
+        rows = rows[store.instance[rows] != NO_INSTANCE]
+        for name, own in _by_class(store, rows):
+            voxels = self._voxels_of(store, name, voxel_m(name))
+            self._left.setdefault(name, set()).update(distinct(store.instance[own])[0].tolist())
+            voxels.leave(store.means[own])
+            store.instances.move(own, NO_INSTANCE)
 
-        rows: those that are newly believed to be what they are; they have no label. labels: of
-        instances that lost Gaussians.
+    def join(self, store: GaussianStore, rows: NDArray[np.integer], voxel_m: VoxelSize) -> set[int]:
+        """Renew the partition; returns the labels of all instances that changed.
+
+        rows: those without an instance that are newly believed to be what they are.
         """
-        lost: dict[str, set[int]] = {}
-        for label in labels:
-            if label != NO_INSTANCE:
-                lost.setdefault(self.records[label].class_name, set()).add(label)
-        believed = store.believed[rows]
-        gained = {store.class_names[c]: c for c in np.unique(believed[believed != OTHER]).tolist()}
-        touched: set[int] = set()
-        for name in sorted(lost.keys() | gained.keys()):
-            own = rows[believed == gained[name]] if name in gained else rows[:0]
-            touched |= self._cluster_class(store, name, own, lost.get(name, set()), voxel_m(name))
-        return touched
+        left, self._left = self._left, {}
+        joining = dict(_by_class(store, rows))
+        changed: set[int] = set().union(*left.values())
+        for name in sorted(left.keys() | joining.keys()):
+            own = joining.get(name, rows[:0])
+            voxels = self._voxels_of(store, name, voxel_m(name))
+            regrouped, self.next_label = voxels.join(store.means[own], self.next_label)
+            for label in regrouped.moved:
+                members = store.instances.rows_of(np.array([label]))
+                store.instances.move(members, voxels.labels_of(store.means[members]))
+            store.instances.move(own, voxels.labels_of(store.means[own]))
+            self._renew_records(name, regrouped)
+            changed |= regrouped.labels
+        return changed
 
-    def _cluster_class(
-        self,
-        store: GaussianStore,
-        name: str,
-        own: NDArray[np.integer],
-        lost: set[int],
-        voxel_m: float,
-    ) -> set[int]:
-        near = store.blocks.near(store.means[own], 2 * voxel_m)
-        near = near[store.instance[near] != NO_INSTANCE]
-        if len(near):
-            near = near[store.believed[near] == store.class_names.index(name)]
-            near = near[touching(store.means[near], store.means[own], voxel_m)]
-        old = lost | set(np.unique(store.instance[near]).tolist())
-        rows = np.concatenate([store.instances.rows_of(np.array(sorted(old), np.int64)), own])
+    def recluster(self, store: GaussianStore, name: str, voxel_m: float) -> None:
+        """Cluster all of a class: its voxels are not known, or have another size now."""
+        old = {label for label, record in self.records.items() if record.class_name == name}
+        rows = store.instances.rows_of(np.array(sorted(old), np.int64))
         former = store.instance[rows]
         labels, self.next_label = relabel(
-            components(store.means[rows], voxel_m), former, self.next_label
-        )
-        fresh: dict[int, InstanceRecord] = {}
-        for label, ancestor in sorted(zip(*count_pairs(labels, former)[:2], strict=True)):
-            record = fresh.setdefault(int(label), InstanceRecord(name))
-            if ancestor != NO_INSTANCE:
-                record.inherit(self.records[int(ancestor)])
-        for label in old:
-            del self.records[label]
-        self.records |= fresh
+            components(store.means[rows], voxel_m), former, np.ones(len(rows), np.int64),
+            self.next_label,
+        )  # fmt: skip
+        ancestors: dict[int, set[int]] = {}
+        for pair in distinct((labels.astype(np.int64) << 32) | former)[0].tolist():
+            ancestors.setdefault(pair >> 32, set()).add(pair & 0xFFFFFFFF)
+        self._renew_records(name, Regrouped(regrouped=old, ancestors=ancestors))
         store.instances.move(rows, labels)
-        return old | fresh.keys()
+        self._voxels[name] = Voxels(voxel_m)
+        self._voxels[name].fill(store.means[rows], labels)
+
+    def _voxels_of(self, store: GaussianStore, name: str, voxel_m: float) -> Voxels:
+        known = self._voxels.get(name)
+        if known is None or known.voxel_m != voxel_m:
+            self.recluster(store, name, voxel_m)
+        return self._voxels[name]
+
+    def _renew_records(self, name: str, regrouped: Regrouped) -> None:
+        fresh: dict[int, InstanceRecord] = {}
+        for label, ancestors in regrouped.ancestors.items():
+            record = fresh[label] = InstanceRecord(name)
+            for ancestor in sorted(ancestors):
+                record.inherit(self.records[ancestor])
+        for label in regrouped.regrouped:
+            self.records.pop(label, None)
+        self.records |= fresh
 
     def note_view(
         self,
@@ -118,25 +135,34 @@ class InstanceRegistry:
         kappa: NDArray[np.float32],
         weights: NDArray[np.float32],
         class_names: list[str],
-    ) -> None:
-        """Count a view for the instances it gave evidence for.
+    ) -> list[int]:
+        """Count a view for the instances it gave evidence for; returns their labels.
 
         instance: [k] labels; kappa: [k, 1 + C] per label of the image, "other" first; weights:
         [k, C] of the view. An instance counts as seen with kappa of a pixel, and as detected with
         half of what was seen of it.
         """
         labels, of_row = distinct(instance)
-        seen = np.stack(
-            [np.bincount(of_row, kappa[:, c], len(labels)) for c in range(kappa.shape[1])], axis=1
-        )
-        everything = kappa.sum(axis=1)
+        seen = np.zeros((len(labels), kappa.shape[1]))
+        weighed = np.zeros((len(labels), weights.shape[1]))
+        views_kernel(of_row, kappa, weights, seen, weighed)
+        given = [label for label in labels.tolist() if label != NO_INSTANCE]
         for k, label in enumerate(labels.tolist()):
             record = self.records.get(label)
             if record is None or record.class_name not in class_names or seen[k].sum() < 1:
                 continue
             own = class_names.index(record.class_name)
-            mine = of_row == k
-            weight = float(np.average(weights[mine, own], weights=everything[mine]))
+            weight = float(weighed[k, own] / seen[k].sum())
             record.views += weight
             if seen[k, 1 + own] >= 0.5 * seen[k].sum():
                 record.detected += weight
+        return given
+
+
+def _by_class(
+    store: GaussianStore, rows: NDArray[np.integer]
+) -> list[tuple[str, NDArray[np.integer]]]:
+    """Rows by the class that they are believed to be; those of none are left out."""
+    believed = store.believed[rows]
+    columns = distinct(believed)[0].tolist()
+    return [(store.class_names[c], rows[believed == c]) for c in columns if c != OTHER]

@@ -13,7 +13,7 @@ A back end is one function, `Project`: `splat.project` on the CPU, `splat_cuda.p
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,7 @@ class Rendering:
 
 
 class Projection(Protocol):
-    """Gaussians as one view sees them: those that touch the image, in the order of the rows."""
+    """Gaussians as one view sees them: those that touch the image."""
 
     @property
     def width(self) -> int: ...
@@ -73,6 +73,14 @@ class Projection(Protocol):
         """Sum kappa(p, n) over the pixels of each label: the sum of eq. 3, [k, n_labels].
 
         labels: [h, w]; pixels with a negative label are left out.
+        """
+        ...
+
+    def renewed(self, gone: NDArray[np.integer], more: Self) -> Self:
+        """Without some of its Gaussians, and with those of another projection into this view.
+
+        gone: distinct indices into `rows`. The result is that of projecting all that are left and
+        all of `more`; what `more` shows may be in it already only if it goes.
         """
         ...
 

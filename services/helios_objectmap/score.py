@@ -21,4 +21,9 @@ def score(mean: NDArray[np.floating], deviation: NDArray[np.floating], alpha_cs:
     """Score an instance. mean, deviation: [n] E and sqrt(Var) of theta^c of its Gaussians."""
     class_score = float(mean.mean(dtype=np.float64))
     uncertainty = float(deviation.mean(dtype=np.float64))
+    return weighed(class_score, uncertainty, alpha_cs)
+
+
+def weighed(class_score: float, uncertainty: float, alpha_cs: float) -> Score:
+    """The score of an instance whose class score and uncertainty are known."""
     return Score(class_score, uncertainty, class_score - alpha_cs * uncertainty)  # eq. 7

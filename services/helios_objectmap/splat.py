@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_objectmap.kernels.blending import kappa_sums_kernel, raster_kernel, scatter_kernel
+from helios_objectmap.kernels.merging import merge_kernel, merged_offsets_kernel
 from helios_objectmap.kernels.projection import (
     COLUMNS,
     DEPTH,
@@ -64,6 +65,25 @@ class CpuProjection:
         sums = np.zeros((len(self.rows), n_labels), np.float32)
         scatter_kernel(self.entries, of_entry, sums)
         return sums
+
+    def renewed(self, gone: NDArray[np.integer], more: CpuProjection) -> CpuProjection:
+        """Without some of its Gaussians, and with those of another projection into this view."""
+        number, n_kept = np.arange(len(self.rows), dtype=np.int32), len(self.rows) - len(gone)
+        kept = slice(None)
+        if len(gone):
+            kept = np.delete(number, gone)
+            number[gone] = -1
+            number[kept] = np.arange(n_kept, dtype=np.int32)
+        rows = np.concatenate([self.rows[kept], more.rows])
+        splats = np.concatenate([self.splats[kept], more.splats])
+        offsets = np.empty_like(self.offsets)
+        merged_offsets_kernel(number, self.offsets, self.entries, more.offsets, offsets)
+        entries = np.empty(int(offsets[-1]), np.int32)
+        merge_kernel(
+            splats, number, self.offsets, self.entries, n_kept, more.offsets, more.entries,
+            offsets, entries,
+        )  # fmt: skip
+        return CpuProjection(self.width, self.height, rows, splats, offsets, entries)
 
 
 def project(

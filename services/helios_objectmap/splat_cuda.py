@@ -8,7 +8,7 @@ the centre (u + 1/2, v + 1/2).
 from __future__ import annotations
 
 import importlib
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -122,6 +122,20 @@ class CudaProjection:
             )
         return sums.cpu().numpy()
 
+    def renewed(self, gone: NDArray[np.integer], more: CudaProjection) -> CudaProjection:
+        """Without some of its Gaussians, and with those of another projection into this view."""
+        import torch
+
+        kept = torch.ones(len(self.rows), dtype=torch.bool, device=self.splats.uv.device)
+        kept[torch.from_numpy(np.asarray(gone, np.int64)).to(kept.device)] = False
+        splats = Splats(
+            *(
+                torch.cat([getattr(self.splats, f.name)[kept], getattr(more.splats, f.name)])
+                for f in fields(Splats)
+            )
+        )
+        return _projection(splats, self.width, self.height)
+
     def _rasterized(self, channels: Tensor) -> tuple[Tensor, Tensor]:
         """channels [k, c] blended [h, w, c], and the coverage [h, w]."""
         blended, coverage = _gsplat().rasterize_to_pixels(
@@ -144,23 +158,31 @@ def project(
 
     if rows is None:
         rows = np.arange(len(means), dtype=np.int32)
-    offsets = entries = None
     with torch.no_grad():
         splats = splats_of(means, radius_m, opacity, view, rows, far_m, DEVICE)
+    return _projection(splats, view.width, view.height)
+
+
+def _projection(splats: Splats, width: int, height: int) -> CudaProjection:
+    """Splats with the tiles that each of them touches."""
+    import torch
+
+    offsets = entries = None
+    with torch.no_grad():
         if len(splats.rows):
-            offsets, entries = _tiles(splats, view)
+            offsets, entries = _tiles(splats, width, height)
     return CudaProjection(
-        view.width, view.height,
+        width, height,
         splats.rows.to(torch.int32).cpu().numpy(), splats.depth_m.cpu().numpy(),
         splats.uv.cpu().numpy(), splats, offsets, entries,
     )  # fmt: skip
 
 
-def _tiles(splats: Splats, view: View) -> tuple[Tensor, Tensor]:
+def _tiles(splats: Splats, width: int, height: int) -> tuple[Tensor, Tensor]:
     """Offsets and entries of a projection."""
     import torch
 
-    tiles_u, tiles_v = -(-view.width // TILE), -(-view.height // TILE)
+    tiles_u, tiles_v = -(-width // TILE), -(-height // TILE)
     order = tie_order(splats)  # gsplat sorts stably by depth: what is equally far stays so
     uv = splats.uv[order] + _HALF_PIXEL
     half_px = torch.ceil(splats.half_px[order]).to(torch.int32)

@@ -1,4 +1,4 @@
-"""Connected voxels: a union-find over sorted keys."""
+"""Voxels of points, and connected ones: a union-find over sorted keys."""
 
 from __future__ import annotations
 
@@ -30,3 +30,15 @@ def components_kernel(keys, deltas, parent):
         while parent[a] != a:
             a = parent[a]
         parent[i] = a
+
+
+@njit(cache=True, nogil=True)
+def voxel_keys_kernel(points, voxel_m, bits, keys):
+    """Fill keys [n] with the voxel of each point [n, 3]: x, y, z in `bits` bits each."""
+    half = np.int64(1) << (bits - 1)
+    for i in range(points.shape[0]):
+        key = np.int64(0)
+        for axis in range(3):
+            step = np.int64(np.floor(np.float64(points[i, axis]) / voxel_m)) + half
+            key = (key << bits) | step
+        keys[i] = key

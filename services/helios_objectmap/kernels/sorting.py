@@ -59,6 +59,7 @@ def _radix_pass(source, target, shift, mask, starts):
 @njit(cache=True, nogil=True)
 def _order_equal_depths(splats, keys, order):
     n = keys.size
+    words = splats.view(np.uint32)
     first = 0
     while first < n:
         end = first + 1
@@ -67,13 +68,18 @@ def _order_equal_depths(splats, keys, order):
         if end - first > 1:
             run = order[first:end].copy()
             ties = np.empty(run.size, np.uint64)
-            drawn = np.empty(4, np.float32)
-            words = drawn.view(np.uint32)
             for i in range(run.size):
-                drawn[0], drawn[1] = splats[run[i], U], splats[run[i], V]
-                drawn[2], drawn[3] = splats[run[i], RADIUS], splats[run[i], LOG2_OPACITY]
-                ties[i] = (np.uint64(words[0]) << np.uint64(32)) | np.uint64(words[1])
-                ties[i] ^= np.uint64(words[2]) * np.uint64(0x9E3779B97F4A7C15)
-                ties[i] ^= np.uint64(words[3]) * np.uint64(0xC2B2AE3D27D4EB4F)
+                ties[i] = tie(words, run[i])
             order[first:end] = run[np.argsort(ties, kind="mergesort")]
         first = end
+
+
+@njit(cache=True, nogil=True)
+def tie(words, i):
+    """What orders a splat among those equally far: centre, radius and opacity, mixed.
+
+    words: [n, COLUMNS] the bits of the splats.
+    """
+    mixed = (np.uint64(words[i, U]) << np.uint64(32)) | np.uint64(words[i, V])
+    mixed ^= np.uint64(words[i, RADIUS]) * np.uint64(0x9E3779B97F4A7C15)
+    return mixed ^ (np.uint64(words[i, LOG2_OPACITY]) * np.uint64(0xC2B2AE3D27D4EB4F))

@@ -105,7 +105,8 @@ def test_score_is_the_mean_less_the_mean_deviation():
 
 
 def believed(positive, asked, context):
-    return believe(np.array([positive], np.float32), np.array([asked], np.float32), context, 1.0)[0]
+    positive, asked = np.array([positive], np.float32), np.array([asked], np.float32)
+    return believe(positive, asked, np.arange(1), context, 1.0, len(context) + 1)[0]
 
 
 def test_equal_beliefs_go_to_other_and_then_to_the_first_class():
@@ -117,3 +118,38 @@ def test_equal_beliefs_go_to_other_and_then_to_the_first_class():
 def test_a_class_of_an_earlier_context_keeps_its_name_until_the_present_one_has_a_name():
     assert believed([9, 0], [10, 0], [1]) == 0
     assert believed([9, 9], [10, 10], [1]) == 1
+
+
+def reference_belief(positive, asked, context, prior):
+    """The most likely class in float64, plain Python: (column, by how much it leads)."""
+    n_classes = len(context) + 1
+    mean = (positive + prior) / (asked + prior * n_classes)
+    parked = [c for c in range(len(positive)) if c not in context]
+    best, lead = OTHER, np.inf
+    if parked:
+        top = max(parked, key=mean.__getitem__)
+        best, lead = (top if mean[top] > 0.5 else OTHER), abs(mean[top] - 0.5)
+    ranked = sorted(mean[context])
+    top = max(context, key=mean.__getitem__)
+    other = max(asked[top] - positive[context].sum(), 0)
+    if positive[top] > other:
+        best = top
+    lead = min(lead, abs(positive[top] - other), *np.diff(ranked[-2:]))
+    return best, lead
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(1, 5), st.integers(0, 2**32 - 1), st.sampled_from([0.3, 1.0, 10.0]))
+def test_the_most_likely_class_is_that_of_the_reference(columns, seed, prior):
+    rng = np.random.default_rng(seed)
+    context = rng.permutation(columns)[: rng.integers(1, columns + 1)].tolist()
+    share = rng.dirichlet(np.ones(columns + 1), 40)[:, 1:]
+    asked = rng.uniform(0, 30, (40, 1)) * np.ones((1, columns))
+    positive, asked = (share * asked).astype(np.float32), asked.astype(np.float32)
+    rows = rng.permutation(40)
+    got = believe(positive, asked, rows, context, prior, len(context) + 1)
+    for row, column in zip(rows, got, strict=True):
+        expected, lead = reference_belief(
+            positive[row].astype(float), asked[row].astype(float), context, prior
+        )
+        assert column == expected or lead < 1e-3  # near-ties go to the first, or to "other"

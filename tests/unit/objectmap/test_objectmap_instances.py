@@ -76,7 +76,8 @@ def test_a_table_seen_in_pieces_is_one():
 
 
 def label(component, former, next_label=10):
-    return relabel(np.array(component), np.array(former, np.int32), next_label)
+    one = np.ones(len(component), np.int64)
+    return relabel(np.array(component), np.array(former, np.int32), one, next_label)
 
 
 def test_new_components_get_new_labels():
@@ -95,6 +96,11 @@ def test_in_a_split_the_larger_part_keeps_the_label():
     assert next_label == 11
 
 
+def test_the_larger_part_is_the_one_with_more_points_not_with_more_voxels():
+    voxels = np.array([0, 1, 1]), np.array([5, 5, 5], np.int32), np.array([9, 2, 3])
+    assert relabel(*voxels, 10)[0].tolist() == [5, 10, 10]
+
+
 def test_a_part_that_inherits_nothing_gets_a_new_label():
     # Instance 3 lies mostly in component 0, which also holds all of 2: component 1 is new.
     assert label([0, 0, 0, 1], [2, 3, 3, 3])[0].tolist() == [2, 2, 2, 10]
@@ -104,7 +110,8 @@ def test_a_part_that_inherits_nothing_gets_a_new_label():
 def test_relabelling_an_unchanged_partition_changes_nothing(seed):
     component = np.random.default_rng(seed).integers(0, 4, 30)
     component = np.unique(component, return_inverse=True)[1]
-    first, next_label = relabel(component, np.zeros(30, np.int32), 1)
-    again, same = relabel(component, first, next_label)
+    one = np.ones(30, np.int64)
+    first, next_label = relabel(component, np.zeros(30, np.int32), one, 1)
+    again, same = relabel(component, first, one, next_label)
     assert again.tolist() == first.tolist()
     assert same == next_label

@@ -35,16 +35,17 @@ class Scene:
         means = (middle + rng.normal(0, 0.15, (n, 3))).astype(np.float32)
         store.append(means, np.full(n, 0.01, np.float32), 0.9, np.zeros((n, 3), np.uint8), 0)
         gone = np.flatnonzero(rng.random(len(store)) < 0.1)
-        lost = set(store.instance[gone].tolist())
-        store.remove(gone)
+        self.registry.leave(store, gone, VOXEL_M.__getitem__)
+        store.believed[gone] = OTHER
         new = store.believed.copy()
         flips = rng.random(len(store)) < 0.2
+        flips[gone] = False
         new[flips] = rng.integers(OTHER, len(CLASSES), flips.sum())
         changed = np.flatnonzero(new != store.believed)
-        lost |= set(store.instance[changed].tolist())
+        self.registry.leave(store, changed, VOXEL_M.__getitem__)
         store.believed[changed] = new[changed]
-        store.instances.move(changed, NO_INSTANCE)
-        self.registry.cluster(store, changed, lost, VOXEL_M.__getitem__)
+        self.registry.join(store, changed, VOXEL_M.__getitem__)
+        store.remove(gone)
 
     def check(self) -> None:
         store = self.store
@@ -80,7 +81,7 @@ def grown(means, order, voxel_m):
             means[rows], np.full(n, 0.01, np.float32), 0.9, np.zeros((n, 3), np.uint8), 0
         )
         store.believed[new] = 0
-        registry.cluster(store, np.arange(new.start, new.stop), set(), lambda _: voxel_m)
+        registry.join(store, np.arange(new.start, new.stop), lambda _: voxel_m)
     labels = np.empty(len(means), np.int64)
     labels[order] = store.instance
     return parts(np.arange(len(means)), labels)
@@ -102,7 +103,7 @@ def test_what_is_far_from_a_change_keeps_its_label_and_is_not_touched():
         new = store.append(at, np.full(3, 0.01, np.float32), 0.9, np.zeros((3, 3), np.uint8), 0)
         store.believed[new] = 0
         rows = np.arange(new.start, new.stop)
-        touched = registry.cluster(store, rows, set(), lambda _: 0.07)
+        touched = registry.join(store, rows, lambda _: 0.07)
     assert store.instance.tolist() == [1, 1, 1, 2, 2, 2, 1, 1, 1]
     assert touched == {1}
 
@@ -115,7 +116,48 @@ def test_a_merged_instance_has_the_views_of_the_part_seen_most_often(views):
         at = np.full((2, 3), x, np.float32)
         new = store.append(at, np.full(2, 0.01, np.float32), 0.9, np.zeros((2, 3), np.uint8), 0)
         store.believed[new] = 0
-        registry.cluster(store, np.arange(new.start, new.stop), set(), lambda _: 0.07)
+        registry.join(store, np.arange(new.start, new.stop), lambda _: 0.07)
         if seen is not None:
             registry.records[int(store.instance[new][0])].views = seen
     assert {k: r.views for k, r in registry.records.items()} == {1: 8.0}
+
+
+def row_of_mugs(places) -> tuple[GaussianStore, InstanceRegistry]:
+    """Two Gaussians of a mug at each place along x, in voxels of 7 cm."""
+    store, registry = GaussianStore(), InstanceRegistry()
+    store.column("mug")
+    means = np.repeat(np.array([[x, 0.01, 0.01] for x in places], np.float32), 2, axis=0)
+    n = len(means)
+    store.append(means, np.full(n, 0.01, np.float32), 0.9, np.zeros((n, 3), np.uint8), 0)
+    store.believed[:] = 0
+    registry.join(store, np.arange(n), VOXEL_M.__getitem__)
+    return store, registry
+
+
+def test_an_instance_splits_when_its_middle_empties_and_the_larger_part_keeps_the_label():
+    store, registry = row_of_mugs([0.01, 0.08, 0.15, 0.22])
+    assert set(store.instance.tolist()) == {1}
+    for rows in ([2], [3]):  # the second voxel: first half of it, then all
+        registry.leave(store, np.array(rows), VOXEL_M.__getitem__)
+        store.believed[rows] = OTHER
+        touched = registry.join(store, np.empty(0, np.int64), VOXEL_M.__getitem__)
+    assert store.instance.tolist() == [2, 2, 0, 0, 1, 1, 1, 1]
+    assert touched == {1, 2}
+    assert registry.records.keys() == {1, 2}
+
+
+def test_an_instance_that_loses_all_its_gaussians_is_no_more():
+    store, registry = row_of_mugs([0.01, 0.5])
+    registry.leave(store, np.array([0, 1]), VOXEL_M.__getitem__)
+    store.believed[:2] = OTHER
+    assert registry.join(store, np.empty(0, np.int64), VOXEL_M.__getitem__) == {1}
+    assert registry.records.keys() == {2}
+
+
+def test_larger_voxels_join_instances_and_smaller_ones_split_them_again():
+    store, registry = row_of_mugs([0.01, 0.35])
+    registry.recluster(store, "mug", 0.5)
+    assert store.instance.tolist() == [1, 1, 1, 1]
+    registry.recluster(store, "mug", 0.07)
+    assert store.instance.tolist() == [1, 1, 3, 3]
+    assert registry.records.keys() == {1, 3}

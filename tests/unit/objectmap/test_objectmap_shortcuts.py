@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from helios_objectmap.instances import count_pairs, distinct
-from helios_objectmap.objects import MANY_POINTS, outline
+from helios_objectmap.instances import distinct
+from helios_objectmap.objects import MANY_POINTS, outline, quantiles
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,15 +16,15 @@ def test_the_outline_of_many_points_is_their_convex_hull(seed, kind):
     rng = np.random.default_rng(seed)
     n = MANY_POINTS + 500
     points = {
-        "blob": rng.normal(0, 1, (n, 3)),
-        "grid": rng.integers(-20, 20, (n, 3)) * 0.05,  # many on the hull's edges
-        "line": np.outer(rng.uniform(-1, 1, n), [1.0, 2.0, 0.0]),
-        "one place": np.tile(rng.normal(size=3), (n, 1)),
+        "blob": rng.normal(0, 1, (n, 2)),
+        "grid": rng.integers(-20, 20, (n, 2)) * 0.05,  # many on the hull's edges
+        "line": np.outer(rng.uniform(-1, 1, n), [1.0, 2.0]),
+        "one place": np.tile(rng.normal(size=2), (n, 1)),
     }[kind].astype(np.float32)
-    hull = cv2.convexHull(points[:, :2].copy()).reshape(-1, 2)
-    found = outline(points.astype(np.float64))
+    hull = cv2.convexHull(points).reshape(-1, 2)
+    found = outline(points)
     assert abs(area(found) - area(hull)) <= 1e-5
-    assert {tuple(p) for p in found} <= {tuple(p) for p in points[:, :2].astype(np.float64)}
+    assert {tuple(p) for p in found} <= {tuple(p) for p in points.astype(np.float64)}
 
 
 def area(polygon) -> float:
@@ -40,9 +40,11 @@ def test_distinct_values_are_those_of_numpy(values):
     assert np.array_equal(of_value, inverse)
 
 
-@given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 3)), max_size=60))
-def test_pairs_are_counted(pairs):
-    a, b = np.array(pairs, np.int64).reshape(-1, 2).T
-    counted = dict(zip(zip(*(x.tolist() for x in count_pairs(a, b)[:2]), strict=True),
-                       count_pairs(a, b)[2].tolist(), strict=True))  # fmt: skip
-    assert counted == {pair: pairs.count(pair) for pair in set(pairs)}
+@settings(max_examples=25, deadline=None)
+@given(st.integers(1, 400), st.integers(0, 2**32 - 1), st.sampled_from([1.0, 1e-3, 0.0]))
+def test_quantiles_are_those_of_numpy_with_ties_and_far_outliers_too(n, seed, spread):
+    rng = np.random.default_rng(seed)
+    values = (5 + spread * rng.normal(0, 1, (3, n))).astype(np.float32).round(3)
+    values[:, rng.random(n) < 0.02] = 1e4
+    wanted = np.quantile(values.astype(np.float64), (0.02, 0.5, 0.98), axis=1)
+    assert np.allclose(quantiles(values, (0.02, 0.5, 0.98)), wanted, rtol=1e-12)

@@ -132,6 +132,36 @@ def test_order_of_gaussians_and_equal_depths_do_not_change_a_pixel(project, scen
     assert np.array_equal(a.depth_m, b.depth_m)
 
 
+@settings(max_examples=8, deadline=None)
+@given(scene=scenes(25), seed=st.integers(0, 2**32 - 1))
+def test_a_renewed_projection_is_that_of_all_that_is_left_and_new(project, scene, seed):
+    means, radius, opacity = scene
+    means[:, 2] = np.round(means[:, 2], 1)  # many equal depths
+    rng = np.random.default_rng(seed)
+    n = len(means)
+    at_first, later, gone = rng.random(n) < 0.6, rng.random(n) < 0.6, rng.random(n) < 0.3
+    later &= ~at_first | gone  # some go and come again
+
+    def of(chosen):
+        rows = np.flatnonzero(chosen).astype(np.int32)
+        return project(means, radius, opacity, VIEW, rows)
+
+    before = of(at_first)
+    renewed = before.renewed(np.flatnonzero(gone[before.rows]), of(later))
+    afresh = of(at_first & ~gone | later)
+    assert set(renewed.rows.tolist()) == set(afresh.rows.tolist())
+    features = rng.uniform(0, 1, (n, 2)).astype(np.float32)
+    a, b = renewed.render(features[renewed.rows]), afresh.render(features[afresh.rows])
+    assert np.array_equal(a.features, b.features)
+    assert np.array_equal(a.depth_m, b.depth_m)
+    labels = rng.integers(-1, 3, (VIEW.height, VIEW.width)).astype(np.int32)
+    sums = np.zeros((2, n, 3), np.float32)
+    for out, projection in zip(sums, (renewed, afresh), strict=True):
+        out[projection.rows] = projection.kappa_sums(labels, 3)
+    # The same numbers, added up in the order of the tiles either way.
+    assert np.allclose(sums[0], sums[1], rtol=1e-6, atol=1e-6)
+
+
 def test_gaussian_behind_the_camera_or_outside_the_image_is_not_visible(project):
     means = np.array([[0, 0, -1], [50, 0, 1], [0, 0, 1]], np.float32)
     radius, opacity = np.full(3, 0.02, np.float32), np.full(3, 0.9, np.float32)
