@@ -56,7 +56,8 @@ def evaluate(context: typer.Context) -> None:
 
 @app.command()
 def doctor(port: Port = 8080, as_json: Json = False) -> None:
-    """What is missing on this machine, and how to mend it. Exit status 1 if something is."""
+    """What is missing on this machine, and how to mend it. Exit status 1 if something is that the
+    simulator needs; notes name what else there is."""
     from dataclasses import asdict
 
     from helios_client.doctor import examine
@@ -65,6 +66,6 @@ def doctor(port: Port = 8080, as_json: Json = False) -> None:
     if as_json:
         print_json({"findings": [asdict(finding) for finding in findings]})
     for finding in [] if as_json else findings:
-        mark = "ok     " if finding.ok else "MISSING"
+        mark = "ok     " if finding.ok else "note   " if finding.optional else "MISSING"
         print(f"{mark} {finding.what}" + ("" if finding.ok else f": {finding.mend}"))
     raise typer.Exit(0 if all(f.ok or f.optional for f in findings) else 1)

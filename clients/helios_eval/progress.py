@@ -75,8 +75,8 @@ class Board:
         records = self._records[agent]
         n = max(1, len(records))
         success = sum(r.success for r in records) / n
-        picked = sum(r.pick for r in records) / n
-        return f"SR {success:.0%} Pick {picked:.0%} of {len(records)}"
+        picked = f" Pick {sum(r.pick for r in records) / n:.0%}" if _picks(records) else ""
+        return f"SR {success:.0%}{picked} of {len(records)}"
 
     def _left(self) -> str:
         """The time that is left, by the rate of this run."""
@@ -98,7 +98,7 @@ class Board:
                 pace = sum(r.wall_s for r in records) / max(1, steps)
                 row += [
                     f"{sum(r.success for r in records) / n:.1%}",
-                    f"{sum(r.pick for r in records) / n:.1%}",
+                    f"{sum(r.pick for r in records) / n:.1%}" if _picks(records) else "–",
                     f"{steps / n:.0f}",
                     f"{pace:.3f}",
                 ]
@@ -109,3 +109,8 @@ class Board:
             Text(f"{self.done}/{self._total}, {self._where}, {self._left()}"),
         )
         return Group(table, line)
+
+
+def _picks(records: Sequence[EpisodeRecord]) -> bool:
+    """Whether anything is to be picked in these episodes."""
+    return any(r.benchmark == "ovmm" for r in records)

@@ -152,11 +152,14 @@ def test_a_data_set_that_cannot_be_played_is_said(name: str, words: str, helios:
 
 
 def test_the_doctor_names_what_is_missing_and_how_to_mend_it() -> None:
-    found = examine(free_port(), has_package=lambda p: p != "mujoco", find_library=lambda _: None)
+    absent = ("mujoco", "viser")
+    found = examine(free_port(), lambda p: p not in absent, find_library=lambda _: None)
     missing = {f.what.split()[1]: f.mend for f in found if not f.ok}
     assert missing["mujoco"] == "pip install 'helios-ovmm[sim]'"
     assert "apt-get install" in " ".join(missing.values())
-    assert set(missing) <= {"mujoco", "EGL", "GL", "OSMesa", "in"}
+    assert missing["viser,"] == "pip install 'helios-ovmm[viewer]'"
+    assert {f.what.split()[1] for f in found if not f.ok and f.optional} == {"viser,"}
+    assert set(missing) <= {"mujoco", "viser,", "EGL", "GL", "OSMesa", "in"}
 
 
 def test_the_shell_completes_commands_and_options(monkeypatch: pytest.MonkeyPatch) -> None:
