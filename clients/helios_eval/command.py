@@ -16,12 +16,11 @@ from helios_core.errors import InvalidInput
 from helios_sim.sensor import SENSORS
 from rich.console import Console
 
-from helios_eval import folder as folders
-from helios_eval import homes, record, results, service_settings, spec
+from helios_eval import folder as run_folder
+from helios_eval import gather, homes, results, service_settings, spec
 from helios_eval.calibration.command import calibration
-from helios_eval.record import Benchmark, Noise
-from helios_eval.report import MARKDOWN, write_report
-from helios_eval.report.header import run_of
+from helios_eval.record import Benchmark, Noise, read
+from helios_eval.report import MARKDOWN, write_report_of
 from helios_eval.run import Run, run
 from helios_eval.video.command import video
 
@@ -106,13 +105,27 @@ def objectnav(
 
 @app.command()
 def report(
-    folder: Annotated[Path, typer.Argument(help="of a run")],
+    folders: Annotated[list[Path], typer.Argument(help="of runs", metavar="FOLDER...")],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="folder for the report and all episodes in a small form, for several"),
+    ] = None,
 ) -> None:
-    """Write a folder's results and report anew. Of a killed run, too."""
-    with folders.writing(folder):
-        write_report(folder)
-        results.write(folder, record.read(folder), results.picks_in(run_of(folder)))
-    print(f"written to {folder / 'report.md'} and {folder / 'report.html'}")
+    """Write results.json, report.md and report.html of a folder anew, of a killed run too.
+
+    With --out, of several folders together; that folder can be reported anew as well.
+    """
+    if out is None and len(folders) > 1:
+        raise WrongUse("of several folders one report is written elsewhere: give --out FOLDER")
+    into = out or folders[0]
+    records, told = gather.episodes(folders), gather.run(folders)
+    with run_folder.writing(into):
+        if out is not None and records:
+            gather.pack(out, records, told)
+            records = read(out)  # what is reported is what can be reported anew
+        write_report_of(into, records, told)
+        results.write(into, records, results.picks_in(told))
+    print(f"written to {into / 'report.md'} and {into / 'report.html'}")
 
 
 app.command()(calibration)

@@ -6,8 +6,10 @@ can be compared episode by episode.
 
 from __future__ import annotations
 
+import gzip
 import json
 import os
+import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Literal
@@ -17,6 +19,7 @@ from helios_sim.objectnav import spl
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 EPISODES = "episodes.jsonl"
+PACKED = f"{EPISODES}.gz"  # see `gather`
 
 Benchmark = Literal["ovmm", "objectnav"]
 Semantics = Literal["noisy", "ground-truth"]
@@ -161,11 +164,21 @@ def read(folder: Path) -> list[EpisodeRecord]:
 
     Raises InvalidInput for a line that is not an episode.
     """
-    path = folder / EPISODES
-    if not path.exists():
+    path, packed = folder / EPISODES, folder / PACKED
+    if path.exists():
+        lines = path.read_bytes().split(b"\n")
+    elif packed.exists():
+        path, lines = packed, _unpacked(packed).split(b"\n")
+    else:
         return []
-    lines = path.read_bytes().split(b"\n")
     return list({record.key: record for record in _parsed(path, lines)}.values())
+
+
+def _unpacked(path: Path) -> bytes:
+    try:
+        return gzip.decompress(path.read_bytes())
+    except (OSError, EOFError, zlib.error) as error:
+        raise InvalidInput(f"{path} is damaged ({error}); take another copy") from error
 
 
 def _parsed(path: Path, lines: Iterable[bytes]) -> Iterator[EpisodeRecord]:

@@ -19,14 +19,15 @@ from rich.console import Console
 
 from helios_eval import folder, homes, keepsake, record, results
 from helios_eval.bench.run import commit, machine
+from helios_eval.gather import commands_of
 from helios_eval.pool import Outcome, play_all
 from helios_eval.progress import Board
 from helios_eval.record import Benchmark, EpisodeRecord, Noise, Semantics, Setting
 from helios_eval.report import write_report
+from helios_eval.report.header import RUN, run_of
 from helios_eval.results import Picks
 from helios_eval.spec import EpisodeSpec
 
-RUN = "run.json"
 _LIBRARIES = ("numpy", "mujoco", "numba", "opencv-python-headless", "scipy", "protobuf")
 
 
@@ -114,10 +115,13 @@ def lost(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
 
 def note(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
     """`run.json`: what was asked, of which program, on what."""
+    command = ["helios", *sys.argv[1:]]
+    before = [c for c in commands_of(run_of(asked.out)) if c != command]
     told: dict[str, Any] = asdict(asked) | {
         "out": str(asked.out),
         "noise": asked.noise.model_dump() if asked.noise else None,
-        "command": ["helios", *sys.argv[1:]],
+        "command": command,
+        "commands": [*before, command],
         "commit": here,
         "preset_hash": homes.digest_of(asked.preset),
         "noise_hash": asked.noise.digest if asked.noise else None,

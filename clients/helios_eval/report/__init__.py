@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from helios_core.errors import InvalidInput
 
 from helios_eval import record
+from helios_eval.record import EpisodeRecord
 from helios_eval.report.build import build
 from helios_eval.report.header import run_of
 from helios_eval.report.render_html import html_of
@@ -20,13 +23,17 @@ def write_report(folder: Path) -> None:
 
     Raises InvalidInput for a folder without episodes.
     """
-    records = record.read(folder)
+    write_report_of(folder, record.read(folder), run_of(folder))
+
+
+def write_report_of(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> None:
+    """Leave both files in `folder`, of these episodes. Raises InvalidInput where there are none."""
     if not records:
         raise InvalidInput(
             f"{folder} holds no episode in {record.EPISODES}; run "
             f"`helios eval ovmm --agents helios --episodes 10 --out {folder}` first"
         )
-    report = build(folder, records, run_of(folder))
+    report = build(folder, records, run)
     for name, content in ((HTML, html_of(report)), (MARKDOWN, markdown_of(report))):
         part = folder / f"{name}.part"
         part.write_text(content, encoding="utf-8")

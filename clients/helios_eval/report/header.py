@@ -68,8 +68,8 @@ def section(
         warnings.append(f"{what} ended by a system error; they count as failures.")
     blocks += [Notice(w) for w in warnings]
     blocks.append(Facts(tuple(_facts(records, arms, run, commits))))
-    if "command" in run:
-        blocks.append(Command(_command(run["command"])))
+    commands = run.get("commands") or [c for c in [run.get("command")] if c]
+    blocks += [Command(_command(c)) for c in commands]
     return Section("run", "What was run", tuple(blocks))
 
 

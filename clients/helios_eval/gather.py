@@ -1,0 +1,69 @@
+"""Several runs as one: their episodes, what was asked for, and the small form that is committed.
+
+A committed episode is a line without beliefs and times by stage: those are nine tenths of it, and
+none of the paper's tables needs them. A folder of such lines is reported anew as any other.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from helios_client.wrong_use import WrongUse
+from helios_core.errors import InvalidInput
+
+from helios_eval.record import EPISODES, PACKED, EpisodeRecord, read
+from helios_eval.report.header import RUN, run_of
+
+# What may differ between two times that an episode was played.
+_PASSING = {"wall_s", "step_ms", "stage_ms", "beliefs", "commit"}
+
+
+def episodes(folders: Sequence[Path]) -> list[EpisodeRecord]:
+    """Of all folders, each once. Raises InvalidInput where two folders say different things of one
+    episode."""
+    found: dict[str, tuple[EpisodeRecord, Path]] = {}
+    for folder in folders:
+        for record in read(folder):
+            first, where = found.setdefault(record.key, (record, folder))
+            if first.model_dump(exclude=_PASSING) != record.model_dump(exclude=_PASSING):
+                raise InvalidInput(
+                    f"seed {record.seed} of {record.agent} went differently in {where} and in "
+                    f"{folder}; leave one of them out"
+                )
+    return [record for record, _ in found.values()]
+
+
+def run(folders: Sequence[Path]) -> dict[str, Any]:
+    """`run.json` of all: of one folder its own; of several their commands, and what they share."""
+    runs = [run_of(folder) for folder in folders]
+    if len(runs) == 1:
+        return runs[0]
+    told = [r for r in runs if r]
+    shared = {
+        key: told[0][key]
+        for key in ("machine", "cores", "jobs", "versions")
+        if told and all(r.get(key) == told[0].get(key) for r in told) and key in told[0]
+    }
+    limits = max((r.get("picks", []) for r in told), key=len, default=[])
+    return shared | {"commands": [c for r in told for c in commands_of(r)], "picks": limits}
+
+
+def commands_of(run: dict[str, Any]) -> list[list[str]]:
+    """What was given in a folder, oldest first."""
+    return run.get("commands") or [c for c in [run.get("command")] if c]
+
+
+def pack(folder: Path, records: Sequence[EpisodeRecord], run: dict[str, Any]) -> None:
+    """Write the small form; the same episodes give the same bytes. Raises WrongUse for the folder
+    of a run, whose own episodes would hide these."""
+    if (folder / EPISODES).exists():
+        raise WrongUse(f"{folder} holds a run; give another folder with --out")
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / RUN).write_text(json.dumps(run, indent=1) + "\n")
+    small = (r.model_copy(update={"beliefs": (), "stage_ms": {}}) for r in records)
+    lines = "".join(r.model_dump_json(exclude_defaults=True) + "\n" for r in small)
+    (folder / PACKED).write_bytes(gzip.compress(lines.encode(), 9, mtime=0))

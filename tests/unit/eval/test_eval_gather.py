@@ -1,0 +1,104 @@
+"""Several runs in one report, and the small form of them that is committed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from helios_client import cli
+from helios_core.errors import InvalidInput
+from helios_eval import gather, record
+from helios_eval.record import PACKED, EpisodeRecord
+from helios_eval.report import published
+from helios_eval.report.arms import arms_of, pairs
+from helios_eval.report.model import Table
+from synthetic_episodes import NOISE, episode, write
+
+SWEPT = {"objectmap.alpha_cs": 0.1}
+
+
+def folder(path: Path, episodes: list[EpisodeRecord], command: str = "helios eval ovmm") -> Path:
+    write(path, episodes, pictures=False)
+    run = {"command": command.split(), "machine": "a machine", "picks": [1, "unlimited"]}
+    (path / "run.json").write_text(json.dumps(run))
+    return path
+
+
+def paper(tmp_path: Path) -> list[Path]:
+    """A folder for each table, as docs/results/README.md has them, in few homes."""
+    homes = range(8)
+    nav = {"benchmark": "objectnav", "shortest_path_m": 3.0}
+    return [
+        folder(tmp_path / "noisy", [episode(s, a) for a in ("helios", "trusting") for s in homes]),
+        folder(tmp_path / "truth", [episode(s, a, semantics="ground-truth")
+                                    for a in ("helios", "trusting") for s in homes]),
+        folder(tmp_path / "fifty", [episode(s, "helios-5050") for s in homes]),
+        folder(tmp_path / "sweeps", [episode(s, settings=SWEPT) for s in homes]),
+        folder(tmp_path / "level", [
+            episode(s, a, noise=NOISE.model_copy(update={"level": 2.0}))
+            for a in ("helios", "trusting") for s in homes
+        ]),
+        folder(tmp_path / "nav", [episode(s, a, **nav) for a in ("vlfm", "vlfm-helios-stop")
+                                  for s in homes], "helios eval objectnav"),
+    ]  # fmt: skip
+
+
+def test_several_folders_together_make_every_table_and_the_pairs(tmp_path: Path) -> None:
+    folders = paper(tmp_path)
+    arms = arms_of(gather.episodes(folders))
+    titles = [b.title for b in published.section(arms).blocks if isinstance(b, Table)]
+    for number in (1, 2, 4, 5, 6, 7, 8):
+        assert any(title.startswith(f"Table {number}:") for title in titles), titles
+    found = {f"{a.label} against {b.label}" for a, b in pairs(arms)}
+    assert found >= {
+        "helios · noise ×1 against trusting · noise ×1",
+        "helios · noise ×2 against trusting · noise ×2",
+        "helios · noise ×1 against helios-5050 · noise ×1",
+        "helios · noise ×1 · objectmap.alpha_cs=0.1 against helios · noise ×1",
+        "vlfm-helios-stop against vlfm",
+        "helios · ground truth against trusting · ground truth",
+    }, found  # fmt: skip
+    assert len(gather.run(folders)["commands"]) == 6
+
+
+def test_what_is_committed_is_small_and_is_reported_the_same(tmp_path: Path) -> None:
+    run = folder(tmp_path / "run", [episode(s) for s in range(3)])
+    small = tmp_path / "small"
+    assert cli.run(["eval", "report", str(run), "--out", str(small)]) == 0
+    assert (small / PACKED).stat().st_size < (run / record.EPISODES).stat().st_size / 10
+    assert [r.key for r in record.read(small)] == [r.key for r in record.read(run)]
+    before = {path.name: path.read_bytes() for path in small.iterdir()}
+    assert cli.run(["eval", "report", str(small)]) == 0
+    assert {path.name: path.read_bytes() for path in small.iterdir()} == before
+
+
+def test_the_same_episodes_are_packed_into_the_same_bytes(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        gather.pack(tmp_path / name, [episode(s) for s in range(3)], {})
+    assert (tmp_path / "one" / PACKED).read_bytes() == (tmp_path / "two" / PACKED).read_bytes()
+
+
+def test_an_episode_that_went_differently_in_two_folders_is_named(tmp_path: Path) -> None:
+    one = folder(tmp_path / "one", [episode(0), episode(1)])
+    same = folder(tmp_path / "same", [episode(1, wall_s=9.0, commit="another")])
+    assert len(gather.episodes([one, same])) == 2
+    other = folder(tmp_path / "other", [episode(1, steps=3)])
+    with pytest.raises(InvalidInput, match="seed 1 of helios went differently"):
+        gather.episodes([one, other])
+
+
+def test_several_folders_need_a_place_and_no_run_is_written_over(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one, two = (folder(tmp_path / n, [episode(k)]) for k, n in enumerate(("one", "two")))
+    assert cli.run(["eval", "report", str(one), str(two)]) == 2
+    assert "--out" in capsys.readouterr().err
+    assert cli.run(["eval", "report", str(one), "--out", str(two)]) == 2
+    assert "holds a run" in capsys.readouterr().err
+
+
+def test_a_damaged_file_is_named(tmp_path: Path) -> None:
+    (tmp_path / PACKED).write_bytes(b"\x1f\x8bnothing")
+    with pytest.raises(InvalidInput, match="damaged"):
+        record.read(tmp_path)
