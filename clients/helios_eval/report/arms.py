@@ -24,7 +24,10 @@ FIRST = (
     "vlfm-unfiltered",
 )
 LAST = ("random-frontier",)
-REFERENCES = ("helios", "vlfm-helios-stop", "trusting", "vlfm")  # the first that was run
+REFERENCES = {  # of a benchmark: the first that was run
+    "ovmm": ("helios", "trusting"),
+    "objectnav": ("vlfm-helios-stop", "helios", "vlfm"),
+}
 
 
 @dataclass(frozen=True)
@@ -148,7 +151,8 @@ def pairs(arms: Sequence[Arm]) -> list[tuple[Arm, Arm]]:
         plain = {a.agent: a for a in sorted(here, key=Arm.plainness, reverse=True)}
         if len(plain) < 2:
             continue
-        name = next((r for r in REFERENCES if r in plain), next(iter(plain)))
+        wanted = REFERENCES[here[0].benchmark]
+        name = next((r for r in wanted if r in plain), next(iter(plain)))
         for agent, other in plain.items():
             if agent == name:
                 continue
