@@ -1,61 +1,27 @@
 """Numba kernels that fold one frame's pixels by cell into the map's window.
 
-Reached through `occupancy.py`; readable twins stand in the tests.
+Reached through `occupancy.py`; readable twins stand in the tests. All cells get their floor in
+loops without branches; what is more to do is done for the few cells where an obstacle is believed
+or was met, in batches, so that what can runs in SIMD.
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 
-from helios_map2d.project_kernels import FAST, diamond_angle
+from helios_map2d.project_kernels import FAST, NO_LOW, diamond_angle
 
-THROUGH = 0  # what a depth image says of a point
-SURFACE = 1
-HIDDEN = 2
 HEIGHT_SAMPLES = 6
+BATCH = 128  # cells that are looked at together
+WIDEST = 6  # a cell covers at most so many pixels to either side of its middle
 
 SEEN_NOW = 1  # what came of a frame for a cell, as flags
 HEIGHTS = 2
 MEMORY = 4
 
 
-@njit(cache=True, nogil=True, inline="always", fastmath=FAST)
-def look_at(depth, lens, x, y, z, half_cell_m, tolerance, far):
-    """What the image says of a point of the camera's frame: seen through, on a surface, or hidden
-    or out of view. `lens` float64 [4]: fx, fy, cx, cy.
-
-    The pixels that a cell covers are all asked; one that does not see through is enough to keep
-    the point.
-    """
-    h, w = depth.shape
-    if not (z > 0.05 and z < far):
-        return HIDDEN
-    over_z = 1.0 / z
-    u = math.floor(x * over_z * lens[0] + lens[2] + 0.5)
-    v = math.floor(y * over_z * lens[1] + lens[3] + 0.5)
-    r = min(6, int(half_cell_m * over_z * lens[0]) + 1)
-    if u - r < 0 or v - r < 0 or u + r >= w or v + r >= h:
-        return HIDDEN
-    tol = tolerance[0] + tolerance[1] * z
-    measured = 0
-    state = THROUGH
-    for i in range(v - r, v + r + 1):
-        for j in range(u - r, u + r + 1):
-            d = depth[i, j]
-            if not d > 0.0:
-                continue
-            measured += 1
-            if d <= z + tol:
-                if d >= z - tol:
-                    return SURFACE
-                state = HIDDEN
-    return state if measured > 0 else HIDDEN
-
-
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def hit_of(count, row, column, weak, strong, tail_ratio):
     """0 no hit, 1 weak, 2 strong: this frame's obstacle pixels of a cell, with its 8 neighbours.
 
@@ -63,13 +29,10 @@ def hit_of(count, row, column, weak, strong, tail_ratio):
     more of them: the tails of a wall.
     """
     n = count[row, column]
-    if n == 0:
-        return 0
-    rows, columns = count.shape
     support = 0
     most = 0
-    for r in range(max(0, row - 1), min(rows, row + 2)):
-        for c in range(max(0, column - 1), min(columns, column + 2)):
+    for r in range(max(0, row - 1), min(count.shape[0], row + 2)):
+        for c in range(max(0, column - 1), min(count.shape[1], column + 2)):
             support += count[r, c]
             most = max(most, count[r, c])
     if support < weak or n * tail_ratio < most:
@@ -78,112 +41,278 @@ def hit_of(count, row, column, weak, strong, tail_ratio):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def see_obstacle(depth, lens, T_cam_world, x, y, half_cell_m, tolerance, far, low, high):
-    """Look at a believed obstacle over (x, y), from `low` to `high` (m).
-
-    Returns whether most of it is seen through and none of it is a surface, and the ends of what is
-    not seen through: (through, low, high).
-    """
-    samples = HEIGHT_SAMPLES if high - low > 0.05 else 1
-    through = surface = 0
-    T = T_cam_world
-    x0 = T[0, 0] * x + T[0, 1] * y + T[0, 3]
-    y0 = T[1, 0] * x + T[1, 1] * y + T[1, 3]
-    z0 = T[2, 0] * x + T[2, 1] * y + T[2, 3]
-    lowest, highest = np.float32(np.inf), np.float32(-np.inf)
-    for k in range(samples):
-        f = np.float32(k / (HEIGHT_SAMPLES - 1)) if samples > 1 else np.float32(0.5)
-        z = low + f * (high - low)
-        state = look_at(depth, lens, x0 + T[0, 2] * z, y0 + T[1, 2] * z, z0 + T[2, 2] * z,
-                        half_cell_m, tolerance, far)  # fmt: skip
-        if state == THROUGH:
-            through += 1
-            continue
-        if state == SURFACE:
-            surface += 1
-        lowest = min(lowest, z)
-        highest = max(highest, z)
-    if samples > 1 and through > 0 and lowest <= highest:
-        # What was seen through at its ends is lower, or begins higher, than believed.
-        low, high = lowest, highest
-    return surface == 0 and through > samples - through, low, high
+def aim(
+    shape,  # (h, w) of the image
+    lens,  # float32 [4]: fx, fy, cx, cy
+    pose,  # float32 [3, 4]: rotation; the camera's column and row in the window, height in metres
+    cell_m,
+    far,
+    xs, ys, lows, highs,  # float32 [n]: column, row, and heights of believed obstacles
+    depths,  # float32 [samples + 1, BATCH] out: depth of points, lowest to highest, then the middle
+    pixels,  # int32 [samples + 1, BATCH] out: their place in the image, -1 where it is outside
+    widths,  # int32 [samples + 1, BATCH] out: pixels that the cell covers to either side
+):  # fmt: skip
+    """Where believed obstacles would be in the image."""
+    # Few arrays to a loop: with more, the compiler gives up on telling them apart, and on SIMD.
+    h, w = shape
+    n = xs.size
+    half, one, near = np.float32(0.5), np.float32(1.0), np.float32(0.05)
+    width_px, widest = half * cell_m * lens[0], np.float32(WIDEST)
+    right, down = np.empty(n, np.float32), np.empty(n, np.float32)
+    ahead = np.empty(n, np.float32)
+    for i in range(n):
+        dx, dy = (xs[i] - pose[0, 3]) * cell_m, (ys[i] - pose[1, 3]) * cell_m
+        right[i] = pose[0, 0] * dx + pose[1, 0] * dy
+        down[i] = pose[0, 1] * dx + pose[1, 1] * dy
+    for i in range(n):
+        dx, dy = (xs[i] - pose[0, 3]) * cell_m, (ys[i] - pose[1, 3]) * cell_m
+        ahead[i] = pose[0, 2] * dx + pose[1, 2] * dy
+    for k in range(depths.shape[0]):
+        share = np.float32(k / (HEIGHT_SAMPLES - 1) if k < HEIGHT_SAMPLES else 0.5)
+        depth, pixel, width = depths[k], pixels[k], widths[k]
+        for i in range(n):
+            dz = lows[i] + share * (highs[i] - lows[i]) - pose[2, 3]
+            depth[i] = ahead[i] + pose[2, 2] * dz
+        for i in range(n):
+            z = depth[i]
+            over_z = one / (z if z > near else one)
+            reach = np.floor(width_px * over_z) + one
+            width[i] = np.int32(reach if reach < widest else widest)
+        for i in range(n):
+            z = depth[i]
+            good = (z > near) & (z < far)
+            over_z = one / (z if good else one)
+            dz = lows[i] + share * (highs[i] - lows[i]) - pose[2, 3]
+            x, y = right[i] + pose[2, 0] * dz, down[i] + pose[2, 1] * dz
+            u = np.floor(x * over_z * lens[0] + lens[2] + half)
+            v = np.floor(y * over_z * lens[1] + lens[3] + half)
+            reach = np.floor(width_px * over_z) + one
+            reach = reach if reach < widest else widest
+            inside = (u >= reach) & (v >= reach) & (u + reach < w) & (v + reach < h)
+            at = np.int32(v) * np.int32(w) + np.int32(u)
+            pixel[i] = at if good & inside else np.int32(-1)
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def fuse_window(
-    depth,  # float32 [h, w]
-    lens,  # float64 [4]: fx, fy, cx, cy
-    T_cam_world,  # float64 [4, 4]
-    camera_cells,  # float32 [2]: column, row in the window
+def undecided(flat, lows, highs, depths, pixels, tolerance, unsure):
+    """Say in `unsure` uint8 [n] whether a believed obstacle may be seen through somewhere: whether
+    the middle pixel of any of its points is not before or on it. Mostly it is, and that decides.
+    """
+    n = lows.size
+    zero, tall = np.float32(0.0), np.float32(0.05)
+    found = np.empty(n, np.float32)
+    unsure[:n] = 0
+    for k in range(depths.shape[0]):
+        depth, pixel, wanted = depths[k], pixels[k], k < HEIGHT_SAMPLES
+        for i in range(n):
+            at = pixel[i]
+            found[i] = flat[np.uint32(at if at > 0 else 0)]
+        for i in range(n):
+            limit = depth[i] + tolerance[0] + tolerance[1] * depth[i]
+            stopped = (found[i] > zero) & (found[i] <= limit)
+            found[i] = zero if stopped | (pixel[i] < 0) else np.float32(1.0)
+        for i in range(n):
+            asked = (highs[i] - lows[i] > tall) == wanted
+            unsure[i] |= asked & (found[i] != zero)
+
+
+@njit(cache=True, nogil=True)
+def seen_through(flat, line, at, width, limit):
+    """Whether all measured pixels of a square around one lie beyond `limit`, and any is measured.
+
+    `flat` is the image as float32 [h * w], rows of `line` pixels.
+    """
+    measured = False
+    for v in range(at - width * line, at + width * line + 1, line):
+        for p in range(v - width, v + width + 1):
+            d = flat[p]
+            if d > 0.0:
+                measured = True
+                if d <= limit:
+                    return False
+    return measured
+
+
+@njit(cache=True, nogil=True)
+def on_surface(flat, line, at, width, nearest, farthest):
+    """Whether a pixel of a square around one is measured between two depths."""
+    for v in range(at - width * line, at + width * line + 1, line):
+        for p in range(v - width, v + width + 1):
+            if flat[p] > 0.0 and nearest <= flat[p] <= farthest:
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def look_at(flat, line, depths, pixels, widths, tolerance, low, high, hit):
+    """Look at a believed obstacle from `low` to `high` (m), at the points that `aim` found for it:
+    `depths`, `pixels`, `widths` [samples + 1].
+
+    Returns whether most of it is seen through and none of it is a surface (not asked of what was
+    hit), and the ends of what is not seen through. The pixels that a cell covers are all asked;
+    one that does not see through is enough to keep the point.
+    """
+    samples = HEIGHT_SAMPLES if high - low > np.float32(0.05) else 1
+    first = 0 if samples > 1 else HEIGHT_SAMPLES
+    through = 0
+    lowest, highest = np.float32(np.inf), np.float32(-np.inf)
+    for k in range(first, first + samples):
+        limit = depths[k] + tolerance[0] + tolerance[1] * depths[k]
+        if pixels[k] >= 0 and seen_through(flat, line, pixels[k], widths[k], limit):
+            through += 1
+            continue
+        z = low + np.float32(k / (HEIGHT_SAMPLES - 1)) * (high - low)
+        lowest, highest = min(lowest, z), max(highest, z)
+    gone = not hit and 2 * through > samples
+    if gone and through < samples:
+        for k in range(first, first + samples):
+            z = depths[k]
+            tol = tolerance[0] + tolerance[1] * z
+            if pixels[k] >= 0 and on_surface(flat, line, pixels[k], widths[k], z - tol, z + tol):
+                gone = False
+    if samples > 1 and through > 0 and lowest <= highest:
+        # What was seen through at its ends is lower, or begins higher, than believed.
+        low, high = lowest, highest
+    return gone, low, high
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def fold_floor(
+    pose,  # float32 [3, 4], as in `aim`
     heading,  # float32 [2]
-    count, low, high,  # this frame's obstacles [rows, columns], from project_depth
-    floor,  # uint8 [ranges, bins + 2], from floor_along_azimuths
-    origin,  # float64 [3]: x, y of the window's corner in metres; cell size
-    rules,  # int64 [7]: weak pixels, strong pixels, tail ratio, occupied, most, gain, loss
-    tolerance,  # float32 [2]: m, ratio of depth
-    far,  # float: the largest depth at which a cell is judged
+    azimuths,  # int32 [2]: the first bin of `floor`, and all bins around the camera
+    floor,  # uint8 [ranges + 1, bins], from floor_along_azimuths; the last row is zeros
+    occupied,  # uint8: evidence that makes an obstacle
+    corner,  # (row, column) of the window on the map
     spans,  # int32 [rows, 2]: first and last column + 1 of each row that the view may touch
-    evidence, floor_seen, z_low, z_high, occupancy,  # the map's window [rows, columns]
-    came_of_it,  # uint8 [rows, columns] out: SEEN_NOW, HEIGHTS, MEMORY
+    count,  # int32 [rows, columns]
+    evidence, floor_seen, occupancy,  # the whole map
+    came_of_it,  # uint8 [rows, columns] out: SEEN_NOW, MEMORY
+    active,  # int32 [cells, 2] out: the cells (row, column) that have evidence or were hit
 ):  # fmt: skip
-    """Fold one frame into the map: hits, cells seen through, floor seen, and the states."""
+    """Fold the floor that was seen into the map; how many cells are active."""
     rows, columns = count.shape
-    ranges, bins = floor.shape[0], floor.shape[1] - 2
-    bin_scale = np.float32(bins / 4.0)
-    half = np.float32(0.5)
-    last_bin, range_end, line = np.int32(bins - 1), np.int32(ranges), np.int32(bins + 2)
+    ranges, bins = floor.shape[0] - 1, floor.shape[1]
+    bin_scale = np.float32(azimuths[1] / 4.0)
+    half, no = np.float32(0.5), np.uint8(0)
+    first_bin, last_bin = np.int32(azimuths[0]), np.int32(azimuths[1] - 1)
+    bins_end, range_end, nowhere = np.int32(bins), np.int32(ranges), np.int32(ranges * bins)
     c, s = heading[0], heading[1]
-    weak, strong, tail_ratio = rules[0], rules[1], rules[2]
-    occupied, most, gain, loss = rules[3], rules[4], rules[5], rules[6]
     floor_at = floor.ravel()
-    spots = np.empty(columns, np.int32)
+    all_spots, busy = np.empty(columns, np.int32), np.zeros(columns + 8, np.uint8)
+    found = 0
     for row in range(rows):
         came_of_it[row, :] = 0
         first, end = spans[row, 0], spans[row, 1]
-        dy = np.float32(row) + half - camera_cells[1]
-        for column in range(first, end):  # without branches, so that it runs in SIMD
-            dx = np.float32(column) + half - camera_cells[0]
+        n = end - first
+        # Rows of whole arrays lie without gaps, which SIMD needs.
+        at = corner[1] + first
+        e = evidence[corner[0] + row][at : at + n]
+        known = floor_seen[corner[0] + row][at : at + n]
+        state = occupancy[corner[0] + row][at : at + n]
+        hits, flags, spots = count[row][first:end], came_of_it[row][first:end], all_spots[:n]
+        dy = np.float32(row) + half - pose[1, 3]
+        left = np.float32(first) + half - pose[0, 3]
+        for i in range(n):
+            dx = np.float32(i) + left
             b = np.int32(diamond_angle(c * dx + s * dy, c * dy - s * dx) * bin_scale)
+            b = (b if b < last_bin else last_bin) - first_bin
             k = np.int32(np.sqrt(dx * dx + dy * dy))
-            b = b if b < last_bin else last_bin
-            spots[column] = k * line + b if k < range_end else np.int32(-1)
-        for column in range(first, end):
-            spot = spots[column]
-            seen = spot >= 0 and (floor_at[spot] | floor_at[spot + 1] | floor_at[spot + 2]) != 0
-            e = before = evidence[row, column]
-            flags = 0
+            inside = (k < range_end) & (b >= 0) & (b < bins_end)
+            spots[i] = k * bins_end + b if inside else nowhere
+        for i in range(n):
+            flags[i] = floor_at[np.uint32(spots[i])]
+        for i in range(n):
+            ground = np.int8(0 if (flags[i] | known[i]) != no else -1)
+            state[i] = np.int8(100) if e[i] >= occupied else ground
+        for i in range(n):
+            seen, knew = flags[i] != no, known[i] != no
+            known[i] = np.uint8(1 if seen | knew else 0)
+            flags[i] = np.uint8((SEEN_NOW if knew else SEEN_NOW | MEMORY) if seen else 0)
+        for i in range(n):
+            busy[i] = (e[i] != no) | (hits[i] != 0)
+        busy[n : n + 8] = 0
+        for i in range(0, n, 8):
+            if np.any(busy[i : i + 8]):
+                for j in range(i, i + 8):
+                    active[found, 0], active[found, 1] = row, first + j
+                    found += busy[j]
+    return found
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def fold_obstacles(
+    depth,  # float32 [h, w]
+    lens,  # float32 [4]: fx, fy, cx, cy
+    pose,  # float32 [3, 4], as in `aim`
+    cell_m,  # float32
+    tolerance,  # float32 [2]: m, ratio of depth
+    far,  # float32: the largest depth at which a cell is judged
+    rules,  # int64 [7]: weak pixels, strong pixels, tail ratio, occupied, most, gain, loss
+    count, low, high,  # [rows, columns], float32 heights: this frame's obstacles
+    active,  # int32 [n, 2]: cells, from fold_floor
+    corner,  # (row, column) of the window on the map
+    evidence, floor_seen, z_low, z_high, occupancy,  # the whole map
+    came_of_it,  # uint8 [rows, columns], from fold_floor: gets HEIGHTS, MEMORY, SEEN_NOW
+):  # fmt: skip
+    """Fold this frame's obstacles into the map, and what it says of those that are believed."""
+    line, flat = depth.shape[1], depth.ravel()
+    weak, strong, tail_ratio = rules[0], rules[1], rules[2]
+    occupied, most, gain, loss = rules[3], rules[4], rules[5], rules[6]
+    xs, ys = np.empty(BATCH, np.float32), np.empty(BATCH, np.float32)
+    lows, highs = np.empty(BATCH, np.float32), np.empty(BATCH, np.float32)
+    depths = np.empty((HEIGHT_SAMPLES + 1, BATCH), np.float32)
+    pixels = np.empty((HEIGHT_SAMPLES + 1, BATCH), np.int32)
+    widths = np.empty((HEIGHT_SAMPLES + 1, BATCH), np.int32)
+    unsure = np.empty(BATCH, np.uint8)
+    for start in range(0, active.shape[0], BATCH):
+        n = min(BATCH, active.shape[0] - start)
+        for i in range(n):
+            row, column = active[start + i, 0], active[start + i, 1]
+            xs[i], ys[i] = np.float32(column + 0.5), np.float32(row + 0.5)
+            r, c = row + corner[0], column + corner[1]
+            lows[i], highs[i] = z_low[r, c], z_high[r, c]
+        aim(depth.shape, lens, pose, cell_m, far, xs[:n], ys[:n], lows[:n], highs[:n],
+            depths, pixels, widths)  # fmt: skip
+        undecided(flat, lows[:n], highs[:n], depths, pixels, tolerance, unsure)
+        for i in range(n):
+            row, column = active[start + i, 0], active[start + i, 1]
+            r, c = row + corner[0], column + corner[1]
+            e = before = np.int64(evidence[r, c])
             hit = 0
-            if e > 0 or count[row, column] > 0:
+            if count[row, column] > 0:
                 hit = hit_of(count, row, column, weak, strong, tail_ratio)
-                low_before, high_before = z_low[row, column], z_high[row, column]
-                if e > 0:
-                    through, z_low[row, column], z_high[row, column] = see_obstacle(
-                        depth, lens, T_cam_world,
-                        origin[0] + (column + 0.5) * origin[2], origin[1] + (row + 0.5) * origin[2],
-                        0.5 * origin[2], tolerance, far, low_before, high_before,
-                    )  # fmt: skip
-                    if hit == 0 and through:
-                        e = max(0, e - loss)
-                if hit > 0:
-                    if e == 0:
-                        z_low[row, column] = low[row, column]
-                        z_high[row, column] = high[row, column]
-                    else:
-                        z_low[row, column] = min(z_low[row, column], low[row, column])
-                        z_high[row, column] = max(z_high[row, column], high[row, column])
-                    e = min(most, e + (gain if hit == 2 else 1))
-                evidence[row, column] = e
-                if e != before:
-                    flags = MEMORY
-                moved = z_low[row, column] != low_before or z_high[row, column] != high_before
-                if e > 0 and moved:
-                    flags = HEIGHTS | MEMORY
-            if seen and floor_seen[row, column] == 0:
-                floor_seen[row, column] = 1
+            bottom, top = lows[i], highs[i]
+            if e > 0 and unsure[i] != 0:
+                gone, bottom, top = look_at(flat, line, depths[:, i], pixels[:, i], widths[:, i],
+                                            tolerance, bottom, top, hit > 0)  # fmt: skip
+                if gone:
+                    e = max(0, e - loss)
+            if hit > 0:
+                new_bottom, new_top = low[row, column], high[row, column]
+                bottom = new_bottom if e == 0 else min(bottom, new_bottom)
+                top = new_top if e == 0 else max(top, new_top)
+                e = min(most, e + (gain if hit == 2 else 1))
+            flags = came_of_it[row, column]
+            if e != before:
+                evidence[r, c] = e
                 flags |= MEMORY
+            if bottom != lows[i] or top != highs[i]:
+                z_low[r, c], z_high[r, c] = bottom, top
+                if e > 0:
+                    flags |= HEIGHTS | MEMORY
             if e >= occupied:
-                occupancy[row, column] = 100
-                seen = seen or hit > 0
+                occupancy[r, c] = 100
+                if hit > 0:
+                    flags |= SEEN_NOW
             else:
-                occupancy[row, column] = 0 if floor_seen[row, column] else -1
-            came_of_it[row, column] = flags | SEEN_NOW if seen else flags
+                occupancy[r, c] = 0 if floor_seen[r, c] else -1
+            came_of_it[row, column] = flags
+
+
+@njit(cache=True, nogil=True)
+def forget_pixels(count, low, high):
+    """Make room for the pixels of the next frame."""
+    count[:] = 0
+    low[:] = NO_LOW
+    high[:] = 0

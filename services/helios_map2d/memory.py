@@ -65,18 +65,6 @@ class SeenView:
         squares = np.unique(np.floor(np.stack([x, y], 1) / PATCH_M).astype(int), axis=0)
         return frozenset((int(a), int(b), side) for a, b in squares)
 
-    @property
-    def middle_m(self) -> tuple[float, float]:
-        """A place in the middle of what it saw."""
-        seen = np.flatnonzero(self.cone.reach_m)
-        if not len(seen):
-            return self.cone.x_m, self.cone.y_m
-        forward, left = bin_directions(len(self.cone.reach_m))[:, seen]
-        far = self.cone.reach_m[seen] * 0.6
-        c, s = self.cone.heading
-        ahead, aside = float((far * forward).mean()), float((far * left).mean())
-        return self.cone.x_m + c * ahead - s * aside, self.cone.y_m + s * ahead + c * aside
-
     @cached_property
     def kept(self) -> bytes:
         """As it is kept in files: a `KeptMap` of this view alone."""

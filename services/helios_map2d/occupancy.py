@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from helios_core.errors import InvalidInput
-from helios_core.geometry import invert
 from numpy.typing import NDArray
 
 from helios_map2d import fuse_kernels, project_kernels
@@ -23,6 +22,9 @@ from helios_map2d.view import View
 UNKNOWN = -1
 FREE = 0
 OCCUPIED = 100
+
+Pixels = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
+"""By cell of a window, flat: how many, and the bits of the lowest and highest height."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,9 @@ class OccupancyLayer:
         self.z_high_m = np.zeros(grid.shape, np.float32)
         self.evidence = np.zeros(grid.shape, np.uint8)
         self.floor_seen = np.zeros(grid.shape, np.uint8)
+        # Used again for each frame: fresh memory costs more than the work on it.
+        self._active = np.empty((0, 2), np.int32)
+        self._pixels: Pixels = (np.empty(0, np.int32),) * 3
 
     def grow(self, grid: GridSpec, known: Box) -> None:
         """Go on over a larger grid; `known` (world cells) holds all that is not unknown."""
@@ -104,18 +109,14 @@ class OccupancyLayer:
         """
         rules, window, cell_m = self.rules, view.window, self.grid.cell_m
         shape = (window.rows, window.columns)
-        count = np.zeros(shape, np.int32)
-        low = np.full(shape, np.inf, np.float32)
-        high = np.zeros(shape, np.float32)
-        marks = np.zeros((3, view.range_cells, view.azimuth_bins), np.uint8)
-        floor = np.zeros((view.range_cells, view.azimuth_bins + 2), np.uint8)
-        intrinsics = intrinsics_of(view)
+        first_bin, bins_end = view.seen_bins
+        ranges, bins = view.range_cells, bins_end - first_bin
+        pixels = self._room_for(window)
+        marks = np.zeros((3, ranges, bins), np.uint8)
+        floor = np.zeros((ranges + 1, bins), np.uint8)
+        azimuths = np.array([first_bin, view.azimuth_bins], np.int32)
         heading = np.array(view.heading, np.float32)
-        camera_cells = camera_in_window(view)
-        pose = np.empty((3, 4), np.float32)
-        pose[:, :3] = view.T_world_cam[:3, :3]
-        pose[:2, 3] = camera_cells
-        pose[2, 3] = view.T_world_cam[2, 3]
+        pose = pose_in_window(view)
         limits = np.array(
             [view.min_depth_m, view.max_depth_m, rules.floor_tolerance_m, rules.band_lo_m,
              rules.band_hi_m, rules.band_rise_per_m, rules.veil_jump_m, rules.veil_jump_ratio,
@@ -129,29 +130,44 @@ class OccupancyLayer:
             np.float32,
         )
         project_kernels.project_depth(
-            view.depth_m, intrinsics, pose, heading, limits, body, count, low, high, marks
-        )
+            view.depth_m, view.pixel_step, intrinsics_of(view), pose, heading, limits, body,
+            azimuths, np.array(shape, np.int32), *pixels, marks,
+        )  # fmt: skip
         project_kernels.floor_along_azimuths(
-            marks, int(rules.floor_gap_m / cell_m), int(rules.shadow_m / cell_m), floor
+            marks, int(rules.floor_gap_m / cell_m), int(rules.shadow_m / cell_m), floor[:-1]
         )
-        seen_now = np.empty(shape, np.uint8)
-        box = window.slices
         camera = view.camera
-        fuse_kernels.fuse_window(
-            view.depth_m, np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
-            invert(view.T_world_cam), camera_cells, heading,
-            count, low, high, floor,
-            np.array([corner[0], corner[1], cell_m]),
+        count, low, high = (a[: window.rows * window.columns].reshape(shape) for a in pixels)
+        came_of_it = np.empty(shape, np.uint8)
+        found = fuse_kernels.fold_floor(
+            pose, heading, azimuths, floor, np.uint8(rules.occupied_evidence),
+            (window.row_lo, window.column_lo), view.spans, count,
+            self.evidence, self.floor_seen, self.occupancy, came_of_it, self._active,
+        )  # fmt: skip
+        fuse_kernels.fold_obstacles(
+            view.depth_m, np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32), pose,
+            np.float32(cell_m),
+            np.array([rules.through_tolerance_m, rules.through_tolerance_ratio], np.float32),
+            np.float32(view.max_depth_m),
             np.array([rules.weak_pixels, rules.strong_pixels, rules.tail_ratio,
                       rules.occupied_evidence, rules.most_evidence, rules.hit_gain,
                       rules.miss_loss]),
-            np.array([rules.through_tolerance_m, rules.through_tolerance_ratio], np.float32),
-            view.max_depth_m,
-            view.spans,
-            self.evidence[box], self.floor_seen[box], self.z_low_m[box], self.z_high_m[box],
-            self.occupancy[box], seen_now,
+            count, low.view(np.float32), high.view(np.float32), self._active[:found],
+            (window.row_lo, window.column_lo),
+            self.evidence, self.floor_seen, self.z_low_m, self.z_high_m, self.occupancy, came_of_it,
         )  # fmt: skip
-        return seen_now
+        fuse_kernels.forget_pixels(count, low, high)
+        return came_of_it
+
+    def _room_for(self, window: Box) -> Pixels:
+        """Where this frame's pixels are counted by cell: none yet."""
+        cells = window.rows * window.columns
+        if cells + 8 > len(self._active):
+            self._active = np.empty((cells + 8, 2), np.int32)
+            self._pixels = tuple(
+                np.full(cells, nothing, np.int32) for nothing in (0, project_kernels.NO_LOW, 0)
+            )
+        return self._pixels
 
     def clear_disc(self, x_m: float, y_m: float, radius_m: float) -> Box:
         """The robot stands here: its own disc is free, whatever was believed. Returns its box."""
@@ -184,3 +200,11 @@ def camera_in_window(view: View) -> NDArray[np.float32]:
     """The camera's place in the window's cells: column, row."""
     column, row = view.camera_xy_cells
     return np.array([column - view.window.column_lo, row - view.window.row_lo], np.float32)
+
+
+def pose_in_window(view: View) -> NDArray[np.float32]:
+    """The camera's axes in the world, its place in the window's cells (column, row) and its height
+    (m): [3, 4]."""
+    pose = np.array(view.T_world_cam[:3], np.float32)
+    pose[:2, 3] = camera_in_window(view)
+    return pose

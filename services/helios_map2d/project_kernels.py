@@ -1,8 +1,8 @@
 """Numba kernels that sort the pixels of a depth image by cell, and by azimuth and range.
 
-Reached through `occupancy.py`; readable twins stand in the tests. One thread: a frame takes about
-a millisecond, and the other services need the second core. Of fast-math, only flags that keep NaN
-comparisons meaningful are used: NaN depth must fail every comparison.
+Reached through `occupancy.py`; readable twins stand in the tests. One thread: a frame takes less
+than a millisecond, and the other services need the second core. Of fast-math, only flags that keep
+NaN comparisons meaningful are used: NaN depth must fail every comparison.
 
 A row of the image goes through loops without branches over few arrays, which run in SIMD; what is
 left to be done pixel by pixel is a store by azimuth and range and, for obstacles, three updates of
@@ -21,6 +21,10 @@ NOTHING = 0  # kinds of pixels
 FLOOR = 1
 OBSTACLE = 2
 
+HERE, ABOVE, BELOW, LEFT, RIGHT = range(5)  # a pixel and its neighbours
+
+NO_LOW = 0x7F800000  # the bits of +inf
+
 
 @njit(cache=True, nogil=True, inline="always", fastmath=FAST)
 def diamond_angle(forward, left):
@@ -32,114 +36,169 @@ def diamond_angle(forward, left):
     return two + (a if forward >= zero else back)
 
 
+@njit(cache=True, nogil=True)
+def take_row(depth, v, step, around):
+    """Copy every `step`-th pixel of row `v` into around[HERE]; and of rows within the image, the
+    neighbours of each into the other rows. `around` float32 [5, n], or [1, n] for no neighbours."""
+    h, w = depth.shape
+    n = around.shape[1]
+    inner = 0 < v < h - 1 and around.shape[0] > 1
+    row = np.uint64(v)  # unsigned: an index that needs no check, so that the loops run in SIMD
+    above, below = np.uint64(v - 1 if inner else v), np.uint64(v + 1 if inner else v)
+    if step == 1:
+        for i in range(n):
+            around[HERE, i] = depth[row, i]
+        if inner:
+            for i in range(n):
+                around[ABOVE, i] = depth[above, i]
+            for i in range(n):
+                around[BELOW, i] = depth[below, i]
+            for i in range(n - 1):
+                around[LEFT, i + 1] = depth[row, i]
+            for i in range(n - 1):
+                around[RIGHT, i] = depth[row, i + 1]
+    elif step == 2 and w == 2 * n:
+        pairs = depth.reshape(h, n, 2)
+        for i in range(n):
+            around[HERE, i] = pairs[row, i, 0]
+        if inner:
+            for i in range(n):
+                around[ABOVE, i] = pairs[above, i, 0]
+            for i in range(n):
+                around[BELOW, i] = pairs[below, i, 0]
+            for i in range(n):
+                around[RIGHT, i] = pairs[row, i, 1]
+            for i in range(n - 1):
+                around[LEFT, i + 1] = around[RIGHT, i]
+    else:
+        for i in range(n):
+            u = i * step
+            around[HERE, i] = depth[v, u]
+            if inner:
+                around[ABOVE, i], around[BELOW, i] = depth[v - 1, u], depth[v + 1, u]
+                around[LEFT, i] = depth[v, max(0, u - 1)]
+                around[RIGHT, i] = depth[v, min(w - 1, u + 1)]
+
+
 @njit(cache=True, nogil=True, fastmath=FAST)
-def clear_veil(above, here, below, kinds, jump_m, jump_ratio):
+def clear_veil(around, kinds, jump_m, jump_ratio):
     """Take out of `kinds` the obstacle pixels of a row that float between two surfaces, or stand
-    alone: the mixed pixels of an edge, and outliers. Unmeasured neighbours say nothing."""
+    alone: the mixed pixels of an edge, and outliers. Unmeasured neighbours say nothing.
+
+    `around` is that of `take_row`.
+    """
     zero = np.float32(0.0)
-    for u in range(1, here.size - 1):
-        z = here[u]
+    for i in range(kinds.size):
+        z = around[HERE, i]
         jump = jump_m + jump_ratio * z
-        a, b = here[u - 1] - z, here[u + 1] - z
-        known = (here[u - 1] > zero) & (here[u + 1] > zero)
-        across = known & (abs(a) > jump) & (abs(b) > jump)
+        left, right = around[LEFT, i], around[RIGHT, i]
+        a, b = left - z, right - z
+        across = (left > zero) & (right > zero) & (abs(a) > jump) & (abs(b) > jump)
         torn = across & (a * b < zero)
-        a, b = above[u] - z, below[u] - z
-        known = (above[u] > zero) & (below[u] > zero)
-        along = known & (abs(a) > jump) & (abs(b) > jump)
+        above, below = around[ABOVE, i], around[BELOW, i]
+        a, b = above - z, below - z
+        along = (above > zero) & (below > zero) & (abs(a) > jump) & (abs(b) > jump)
         torn = torn | (along & (a * b < zero)) | (across & along)
-        kinds[u] = NOTHING if torn & (kinds[u] == OBSTACLE) else kinds[u]
+        kinds[i] = NOTHING if torn & (kinds[i] == OBSTACLE) else kinds[i]
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def project_depth(
     depth,  # float32 [h, w]
+    step,  # int: every so many pixels of a row, and every so many rows, are looked at
     intrinsics,  # float32 [4]: 1 / fx, 1 / fy, cx, cy
     pose,  # float32 [3, 4]: rotation, and camera position (cells of the window; z in metres)
     heading,  # float32 [2]
     limits,  # float32 [9]: depth min, max, floor tolerance, band lo, hi, rise, jump, ratio, 1/m
     body,  # float32 [3]: the robot's own disc in cells of the window: column, row, radius²
-    count,  # int32 [rows, columns] out: obstacle pixels of this frame per cell
-    low,  # float32 [rows, columns] out: lowest obstacle height, +inf where none is
-    high,  # float32 [rows, columns] out: highest, 0 where none is
+    azimuths,  # int32 [2]: the first bin of `marks`, and all bins around the camera
+    shape,  # int32 [2]: rows and columns of the window
+    count,  # int32 [cells] out: obstacle pixels of this frame, added by cell of the window
+    low,  # int32 [cells] out: bits of the lowest obstacle height, NO_LOW where none is
+    high,  # int32 [cells] out: of the highest, 0 where none is
     marks,  # uint8 [3, ranges, bins] out: 1 where a pixel of the kind lies; [0] is of no use
-):
-    """Sort every depth pixel into floor, obstacle or neither, by cell and by azimuth and range."""
+):  # fmt: skip
+    """Sort depth pixels into floor, obstacle or neither, by cell and by azimuth and range."""
     h, w = depth.shape
-    rows, columns = count.shape
+    n = (w - 1) // step + 1
     ranges, bins = marks.shape[1:]
-    bin_scale = np.float32(bins / 4.0)
+    bin_scale = np.float32(azimuths[1] / 4.0)
     near, far, floor_tol, band_lo, band_hi = limits[0], limits[1], limits[2], limits[3], limits[4]
     rise, jump_m, jump_ratio, px_per_m = limits[5], limits[6], limits[7], limits[8]
     c, s = heading[0], heading[1]
     x0, y0, z0 = pose[0, 3], pose[1, 3], pose[2, 3]
     # Evidence that touches the image edge that looks up may go on higher than was seen.
-    open_row = 0 if pose[2, 1] <= 0.0 else h - 1
-    kinds, cells, spots = np.empty(w, np.int32), np.empty(w, np.int32), np.empty(w, np.int32)
-    xs, ys, heights = np.empty(w, np.float32), np.empty(w, np.float32), np.empty(w, np.float32)
-    hit_cells, hit_bits = np.empty(w, np.uint32), np.empty(w, np.int32)
+    last = (h - 1) // step * step
+    open_row = 0 if pose[2, 1] <= 0.0 else last
+    around = np.empty((5, n), np.float32)
+    here = around[HERE]
+    last_whole = (n - 1) * step == w - 1  # the last pixel has none to its right
+    kinds, cells, spots = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
+    heights, across = np.empty(n, np.float32), np.empty(n, np.float32)
+    hit_cells, hit_bits = np.empty(n + 1, np.uint32), np.empty(n + 1, np.int32)
     bits = heights.view(np.int32)
-    count_of, low_of = count.ravel(), low.ravel().view(np.int32)
-    tops = high.ravel()
-    high_of = tops.view(np.int32)
     mark_of = marks.ravel()
     zero, none = np.float32(0.0), np.int32(-1)
-    row_end, column_end, stride = np.float32(rows), np.float32(columns), np.int32(columns)
-    last_bin, range_end, line = np.int32(bins - 1), np.int32(ranges), np.int32(bins)
+    row_end, column_end, stride = np.float32(shape[0]), np.float32(shape[1]), np.int32(shape[1])
+    bins_end, range_end, first_bin = np.int32(bins), np.int32(ranges), np.int32(azimuths[0])
+    last_bin = np.int32(azimuths[1] - 1)
     plane = np.int32(ranges * bins)
-    for v in range(h):
+    for i in range(n):
+        across[i] = (np.float32(i * step) - intrinsics[2]) * intrinsics[0]
+    for v in range(0, h, step):
         dv = (np.float32(v) - intrinsics[3]) * intrinsics[1]
         ax = pose[0, 1] * dv + pose[0, 2]
         ay = pose[1, 1] * dv + pose[1, 2]
         az = pose[2, 1] * dv + pose[2, 2]
-        for u in range(w):
-            z = depth[v, u]
-            du = (np.float32(u) - intrinsics[2]) * intrinsics[0]
-            xs[u] = z * (pose[0, 0] * du + ax) * px_per_m
-            ys[u] = z * (pose[1, 0] * du + ay) * px_per_m
-        for u in range(w):
-            z = depth[v, u]
-            du = (np.float32(u) - intrinsics[2]) * intrinsics[0]
-            height = z * (pose[2, 0] * du + az) + z0
+        take_row(depth, v, step, around)
+        for i in range(n):
+            z = here[i]
+            height = z * (pose[2, 0] * across[i] + az) + z0
             measured = (z > near) & (z < far)
             floor = abs(height) <= floor_tol
             band = (height >= band_lo + rise * z * z) & (height <= band_hi)
             kind = OBSTACLE if band else (FLOOR if floor else NOTHING)
-            kinds[u] = np.int32(kind if measured else NOTHING)
-            heights[u] = height
+            kinds[i] = np.int32(kind if measured else NOTHING)
+            heights[i] = height
         if 0 < v < h - 1:
-            clear_veil(depth[v - 1], depth[v], depth[v + 1], kinds, jump_m, jump_ratio)
-        for u in range(w):
-            x, y = xs[u] + x0, ys[u] + y0
+            first_kind, last_kind = kinds[0], kinds[n - 1]
+            clear_veil(around, kinds, jump_m, jump_ratio)
+            kinds[0] = first_kind  # the image's edge has no neighbours to ask
+            kinds[n - 1] = last_kind if last_whole else kinds[n - 1]
+        for i in range(n):
+            x = here[i] * (pose[0, 0] * across[i] + ax) * px_per_m
+            y = here[i] * (pose[1, 0] * across[i] + ay) * px_per_m
+            b = np.int32(diamond_angle(c * x + s * y, c * y - s * x) * bin_scale)
+            b = (b if b < last_bin else last_bin) - first_bin
+            k = np.int32(np.sqrt(x * x + y * y))
+            x += x0
+            y += y0
             bx, by = x - body[0], y - body[1]
-            obstacle = kinds[u] == OBSTACLE
+            obstacle = kinds[i] == OBSTACLE
             own = obstacle & (bx * bx + by * by <= body[2])
             inside = (x >= zero) & (y >= zero) & (x < column_end) & (y < row_end)
-            kinds[u] = NOTHING if own else kinds[u]
             at = np.int32(y) * stride + np.int32(x)
-            cells[u] = at if obstacle & inside & (not own) else none
-        for u in range(w):
-            x, y = xs[u], ys[u]
-            b = np.int32(diamond_angle(c * x + s * y, c * y - s * x) * bin_scale)
-            k = np.int32(np.sqrt(x * x + y * y))
-            b = b if b < last_bin else last_bin
-            counts = (kinds[u] != NOTHING) & (k < range_end)  # else x and y may be NaN
-            spots[u] = kinds[u] * plane + k * line + b if counts else 0
-        for u in range(w):
-            mark_of[np.uint32(spots[u])] = 1
-        n = 0
-        for u in range(w):
-            hit_cells[n] = np.uint32(cells[u])
-            hit_bits[n] = bits[u]
-            n += np.int64(cells[u] >= 0)
+            cells[i] = at if obstacle & inside & (not own) else none
+            kind = NOTHING if own else kinds[i]
+            # Where nothing was measured x and y may be NaN.
+            counts = (kind != NOTHING) & (k < range_end) & (b >= 0) & (b < bins_end)
+            spots[i] = kind * plane + k * bins_end + b if counts else 0
         for i in range(n):
+            mark_of[np.uint32(spots[i])] = 1
+        hits = 0
+        for i in range(n):
+            hit_cells[hits] = np.uint32(cells[i])
+            hit_bits[hits] = bits[i]
+            hits += np.int64(cells[i] >= 0)
+        for i in range(hits):
             at, height = hit_cells[i], hit_bits[i]
-            count_of[at] += np.int32(1)
-            low_of[at] = min(low_of[at], height)
-            high_of[at] = max(high_of[at], height)
+            count[at] += np.int32(1)
+            low[at] = min(low[at], height)
+            high[at] = max(high[at], height)
         if v == open_row:
-            for i in range(n):
-                tops[hit_cells[i]] = band_hi
+            top = np.float32(band_hi).view(np.int32)
+            for i in range(hits):
+                high[hit_cells[i]] = top
 
 
 @njit(cache=True, nogil=True)
@@ -148,28 +207,35 @@ def floor_along_azimuths(marks, gap_cells, shadow_cells, seen):
 
     Floor within `shadow_cells` behind an obstacle is not believed: it is the foot of that
     obstacle, thrown behind it by depth noise. Further behind it was seen under or beside it.
-    `marks` is that of `project_depth`; `seen` uint8 [ranges, bins + 2] of zeros gets ones. It
-    begins with the last azimuth and ends with the first one, so that each has both neighbours.
+    `marks` is that of `project_depth`; `seen` uint8 [ranges, bins] gets 1 where the bin itself or
+    one beside it sees floor, 0 elsewhere.
     """
     ranges, bins = marks.shape[1:]
-    used = np.zeros(bins, np.uint8)
+    # Both ways along all azimuths at once: how far it is to believed floor, `most` where an
+    # obstacle or too much lies between. A cell is seen where both ways together make a gap.
+    one, nought = np.float32(1), np.float32(0)  # float32 stays narrow, where integers do not
+    most, shadow = np.float32(gap_cells + 1), np.float32(shadow_cells)
+    ahead = np.empty((ranges, bins), np.float32)
+    far, behind = np.full(bins, most, np.float32), np.full(bins, shadow, np.float32)
     for k in range(ranges):
+        floor, obstacle, here = marks[FLOOR, k], marks[OBSTACLE, k], ahead[k]
         for b in range(bins):
-            used[b] |= marks[FLOOR, k, b]
-    last_floor = np.full(bins, -1, np.int32)
-    last_obstacle = np.full(bins, -shadow_cells - 1, np.int32)
-    azimuths = np.flatnonzero(used)
-    for k in range(ranges):
-        for b in azimuths:
-            if marks[OBSTACLE, k, b] != 0:
-                last_obstacle[b] = k
-                last_floor[b] = -1
-            elif marks[FLOOR, k, b] != 0 and k - last_obstacle[b] > shadow_cells:
-                start = k
-                if last_floor[b] >= 0 and k - last_floor[b] <= gap_cells:
-                    start = last_floor[b] + 1
-                for i in range(start, k + 1):
-                    seen[i, b + 1] = 1
-                last_floor[b] = k
-    seen[:, 0] = seen[:, bins]
-    seen[:, bins + 1] = seen[:, 1]
+            behind[b] = nought if obstacle[b] != 0 else behind[b] + one
+            here[b] = nought if (floor[b] != 0) & (behind[b] > shadow) else most
+        for b in range(bins):
+            further = most if obstacle[b] != 0 else min(far[b] + one, most)
+            far[b] = min(here[b], further)
+            here[b] = far[b]
+    far[:] = most
+    line = np.zeros(bins + 2, np.uint8)
+    for k in range(ranges - 1, -1, -1):
+        obstacle, here, joined = marks[OBSTACLE, k], ahead[k], seen[k]
+        inner = line[1 : bins + 1]
+        for b in range(bins):
+            further = most if obstacle[b] != 0 else min(far[b] + one, most)
+            far[b] = nought if here[b] == nought else further
+            inner[b] = far[b] + here[b] < most
+        line[0], line[bins + 1] = line[bins], line[1]
+        after = line[2:]
+        for b in range(bins):
+            joined[b] = line[b] | inner[b] | after[b]

@@ -15,6 +15,7 @@ from helios_core.types import Embedding
 
 from helios_map2d.memory import SeenView
 from helios_map2d.value import Cone
+from helios_map2d.whereabouts import Whereabouts
 
 APART_M = 1.0  # two answers lie at least this far apart, or look in other directions
 TURNED = 0.5  # cosine of the angle from which directions are other ones
@@ -53,17 +54,17 @@ class Answer:
 
     view: SeenView
     score: float  # 0 to 1
-    at_m: tuple[float, float]  # where the thing was seen, or the middle of what was seen
+    at_m: tuple[float, float]  # where the thing was seen, or is likeliest in the view
     class_name: str = ""
 
 
-def scored(views: Sequence[SeenView], question: Question) -> list[Answer]:
+def scored(views: Sequence[SeenView], question: Question) -> list[tuple[SeenView, float]]:
     """The views of the question's model with their scores, in their order.
 
     What another model has seen, or none, cannot be compared and is left out.
     """
     return [
-        Answer(v, question.score(v.embedding), v.middle_m)
+        (v, question.score(v.embedding))
         for v in views
         if v.embedding is not None and v.embedding.model == question.text.model
     ]
@@ -79,9 +80,15 @@ def by_name(views: Sequence[SeenView], prompt: str) -> list[Answer]:
     ]
 
 
-def as_layer(answers: Sequence[Answer]) -> list[tuple[Cone, float]]:
+def as_layer(fits: Sequence[tuple[SeenView, float]]) -> list[tuple[Cone, float]]:
     """What `MapState.set_layer` makes a value layer of."""
-    return [(answer.view.cone, answer.score) for answer in answers]
+    return [(view.cone, score) for view, score in fits]
+
+
+def located(fits: Sequence[tuple[SeenView, float]]) -> list[Answer]:
+    """The views with the place in each where the thing is likeliest."""
+    whereabouts = Whereabouts(as_layer(fits))
+    return [Answer(view, score, whereabouts.within(view.cone)) for view, score in fits]
 
 
 def best_places(answers: Sequence[Answer], most: int) -> list[Answer]:

@@ -19,6 +19,7 @@ from helios_map2d.recall import (
     as_layer,
     best_places,
     by_name,
+    located,
     place_message,
     questions,
     scored,
@@ -67,8 +68,8 @@ class Recollection:
             answers, asked = by_name(views, request.prompt), sum(bool(v.named) for v in views)
             note = f"past views were asked by the detector's names alone: {error.message}"
         else:
-            answers = scored(views, question)
-            asked = len(answers)
+            fits = scored(views, question)
+            answers, asked = located(fits), len(fits)
             if request.layer:
                 version = self._put(state, {request.layer: question})
         most = min(request.most_places or DEFAULT_PLACES, MOST_PLACES)
@@ -115,6 +116,6 @@ class Recollection:
             if context_id is not None and state.context_id != context_id:
                 raise Conflict("another search has begun meanwhile")
             for name, question in layers.items():
-                answers = scored(state.memory.snapshot(), question)
-                state.set_layer(name, as_layer(answers))
+                fits = scored(state.memory.snapshot(), question)
+                state.set_layer(name, as_layer(fits))
             return state.published.version

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from helios_map2d.frontiers import FrontierRules
 from helios_map2d.occupancy import OccupancyRules
 from helios_map2d.value import ValueRules
+from helios_map2d.view import RAYS_PER_CELL
 
 
 @dataclass(frozen=True)
@@ -15,7 +16,8 @@ class MapRules:
 
     A map begins with `size_cells` a side and grows up to `most_cells`; a frame more than
     `most_leap_m` from the last one is not believed. While something is held,
-    nothing within `held_reach_m` of the robot's body becomes an obstacle.
+    nothing within `held_reach_m` of the robot's body becomes an obstacle. Of a depth image, so many
+    pixels are looked at that `rays_per_cell` fall across a cell at `max_depth_m` (0: all pixels).
     """
 
     cell_m: float = 0.025
@@ -23,6 +25,7 @@ class MapRules:
     most_cells: int = 16000
     min_depth_m: float = 0.10
     max_depth_m: float = 5.0
+    rays_per_cell: float = RAYS_PER_CELL
     most_leap_m: float = 50.0
     held_reach_m: float = 0.30
     occupancy: OccupancyRules = field(default_factory=OccupancyRules)

@@ -36,6 +36,12 @@ class Settings(ServiceSettings):
     max_depth_m: float = Field(
         5.0, gt=0, description="depth above this is not believed; the robot's own limit if less"
     )
+    rays_per_cell: float = Field(
+        1.0,
+        ge=0,
+        description="so many pixels of a depth image are looked at that this many rays "
+        "fall across a cell at the largest depth; 0: all pixels",
+    )
     band_lo_m: float = Field(0.10, gt=0, description="obstacles begin at this height")
     band_hi_m: float = Field(1.50, gt=0, description="what is higher is no obstacle")
     band_rise_per_m: float = Field(
@@ -99,6 +105,7 @@ class Settings(ServiceSettings):
                 hit_gain=self.hit_gain,
                 miss_loss=self.miss_loss,
             ),
+            rays_per_cell=self.rays_per_cell,
             most_leap_m=self.most_leap_m,
             held_reach_m=self.held_reach_m,
             most_views=self.most_views,
@@ -115,11 +122,11 @@ class Settings(ServiceSettings):
 def vlfm_compatible(rules: MapRules) -> MapRules:
     """The rules by which the maps agree with VLFM's on the same frames.
 
-    No noise is filtered, nothing is freed again, the band's edge does not rise with depth, and the
-    cone of view counts as explored up to known obstacles, measured or not.
+    All pixels count, no noise is filtered, nothing is freed again, the band's edge does not rise
+    with depth, and the cone of view counts as explored up to known obstacles, measured or not.
     """
     occupancy = replace(
         rules.occupancy, band_rise_per_m=0.0, weak_pixels=1, strong_pixels=1, tail_ratio=10**6,
         occupied_evidence=1, hit_gain=1, miss_loss=0, veil_jump_m=1e6,
     )  # fmt: skip
-    return replace(rules, occupancy=occupancy, explored_by_cone=True)
+    return replace(rules, occupancy=occupancy, explored_by_cone=True, rays_per_cell=0.0)

@@ -54,7 +54,8 @@ class LayerStack:
     def view_of(self, frame: Frame) -> View:
         """A frame laid over the grid. Raises InvalidInput as `view.view_of` does."""
         return view_of(frame.depth_m, frame.camera, frame.T_world_cam, self.grid,
-                       self.rules.min_depth_m, self.rules.max_depth_m)  # fmt: skip
+                       self.rules.min_depth_m, self.rules.max_depth_m,
+                       self.rules.rays_per_cell)  # fmt: skip
 
     def cone(self, view: View) -> Cone:
         """What a score of a view is spread over."""

@@ -102,7 +102,7 @@ def cone_of(view: View) -> Cone:
     """The cone of a view."""
     reach = np.empty(view.azimuth_bins, np.float32)
     value_kernels.farthest_by_azimuth(
-        view.depth_m, intrinsics_of(view),
+        view.depth_m, view.pixel_step, intrinsics_of(view),
         np.ascontiguousarray(view.T_world_cam[:2, :3], np.float32),
         np.array(view.heading, np.float32),
         np.float32(view.min_depth_m), np.float32(view.max_depth_m), reach,
@@ -176,21 +176,21 @@ class ValueLayers:
         spread = np.empty((box.rows, box.columns), np.float32)
         camera_cells = np.array([cone.x_m / cell_m - box.column_lo,
                                  cone.y_m / cell_m - box.row_lo], np.float32)  # fmt: skip
-        row_lo, row_hi, column_lo, column_hi = value_kernels.spread(
+        seen = value_kernels.spread(
             spread, camera_cells, np.array(cone.heading, np.float32), np.float32(cell_m),
             np.float32(cone.half_fov_rad), np.float32(self.rules.least_confidence), cone.reach_m,
         )  # fmt: skip
-        seen = Box(row_lo, row_hi, column_lo, column_hi)
-        if seen.empty:
+        changed = Box(*seen).moved(box.row_lo, box.column_lo)
+        if changed.empty:
             return EMPTY
-        changed = seen.moved(box.row_lo, box.column_lo)
-        at = self.grid.to_local(changed).slices
+        local = self.grid.to_local(box)
+        corner = local.row_lo, local.column_lo
         weighted = self.rules.fusion == WEIGHTED
         fuse = value_kernels.fuse_average if weighted else value_kernels.fuse_maximum
         for name, score in scores.items():
             layer = self.layers[name]
-            fuse(layer.value[at], layer.confidence[at], spread[seen.slices],
-                 np.float32(score), np.float32(self.rules.drop_below))  # fmt: skip
+            fuse(layer.value, layer.confidence, corner, spread, seen, np.float32(score),
+                 np.float32(self.rules.drop_below))  # fmt: skip
         self.box = self.box.union(changed)
         return changed
 

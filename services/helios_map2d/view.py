@@ -20,6 +20,9 @@ from helios_map2d.grid import Box, GridSpec
 
 MAX_AZIMUTH_BINS = 1440
 MIN_AZIMUTH_BINS = 96
+LEAST_AHEAD = 0.1  # a view whose axis is less than this horizontal looks straight up or down
+RAYS_PER_CELL = 1.0
+Ray = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,9 @@ class View:
     heading: tuple[float, float]
     half_fov_rad: float
     azimuth_bins: int
+    seen_bins: tuple[int, int]  # those that it may touch, half open
     range_cells: int
+    pixel_step: int  # every so many pixels of a row, and rows, are looked at
     window: Box
     spans: NDArray[np.int32]  # [window rows, 2] the columns that it may touch, half open
 
@@ -53,22 +58,23 @@ class View:
 
 def check_pose(T: NDArray[np.float64], name: str) -> NDArray[np.float64]:
     """`T` as float64 [4, 4]; InvalidInput unless it is finite and a rigid motion."""
-    pose = np.asarray(T, dtype=np.float64)
+    pose = np.ascontiguousarray(T, dtype=np.float64)
     if pose.shape != (4, 4):
         raise InvalidInput(f"{name} has shape {pose.shape}, wanted (4, 4): send a rigid transform")
-    if not np.isfinite(pose).all():
+    a, b, c, last = pose.tolist()  # plain numbers: numpy takes longer over so few
+    if not all(map(math.isfinite, (*a, *b, *c, *last))):
         raise InvalidInput(f"{name} holds NaN or infinity: send the pose only once it is known")
-    rotation = pose[:3, :3]
-    off = np.abs(rotation @ rotation.T - np.eye(3)).max()
-    a, b, c = rotation
+    pairs = ((a, a, 1), (b, b, 1), (c, c, 1), (a, b, 0), (a, c, 0), (b, c, 0))
+    off = max(abs(p[0] * q[0] + p[1] * q[1] + p[2] * q[2] - same) for p, q, same in pairs)
     handed = (
         a[0] * (b[1] * c[2] - b[2] * c[1])
         - a[1] * (b[0] * c[2] - b[2] * c[0])
         + a[2] * (b[0] * c[1] - b[1] * c[0])
     )
-    if off > 1e-3 or handed < 0 or np.abs(pose[3] - (0, 0, 0, 1)).max() > 1e-6:
+    apart = max(map(abs, (last[0], last[1], last[2], last[3] - 1.0)))
+    if off > 1e-3 or handed < 0 or apart > 1e-6:
         raise InvalidInput(f"{name} is not a rigid motion: its rotation must be orthonormal")
-    return np.ascontiguousarray(pose)
+    return pose
 
 
 def check_depth(depth_m: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32]:
@@ -94,19 +100,21 @@ def view_of(
     grid: GridSpec,
     min_depth_m: float,
     max_depth_m: float,
+    rays_per_cell: float = RAYS_PER_CELL,
 ) -> View:
     """Check an image and its pose, and lay it over the grid.
 
-    What it may touch beyond the grid is left out (see `reach_of`). Raises InvalidInput when sizes
-    disagree or the pose is not a rigid motion.
+    What it may touch beyond the grid is left out (see `reach_of`). `rays_per_cell`: see
+    `pixel_step`. Raises InvalidInput when sizes disagree or the pose is not a rigid motion.
     """
     depth = check_depth(depth_m, camera)
     pose = check_pose(T_world_cam, "T_world_cam")
     rays = corner_rays(camera, pose, max_depth_m)
     window = grid.to_local(box_of(rays, pose, grid.cell_m)).cut(grid.whole)
-    bins = int(np.clip(2.6 * camera.fx, MIN_AZIMUTH_BINS, MAX_AZIMUTH_BINS))
+    bins = min(max(int(2.6 * camera.fx), MIN_AZIMUTH_BINS), MAX_AZIMUTH_BINS)
     half_fov_rad = max(math.atan(camera.cx / camera.fx),
                        math.atan((camera.width - camera.cx) / camera.fx))  # fmt: skip
+    heading = heading_of(pose)
     return View(
         depth_m=depth,
         camera=camera,
@@ -114,10 +122,12 @@ def view_of(
         min_depth_m=min_depth_m,
         max_depth_m=max_depth_m,
         grid=grid,
-        heading=heading_of(pose),
+        heading=heading,
         half_fov_rad=half_fov_rad,
         azimuth_bins=bins,
-        range_cells=int(np.linalg.norm(rays[:, :2], axis=1).max() / grid.cell_m) + 2,
+        seen_bins=bins_of(rays, camera, pose, heading, bins),
+        range_cells=int(max(math.hypot(x, y) for x, y, _ in rays) / grid.cell_m) + 2,
+        pixel_step=pixel_step(camera, grid.cell_m, max_depth_m, rays_per_cell),
         window=window,
         spans=spans_of(rays, pose, grid, window),
     )
@@ -131,36 +141,78 @@ def reach_of(
     return box_of(corner_rays(camera, pose, max_depth_m), pose, cell_m)
 
 
-def corner_rays(
-    camera: Pinhole, T_world_cam: NDArray[np.float64], depth_m: float
-) -> NDArray[np.float64]:
-    """From the camera to the image's corners at a depth, [4, 3] in world axes."""
-    u = np.array([-0.5, camera.width - 0.5])
-    v = np.array([-0.5, camera.height - 0.5])
-    corners = np.array([[(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0]
-                        for x in u for y in v])  # fmt: skip
-    return corners @ T_world_cam[:3, :3].T * depth_m
+def pixel_step(camera: Pinhole, cell_m: float, max_depth_m: float, rays_per_cell: float) -> int:
+    """Every so many pixels of a row, and every so many rows, are looked at: as many as still leave
+    `rays_per_cell` across a cell at the largest depth (nearer there are more). 0 rays: all."""
+    if rays_per_cell <= 0:
+        return 1
+    finest_px = min(camera.fx, camera.fy) * cell_m / max_depth_m
+    return max(1, int(finest_px / rays_per_cell))
 
 
-def box_of(rays_m: NDArray[np.float64], T_world_cam: NDArray[np.float64], cell_m: float) -> Box:
+def corner_rays(camera: Pinhole, T_world_cam: NDArray[np.float64], depth_m: float) -> list[Ray]:
+    """From the camera to the image's corners at a depth, in world axes."""
+    (a, b, c), (d, e, f), (g, h, i) = T_world_cam[:3, :3].tolist()
+    us = [(u - camera.cx) / camera.fx for u in (-0.5, camera.width - 0.5)]
+    vs = [(v - camera.cy) / camera.fy for v in (-0.5, camera.height - 0.5)]
+    rays = [(a * u + b * v + c, d * u + e * v + f, g * u + h * v + i) for u in us for v in vs]
+    return [(depth_m * x, depth_m * y, depth_m * z) for x, y, z in rays]
+
+
+def box_of(rays_m: list[Ray], T_world_cam: NDArray[np.float64], cell_m: float) -> Box:
     """The world cells around a camera and the ends of its rays, and one more on each side."""
-    ends = np.vstack([rays_m[:, :2], np.zeros(2)]) + T_world_cam[:2, 3]
-    column_lo, row_lo = np.floor(ends.min(axis=0) / cell_m)
-    column_hi, row_hi = np.floor(ends.max(axis=0) / cell_m) + 1
-    return Box(int(row_lo), int(row_hi), int(column_lo), int(column_hi)).grown(1)
+    x_m, y_m = T_world_cam[:2, 3].tolist()
+    xs, ys = [0.0, *(x for x, _, _ in rays_m)], [0.0, *(y for _, y, _ in rays_m)]
+    return Box(
+        math.floor((y_m + min(ys)) / cell_m) - 1, math.floor((y_m + max(ys)) / cell_m) + 2,
+        math.floor((x_m + min(xs)) / cell_m) - 1, math.floor((x_m + max(xs)) / cell_m) + 2,
+    )  # fmt: skip
+
+
+def bins_of(
+    rays_m: list[Ray],
+    camera: Pinhole,
+    T_world_cam: NDArray[np.float64],
+    heading: tuple[float, float],
+    bins: int,
+) -> tuple[int, int]:
+    """The azimuth bins that an image may touch, half open, with two more at either side."""
+    c, s = heading
+    down = T_world_cam[2, :3].tolist()  # the vertical in the camera's axes
+    ahead = abs(down[2]) if down[2] else 1e-9
+    sign = math.copysign(1.0, down[2])
+    u = camera.fx * sign * down[0] / ahead + camera.cx
+    v = camera.fy * sign * down[1] / ahead + camera.cy
+    overhead = -1 <= u <= camera.width and -1 <= v <= camera.height
+    if overhead or math.hypot(*T_world_cam[:2, 2].tolist()) < LEAST_AHEAD:
+        return 0, bins  # all around, and what lies straight below or above
+    angles = [diamond(c * x + s * y, c * y - s * x) * bins / 4 for x, y, _ in rays_m]
+    return max(0, math.floor(min(angles)) - 2), min(bins, math.floor(max(angles)) + 3)
+
+
+def diamond(forward: float, left: float) -> float:
+    """0..4, rising with the azimuth from -pi to pi; 2 is straight ahead."""
+    a = left / ((abs(forward) + abs(left)) or 1.0)
+    if forward >= 0:
+        return 2 + a
+    return 4 - a if left >= 0 else -a
 
 
 def spans_of(
-    rays_m: NDArray[np.float64], T_world_cam: NDArray[np.float64], grid: GridSpec, window: Box
+    rays_m: list[Ray], T_world_cam: NDArray[np.float64], grid: GridSpec, window: Box
 ) -> NDArray[np.int32]:
     """The columns of each row of `window` within two cells of the ground under a view: [rows, 2].
 
     A view lies within the convex hull of its camera and the ends of its corner rays.
     """
-    ends = np.vstack([rays_m[:, :2], np.zeros(2)]) + T_world_cam[:2, 3]
-    corner = np.array([grid.corner[1] + window.column_lo, grid.corner[0] + window.row_lo])
+    x_m, y_m = T_world_cam[:2, 3].tolist()
+    column, row = grid.corner[1] + window.column_lo, grid.corner[0] + window.row_lo
+    points = np.array(
+        [((x + x_m) / grid.cell_m - column, (y + y_m) / grid.cell_m - row)
+         for x, y, _ in (*rays_m, (0.0, 0.0, 0.0))]
+    )  # fmt: skip
     spans = np.empty((window.rows, 2), np.int32)
-    spans_between(ends / grid.cell_m - corner, window.columns, spans)
+    spans_between(points, window.columns, spans)
     return spans
 
 
@@ -196,8 +248,9 @@ def spans_between(points, columns, spans):
 
 def heading_of(T_world_cam: NDArray[np.float64]) -> tuple[float, float]:
     """Unit horizontal direction of view (x, y) of a camera pose."""
-    axis = T_world_cam[:2, 2]
-    if np.hypot(*axis) < 0.1:
-        axis = -T_world_cam[:2, 1] * (1.0 if T_world_cam[2, 2] < 0 else -1.0)
-    axis = axis / np.hypot(*axis)
-    return float(axis[0]), float(axis[1])
+    x, y = T_world_cam[:2, 2].tolist()
+    if math.hypot(x, y) < LEAST_AHEAD:
+        sign = 1.0 if T_world_cam[2, 2] < 0 else -1.0
+        x, y = (-sign * v for v in T_world_cam[:2, 1].tolist())
+    far = math.hypot(x, y)
+    return x / far, y / far

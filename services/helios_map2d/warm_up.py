@@ -33,6 +33,6 @@ def warm_up() -> None:
     )
     state.go_on_from(0)
     layer, spread = state.stack.values.layers["pick"], np.zeros((2, 2), np.float32)
-    fuse_maximum(layer.value[:2, :2], layer.confidence[:2, :2], spread, np.float32(0),
+    fuse_maximum(layer.value, layer.confidence, (0, 0), spread, (0, 0, 0, 0), np.float32(0),
                  np.float32(0))  # fmt: skip
     state.published.line_of_sight((0.0, 0.0, 1.0), (1.0, 0.5, 0.5))

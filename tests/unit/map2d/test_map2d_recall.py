@@ -1,0 +1,137 @@
+"""A scripted walk past things at known places: where were they seen?"""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.topics import RECALL
+from helios_core.types import Detection, Embedding, Frame
+from helios_map2d.value import Cone
+from helios_map2d.whereabouts import CELL_M, MOST_CELLS, Whereabouts
+from map2d_house import MODEL, House, Scorer
+from map2d_scene import Block, Walk, cast, room
+from numpy.typing import NDArray
+
+THINGS_M = {"mug": (0.3, 5.6), "vase": (7.6, 5.5), "book": (7.7, 0.4), "ball": (3.0, 3.2)}
+STOPS_M = ((1.5, 1.5), (2.0, 4.3), (6.5, 1.5), (6.0, 4.3))
+SIDE_M = 0.25
+
+
+def block(x: float, y: float) -> Block:
+    half = SIDE_M / 2
+    return Block((x - half, y - half, 0.4), (x + half, y + half, 0.4 + SIDE_M))
+
+
+class Ideal(Scorer):
+    """A model that knows what is in an image, the better the larger it is, and is a little unsure
+    of everything."""
+
+    def __init__(self) -> None:
+        self.rng = np.random.default_rng(0)
+
+    def text(self, prompt: str) -> Embedding:
+        vector = np.array([[0.0, *(float(name == prompt) for name in THINGS_M)]], np.float32)
+        return Embedding(MODEL, vector)
+
+    def image(self, frame: Frame) -> Embedding:
+        shares = [mask.mean() for mask in masks(frame).values()]
+        vector = np.array([[0.15, *np.sqrt(shares)]]) + np.abs(self.rng.normal(0, 0.02, (1, 5)))
+        return Embedding(MODEL, (vector / np.linalg.norm(vector)).astype(np.float32))
+
+
+def masks(frame: Frame) -> dict[str, NDArray[np.bool_]]:
+    """The pixels of each thing."""
+    floor = cast([], frame.T_world_cam)
+    alone = {name: cast([block(*at)], frame.T_world_cam) for name, at in THINGS_M.items()}
+    return {
+        name: (depth != floor) & (np.abs(depth - frame.depth_m) < 1e-4)
+        for name, depth in alone.items()
+    }
+
+
+@functools.cache
+def walked(*, embeds: bool) -> House:
+    """A walk through a home of two rooms, by a scorer that embeds or a detector that names."""
+    house = House()
+    house.scorer = Ideal()
+    if embeds:
+        house.scorer.serve(house.bus)
+    walls = [Block((3.9, 0, 0), (4.1, 2.0, 2.5)), Block((3.9, 4.0, 0), (4.1, 6.0, 2.5))]
+    house.walk = Walk([*room(8.0, 6.0), *walls, *(block(*at) for at in THINGS_M.values())])
+    house.search("idle", {})
+    for x, y in STOPS_M:
+        for frame in house.walk.look_around(x, y)[::2]:
+            house.keyframe(frame)
+            named = () if embeds else detections(frame)
+            house.observe(frame, "idle", {} if embeds else None, detections=named)
+    return house
+
+
+def detections(frame: Frame) -> tuple[Detection, ...]:
+    out = []
+    for name, mask in masks(frame).items():
+        if mask.sum() >= 20:
+            rows, columns = np.nonzero(mask)
+            lo_v, lo_u, hi_v, hi_u = (
+                int(v) for v in (rows.min(), columns.min(), rows.max() + 1, columns.max() + 1)
+            )
+            score = 0.5 + min(0.4, mask.mean())
+            out.append(Detection(name, score, (lo_u, lo_v, hi_u, hi_v), mask))
+    return tuple(out)
+
+
+def off_m(place: pb.SeenPlace, name: str) -> float:
+    return math.dist((place.x_m, place.y_m), THINGS_M[name])
+
+
+@pytest.mark.parametrize("embeds", [True, False])
+@pytest.mark.parametrize("name", THINGS_M)
+def test_a_thing_is_told_at_its_place_with_a_picture_that_shows_it(name: str, embeds: bool) -> None:
+    house = walked(embeds=embeds)
+    best, *others = house.bus.call(RECALL, pb.RecallRequest(prompt=name, most_places=3), 5).places
+    # The ball is seen from three stops, the others from one, which tells the distance less well.
+    within_m = (0.6 if name == "ball" else 1.0) if embeds else 0.25
+    assert off_m(best, name) < within_m
+    x, y = THINGS_M[name]
+    bearing = math.atan2(y - best.camera.y_m, x - best.camera.x_m) - best.camera.yaw_rad
+    assert abs(math.remainder(bearing, math.tau)) < 0.6, "it is in the picture"
+    for other in others:
+        assert off_m(other, name) < within_m or other.score < 0.75 * best.score
+
+
+def cone(x: float, y: float, yaw: float, reach_m: float = 4.0) -> Cone:
+    reach = np.zeros(400, np.float32)
+    reach[180:220] = reach_m
+    return Cone(x, y, (math.cos(yaw), math.sin(yaw)), 0.4, reach)
+
+
+def test_where_two_views_that_fit_cross_is_likelier_than_where_one_looks_alone() -> None:
+    east, north, other = cone(0, 0, 0), cone(2.5, -2.5, math.pi / 2), cone(0, 0, math.pi)
+    found = Whereabouts([(east, 0.8), (north, 0.8), (other, 0.1)])
+    assert found.within(east) == pytest.approx((2.5, 0.0), abs=0.4)
+    assert found.within(north) == pytest.approx((2.5, 0.0), abs=0.4)
+
+
+def test_ground_that_a_view_without_the_thing_saw_is_less_likely() -> None:
+    far, near = cone(0, 0, 0), cone(0, 0, 0, reach_m=2.0)
+    x, _ = Whereabouts([(far, 0.8), (near, 0.1), (cone(9, 9, 0), 0.1)]).within(far)
+    assert x > 2.0
+
+
+def test_a_view_that_measured_nothing_tells_where_its_camera_stood() -> None:
+    blind = cone(1.0, 2.0, 0.3, reach_m=0.0)
+    assert Whereabouts([(blind, 0.9)]).within(blind) == (1.0, 2.0)
+    assert Whereabouts([]).within(blind) == (1.0, 2.0)
+
+
+def test_very_large_ground_is_looked_at_in_larger_cells() -> None:
+    apart = [(cone(0, 0, 0), 0.9), (cone(600, 600, 0), 0.2)]
+    found = Whereabouts(apart)
+    assert 600**2 / CELL_M**2 > MOST_CELLS >= found.fit.size
+    x, y = found.within(apart[0][0])
+    assert 0 < x < 4.2
+    assert abs(y) < 1.5
