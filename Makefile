@@ -4,6 +4,7 @@ SHELL := /bin/bash
 PYTHON ?= python3
 SEED ?= 0
 PORT ?= 8080
+JOBS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
 export MUJOCO_GL ?= egl
@@ -28,7 +29,7 @@ lint: install ## format, lint, types, import rules, generated messages
 	$(BIN)/python scripts/generate_proto.py --check
 
 test: install browser lint ## everything that CI runs
-	$(BIN)/pytest
+	$(BIN)/pytest -n $(JOBS) --dist loadfile
 
 browser: ## Chromium for the tests of the dashboard, where apt can be used; without it they are skipped
 	scripts/install_browser.sh

@@ -57,7 +57,7 @@ def test_many_worlds_keep_no_files_and_no_threads(sim_home: Home):
 
     once()  # libraries start threads of their own
     before = opened()
-    for _ in range(5):
+    for _ in range(2):
         once()
     after = opened()
     assert after[0] <= before[0]
