@@ -23,8 +23,8 @@ UNKNOWN = -1
 FREE = 0
 OCCUPIED = 100
 
-Pixels = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
-"""By cell of a window, flat: how many, and the bits of the lowest and highest height."""
+Pixels = tuple[NDArray[np.int32], ...]
+"""Three, by cell of a window, flat: how many, and the bits of the lowest and highest height."""
 
 
 @dataclass(frozen=True)
