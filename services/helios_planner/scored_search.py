@@ -46,7 +46,7 @@ class ScoredSearch(Search):
             in_place = self.in_place(thing)
             worth = in_place or self.anywhere
             option, self._views[thing.id] = self.looking.option(
-                thing, self.name, self.threshold, in_place, ask=worth
+                thing, self.name, self.threshold, in_place=in_place, ask=worth
             )
             options.append(option)
         return act_or_look(
