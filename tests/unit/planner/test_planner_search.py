@@ -45,6 +45,7 @@ class Looks:
         self.left = sorted(ways)
         self.gone_to: list[float] = []
         self.interrupted_after = interrupted_after
+        self.then: Callable[[], None] = lambda: None  # after each look
 
     def around(self, _: ObjectInstance) -> list[GazePoint]:
         return [GazePoint(Pose2(0.0, 0.0, 0.0), 0.0, way) for way in self.left]
@@ -59,6 +60,7 @@ class Looks:
             self.interrupted_after = 99
             return Outcome.INTERRUPTED
         self.gone_to.append(gaze.arrival)
+        self.then()
         self.left.remove(gaze.arrival)
         return Outcome.ARRIVED
 
@@ -77,7 +79,9 @@ class Rig:
     def __init__(self, looks: Looks | None = None, **settings: Any) -> None:
         self.world = flat()
         self.known: list[ObjectInstance] = []
-        self.world.objects = lambda name: [o for o in self.known if o.class_name == name]
+        self.world.objects = lambda class_name: [
+            o for o in self.known if o.class_name == class_name
+        ]
         self.settings = Settings(**settings)
         self.kit = Mission(self.world, parse("find the mug"), self.settings).kit
         if looks is not None:
@@ -86,7 +90,7 @@ class Rig:
         self.frontiers: list[FrontierOption] = []
         self.visited: list[tuple[float, float]] = []
         self.search.frontier_options = lambda layer: self.frontiers
-        self.search.visit_frontier = lambda xy, found: self.visited.append(xy)
+        self.search.visit_frontier = lambda xy_m, found: self.visited.append(xy_m)
 
     def offered(self) -> list[int]:
         """Ids of the receptacles of the newest decision."""
@@ -134,14 +138,8 @@ def test_a_mug_that_is_seen_on_the_way_ends_the_local_search() -> None:
     looks = Looks([1.0, 2.0])
     rig = Rig(looks)
     rig.known = [instance(coffee_table())]
-    look = looks.go_and_look
-
-    def sees_it(*args: Any) -> Outcome:
-        sure = Thing(3, "mug", np.array([*TABLE_XY, 0.5]), np.array([0.1, 0.1, 0.1]))
-        rig.known.append(instance(sure, score=0.9, class_score=0.95))
-        return look(*args)
-
-    looks.go_and_look = sees_it
+    sure = Thing(3, "mug", np.array([*TABLE_XY, 0.5]), np.array([0.1, 0.1, 0.1]))
+    looks.then = lambda: rig.known.append(instance(sure, score=0.9, class_score=0.95))
     rig.search.explore()
     assert looks.gone_to == [1.0]
     assert rig.search.visited.points == []
@@ -208,7 +206,7 @@ def test_the_goal_is_sought_by_the_place_layer() -> None:
         Frontier(2, (1.0, 1.0), 1.0, {"pick": 0.1, "place": 0.9}),
     ]
     search = ReceptacleSearch(rig.kit, "counter")
-    search.visit_frontier = lambda xy, found: rig.visited.append(xy)
+    search.visit_frontier = lambda xy_m, found: rig.visited.append(xy_m)
     search.explore()
     assert rig.visited == [(1.0, 1.0)]
 
