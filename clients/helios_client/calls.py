@@ -25,6 +25,7 @@ from helios_client.tasks import (
     MapInfo,
     RobotAnswer,
     Seen,
+    SeenView,
     Status,
     Task,
 )
@@ -150,6 +151,14 @@ def load_map(data: bytes) -> Call[LoadedMaps]:
 def seen(prompt: str, limit: int) -> Call[Seen]:
     query = {"prompt": prompt, "limit": limit}
     return Call("GET", "/seen", lambda r: Seen.from_json(_json(r)), query=query, timeout_s=SEEN_S)
+
+
+def object_views(id: int, limit: int) -> Call[tuple[SeenView, ...]]:
+    return Call(
+        "GET", f"/objects/{id}/views",
+        lambda r: tuple(SeenView.from_json(view) for view in _json(r)["views"]),
+        query={"limit": limit}, timeout_s=SEEN_S,
+    )  # fmt: skip
 
 
 def camera() -> Call[bytes]:

@@ -33,6 +33,7 @@ from helios_client.tasks import (
     MapInfo,
     RobotAnswer,
     Seen,
+    SeenView,
     Status,
     Task,
 )
@@ -139,6 +140,10 @@ class Helios:
         """Where something was seen: believed objects of that name, and at most `limit` past views
         that fit the words, with pictures."""
         return self._do(calls.seen(prompt, limit))
+
+    def object_views(self, id: int, limit: int = 5) -> tuple[SeenView, ...]:
+        """Pictures that an object is in, from different sides, best first."""
+        return self._do(calls.object_views(id, limit))
 
     def save_map(self) -> bytes:
         """Both maps as one file (ZIP): all that they need to go on."""

@@ -31,6 +31,7 @@ from helios_client.tasks import (
     MapInfo,
     RobotAnswer,
     Seen,
+    SeenView,
     Status,
     Task,
 )
@@ -114,6 +115,9 @@ class AsyncHelios:
 
     async def seen(self, prompt: str, limit: int = 5) -> Seen:
         return await self._do(calls.seen(prompt, limit))
+
+    async def object_views(self, id: int, limit: int = 5) -> tuple[SeenView, ...]:
+        return await self._do(calls.object_views(id, limit))
 
     async def save_map(self) -> bytes:
         return await self._do(calls.save_map())

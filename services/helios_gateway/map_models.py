@@ -132,6 +132,13 @@ class SeenAnswer(BaseModel):
     )
 
 
+class ViewList(BaseModel):
+    """Past views of one thing."""
+
+    views: list[SeenView] = Field(description="best first")
+    views_note: str = Field(description="as of /v1/seen")
+
+
 class MapChange(BaseModel):
     """Event: the 2D map or the object map has a new version."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 from typing import Annotated
 
 from fastapi import APIRouter, Query
@@ -16,13 +17,16 @@ from helios_gateway import convert, map_models
 from helios_gateway.access import secured
 from helios_gateway.fleet import At, Served
 from helios_gateway.keys import Scope
-from helios_gateway.problems import problems
+from helios_gateway.problems import NotFound, problems
+from helios_gateway.routes_objects import ObjectId
 
 RECALL_S = 12.0  # the text model may have to wake up
+MOST_VIEWS = 50  # that are asked of map2d, of which those that show an object are taken
+NEAR_M = 0.4  # beyond its half diagonal
 
 
 def seen_routes(prefix: str) -> APIRouter:
-    """`/seen`."""
+    """`/seen` and `/objects/{id}/views`."""
     routes = APIRouter(prefix=prefix, tags=["maps and camera"], dependencies=secured(Scope.READ))
 
     @routes.get("/seen", summary="Where was something seen?", responses=problems())
@@ -51,7 +55,37 @@ def seen_routes(prefix: str) -> APIRouter:
             views_note=recalled.note,
         )
 
+    @routes.get(
+        "/objects/{id}/views", summary="Pictures that an object is in", responses=problems(404)
+    )
+    def object_views(
+        at: At,
+        id: ObjectId,
+        limit: Annotated[int, Query(ge=1, le=50, description="at most so many views")] = 5,
+    ) -> map_models.ViewList:
+        """Past views that fit its class where it is, from different sides, best first; kept and
+        asked as `/v1/seen` says."""
+        found = next((o for o in at.live.maps.objects().objects if o.id == id), None)
+        if found is None:
+            raise NotFound(f"there is no object {id}; list them with GET /v1/objects")
+        asked = pb.RecallRequest(prompt=found.class_name, most_places=MOST_VIEWS)
+        recalled = _recalled(at, asked)
+        near = [place for place in recalled.places if _shows(found, place)]
+        return map_models.ViewList(
+            views=[_view(place) for place in near[:limit]], views_note=recalled.note
+        )
+
     return routes
+
+
+def _shows(found: map_models.ObjectInstance, place: pb.SeenPlace) -> bool:
+    """Whether what was seen there is this object, by its place on the ground."""
+    x, y, *_ = found.center_m
+    width, depth, *_ = found.size_m
+    if None in (x, y, width, depth):
+        return False
+    reach_m = NEAR_M + math.hypot(width or 0.0, depth or 0.0) / 2
+    return math.hypot(place.x_m - (x or 0.0), place.y_m - (y or 0.0)) <= reach_m
 
 
 def _recalled(at: Served, request: pb.RecallRequest) -> pb.RecallReply:

@@ -160,6 +160,7 @@ def test_an_object_shows_its_views_and_scores(page: Page) -> None:
     for words in ("score Ψ", "0.82", "views", "12", "detected in", "80 %"):
         expect(panel).to_contain_text(words)
     expect(panel.locator("meter").first).to_be_visible()
+    expect(panel.locator("#object-views img").first).to_be_visible()
     expect(panel.locator("#object-view")).to_have_attribute(
         "alt", "what is modelled of coffee table 2"
     )

@@ -1,6 +1,7 @@
 """Every command of the README is run as it stands there, in order, against one simulated home.
 
 Changed is only what a test must choose: port, state folder, the id of the task.
+`HELIOS_TEST_SCREENSHOTS=DIR` keeps pictures of the dashboard, those of the README among them.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ EXEMPT = {
     "helios bench": "takes minutes; each row's unit test runs it small",
     "helios mcp": "speaks to an agent; tests/unit/client/test_client_mcp.py is one",
 }
+
+SIZES = {"light": (1600, 1150), "dark": (1600, 1150), "tablet": (820, 1180)}  # of the dashboard
 
 # Of these, those that the README names in its text only, or may name any day.
 BESIDES = ("helios bench", "helios mcp", "helios record", "helios up --robot spot")
@@ -131,11 +134,11 @@ def test_the_commands_work_in_their_order(house: House) -> None:
 def test_the_dashboard_shows_the_task_that_succeeded(house: House, tmp_path: Path) -> None:
     assert house.task_id, "runs after the commands"
     with chromium() as browser:
-        for scheme in ("light", "dark"):
+        for name, (width, height) in SIZES.items():
             page = browser.new_page(
-                viewport={"width": 1600, "height": 1150},
-                color_scheme=scheme,  # pyright: ignore[reportArgumentType]
-            )
+                viewport={"width": width, "height": height}, has_touch=name == "tablet",
+                color_scheme="dark" if name == "dark" else "light",
+            )  # fmt: skip
             page.goto(f"http://localhost:{house.port}")
             page.locator(f'#history [data-id="{house.task_id}"]').click()
             page.locator("#task-state", has_text="succeeded").wait_for()
@@ -144,8 +147,9 @@ def test_the_dashboard_shows_the_task_that_succeeded(house: House, tmp_path: Pat
             page.locator("#map-empty").wait_for(state="hidden")
             page.locator("#objects button").first.click()
             page.locator("#object-view").wait_for()
+            page.locator("#object-views img").first.wait_for()
             page.evaluate("scrollTo(0, 0)")
             folder = Path(os.environ.get("HELIOS_TEST_SCREENSHOTS") or tmp_path)
             folder.mkdir(parents=True, exist_ok=True)
-            page.screenshot(path=folder / f"dashboard-home-{scheme}.png")
+            page.screenshot(path=folder / f"dashboard-home-{name}.png")
             page.close()

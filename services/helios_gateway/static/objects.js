@@ -1,6 +1,8 @@
 // The objects that are believed, and one of them in detail.
 import { $, Problem, ask, coalesced, element, facts, get, number } from "./api.js";
 
+const MOST_VIEWS = 3;
+
 export class Objects {
   /** `onList(objects)` with every new list, `onChoose(object)` with the one on show, or null. */
   constructor(onList, onChoose) {
@@ -9,6 +11,7 @@ export class Objects {
     this.objects = [];
     this.chosen = null;
     this.shown = "";
+    this.pictured = null;
     this.load = coalesced(() => this.fetch());
     $("object-close").addEventListener("click", () => this.choose(null));
   }
@@ -61,7 +64,8 @@ export class Objects {
   async showView(object) {
     const shown = `${object.id} ${object.views} ${object.score}`;
     if (shown === this.shown) return;
-    this.shown = shown;
+    if (object.id !== this.pictured) $("object-views").replaceChildren();
+    [this.shown, this.pictured] = [shown, object.id];
     try {
       const { history } = await ask(`/objects/${object.id}/detail`);
       const response = await get(`/objects/${object.id}/view.png`);
@@ -72,6 +76,8 @@ export class Objects {
       if (response.ok) $("object-view").src = URL.createObjectURL(await response.blob());
       $("object-view").alt = `what is modelled of ${object.class} ${object.id}`;
       if (old) URL.revokeObjectURL(old);
+      const { views } = await ask(`/objects/${object.id}/views?limit=${MOST_VIEWS}`);
+      if (shown === this.shown) drawViews(object, views);
     } catch (error) {
       if (!(error instanceof Problem || error instanceof TypeError)) throw error;
     }
@@ -108,6 +114,18 @@ export class Objects {
       }),
     );
   }
+}
+
+/** Past views that the object is in. */
+function drawViews(object, views) {
+  const said = ({ class: name, score }) => `${name ? "detected" : "fits"} ${number(score)}`;
+  $("object-views").replaceChildren(
+    ...views.map((view) => {
+      const src = `data:image/jpeg;base64,${view.jpeg_base64}`;
+      const alt = `a view of ${object.class} ${object.id}, ${said(view)}`;
+      return element("li", {}, element("img", { src, alt, title: said(view) }));
+    }),
+  );
 }
 
 /** A small curve of how the score went, 0 at the bottom and 1 at the top. */

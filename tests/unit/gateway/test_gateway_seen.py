@@ -32,6 +32,16 @@ def test_where_no_view_can_be_asked_objects_are_told_all_the_same(
     assert answer["views_note"] == "past views were not asked: no view has been kept"
 
 
+def test_an_object_s_views_are_those_that_show_its_place(
+    client: TestClient, backend: Backend
+) -> None:
+    (view,) = client.get("/v1/objects/1/views").json()["views"]  # the others look elsewhere
+    assert base64.b64decode(view["jpeg_base64"]) == picture_jpeg(0)
+    assert client.get("/v1/objects/4/views").json()["views"] == []
+    missing = client.get("/v1/objects/9/views")
+    assert (missing.status_code, "list them" in missing.json()["detail"]) == (404, True)
+
+
 @pytest.mark.parametrize("query", ["", "?prompt=", "?prompt=mug&limit=0", "?prompt=" + 501 * "m"])
 def test_a_question_without_words_is_refused(
     client: TestClient, backend: Backend, query: str
