@@ -10,6 +10,10 @@ The prior decides how many views a belief takes. With three classes and alpha_cp
 0.5 after this many full views of a thing that is detected always, or in 65 % of its views:
 
     prior 0.3: 1, 5      prior 1 (default): 2, 8      prior 3: 4, 15      prior 10: 10, 36
+
+Classes of a Dirichlet distribution may be counted as one, their concentrations added. So a search
+for few classes may have the prior of one for more, whose other classes are part of "other": it then
+believes what that one would, had it never seen them (setting `prior_classes`).
 """
 
 from __future__ import annotations
@@ -57,10 +61,13 @@ def marginal(
     return mean, np.sqrt(mean * (1 - mean) / (1 + total))
 
 
-def concentration_of(positive: Floats, asked: Floats, prior: float) -> Floats:
+def concentration_of(positive: Floats, asked: Floats, prior: float, n_classes: int = 0) -> Floats:
     """Concentration [n, 1 + C], "other" first. positive: [n, C]; asked: [n], for the class wanted.
 
-    What the views that asked for the wanted class did not give to any class is "other".
+    What the views that asked for the wanted class did not give to any class is "other", and so is
+    the prior of the n_classes, as far as they are more than these.
     """
     other = np.maximum(asked - positive.sum(axis=-1), 0)
-    return np.concatenate([other[..., None], positive], axis=-1) + prior
+    concentration = np.concatenate([other[..., None], positive], axis=-1) + prior
+    concentration[..., 0] += prior * max(n_classes - concentration.shape[-1], 0)
+    return concentration

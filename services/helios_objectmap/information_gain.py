@@ -48,6 +48,8 @@ class Rates:
     alpha_cpa: float  # how often each observation counts (eq. 3)
     alpha_cs: float  # weight of the uncertainty (eq. 7)
     other: float = 0.0  # share of what is expected that speaks for "other"; 0 is optimistic
+    n_classes: int = 0  # classes of the prior, where they are more than the member's and "other"
+    trust: float = 1.0  # share of the evidence for the wanted class that counts
 
 
 def kappa_at(project: Project, member: Member, view: View, max_depth_m: float) -> Float32:
@@ -65,20 +67,22 @@ def expected(
 ) -> list[Expected]:
     """Outcome for each weight kappa [n] if such views show column `wanted` of the context."""
     base = member.positive.astype(np.float64)
-    before = entropy(concentration_of(base, member.asked, rates.prior))
+    base[:, wanted] *= rates.trust
+    n_classes = max(rates.n_classes, base.shape[1] + 1)
+    before = entropy(concentration_of(base, member.asked, rates.prior, n_classes))
     out = []
     for kappa in kappas:
         seen = np.flatnonzero(kappa)
         evidence = rates.alpha_cpa * kappa[seen].astype(np.float64)
         positive = base[seen]
-        positive[:, wanted] += (1 - rates.other) * evidence  # eq. 3
+        positive[:, wanted] += rates.trust * (1 - rates.other) * evidence  # eq. 3
         asked = member.asked.astype(np.float64)
         asked[seen] += evidence
-        after = entropy(concentration_of(positive, asked[seen], rates.prior))
+        after = entropy(concentration_of(positive, asked[seen], rates.prior, n_classes))
         gain = float((before[seen] - after).sum())  # eq. 12; one Gaussian's share may be negative
         own = base[:, wanted].copy()
         own[seen] = positive[:, wanted]
-        mean, deviation = marginal(own, asked, rates.prior, base.shape[1] + 1)
+        mean, deviation = marginal(own, asked, rates.prior, n_classes)
         psi = score(mean, deviation, rates.alpha_cs).psi  # eq. 11
         out.append(Expected(psi, max(gain, 0.0)))
     return out

@@ -98,6 +98,7 @@ class Knowledge:
         rows = store.instances.rows_of(np.array([instance_id]))
         if not len(rows) or class_name not in store.class_names:
             return None
+        own = class_name == self._registry.records[instance_id].class_name
         column = store.class_names.index(class_name)
         columns = self._columns if column in self._columns else [*self._columns, column]
         if other_share is None:
@@ -114,7 +115,14 @@ class Knowledge:
             member,
             columns.index(column),
             [view.strided(s.stride_px) for view in views],
-            Rates(s.prior_concentration, s.alpha_cpa, s.alpha_cs, other_share),
+            Rates(
+                s.prior_concentration,
+                s.alpha_cpa,
+                s.alpha_cs,
+                other_share,
+                s.prior_classes,
+                self._trust(instance_id) if own else 1.0,
+            ),
             s.max_depth_m,
         )
 
@@ -124,7 +132,9 @@ class Knowledge:
             rows = np.flatnonzero(self._store.instance != NO_INSTANCE)
         else:
             rows = self._store.instances.rows_of(np.array([instance_id]))
-        return gaussians_of(self._store, rows, self._settings.prior_concentration)
+        return gaussians_of(
+            self._store, rows, self._settings.prior_concentration, self._settings.prior_classes
+        )
 
     def render(self, view: View, layer: str, class_name: str) -> bytes:
         """PNG of a layer as a camera sees it; RGB, or for depth uint16 millimetres.
@@ -196,7 +206,7 @@ class Knowledge:
     @property
     def _n_classes(self) -> int:
         """Classes that the prior speaks of, "other" included."""
-        return len(self._names) + 1
+        return max(len(self._names) + 1, self._settings.prior_classes)
 
     def _project(
         self, view: View, far_m: float | None = None, rows: NDArray[np.int32] | None = None
@@ -224,8 +234,14 @@ class Knowledge:
         if class_name not in names:
             names.append(class_name)
         return believed(
-            store, rows, class_name, names, s.prior_concentration, self._n_classes, s.alpha_cs
-        )
+            store, rows, class_name, names, s.prior_concentration, self._n_classes, s.alpha_cs,
+            self._trust(label),
+        )  # fmt: skip
+
+    def _trust(self, label: int) -> float:
+        """Share of the evidence for the class of an instance that counts in its scores."""
+        trust = self._settings.detector_trust
+        return 1.0 if trust == "full" else self._registry.trust(label, trust == "class-distance")
 
     def _describe(self, label: int) -> ObjectInstance | None:
         belief = self._belief(label)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
 from helios_objectmap.registry import InstanceRecord, InstanceRegistry, Moment
+from helios_objectmap.trust import N_BANDS, Ended
 from helios_objectmap.viewpoints import Viewpoints
 
 FORMAT = "helios-objectmap"
@@ -54,8 +55,12 @@ def arrays_of(
         "next_label": memory.registry.next_label,
         "records": {
             label: [r.class_name, r.views, r.detected,
-                    [[m.stamp_ns, m.views, m.score, m.class_score] for m in r.history]]
+                    [[m.stamp_ns, m.views, m.score, m.class_score] for m in r.history],
+                    r.detected_at.tolist()]
             for label, r in memory.registry.records.items()
+        },
+        "ended": {
+            name: [e.true.tolist(), e.all.tolist()] for name, e in memory.registry.ended.items()
         },
     }  # fmt: skip
     text = np.frombuffer(json.dumps(header).encode(), np.uint8)
@@ -120,16 +125,32 @@ def _memory(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) ->
     viewpoints.fill(part("viewpoints."))
     registry = InstanceRegistry()
     registry.next_label = int(header["next_label"])
-    registry.records = {
-        int(label): InstanceRecord(
-            str(name), float(views), float(detected),
-            [Moment(int(t), float(v), float(s), float(c)) for t, v, s, c in history],
-        )
-        for label, (name, views, detected, history) in header["records"].items()
-    }  # fmt: skip
+    registry.records = {int(label): _record(*r) for label, r in header["records"].items()}
+    registry.ended = {
+        str(name): Ended(_by_band(true), _by_band(everything))
+        for name, (true, everything) in header.get("ended", {}).items()
+    }
     roles = {str(name): Role(role) for name, role in header["roles"].items()}
     _check(store, registry, roles)
     return Memory(store, registry, viewpoints, roles, int(header["updates"]))
+
+
+def _record(
+    name: str, views: float, detected: float, history: list, detected_at: list | None = None
+) -> InstanceRecord:
+    """detected_at: missing in files of earlier builds, which do not say how far away."""
+    return InstanceRecord(
+        str(name), float(views), float(detected),
+        _by_band([0.0, detected, 0.0] if detected_at is None else detected_at),
+        [Moment(int(t), float(v), float(s), float(c)) for t, v, s, c in history],
+    )  # fmt: skip
+
+
+def _by_band(values: list) -> NDArray[np.float64]:
+    out = np.array(values, np.float64)
+    if out.shape != (N_BANDS,) or not np.isfinite(out).all():
+        raise ValueError(f"{values} are no {N_BANDS} numbers of detections")
+    return out
 
 
 def _check(store: GaussianStore, registry: InstanceRegistry, roles: dict[str, Role]) -> None:

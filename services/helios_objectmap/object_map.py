@@ -129,6 +129,7 @@ class ObjectMap(Knowledge):
         store.drop_columns(names)
         for name in names:
             self._viewpoints.forget(name)
+            self._registry.ended.pop(name, None)
             del self._roles[name]
 
     def _carve(
@@ -188,9 +189,13 @@ class ObjectMap(Knowledge):
         self._viewpoints.mark(look, names, self._updates)
         alpha_cpa = self._settings.alpha_cpa
         took = accumulate(store, rows, kappa, self._columns, weights, alpha_cpa)
-        rows, kappa, weights = rows[took], kappa[took], weights[took]
+        rows = rows[took]
         self._believe(rows)
-        given = self._registry.note_view(store.instance[rows], kappa, weights, names)
+        given = self._registry.note_view(
+            store.instance[rows], kappa[took], weights[took], projection.depth_m[took], names
+        )
+        if self._settings.detector_trust != "full":
+            self._described.clear()  # what was learnt changes every score
         self._note_moments(given, stamp_ns)
         return len(rows)
 
@@ -208,7 +213,7 @@ class ObjectMap(Knowledge):
         """Remove rows from their instances and from the map."""
         if len(rows):
             self._registry.leave(self._store, rows, self._voxel_m)
-            self._join(rows[:0])
+            self._join(rows[:0], taken_out=True)
             self._store.remove(rows)
 
     def _believe(self, rows: NDArray[np.integer]) -> None:
@@ -222,6 +227,7 @@ class ObjectMap(Knowledge):
         store.believed[changed] = new[differs]
         self._join(changed)
 
-    def _join(self, rows: NDArray[np.integer]) -> None:
-        for label in self._registry.join(self._store, rows, self._voxel_m):
+    def _join(self, rows: NDArray[np.integer], *, taken_out: bool = False) -> None:
+        changed = self._registry.join(self._store, rows, self._voxel_m, taken_out=taken_out)
+        for label in changed:
             self._described.pop(label, None)

@@ -59,14 +59,18 @@ def believed(
     prior: float,
     n_classes: int,
     alpha_cs: float,
+    trust: float = 1.0,
 ) -> Belief:
-    """Belief in an instance of a class, which is one of class_names; n_classes: see `marginal`."""
+    """Belief in an instance of a class, which is one of class_names; n_classes: see `marginal`.
+
+    trust: share of the evidence for the class that counts in the score; `mean` has all of it.
+    """
     columns = np.array([store.class_names.index(name) for name in class_names], np.int64)
     own = class_names.index(class_name)
     means, deviations, mine = np.zeros(len(columns)), np.zeros(len(columns)), np.empty(len(rows))
     beliefs_kernel(
-        rows, store.positive, store.asked, columns, own, prior, prior * n_classes, means,
-        deviations, mine,
+        rows, store.positive, store.asked, columns, own, prior, prior * n_classes, trust,
+        means, deviations, mine,
     )  # fmt: skip
     mean, deviation = means / len(rows), deviations / len(rows)
     probabilities = dict(zip(class_names, mean.tolist(), strict=True))
@@ -101,7 +105,7 @@ def describe(
         probabilities=belief.probabilities,
         top_m=float(top_m),
         outline_m=outline(xy[:inside]),
-        detection_rate=record.detected / record.views if record.views else 0.0,
+        detection_rate=record.detection_rate,
     )
 
 
@@ -128,12 +132,12 @@ def outline(xy: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 def gaussians_of(
-    store: GaussianStore, rows: NDArray[np.integer], prior: float
+    store: GaussianStore, rows: NDArray[np.integer], prior: float, n_classes: int
 ) -> InstanceGaussians:
-    """Copies of some Gaussians of the store."""
+    """Copies of some Gaussians of the store. n_classes: see `concentration_of`."""
     asked = store.asked[rows]
     most_asked = asked.max(axis=1, initial=0)
-    concentration = concentration_of(store.positive[rows], most_asked, prior)
+    concentration = concentration_of(store.positive[rows], most_asked, prior, n_classes)
     return InstanceGaussians(
         store.means[rows],
         store.radius_m[rows],

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
 from helios_objectmap.instances import components, distinct, relabel
 from helios_objectmap.kernels.evidence import views_kernel
+from helios_objectmap.trust import N_BANDS, Ended, bands, mean_share, true_share
 from helios_objectmap.voxels import Regrouped, Voxels
 
 MOST_HISTORY = 256
@@ -39,6 +40,7 @@ class InstanceRecord:
     class_name: str
     views: float = 0.0  # sum of the weights of the views that gave evidence
     detected: float = 0.0  # of those that detected it as its class
+    detected_at: NDArray[np.float64] = field(default_factory=lambda: np.zeros(N_BANDS))  # by band
     history: list[Moment] = field(default_factory=list)
 
     def note(self, moment: Moment) -> None:
@@ -47,10 +49,16 @@ class InstanceRecord:
         if len(self.history) > MOST_HISTORY:
             self.history = self.history[::2]
 
+    @property
+    def detection_rate(self) -> float:
+        """Share of its views that detected it as its class."""
+        return self.detected / self.views if self.views else 0.0
+
     def inherit(self, ancestor: InstanceRecord) -> None:
         """Parts of one thing were seen in the same views: the part seen most often speaks."""
         if ancestor.views > self.views:
             self.views, self.detected = ancestor.views, ancestor.detected
+            self.detected_at = ancestor.detected_at.copy()
             self.history = list(ancestor.history)
 
 
@@ -64,6 +72,7 @@ class InstanceRegistry:
     def __init__(self) -> None:
         self.records: dict[int, InstanceRecord] = {}
         self.next_label = NO_INSTANCE + 1
+        self.ended: dict[str, Ended] = {}  # of each class, what was detected and is no more
         self._voxels: dict[str, Voxels] = {}  # of each class that has changed
         self._left: dict[str, set[int]] = {}  # class -> instances that lost some since `join`
 
@@ -76,10 +85,18 @@ class InstanceRegistry:
             voxels.leave(store.means[own])
             store.instances.move(own, NO_INSTANCE)
 
-    def join(self, store: GaussianStore, rows: NDArray[np.integer], voxel_m: VoxelSize) -> set[int]:
+    def join(
+        self,
+        store: GaussianStore,
+        rows: NDArray[np.integer],
+        voxel_m: VoxelSize,
+        *,
+        taken_out: bool = False,
+    ) -> set[int]:
         """Renew the partition; returns the labels of all instances that changed.
 
-        rows: those without an instance that are newly believed to be what they are.
+        rows: those without an instance that are newly believed to be what they are. taken_out: an
+        instance that ends was not seen to be nothing, but taken out of the map.
         """
         left, self._left = self._left, {}
         joining = dict(_by_class(store, rows))
@@ -92,7 +109,7 @@ class InstanceRegistry:
                 members = store.instances.rows_of(np.array([label]))
                 store.instances.move(members, voxels.labels_of(store.means[members]))
             store.instances.move(own, voxels.labels_of(store.means[own]))
-            self._renew_records(name, regrouped)
+            self._renew_records(name, regrouped, taken_out)
             changed |= regrouped.labels
         return changed
 
@@ -108,7 +125,7 @@ class InstanceRegistry:
         ancestors: dict[int, set[int]] = {}
         for pair in distinct((labels.astype(np.int64) << 32) | former)[0].tolist():
             ancestors.setdefault(pair >> 32, set()).add(pair & 0xFFFFFFFF)
-        self._renew_records(name, Regrouped(regrouped=old, ancestors=ancestors))
+        self._renew_records(name, Regrouped(regrouped=old, ancestors=ancestors), False)
         store.instances.move(rows, labels)
         self._voxels[name] = Voxels(voxel_m)
         self._voxels[name].fill(store.means[rows], labels)
@@ -119,14 +136,18 @@ class InstanceRegistry:
             self.recluster(store, name, voxel_m)
         return self._voxels[name]
 
-    def _renew_records(self, name: str, regrouped: Regrouped) -> None:
+    def _renew_records(self, name: str, regrouped: Regrouped, taken_out: bool) -> None:
         fresh: dict[int, InstanceRecord] = {}
         for label, ancestors in regrouped.ancestors.items():
             record = fresh[label] = InstanceRecord(name)
             for ancestor in sorted(ancestors):
                 record.inherit(self.records[ancestor])
+        lives_on = set().union(*regrouped.ancestors.values())
         for label in regrouped.regrouped:
-            self.records.pop(label, None)
+            record = self.records.pop(label)
+            if label not in lives_on:
+                ended = self.ended.setdefault(name, Ended())
+                ended.add(record.detected_at, record.detection_rate * taken_out)
         self.records |= fresh
 
     def note_view(
@@ -134,18 +155,20 @@ class InstanceRegistry:
         instance: NDArray[np.int32],
         kappa: NDArray[np.float32],
         weights: NDArray[np.float32],
+        depth_m: NDArray[np.float32],
         class_names: list[str],
     ) -> list[int]:
         """Count a view for the instances it gave evidence for; returns their labels.
 
         instance: [k] labels; kappa: [k, 1 + C] per label of the image, "other" first; weights:
-        [k, C] of the view. An instance counts as seen with kappa of a pixel, and as detected with
-        half of what was seen of it.
+        [k, C] of the view; depth_m: [k]. An instance counts as seen with kappa of a pixel, and as
+        detected with half of what was seen of it.
         """
         labels, of_row = distinct(instance)
         seen = np.zeros((len(labels), kappa.shape[1]))
         weighed = np.zeros((len(labels), weights.shape[1]))
-        views_kernel(of_row, kappa, weights, seen, weighed)
+        far_m = np.zeros(len(labels))
+        views_kernel(of_row, kappa, weights, depth_m, seen, weighed, far_m)
         given = [label for label in labels.tolist() if label != NO_INSTANCE]
         for k, label in enumerate(labels.tolist()):
             record = self.records.get(label)
@@ -156,7 +179,19 @@ class InstanceRegistry:
             record.views += weight
             if seen[k, 1 + own] >= 0.5 * seen[k].sum():
                 record.detected += weight
+                record.detected_at[bands(far_m[k : k + 1] / seen[k].sum())] += weight
         return given
+
+    def trust(self, label: int, by_distance: bool) -> float:
+        """Share of the detections of an instance that is believed to be true: see `trust.py`."""
+        record = self.records[label]
+        things = (
+            (r.detected_at, r.detection_rate)
+            for r in self.records.values()
+            if r.class_name == record.class_name
+        )
+        share = true_share(things, self.ended.get(record.class_name, Ended()), by_distance)
+        return mean_share(share, record.detected_at)
 
 
 def _by_class(

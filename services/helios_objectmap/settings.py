@@ -33,6 +33,15 @@ class ObjectMapSettings(ServiceSettings):
         gt=0,
         description="Concentration of each class before any view; more needs more views.",
     )
+    prior_classes: int = Field(
+        default=2,
+        ge=2,
+        description="The prior has at least so many classes with other; 4 are the paper's.",
+    )
+    detector_trust: Literal["full", "class", "class-distance"] = Field(
+        default="full",
+        description="What a detection counts: in full, or the learnt share of true ones.",
+    )
     alpha_cpa: float = Field(
         default=3.0, gt=0, description="How often each observation counts (eq. 3)."
     )

@@ -15,30 +15,28 @@ from helios_core.types import (
 )
 
 from helios_objectmap.object_map import ObjectMap
+from helios_objectmap.objects import MANY_POINTS, outline
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.view import View
 
 
 def warm_up(settings: ObjectMapSettings) -> None:
-    """Run a made-up observation and a what-if through a map that is thrown away."""
+    """Run made-up observations and a what-if through a map that is thrown away."""
     camera = Pinhole(60.0, 60.0, 31.5, 23.5, 64, 48)
     mask = np.zeros((48, 64), bool)
     mask[16:32, 16:32] = True
-    frame = Frame(
-        FrameId("warm-up", 0, 0),
-        0,
-        True,
-        np.zeros((48, 64, 3), np.uint8),
-        np.full((48, 64), 1.0, np.float32),
-        camera,
-        np.eye(4),
-        np.eye(4),
-    )
     context = SearchContext("warm-up", (SearchClass("thing", Role.OBJECT, 0.0),))
     seen = Detection("thing", 1.0, (16, 16, 32, 32), mask)
-    observation = Observation(frame, context.id, (seen,), {}, "warm-up")
     scratch = ObjectMap(settings)
-    scratch.update(observation, context)
+    color, depth_m = np.zeros((48, 64, 3), np.uint8), np.full((48, 64), 1.0, np.float32)
+    for i in range(2):  # the second one sees what the first one made
+        T_world_cam = np.eye(4)
+        T_world_cam[0, 3] = 0.1 * i
+        frame = Frame(
+            FrameId("warm-up", 0, i), i, True, color, depth_m, camera, T_world_cam, np.eye(4)
+        )
+        scratch.update(Observation(frame, context.id, (seen,), {}, "warm-up"), context)
     view = View(60.0, 60.0, 31.5, 23.5, 64, 48, np.eye(4))
     for instance in scratch.objects():
         scratch.what_if(instance.id, instance.class_name, [view])
+    outline(np.zeros((MANY_POINTS + 1, 2), np.float32))

@@ -12,19 +12,23 @@ _BINS = 2048
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def beliefs_kernel(
-    rows, positive, asked, columns, own, prior, prior_total, means, deviations, mine
+    rows, positive, asked, columns, own, prior, prior_total, trust, means, deviations, mine
 ):
     """Sums over rows [n] of the mean and the standard deviation of theta (eq. 4) of each of the
-    columns [C], into means and deviations [C]; the mean of column columns[own] into mine [n]."""
+    columns [C], into means and deviations [C]; the mean of column columns[own] into mine [n].
+
+    Of the evidence for that column, the sums count the share `trust`, and `mine` counts all.
+    """
     for k in range(rows.size):
         for j in range(columns.size):
             row, column = rows[k], columns[j]
             total = asked[row, column] + prior_total
             mean = (positive[row, column] + prior) / total
-            means[j] += mean
-            deviations[j] += math.sqrt(max(mean * (1 - mean), 0.0) / (1 + total))
             if j == own:
                 mine[k] = mean
+                mean = (trust * positive[row, column] + prior) / total
+            means[j] += mean
+            deviations[j] += math.sqrt(max(mean * (1 - mean), 0.0) / (1 + total))
 
 
 @njit(cache=True, nogil=True)

@@ -57,9 +57,9 @@ def believe_kernel(
 
 
 @njit(cache=True, nogil=True)
-def views_kernel(of_row, kappa, weights, seen, weighed):
-    """Add kappa [k, 1 + C] to seen [labels, 1 + C], and weights [k, C] times the sum of kappa to
-    weighed [labels, C]; of_row: [k] which of the labels."""
+def views_kernel(of_row, kappa, weights, depth_m, seen, weighed, far_m):
+    """Add kappa [k, 1 + C] to seen [labels, 1 + C]; weights [k, C] and depth_m [k], both times the
+    sum of kappa, to weighed [labels, C] and far_m [labels]; of_row: [k] which of the labels."""
     for k in range(of_row.size):
         label, total = of_row[k], 0.0
         for c in range(kappa.shape[1]):
@@ -67,3 +67,4 @@ def views_kernel(of_row, kappa, weights, seen, weighed):
             total += kappa[k, c]
         for j in range(weights.shape[1]):
             weighed[label, j] += weights[k, j] * total
+        far_m[label] += depth_m[k] * total

@@ -76,7 +76,8 @@ def test_a_view_is_counted_for_the_instances_that_it_shows(seed):
         2: InstanceRecord("table"),
         3: InstanceRecord("x"),
     }
-    given_labels = registry.note_view(labels, kappa, weights, ["mug", "table"])
+    depth_m = (1 + 1.25 * labels).astype(np.float32)  # the mug at 2.25 m, the table at 3.5 m
+    given_labels = registry.note_view(labels, kappa, weights, depth_m, ["mug", "table"])
     assert given_labels == sorted(set(labels.tolist()) - {NO_INSTANCE})
     for label, own in ((1, 0), (2, 1)):
         mine = labels == label
@@ -88,6 +89,7 @@ def test_a_view_is_counted_for_the_instances_that_it_shows(seed):
         share = np.average(weights[mine, own], weights=kappa[mine].sum(axis=1))
         assert record.views == pytest.approx(share, rel=1e-5)
         assert record.detected in (0.0, record.views)
+        assert record.detected_at[label] == record.detected == record.detected_at.sum()
         if abs(seen[1 + own] - 0.5 * seen.sum()) > 1e-4:
             assert (record.detected > 0) == (seen[1 + own] > 0.5 * seen.sum())
     assert registry.records[3].views == 0

@@ -18,6 +18,7 @@ def reference(member: Member, wanted: int, views: list[View], rates: Rates):
     hits = member.positive.astype(float)
     other = np.maximum(member.asked - hits.sum(axis=1), 0)[:, None]
     gamma = rates.prior + np.concatenate([other, hits], axis=1)
+    gamma[:, 0] += rates.prior * max(rates.n_classes - gamma.shape[1], 0)
     after = gamma.copy()
     for view in views:
         kappa = reference_kappa(member.means, member.radius_m, member.opacity, view)
@@ -42,7 +43,7 @@ def test_scores_and_gains_are_those_of_the_paper(scene, classes, other, seed):
     shifted = np.eye(4)
     shifted[:3, 3] = rng.uniform(-0.2, 0.2, 3)
     views = [VIEW, View(60.0, 60.0, 23.5, 17.5, 48, 36, shifted)]
-    rates = Rates(1.0, 3.0, 1.0, other)
+    rates = Rates(1.0, 3.0, 1.0, other, int(rng.choice([0, 4])))
     alone, together = what_if(splat.project, member, wanted, views, rates, 100.0)
     for got, seen in [(alone[0], views[:1]), (alone[1], views[1:]), (together, views)]:
         psi, gain = reference(member, wanted, seen, rates)

@@ -1,0 +1,145 @@
+"""How much detections are trusted: learnt from what became of them, and only where it is asked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helios_core.types import Role, SearchClass, SearchContext
+from helios_objectmap import mapfile
+from helios_objectmap.object_map import ObjectMap
+from helios_objectmap.trust import N_BANDS, Ended, bands, mean_share, true_share
+from helios_objectmap.view import View
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from objectmap_scene import (
+    CAMERA,
+    CONTEXT,
+    MUG,
+    ROOM,
+    SETTINGS,
+    TABLE,
+    looking_at,
+    mug_at,
+    observe,
+    pose,
+)
+
+BY_CLASS = SETTINGS.model_copy(update={"detector_trust": "class"})
+MUG_CENTER, ELSEWHERE = (1.2, 0.0, 0.8), (1.4, 0.4, 0.8)
+SCENE = (*ROOM, mug_at(1.2, 0.0), mug_at(1.4, 0.4))
+FROM = [(0.0, 0.0), (0.1, 0.3), (0.2, -0.3), (0.3, 0.5), (0.4, -0.5)]
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_share_of_true_detections_is_a_beta_mean_over_what_is_and_what_ended(seed):
+    rng = np.random.default_rng(seed)
+    things = [(rng.uniform(0, 4, N_BANDS), rng.random()) for _ in range(rng.integers(0, 6))]
+    ended = Ended()
+    for _ in range(3):
+        ended.add(rng.uniform(0, 2, N_BANDS), 0.25)
+    for by_distance in (False, True):
+        share = true_share(things, ended, by_distance)
+        for band in range(N_BANDS):
+            chosen = slice(band, band + 1) if by_distance else slice(None)
+            true = sum(rate * d[chosen].sum() for d, rate in things)
+            everything = sum(d[chosen].sum() for d, _ in things) + ended.all[chosen].sum()
+            true += 0.25 * ended.all[chosen].sum()
+            assert share[band] == pytest.approx((1 + true) / (2 + everything))
+
+
+def test_a_thing_is_trusted_as_the_distances_are_at_which_it_was_detected():
+    share = np.array([1.0, 0.5, 0.1])
+    assert mean_share(share, np.array([3.0, 1.0, 0.0])) == pytest.approx(0.875)
+    assert mean_share(share, np.zeros(N_BANDS)) == pytest.approx(share.mean())
+    assert bands(np.array([1.4, 1.5, 2.9, 3.0])).tolist() == [0, 1, 1, 2]
+
+
+def built(chosen, calls) -> ObjectMap:
+    """A map that looks at the table from FROM; calls: what the boxes are called in each view."""
+    objects = ObjectMap(chosen)
+    for seq, ((x, y), called) in enumerate(zip(FROM, calls, strict=False)):
+        o = observe(SCENE, looking_at(x, y, MUG_CENTER), seq=seq, called={2: "table"} | called)
+        objects.update(o, CONTEXT)
+    return objects
+
+
+def mug_near(objects: ObjectMap, place):
+    mugs = [o for o in objects.objects() if o.class_name == "mug"]
+    return next((o for o in mugs if np.linalg.norm(o.center_m - place) < 0.1), None)
+
+
+def trust_in(objects: ObjectMap, label: int) -> float:
+    return objects.memory().registry.trust(label, False)
+
+
+def test_a_class_whose_detections_are_not_repeated_is_trusted_less_and_a_repeated_one_more():
+    repeated = built(BY_CLASS, [{3: "mug"}] * 5)
+    doubtful = built(BY_CLASS, [{3: "mug"}, {4: "mug"}, {}, {}, {4: "mug"}])
+    sure, unsure = mug_near(repeated, MUG_CENTER), mug_near(doubtful, ELSEWHERE)
+    assert sure is not None
+    assert unsure is not None
+    assert trust_in(repeated, sure.id) > 0.8
+    assert trust_in(doubtful, unsure.id) < 0.5
+
+
+def test_trust_changes_scores_and_neither_evidence_nor_instances():
+    calls = [{3: "mug"}, {4: "mug"}, {}, {}, {4: "mug"}]
+    full, by_class = built(SETTINGS, calls), built(BY_CLASS, calls)
+    mine, theirs = full.gaussians(), by_class.gaussians()
+    assert np.array_equal(mine.concentration, theirs.concentration)
+    assert np.array_equal(mine.instance, theirs.instance)
+    for a, b in zip(full.objects(), by_class.objects(), strict=True):
+        assert np.array_equal(a.center_m, b.center_m)
+        assert b.class_score < a.class_score
+    mug = mug_near(by_class, ELSEWHERE)
+    assert mug is not None
+    c = CAMERA
+    away = View(c.fx, c.fy, c.cx, c.cy, c.width, c.height, pose(yaw=np.pi))
+    answer = by_class.what_if(mug.id, "mug", [away])
+    assert answer is not None
+    assert answer[1].psi == pytest.approx(mug.score, abs=1e-5)  # what-ifs start from the score
+
+
+def test_what_was_taken_out_does_not_count_as_false():
+    objects = built(BY_CLASS, [{3: "mug"}] * 4)
+    mug = mug_near(objects, MUG_CENTER)
+    assert mug is not None
+    before = trust_in(objects, mug.id)
+    objects.retire(mug.id)
+    o = observe(SCENE, looking_at(*FROM[4], MUG_CENTER), seq=9, called={2: "table", 4: "mug"})
+    objects.update(o, CONTEXT)
+    other = mug_near(objects, ELSEWHERE)
+    assert other is not None
+    assert trust_in(objects, other.id) > before  # one more that was found in all its views
+
+
+def test_a_file_keeps_what_was_learnt():
+    objects = built(BY_CLASS, [{3: "mug"}, {}, {}, {4: "mug"}, {}])
+    data = mapfile.written(mapfile.arrays_of(objects.memory(), None))
+    again = ObjectMap(BY_CLASS)
+    again.recall(mapfile.read(data, again.no_viewpoints()).memory)
+    registries = objects.memory().registry, again.memory().registry
+    for by_distance in (False, True):
+        known, kept = ([r.trust(label, by_distance) for label in r.records] for r in registries)
+        assert kept == known
+
+
+def test_with_a_prior_for_more_classes_a_search_believes_what_one_for_all_of_them_would():
+    """The other classes of a Dirichlet prior are part of "other", whether they are named or not."""
+    named = SearchContext(
+        "c1", (MUG, TABLE, *(SearchClass(n, Role.OBJECT, 0.3) for n in ("bowl", "book")))
+    )
+    few, many = ObjectMap(SETTINGS.model_copy(update={"prior_classes": 5})), ObjectMap(SETTINGS)
+    for seq, (x, y) in enumerate(FROM[:3]):
+        o = observe(SCENE, looking_at(x, y, MUG_CENTER), seq=seq)
+        few.update(o, CONTEXT)
+        many.update(o, named)
+    for a, b in zip(few.objects(), many.objects(), strict=True):
+        assert (a.id, a.class_name) == (b.id, b.class_name)
+        assert (a.score, a.class_score) == pytest.approx((b.score, b.class_score))
+    fewer = built(SETTINGS, [{3: "mug"}] * 3)
+    mugs = [mug_near(m, MUG_CENTER) for m in (few, fewer)]
+    assert mugs[0] is not None
+    assert mugs[1] is not None
+    assert mugs[0].score < mugs[1].score
