@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from helios_eval.record import PACKED, EpisodeRecord
 from helios_eval.report import published
 from helios_eval.report.arms import arms_of, pairs
 from helios_eval.report.model import Table
+from helios_eval.run import Run, note
 from synthetic_episodes import NOISE, episode, write
 
 SWEPT = {"objectmap.alpha_cs": 0.1}
@@ -77,6 +79,19 @@ def test_the_same_episodes_are_packed_into_the_same_bytes(tmp_path: Path) -> Non
     for name in ("one", "two"):
         gather.pack(tmp_path / name, [episode(s) for s in range(3)], {})
     assert (tmp_path / "one" / PACKED).read_bytes() == (tmp_path / "two" / PACKED).read_bytes()
+
+
+def test_a_folder_tells_every_command_that_was_given_in_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = Run(
+        "ovmm", ("helios",), ("unlimited",), "noisy", "demo-v1", 1, 0, tmp_path, 1, None, {}
+    )
+    for setting in ("alpha_d=0.1", "tau_g=0.3", "tau_g=0.3"):  # the last one goes on
+        monkeypatch.setattr(sys, "argv", ["helios", "eval", "ovmm", "--set", setting])
+        note(asked, "0" * 7, 0.0, None)
+    told = [c[-1] for c in gather.commands_of(gather.run([tmp_path]))]
+    assert told == ["alpha_d=0.1", "tau_g=0.3"]
 
 
 def test_an_episode_that_went_differently_in_two_folders_is_named(tmp_path: Path) -> None:

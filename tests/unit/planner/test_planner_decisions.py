@@ -67,9 +67,20 @@ def test_the_frontier_scale_is_the_mean_ratio() -> None:
         SearchMemory({1: FirstSeen(0.5, 2.0, (0.0, 0.0))}),
         SearchMemory({}, [ChosenFrontier((0.0, 0.0), 0.3)]),
         SearchMemory({1: FirstSeen(0.5, 2.0, (0.0, 0.0))}, [ChosenFrontier((0.0, 0.0), 0.0)]),
+        SearchMemory(
+            {1: FirstSeen(0.5, 2.0, (0.0, 0.0))},
+            [ChosenFrontier((0.0, 0.0), 0.5), ChosenFrontier((0.0, 0.0), 0.0)],
+        ),
         SearchMemory({1: FirstSeen(0.5, 0.0, (9.0, 0.0))}, [ChosenFrontier((0.0, 0.0), 0.3)]),
     ],
-    ids=["nothing", "no frontier", "no candidate", "a value of zero", "a negative ratio"],
+    ids=[
+        "nothing",
+        "no frontier",
+        "no candidate",
+        "a value of zero",
+        "one of two values of zero",
+        "a negative ratio",
+    ],
 )
 def test_the_frontier_scale_is_one_where_it_is_not_defined(memory: SearchMemory) -> None:
     assert frontier_scale(memory, 0.1) == 1.0
