@@ -41,8 +41,9 @@ def paper(tmp_path: Path) -> list[Path]:
             episode(s, a, noise=NOISE.model_copy(update={"level": 2.0}))
             for a in ("helios", "trusting") for s in homes
         ]),
-        folder(tmp_path / "nav", [episode(s, a, **nav) for a in ("vlfm", "vlfm-helios-stop", "helios")
-                                  for s in homes], "helios eval objectnav"),
+        folder(tmp_path / "nav", [
+            episode(s, a, **nav) for a in ("vlfm", "vlfm-helios-stop", "helios") for s in homes
+        ], "helios eval objectnav"),
     ]  # fmt: skip
 
 
