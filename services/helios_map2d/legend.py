@@ -11,6 +11,7 @@ from helios_map2d.sheet import (
     FREE_RGB,
     FRONTIER_RGB,
     INK_RGB,
+    KNOWN_BEFORE_RGB,
     PATH_RGB,
     TALL_RGB,
     TRAIL_RGB,
@@ -36,6 +37,7 @@ def draw_foot(sheet: Sheet, layer: str, values: tuple[float, float] | None) -> N
         sheet.text("1 m", (bar, base))
     entries = [
         ("free", FREE_RGB),
+        ("seen before", KNOWN_BEFORE_RGB),
         ("obstacle", TALL_RGB),
         ("unknown", UNKNOWN_RGB),
         ("frontier", FRONTIER_RGB),
@@ -56,7 +58,7 @@ def draw_foot(sheet: Sheet, layer: str, values: tuple[float, float] | None) -> N
         u += wide + 8
         sheet.text(f"{hi:.2f}", (u, base))
         u += sheet.text_width(f"{hi:.2f}") + 18
-        entries = entries[3:]
+        entries = entries[4:]  # the ground lies under the values
     for name, colour in entries:
         end = u + 18 + sheet.text_width(name)
         if end > bar - 8:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from helios_map2d.grid import Box, GridSpec
 
+SATURATED_M = 65.5
 MAX_AZIMUTH_BINS = 1440
 MIN_AZIMUTH_BINS = 96
 LEAST_AHEAD = 0.1  # a view whose axis is less than this horizontal looks straight up or down
@@ -93,6 +94,13 @@ def check_depth(depth_m: NDArray[np.float32], camera: Pinhole) -> NDArray[np.flo
     return np.ascontiguousarray(depth, dtype=np.float32)
 
 
+def measured(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The image itself, or a copy with 0 in place of what is saturated: infinite, or at the end of
+    16 bits of millimetres. It is no evidence that nothing stands before it."""
+    saturated = depth_m >= SATURATED_M
+    return np.where(saturated, np.float32(0), depth_m) if saturated.any() else depth_m
+
+
 def view_of(
     depth_m: NDArray[np.float32],
     camera: Pinhole,
@@ -107,7 +115,7 @@ def view_of(
     What it may touch beyond the grid is left out (see `reach_of`). `rays_per_cell`: see
     `pixel_step`. Raises InvalidInput when sizes disagree or the pose is not a rigid motion.
     """
-    depth = check_depth(depth_m, camera)
+    depth = measured(check_depth(depth_m, camera))
     pose = check_pose(T_world_cam, "T_world_cam")
     rays = corner_rays(camera, pose, max_depth_m)
     window = grid.to_local(box_of(rays, pose, grid.cell_m)).cut(grid.whole)

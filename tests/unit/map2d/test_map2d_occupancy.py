@@ -209,6 +209,15 @@ def test_an_image_without_any_measurement_shows_nothing(depth_m: float) -> None:
     assert np.hypot(x - 2.0, y - 1.5).max() <= RADIUS_M  # where it stands
 
 
+@pytest.mark.parametrize("depth_m", [0.0, math.nan, math.inf, -1.0, 65.535])
+def test_images_without_any_measurement_free_nothing(depth_m: float) -> None:
+    walk = Walk([*room(), Block((3.0, 1.2, 0), (3.3, 1.8, 1.0))])
+    frames = [walk.frame(1.0, 1.5, 0.0, math.radians(20)) for _ in range(6)]
+    blind = [with_depth(f, np.full_like(f.depth_m, depth_m)) for f in frames[3:]]
+    before, after = mapped(frames[:3]), mapped(frames[:3] + blind)
+    np.testing.assert_array_equal(after.published.occupancy, before.published.occupancy)
+
+
 def test_floor_behind_a_box_is_neither_explored_nor_searched() -> None:
     walk = Walk([*room(), Block((2.8, 1.0, 0), (3.2, 2.0, 0.9))])
     state = mapped([walk.frame(0.7, 1.5, 0.0, math.radians(20))])
