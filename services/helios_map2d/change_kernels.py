@@ -5,9 +5,10 @@ Reached through `explored.py` and `state.py`.
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
-from helios_map2d.fuse_kernels import HEIGHTS, SEEN_NOW
+from helios_map2d.fuse_kernels import HEIGHTS, MEMORY, SEEN_NOW
 
 
 @njit(cache=True, nogil=True)
@@ -21,32 +22,55 @@ def merge_seen(came_of_it, explored):
 
 @njit(cache=True, nogil=True)
 def note_changes(
-    before, after,  # int8 [rows, columns]: occupancy of a box of whole tiles
-    searched_before, searched,  # uint8 [rows, columns]
+    before, searched_before,  # int8, uint8 [rows, columns]: a box of whole tiles as it was
+    occupancy, explored,  # int8, uint8: the whole map as it is
+    corner,  # (row, column) of the box on the map
     came_of_it,  # uint8 [rows, columns]
-    shown,  # uint8 [tile rows, tile columns] out: what others see of the tile has changed
-    kept,  # uint8 [tile rows, tile columns] out: or what is remembered of it
+    changed,  # uint8 [tile rows, tile columns] out: flags of what changed in each tile
     border,  # uint8 [tile rows + 2, tile columns + 2] out: a frontier may run differently there
     tile,  # cells along a tile
 ):  # fmt: skip
-    """Sort the changes of a box by tile; `border` begins one tile before the box."""
+    """Sort the changes of a box by tile; `border` begins one tile before the box.
+
+    Flags: SEEN_NOW where occupancy or what was searched is other than before, HEIGHTS and MEMORY
+    as in `came_of_it`. Returns the box of cells that are other than before: row_lo, row_hi,
+    column_lo, column_hi.
+    """
     rows, columns = before.shape
+    row_lo, row_hi, column_lo, column_hi = rows, 0, columns, 0
+    remembered = HEIGHTS | MEMORY
     for r in range(rows):
-        for c in range(columns):
-            flags = came_of_it[r, c]
-            other = before[r, c] != after[r, c] or searched_before[r, c] != searched[r, c]
-            if not other and flags < HEIGHTS:
+        row = corner[0] + r
+        for tc in range(columns // tile):
+            first = tc * tile
+            was, is_now = before[r][first : first + tile], occupancy[row][corner[1] + first :]
+            sought, seeks = (
+                searched_before[r][first : first + tile],
+                explored[row][corner[1] + first :],
+            )
+            flags = came_of_it[r][first : first + tile]
+            found = np.uint8(0)
+            for c in range(tile):  # mostly nothing; in SIMD
+                found |= was[c] ^ is_now[c]
+            for c in range(tile):
+                found |= (sought[c] ^ seeks[c]) | (flags[c] & remembered)
+            if found == 0:
                 continue
-            tr, tc = r // tile, c // tile
-            kept[tr, tc] = 1
-            if other or flags & HEIGHTS:
-                shown[tr, tc] = 1
-            if other:
+            tr = r // tile
+            for c in range(tile):
+                changed[tr, tc] |= flags[c] & remembered
+                if was[c] == is_now[c] and sought[c] == seeks[c]:
+                    continue
+                changed[tr, tc] |= SEEN_NOW
+                column = first + c
                 border[tr + 1, tc + 1] = 1
                 border[(r - 1 + tile) // tile, tc + 1] = 1
                 border[(r + 1 + tile) // tile, tc + 1] = 1
-                border[tr + 1, (c - 1 + tile) // tile] = 1
-                border[tr + 1, (c + 1 + tile) // tile] = 1
+                border[tr + 1, (column - 1 + tile) // tile] = 1
+                border[tr + 1, (column + 1 + tile) // tile] = 1
+                row_lo, row_hi = min(row_lo, r), r + 1
+                column_lo, column_hi = min(column_lo, column), max(column_hi, column + 1)
+    return row_lo, row_hi, column_lo, column_hi
 
 
 @njit(cache=True, nogil=True)

@@ -6,14 +6,15 @@ done over all frontiers (clusters, centres, values) costs by their cells, not by
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helios_map2d import frontier_kernels
-from helios_map2d.grid import TILE, Box, GridSpec, Tile
+from helios_map2d.grid import EMPTY, TILE, Box, GridSpec, Tile
 from helios_map2d.ground import OpenGround
 from helios_map2d.value import values_near
 
@@ -62,7 +63,9 @@ class FrontierFinder:
         self._cells: dict[Tile, NDArray[np.int32]] = {}  # world cells
         self._scratch = np.zeros(grid.shape, np.int32)
         self._former: tuple[Frontier, ...] = ()
-        self._values_at: dict[str, dict[tuple[int, int], float]] = {}  # by world cell
+        self._by_cells: dict[bytes, Frontier] = {}
+        self._values_of: tuple[str, ...] = ()  # the layers of the values that frontiers have
+        self._stale: Box | None = EMPTY  # world cells near which values changed since; None: all
 
     def grow(self, grid: GridSpec) -> None:
         """Go on over a larger grid."""
@@ -72,28 +75,26 @@ class FrontierFinder:
     def reset(self) -> None:
         """Nothing is searched any more."""
         self._cells.clear()
-        self._former = ()
-        self._values_at.clear()
+        self.remember(())
 
-    def values_changed(self, names: Iterable[str], box: Box) -> None:
+    def values_changed(self, box: Box) -> None:
         """Layers have changed within a box of world cells: values near it must be found anew."""
         near = box.grown(int(self.rules.value_radius_m / self.grid.cell_m) + 1)
-        for name in names:
-            kept = self._values_at.get(name, {})
-            self._values_at[name] = {
-                (row, column): value
-                for (row, column), value in kept.items()
-                if not (near.row_lo <= row < near.row_hi
-                        and near.column_lo <= column < near.column_hi)
-            }  # fmt: skip
+        if self._stale is not None and not box.empty:
+            self._stale = near.union(self._stale)
 
     def forget_values(self) -> None:
         """All layers are other ones."""
-        self._values_at.clear()
+        self._stale = None
 
     def remember(self, former: tuple[Frontier, ...]) -> None:
         """Frontiers by whose cells those found next are recognised."""
-        self._former = former
+        self._keep(former, [f.cells.tobytes() for f in former])
+
+    def _keep(self, found: Iterable[Frontier], keys: list[bytes]) -> None:
+        """These are the frontiers now; `keys` are their cells as bytes."""
+        self._former = tuple(found)
+        self._by_cells = dict(zip(keys, self._former, strict=True))
 
     def update(
         self,
@@ -136,7 +137,7 @@ class FrontierFinder:
         least = rules.min_size_m / cell_m - 1e-9
         kept = np.argsort(-sizes, kind="stable")[: int(np.count_nonzero(sizes >= least))]
         if not len(kept):
-            self._former = ()
+            self.remember(())
             return ()
         place = np.full(clusters, -1, np.int32)
         place[kept] = np.arange(len(kept))
@@ -153,23 +154,24 @@ class FrontierFinder:
             own, starts, ground.labels, reached.offsets, reached.reached, reached.near,
             reached.near_corner, TILE, centres, reachable,
         )  # fmt: skip
-        by_layer = self._values_near(centres, values)
         own += corner
-        self._former = tuple(
-            self._identified(
-                [
-                    Frontier(
-                        id=0,
-                        centre_m=self.grid.centre_of(int(centres[k, 0]), int(centres[k, 1])),
-                        size_m=float(sizes[j] * cell_m),
-                        reachable=bool(reachable[k]),
-                        values={name: float(near[k]) for name, near in by_layer.items()},
-                        cells=own[starts[k] : starts[k + 1]],
-                    )
-                    for k, j in enumerate(kept)
-                ]
-            )
-        )
+        parts = [own[a:b] for a, b in itertools.pairwise(starts.tolist())]
+        keys = [part.tobytes() for part in parts]
+        numbers = self._numbers(parts, keys)
+        before = [self._by_cells.get(key) for key in keys]
+        places = [self.grid.centre_of(r, c) for r, c in centres.tolist()]
+        near = self._values_near(centres, places, before, values)
+        lengths, found_now = sizes[kept].tolist(), []
+        for k, (id, can) in enumerate(zip(numbers, reachable.tolist(), strict=True)):
+            old = before[k]
+            if old is None or (old.centre_m, old.reachable, old.values) != (
+                places[k],
+                can,
+                near[k],
+            ):
+                old = Frontier(id, places[k], lengths[k] * cell_m, can, near[k], parts[k])
+            found_now.append(old)
+        self._keep(found_now, keys)
         return self._former
 
     def revalued(self, values: Mapping[str, NDArray[np.float32]]) -> tuple[Frontier, ...]:
@@ -177,55 +179,69 @@ class FrontierFinder:
 
         What `find` gives when nothing else has changed, at a fraction of its cost.
         """
-        centres = np.array([self.grid.cell_of(*f.centre_m) for f in self._former], np.int32)
-        by_layer = self._values_near(centres.reshape(-1, 2), values)
-        self._former = tuple(
-            replace(f, values={name: float(near[k]) for name, near in by_layer.items()})
-            for k, f in enumerate(self._former)
-        )
+        places = [f.centre_m for f in self._former]
+        centres = np.array([self.grid.cell_of(*place) for place in places], np.int32)
+        near = self._values_near(centres.reshape(-1, 2), places, self._former, values)
+        found = [
+            f if f.values == now else replace(f, values=now)
+            for f, now in zip(self._former, near, strict=True)
+        ]
+        self._keep(found, list(self._by_cells))
         return self._former
 
     def _values_near(
-        self, centres: NDArray[np.int32], values: Mapping[str, NDArray[np.float32]]
-    ) -> dict[str, NDArray[np.float64]]:
-        """By layer, near each centre; found anew only where the layers have changed since."""
-        radius_cells = self.rules.value_radius_m / self.grid.cell_m
+        self,
+        centres: NDArray[np.int32],
+        places: Sequence[tuple[float, float]],
+        before: Sequence[Frontier | None],
+        values: Mapping[str, NDArray[np.float32]],
+    ) -> list[Mapping[str, float]]:
+        """Each layer's value near each centre (cells [n, 2], and the same in metres): that of the
+        frontier `before` where it had the same centre and no layer has changed near it since."""
+        names, stale = tuple(values), self._stale
         row, column = self.grid.corner
-        places = [(int(r) + row, int(c) + column) for r, c in centres]
-        out: dict[str, NDArray[np.float64]] = {}
-        for name, layer in values.items():
-            known = self._values_at.get(name, {})
-            new = [k for k, place in enumerate(places) if place not in known]
-            fresh = values_near(layer, centres[new], radius_cells) if new else ()
-            found = dict(zip((places[k] for k in new), fresh, strict=True))
-            self._values_at[name] = {p: known[p] if p in known else found[p] for p in places}
-            out[name] = np.array([self._values_at[name][p] for p in places], np.float64)
+        out: list[Mapping[str, float]] = [{}] * len(places)
+        fresh = []
+        for k, (r, c) in enumerate(centres.tolist()):
+            old = before[k]
+            if (
+                old is not None and old.centre_m == places[k] and names == self._values_of
+                and stale is not None
+                and not (stale.row_lo <= r + row < stale.row_hi
+                         and stale.column_lo <= c + column < stale.column_hi)
+            ):  # fmt: skip
+                out[k] = old.values
+            else:
+                fresh.append(k)
+        radius_cells = self.rules.value_radius_m / self.grid.cell_m
+        found = [values_near(layer, centres[fresh], radius_cells).tolist()
+                 for layer in values.values()]  # fmt: skip
+        for i, k in enumerate(fresh):
+            out[k] = {name: near[i] for name, near in zip(names, found, strict=True)}
+        self._values_of, self._stale = names, EMPTY
         return out
 
-    def _identified(self, found: list[Frontier]) -> list[Frontier]:
-        """The frontiers with their numbers: those of former ones, or new ones."""
-        same = {f.cells.tobytes(): f.id for f in self._former}
-        ids = [0] * len(found)
-        taken: set[int] = set()
-        for k, f in enumerate(found):
-            former_id = same.get(f.cells.tobytes())
-            if former_id is not None:
-                ids[k] = former_id
-                taken.add(former_id)
+    def _numbers(self, found: list[NDArray[np.int32]], keys: list[bytes]) -> list[int]:
+        """The number of each cluster: that of a former frontier, or a new one."""
+        same = [self._by_cells.get(key) for key in keys]
+        ids = [0 if f is None else f.id for f in same]
+        taken = set(ids)
         new = [k for k, id in enumerate(ids) if id == 0]
         old = [f for f in self._former if f.id not in taken]
         if new and old:
-            votes = self._votes([found[k].cells for k in new], [f.cells for f in old])
-            for flat in np.argsort(-votes, axis=None, kind="stable"):
-                k, j = divmod(int(flat), len(old))
-                if votes[k, j] > 0 and ids[new[k]] == 0 and old[j].id not in taken:
+            votes = self._votes([found[k] for k in new], [f.cells for f in old])
+            for flat in np.argsort(-votes, axis=None, kind="stable").tolist():
+                k, j = divmod(flat, len(old))
+                if votes[k, j] == 0:
+                    break
+                if ids[new[k]] == 0 and old[j].id not in taken:
                     ids[new[k]] = old[j].id
                     taken.add(old[j].id)
         for k in new:
             if ids[k] == 0:
                 ids[k] = self.next_id
                 self.next_id += 1
-        return [replace(f, id=number) for f, number in zip(found, ids, strict=True)]
+        return ids
 
     def _votes(
         self, new: list[NDArray[np.int32]], old: list[NDArray[np.int32]]

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from helios_map2d import ground_kernels
 from helios_map2d.explored import near_ground
 from helios_map2d.grid import TILE, Box, GridSpec, carried_over
-from helios_map2d.occupancy import FREE, OCCUPIED
 
 
 @dataclass(frozen=True)
@@ -67,8 +66,7 @@ class OpenGround:
         """Follow a change of `occupancy` (over the whole grid) from `before` within `box`."""
         stale = np.zeros(self.counts.shape, np.uint8)
         ground_kernels.follow_obstacles(
-            before, occupancy[box.slices], box.row_lo, box.column_lo, self._half_widths,
-            self.crowd, stale,
+            before, occupancy, box.row_lo, box.column_lo, self._half_widths, self.crowd, stale,
         )  # fmt: skip
         ground_kernels.label_tiles(occupancy, self.crowd, stale, self.labels, self.counts)
 
@@ -83,15 +81,10 @@ class OpenGround:
         row, column = cell
         reach = max(int(blind_cells), self.reach) + 1
         box = Box(row, row + 1, column, column + 1).grown(reach, self.grid.whole)
-        at = box.slices
-        near = near_ground(occupancy, box, cell, blind_cells) > 0
-        near |= occupancy[at] == FREE
-        near &= self.crowd[at] == 0
-        down = np.arange(box.row_lo, box.row_hi)[:, None] - row
-        across = np.arange(box.column_lo, box.column_hi) - column
-        disc = down**2 + across**2 <= self.radius_cells**2
-        near |= disc & (occupancy[at] != OCCUPIED)
-        near[row - box.row_lo, column - box.column_lo] = True
+        near = near_ground(occupancy, box, cell, blind_cells)
+        ground_kernels.crossable(
+            occupancy, self.crowd, (box.row_lo, box.column_lo), cell, self.radius_cells, near
+        )
         offsets = np.zeros(self.counts.size + 1, np.int64)
         np.cumsum(self.counts.ravel(), out=offsets[1:])
         reached = np.zeros(int(offsets[-1]), np.uint8)

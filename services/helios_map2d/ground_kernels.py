@@ -13,35 +13,51 @@ from helios_map2d.grid import TILE
 
 
 @njit(cache=True, nogil=True)
-def follow_obstacles(before, after, row_lo, column_lo, half_widths, crowd, stale):
+def follow_obstacles(before, occupancy, row_lo, column_lo, half_widths, crowd, stale):
     """Count new obstacles into the discs around them, and vanished ones out of them.
 
-    `before`, `after` int8 [rows, columns] are a box whose corner on the grid is (row_lo,
-    column_lo). Marks in `stale` uint8 [tile rows, tile columns] the tiles whose open ground may
-    have changed.
+    `before` int8 [rows, columns] is a box, as it was, whose corner on the grid is (row_lo,
+    column_lo); `occupancy` is the whole grid as it is. Marks in `stale` uint8 [tile rows, tile
+    columns] the tiles whose open ground may have changed.
     """
     rows, columns = before.shape
     reach = half_widths.size // 2
     height, width = crowd.shape
     for r in range(rows):
-        for c in range(columns):
-            old, new = before[r, c], after[r, c]
-            if old == new:
+        row = r + row_lo
+        for first in range(0, columns, TILE):
+            was = before[r][first : first + TILE]
+            now = occupancy[row][column_lo + first : column_lo + first + was.size]
+            other = np.int8(0)
+            for i in range(was.size):  # mostly nothing; in SIMD
+                other |= was[i] ^ now[i]
+            if other == 0:
                 continue
-            row, column = r + row_lo, c + column_lo
-            stale[row // TILE, column // TILE] = 1
-            if old != 100 and new != 100:
-                continue
-            step = 1 if new == 100 else -1
-            top, bottom = max(0, row - reach), min(height - 1, row + reach)
-            left, right = max(0, column - reach), min(width - 1, column + reach)
-            for i in range(top, bottom + 1):
-                half = half_widths[i - row + reach]
-                for j in range(max(0, column - half), min(width, column + half + 1)):
-                    crowd[i, j] += np.uint16(step)
-            for i in range(top // TILE, bottom // TILE + 1):
-                for j in range(left // TILE, right // TILE + 1):
-                    stale[i, j] = 1
+            for i in range(was.size):
+                old, new, column = was[i], now[i], first + i + column_lo
+                if old == new:
+                    continue
+                stale[row // TILE, column // TILE] = 1
+                if old == 100 or new == 100:
+                    count_disc(row, column, 1 if new == 100 else -1, half_widths, crowd)
+                    top, bottom = max(0, row - reach), min(height - 1, row + reach)
+                    left, right = max(0, column - reach), min(width - 1, column + reach)
+                    for y in range(top // TILE, bottom // TILE + 1):
+                        for x in range(left // TILE, right // TILE + 1):
+                            stale[y, x] = 1
+
+
+@njit(cache=True, nogil=True)
+def count_disc(row, column, step, half_widths, crowd):
+    """Add `step` to the cells of a disc; `half_widths` are those of its rows."""
+    reach = half_widths.size // 2
+    height, width = crowd.shape
+    for y in range(max(0, row - reach), min(height - 1, row + reach) + 1):
+        half = half_widths[y - row + reach]
+        first, end = max(0, column - half), min(width, column + half + 1)
+        cells = crowd[y][first:end]
+        for i in range(cells.size):
+            cells[i] += np.uint16(step)
 
 
 @njit(cache=True, nogil=True)
@@ -85,6 +101,25 @@ def label_tiles(occupancy, crowd, stale, labels, counts):
                     if labels[r, c] != 0:
                         labels[r, c] = number[labels[r, c]]
             counts[tr, tc] = found
+
+
+@njit(cache=True, nogil=True)
+def crossable(occupancy, crowd, corner, cell, radius_cells, near):
+    """Where the robot may go around its own cell: `near` uint8, a box with its corner at `corner`.
+
+    It has ones where unknown ground may be crossed and gets them on free ground; none where an
+    obstacle is in reach, but for what is no obstacle within the robot's own disc.
+    """
+    for r in range(near.shape[0]):
+        row = r + corner[0]
+        state = occupancy[row][corner[1] : corner[1] + near.shape[1]]
+        crowded = crowd[row][corner[1] : corner[1] + near.shape[1]]
+        own = radius_cells * radius_cells - (row - cell[0]) ** 2
+        for c in range(near.shape[1]):
+            open_ground = ((near[r, c] != 0) | (state[c] == 0)) & (crowded[c] == 0)
+            inside = ((c + corner[1] - cell[1]) ** 2 <= own) & (state[c] != 100)
+            near[r, c] = open_ground | inside
+    near[cell[0] - corner[0], cell[1] - corner[1]] = 1
 
 
 @njit(cache=True, nogil=True, inline="always")

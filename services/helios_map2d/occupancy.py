@@ -23,8 +23,8 @@ UNKNOWN = -1
 FREE = 0
 OCCUPIED = 100
 
-Pixels = tuple[NDArray[np.int32], ...]
-"""Three, by cell of a window, flat: how many, and the bits of the lowest and highest height."""
+Pixels = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
+"""By cell of a window, flat: how many, and the bits of the lowest and highest height."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,8 @@ class OccupancyLayer:
         self.floor_seen = np.zeros(grid.shape, np.uint8)
         # Used again for each frame: fresh memory costs more than the work on it.
         self._active = np.empty((0, 2), np.int32)
-        self._pixels: Pixels = (np.empty(0, np.int32),) * 3
+        nothing = np.empty(0, np.int32)
+        self._pixels: Pixels = nothing, nothing, nothing
 
     def grow(self, grid: GridSpec, known: Box) -> None:
         """Go on over a larger grid; `known` (world cells) holds all that is not unknown."""
@@ -164,9 +165,8 @@ class OccupancyLayer:
         cells = window.rows * window.columns
         if cells + 8 > len(self._active):
             self._active = np.empty((cells + 8, 2), np.int32)
-            self._pixels = tuple(
-                np.full(cells, nothing, np.int32) for nothing in (0, project_kernels.NO_LOW, 0)
-            )
+            count, high = np.zeros((2, cells), np.int32)
+            self._pixels = count, np.full(cells, project_kernels.NO_LOW, np.int32), high
         return self._pixels
 
     def clear_disc(self, x_m: float, y_m: float, radius_m: float) -> Box:

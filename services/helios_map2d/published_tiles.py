@@ -39,11 +39,15 @@ class PublishedTiles:
         version: int,
         *,
         shown: bool,
+        heights: bool = True,
     ) -> None:
-        """A tile anew. shown: whether what others see of it has changed."""
+        """A tile anew. shown: whether what others see of it has changed; heights: whether those of
+        obstacles have, which are most of a tile."""
         old = self._ground.get(place)
         seen_version = version if shown or old is None else old.version
-        self._ground[place] = ground_tile(occupancy, search.explored, place, seen_version, version)
+        self._ground[place] = ground_tile(
+            occupancy, search.explored, place, seen_version, version, None if heights else old
+        )
 
     def retile_known(
         self, box: Box, occupancy: OccupancyLayer, search: SearchArea, version: int

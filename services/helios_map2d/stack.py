@@ -5,16 +5,17 @@ The grid grows where a view needs it to; world cells keep their place whatever i
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from helios_core.types import Frame
 from numpy.typing import NDArray
 
-from helios_map2d import change_kernels, fuse_kernels
+from helios_map2d import change_kernels
 from helios_map2d.explored import SearchArea
 from helios_map2d.exploring import ByDepth, Exploring
 from helios_map2d.frontiers import Frontier, FrontierFinder
+from helios_map2d.fuse_kernels import HEIGHTS, MEMORY, SEEN_NOW
 from helios_map2d.grid import EMPTY, TILE, Box, GridSpec, Tile
 from helios_map2d.ground import OpenGround
 from helios_map2d.occupancy import UNKNOWN, OccupancyLayer
@@ -86,11 +87,12 @@ class LayerStack:
 
     def fold(
         self, view: View, robot_m: tuple[float, float], *, holding: bool
-    ) -> list[tuple[Tile, bool]]:
+    ) -> list[tuple[Tile, bool, bool]]:
         """Fold a view into occupancy, what was searched and open ground; the grid has room for it.
 
-        Returns the tiles that changed, and of each whether what others see of it did. `robot_m` is
-        where the robot stands (world x, y); `holding`: it has something in its hand.
+        Returns the tiles that changed, and of each whether what others see of it did, and whether
+        heights of obstacles did. `robot_m` is where the robot stands (world x, y); `holding`: it
+        has something in its hand.
         """
         row, column = self.grid.cell_of(*robot_m)
         box = self.grid.to_local(
@@ -108,9 +110,7 @@ class LayerStack:
         self.search.add(came_of_it, box)
         if self._footprint_radius_m > 0:
             disc = self.occupancy.clear_disc(*robot_m, self._footprint_radius_m)
-            came_of_it[disc.moved(-box.row_lo, -box.column_lo).slices] |= np.uint8(
-                fuse_kernels.MEMORY
-            )
+            came_of_it[disc.moved(-box.row_lo, -box.column_lo).slices] |= np.uint8(MEMORY)
             self.search.add_near_robot(
                 self.occupancy.occupancy, *robot_m, self.rules.frontiers.blind_radius_m
             )
@@ -145,10 +145,10 @@ class LayerStack:
         self.frontiers.forget_values()
         self.known = self.known.union(self.values.box)
 
-    def values_changed(self, names: Iterable[str], changed: Box) -> None:
+    def values_changed(self, changed: Box) -> None:
         """Layers have changed within a box of world cells."""
         self.known = self.known.union(changed)
-        self.frontiers.values_changed(names, changed)
+        self.frontiers.values_changed(changed)
 
     def find_frontiers(
         self, robot_m: tuple[float, float], *, ground_changed: bool
@@ -180,23 +180,29 @@ class LayerStack:
         before: NDArray[np.int8],
         searched: NDArray[np.uint8],
         came_of_it: NDArray[np.uint8],
-    ) -> list[tuple[Tile, bool]]:
+    ) -> list[tuple[Tile, bool, bool]]:
         """Follow up on a change within `box`, of whole tiles on the grid: the tiles that changed,
-        and of each whether what others see of it did."""
-        at = box.slices
-        rows, columns = box.rows // TILE, box.columns // TILE
-        shown, kept = np.zeros((2, rows, columns), np.uint8)
-        border = np.zeros((rows + 2, columns + 2), np.uint8)
-        change_kernels.note_changes(
-            before, self.occupancy.occupancy[at], searched, self.search.explored[at], came_of_it,
-            shown, kept, border, TILE,
+        and of each whether what others see of it did, and whether heights of obstacles did."""
+        changed = np.zeros((box.rows // TILE, box.columns // TILE), np.uint8)
+        border = np.zeros((box.rows // TILE + 2, box.columns // TILE + 2), np.uint8)
+        extent = change_kernels.note_changes(
+            before, searched, self.occupancy.occupancy, self.search.explored,
+            (box.row_lo, box.column_lo), came_of_it, changed, border, TILE,
         )  # fmt: skip
+        other = Box(*extent)
+        if not other.empty:  # what becomes known is other than before
+            self.known = self.known.union(
+                self.grid.to_world(other.moved(box.row_lo, box.column_lo))
+            )
         world = self.grid.to_world(box)
         row, column = world.row_lo // TILE, world.column_lo // TILE
-        edges = [(int(r) + row - 1, int(c) + column - 1) for r, c in np.argwhere(border)]
+        edges = [(r + row - 1, c + column - 1) for r, c in np.argwhere(border).tolist()]
         self.frontiers.update(self.occupancy.occupancy, self.search.explored, edges)
-        self._note_known(box)
-        return [((int(r) + row, int(c) + column), bool(shown[r, c])) for r, c in np.argwhere(kept)]
+        return [
+            ((r + row, c + column), bool(flags & (SEEN_NOW | HEIGHTS)), bool(flags & HEIGHTS))
+            for r, line in enumerate(changed.tolist())
+            for c, flags in enumerate(line) if flags
+        ]  # fmt: skip
 
     def _note_known(self, box: Box) -> None:
         if self.known.holds(self.grid.to_world(box)):

@@ -80,9 +80,9 @@ class MapState:
             self.robot_pose = (x_m, y_m, yaw_rad)
             self.trajectory.follow(x_m, y_m)
         self.version += 1
-        for place, shown in changed:
+        for place, shown, heights in changed:
             self.tiles.retile(place, self.stack.occupancy, self.stack.search, self.version,
-                              shown=shown)  # fmt: skip
+                              shown=shown, heights=heights)  # fmt: skip
         self.published = self.publish()
         return True
 
@@ -209,7 +209,7 @@ class MapState:
 
     def _publish_values(self, names: Iterable[str], changed: Box) -> None:
         """New tiles of the layers within a box of world cells."""
-        self.stack.values_changed(names, changed)
+        self.stack.values_changed(changed)
         self.tiles.retile_values(names, self.stack.values, changed, self.version)
 
     def _robot_m(self) -> tuple[float, float]:

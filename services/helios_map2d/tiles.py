@@ -97,14 +97,22 @@ Values = Mapping[Tile, ValueTile]
 
 
 def ground_tile(
-    layer: OccupancyLayer, searched: NDArray[np.uint8], place: Tile, version: int, revision: int
+    layer: OccupancyLayer,
+    searched: NDArray[np.uint8],
+    place: Tile,
+    version: int,
+    revision: int,
+    same_heights: GroundTile | None = None,
 ) -> GroundTile:
-    """The present state of a tile."""
+    """The present state of a tile; `same_heights`: an earlier one whose heights still hold."""
     at = layer.grid.to_local(Box.of_tile(place)).slices
+    if same_heights is None:
+        low_m, high_m = frozen(layer.z_low_m[at]), frozen(layer.z_high_m[at])
+    else:
+        low_m, high_m = same_heights.z_low_m, same_heights.z_high_m
     return GroundTile(
-        place, version, revision, frozen(layer.occupancy[at]), frozen(searched[at]),
-        frozen(layer.z_low_m[at]), frozen(layer.z_high_m[at]), frozen(layer.evidence[at]),
-        frozen(layer.floor_seen[at]),
+        place, version, revision, frozen(layer.occupancy[at]), frozen(searched[at]), low_m, high_m,
+        frozen(layer.evidence[at]), frozen(layer.floor_seen[at]),
     )  # fmt: skip
 
 

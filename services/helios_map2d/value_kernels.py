@@ -184,14 +184,48 @@ def median_near(value, centres, radius, out):
     """
     rows, columns = value.shape
     reach = int(radius)
-    found = np.empty((2 * reach + 1) ** 2, np.float32)
+    found = np.empty((2 * reach + 1) ** 2 + 1, np.float32)
     for i in range(centres.shape[0]):
         row, column = centres[i, 0], centres[i, 1]
         n = 0
         for r in range(max(0, row - reach), min(rows, row + reach + 1)):
-            for c in range(max(0, column - reach), min(columns, column + reach + 1)):
-                inside = (r - row) ** 2 + (c - column) ** 2 <= radius * radius
-                if inside and value[r, c] != 0.0:
-                    found[n] = value[r, c]
-                    n += 1
-        out[i] = np.median(found[:n]) if n > 0 else 0.0
+            half = int(math.sqrt(radius * radius - (r - row) ** 2))
+            line = value[r][max(0, column - half) : min(columns, column + half + 1)]
+            for j in range(line.size):
+                found[n] = line[j]
+                n += line[j] != 0.0
+        out[i] = median(found[:n]) if n > 0 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def median(values):
+    """The median of float32 values, by halving the range of their bits; each step runs in SIMD."""
+    n = values.size
+    keys = np.empty(n, np.int32)
+    bits = values.view(np.int32)
+    for i in range(n):  # in the order of integers
+        keys[i] = bits[i] ^ ((bits[i] >> 31) & 0x7FFFFFFF)
+    low, high = np.int64(keys.min()), np.int64(keys.max())
+    wanted = (n + 1) // 2
+    while low < high:
+        middle = np.int32((low + high) >> 1)
+        below = 0
+        for i in range(n):
+            below += keys[i] <= middle
+        if below >= wanted:
+            high = np.int64(middle)
+        else:
+            low = np.int64(middle) + 1
+    upper = np.int64(keys.max())
+    below = 0
+    for i in range(n):
+        below += keys[i] <= low
+        upper = min(upper, keys[i]) if keys[i] > low else upper
+    if below > n // 2:
+        upper = low
+    pair = np.empty(2, np.int32)
+    pair[0], pair[1] = low, upper
+    for i in range(2):
+        pair[i] ^= (pair[i] >> 31) & 0x7FFFFFFF
+    both = pair.view(np.float32)
+    return (np.float64(both[0]) + np.float64(both[1])) / 2

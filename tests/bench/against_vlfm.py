@@ -12,6 +12,7 @@ less. VLFM's maps are compared at 20 cells a metre, the only size its value map 
 from __future__ import annotations
 
 import argparse
+import copy
 import dataclasses
 import json
 import math
@@ -155,9 +156,10 @@ def speed(frames: list[Frame], cells: int, runs: int) -> dict[str, dict[str, flo
         times["values"].append(timed(lambda v=view: layers.integrate(cone_of(v), SCORES)))
         times["vlfm values"].append(timed(lambda f=frame: theirs.value(f, SCORES)))
         xy = ours.robot_pose[:2] if ours.robot_pose else (0.0, 0.0)
+        finder = copy.copy(ours.stack.frontiers)  # it finds without values: keep the other's
         times["frontiers"].append(
             timed(
-                lambda p=xy: ours.stack.frontiers.find(
+                lambda p=xy, finder=finder: finder.find(
                     ours.stack.occupancy.occupancy, ours.stack.ground, p, {}
                 )
             )

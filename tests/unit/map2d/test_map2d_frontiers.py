@@ -212,7 +212,7 @@ def test_new_values_alone_give_what_finding_anew_gives(rng: np.random.Generator)
             world.find(0.0, 0.0)
         layer = rng.random(GRID.shape, dtype=np.float32)
         quick.values["pick"], anew.values["pick"] = layer, layer
-        quick.finder.values_changed(["pick"], Box(-1000, 1000, -1000, 1000))
+        quick.finder.values_changed(Box(-1000, 1000, -1000, 1000))
         anew.finder.forget_values()
         fast, slow = quick.finder.revalued(quick.values), anew.find(0.0, 0.0)
         assert len(fast) == len(slow)
