@@ -51,12 +51,12 @@ def read(
     threshold = {c.name: c.threshold for c in context.classes}
     # Small things are painted last, so that a mug is not painted over by its table.
     for d in sorted(
-        observation.detections, key=lambda d: (-int(d.mask.sum()), d.class_name, d.box_xyxy)
+        observation.detections, key=lambda d: (-np.count_nonzero(d.mask), d.class_name, d.box_xyxy)
     ):
         if d.class_name in number and d.score >= threshold[d.class_name]:
             labels[d.mask[grid]] = number[d.class_name]
-    color = np.ascontiguousarray(frame.color[grid])
-    return Reading(view.strided(stride), depth_m, color, labels)
+    # Colours are wanted of few pixels: a view, no copy.
+    return Reading(view.strided(stride), depth_m, frame.color[grid], labels)
 
 
 def without_held(

@@ -90,8 +90,13 @@ class Viewpoints:
     ) -> NDArray[np.float32]:
         """Share in [0, 1] of its evidence that a look gives to Gaussians born [n]: [n, classes]."""
         out = np.empty((len(born), len(class_names)), np.float32)
+        known: dict[bytes, int] = {}  # classes asked for in the same views have the same weights
         for j, name in enumerate(class_names):
             last = self._last_of(name)[look.near]
+            same = known.setdefault(last.tobytes(), j)
+            if same != j:
+                out[:, j] = out[:, same]
+                continue
             order = np.argsort(last, kind="stable")
             # Least difference among those that counted at an update or later, per update.
             least = np.minimum.accumulate(look.difference[order][::-1])[::-1]
