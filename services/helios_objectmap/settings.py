@@ -36,11 +36,12 @@ class ObjectMapSettings(ServiceSettings):
     prior_classes: int = Field(
         default=2,
         ge=2,
-        description="The prior has at least so many classes with other; 4 are the paper's.",
+        description="The prior has at least so many classes, `other` included; the paper has 4.",
     )
     detector_trust: Literal["full", "class", "class-distance"] = Field(
         default="full",
-        description="What a detection counts: in full, or the learnt share of true ones.",
+        description="What a detection counts in scores: all, or the learnt share of true ones of its "
+        "class, or of its class at that distance.",
     )
     alpha_cpa: float = Field(
         default=3.0, gt=0, description="How often each observation counts (eq. 3)."

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from helios_core.types import Role, SearchClass, SearchContext
@@ -123,6 +125,19 @@ def test_a_file_keeps_what_was_learnt():
     for by_distance in (False, True):
         known, kept = ([r.trust(label, by_distance) for label in r.records] for r in registries)
         assert kept == known
+
+
+def test_a_file_of_an_earlier_build_has_its_detections_at_a_middle_distance():
+    objects = built(BY_CLASS, [{3: "mug"}] * 3)
+    arrays = mapfile.arrays_of(objects.memory(), None)
+    header = json.loads(arrays["header"].tobytes())
+    del header["ended"]
+    header["records"] = {k: r[:4] for k, r in header["records"].items()}
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
+    read = mapfile.read(mapfile.written(arrays), objects.no_viewpoints()).memory.registry
+    for label, record in objects.memory().registry.records.items():
+        assert read.records[label].detected_at.tolist() == [0, record.detected, 0]
+        assert read.records[label].history == record.history
 
 
 def test_with_a_prior_for_more_classes_a_search_believes_what_one_for_all_of_them_would():
