@@ -40,8 +40,8 @@ class ObjectMapSettings(ServiceSettings):
     )
     detector_trust: Literal["full", "class", "class-distance"] = Field(
         default="full",
-        description="What a detection counts in scores: all, or the learnt share of true ones of its "
-        "class, or of its class at that distance.",
+        description="What a detection counts in scores: all, or the learnt share of true ones of "
+        "its class, or of its class at its distance.",
     )
     alpha_cpa: float = Field(
         default=3.0, gt=0, description="How often each observation counts (eq. 3)."
