@@ -45,13 +45,13 @@ class Voxels:
         self._loose: set[int] = set()  # labels of instances that may have split, or are empty
 
     def fill(self, points: NDArray[np.float32], labels: NDArray[np.int32]) -> None:
-        """Gaussians [n] of instances that are known; no two instances share a voxel."""
+        """The first Gaussians [n], of instances that are known; no two share a voxel."""
         keys, of_point = distinct(voxel_keys(points, self.voxel_m))
         label_of = np.empty(len(keys), np.int64)
         label_of[of_point] = labels
         counts = np.bincount(of_point, minlength=len(keys))
         for key, n, label in zip(keys.tolist(), counts.tolist(), label_of.tolist(), strict=True):
-            self._count[key] = self._count.get(key, 0) + n
+            self._count[key] = n
             self._give(key, label)
 
     def leave(self, points: NDArray[np.float32]) -> None:
@@ -152,11 +152,11 @@ class Voxels:
                 ancestors.add(was)
                 if was != label:
                     change.moved.add(was)
-        of_label = {label: self._of.pop(label, set()) for label in loose.union(beside)}
+        given_up = {label: self._of.pop(label, set()) for label in loose | change.moved}
         for key, label in zip(keys, labels, strict=False):
             self._give(key, label)
         for was, label in zip(beside, labels[len(keys) :], strict=True):
-            for key in of_label[was]:
+            for key in given_up.get(was, ()):
                 self._give(key, label)
 
     def _give(self, key: int, label: int) -> None:
