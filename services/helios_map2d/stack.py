@@ -142,7 +142,6 @@ class LayerStack:
             self._note_known(everything)
         for name, values in layers.items():
             self.values.restore(name, values.values())
-        self.frontiers.forget_values()
         self.known = self.known.union(self.values.box)
 
     def values_changed(self, changed: Box) -> None:

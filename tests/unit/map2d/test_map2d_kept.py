@@ -34,6 +34,19 @@ def test_a_saved_map_goes_on_as_if_nothing_had_happened() -> None:
     assert_same_state(state_of(house), state_of(other))
 
 
+def test_values_beyond_all_known_ground_come_back_too() -> None:
+    house, other = House(), House()
+    for each in (house, other):
+        each.say_epoch("boot")
+        each.search("first")
+    house.keyframe(house.walk.frame(2.0, 1.5, 0.0))
+    house.walk.blocks = []
+    house.observe(house.walk.frame(12.0, 9.0, 0.0), "first", {"pick": 0.3, "place": 0.6})
+    assert state_of(house).published.grid.columns > 400
+    load(other, saved(house, "map"))
+    assert_same_state(state_of(house), state_of(other))
+
+
 def test_a_map_of_another_day_is_taken_into_the_robots_present_world() -> None:
     files = saved(walked(), "map")
     today = House()

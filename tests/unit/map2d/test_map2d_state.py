@@ -10,6 +10,7 @@ import pytest
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.types import Frame, Observation, SearchContext
 from helios_map2d.epochs import EpochMaps
+from helios_map2d.grid import Box
 from helios_map2d.rules import MapRules
 from helios_map2d.snapshot import decode_npz, encode_npz
 from helios_map2d.state import MapState
@@ -52,6 +53,17 @@ def test_the_doorway_of_a_room_is_a_reachable_frontier_with_values() -> None:
     assert beyond[0].values["place"] == pytest.approx(0.2, abs=1e-3)
     # The blind ring around the robot is no frontier.
     assert all(math.hypot(f.centre_m[0] - 2.0, f.centre_m[1] - 1.5) > 0.9 for f in found)
+
+
+def test_a_frontiers_value_follows_its_layer() -> None:
+    walk = open_room()
+    state = searching(walk)
+    (doorway,) = (f for f in state.published.frontiers if f.centre_m[0] > 3.5)
+    for _ in range(6):
+        state.integrate_values(observed(walk.frame(2.0, 1.5, 0.0), "first", pick=0.9))
+    (now,) = (f for f in state.published.frontiers if f.id == doorway.id)
+    assert now.values["pick"] > 0.7
+    assert now.values["place"] == doorway.values["place"]
 
 
 def test_a_new_search_forgets_what_was_searched_and_keeps_the_occupancy() -> None:
@@ -173,6 +185,24 @@ def test_a_published_version_never_changes() -> None:
         snapshot.occupancy[0, 0] = 1
 
 
+def test_a_published_version_holds_all_that_the_map_remembers() -> None:
+    walk = Walk(open_room().blocks, noise_at_1_m=0.01, outliers=0.02)
+    state = MapState(RULES, (2.0, 1.5), 0.2)
+    for x in (1.0, 1.2, 1.4, 1.6, 1.8):  # over ground that noise left evidence on
+        for yaw in (0.0, 2.0, 4.0):
+            state.integrate_frame(walk.frame(x, 1.5, yaw))
+    layer, grid = state.stack.occupancy, state.stack.grid
+    assert len(state.published.ground) > 10
+    for place, tile in state.published.ground.items():
+        at = grid.to_local(Box.of_tile(place)).slices
+        np.testing.assert_array_equal(tile.occupancy, layer.occupancy[at])
+        np.testing.assert_array_equal(tile.evidence, layer.evidence[at])
+        np.testing.assert_array_equal(tile.floor_seen, layer.floor_seen[at])
+        np.testing.assert_array_equal(tile.searched, state.stack.search.explored[at])
+        stands = tile.occupancy == 100
+        np.testing.assert_array_equal(tile.z_high_m[stands], layer.z_high_m[at][stands])
+
+
 def test_snapshot_coordinates_are_those_of_the_world() -> None:
     snapshot = searching(open_room()).published
     assert snapshot.occupancy.shape == snapshot.grid.shape
@@ -234,6 +264,21 @@ def test_a_new_epoch_parks_the_map_and_starts_a_fresh_one_in_the_same_search() -
     assert second.published.empty
     with pytest.raises(Conflict, match="which is over"):
         maps.state_for(old_frame)
+
+
+def test_what_a_robot_sent_before_it_was_started_anew_is_over() -> None:
+    walk, maps = open_room(), EpochMaps(RULES, 0.2)
+    old = walk.frame(2.0, 1.5, 0.0)
+    maps.state_for(old)
+    new = dataclasses.replace(old, id=dataclasses.replace(old.id, robot_boot_id="later"))
+    second = maps.state_for(new)
+    with pytest.raises(Conflict, match="which is over"):
+        maps.state_for(old)
+    assert maps.state_for(new) is second
+    third, unseen = (dataclasses.replace(new.id, world_epoch=epoch) for epoch in (5, 3))
+    maps.state_for(dataclasses.replace(new, id=third))
+    with pytest.raises(Conflict, match="which is over"):
+        maps.state_for(dataclasses.replace(new, id=unseen))
 
 
 def test_line_of_sight_is_blocked_by_a_wall_and_passes_over_a_table() -> None:
