@@ -87,14 +87,15 @@ def test_standing_still_leaves_every_score_and_adds_no_gaussians():
     assert [(o.id, o.score, o.views) for o in after] == [(o.id, o.score, o.views) for o in before]
 
 
-def test_standing_still_before_a_noisy_camera_hardly_moves_a_score():
+def test_standing_still_before_a_noisy_camera_hardly_moves_a_score_and_adds_no_gaussians():
     objects = built(seen_from(AROUND[:2], noise_m=0.01))
-    (before,) = of_class(objects, "mug")
+    (before,), size = of_class(objects, "mug"), len(objects)
     last = looking_at(*AROUND[1], MUG_CENTER)
     for seq in range(60):  # a keyframe a second for a minute
         objects.update(observe(SCENE, last, seq=10 + seq, noise_m=0.01), CONTEXT)
     (after,) = of_class(objects, "mug")
     assert after.score == pytest.approx(before.score, abs=0.02)
+    assert len(objects) == size
 
 
 @pytest.mark.parametrize(("speed_m_s", "turning"), [(0.3, False), (0.2, True)])
