@@ -1,6 +1,6 @@
 """Numba kernels that follow up on what came of a frame: what was searched, which tiles changed.
 
-Reached through `explored.py` and `state.py`.
+Reached through `explored.py` and `stack.py`.
 """
 
 from __future__ import annotations
