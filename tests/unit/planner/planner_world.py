@@ -196,13 +196,13 @@ class FakeWorld(Body):
         x = p.x_m + np.cos(angles)[:, None] * ranges
         y = p.y_m + np.sin(angles)[:, None] * ranges
         rows, columns = self.seen_top.shape
-        r = np.clip((y / CELL_M).astype(int), 0, rows - 1)
-        c = np.clip((x / CELL_M).astype(int), 0, columns - 1)
-        tall = self.seen_top[r, c] >= TALL_M
-        blocked = np.cumsum(tall, axis=1) > 0
-        first = blocked & (np.cumsum(blocked, axis=1) <= 4)  # a wall's own thickness shows
-        show = (~blocked | first) & (ranges >= near_m)
-        self._known[r[show], c[show]] = True
+        r = np.clip((y / CELL_M).astype(np.int32), 0, rows - 1)
+        c = np.clip((x / CELL_M).astype(np.int32), 0, columns - 1)
+        at = r * columns + c
+        blocked = np.logical_or.accumulate((self.seen_top >= TALL_M).ravel()[at], axis=1)
+        behind = np.zeros_like(blocked)
+        behind[:, 4:] = blocked[:, :-4]  # a wall's own thickness shows
+        self._known.ravel()[at[~behind & (ranges >= near_m)]] = True
         own = np.hypot(np.arange(columns)[None] * CELL_M - p.x_m,
                        np.arange(rows)[:, None] * CELL_M - p.y_m) < 0.35  # fmt: skip
         self._known |= own
