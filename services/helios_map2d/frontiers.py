@@ -163,12 +163,8 @@ class FrontierFinder:
         near = self._values_near(centres, places, before, values)
         lengths, found_now = sizes[kept].tolist(), []
         for k, (id, can) in enumerate(zip(numbers, reachable.tolist(), strict=True)):
-            old = before[k]
-            if old is None or (old.centre_m, old.reachable, old.values) != (
-                places[k],
-                can,
-                near[k],
-            ):
+            old, now = before[k], (places[k], can, near[k])
+            if old is None or (old.centre_m, old.reachable, old.values) != now:
                 old = Frontier(id, places[k], lengths[k] * cell_m, can, near[k], parts[k])
             found_now.append(old)
         self._keep(found_now, keys)
