@@ -30,11 +30,11 @@ class Scene:
     def change(self) -> None:
         """Some come, some change their class, some go; then the instances are renewed."""
         rng, store = self.rng, self.store
-        n = int(rng.integers(1, 25))
+        n = int(rng.integers(1, 60))
         middle = rng.uniform(-1.5, 1.5, 3)
         means = (middle + rng.normal(0, 0.15, (n, 3))).astype(np.float32)
         store.append(means, np.full(n, 0.01, np.float32), 0.9, np.zeros((n, 3), np.uint8), 0)
-        gone = np.flatnonzero(rng.random(len(store)) < 0.1)
+        gone = np.flatnonzero(rng.random(len(store)) < rng.choice([0.1, 0.6]))  # a few, or many
         self.registry.leave(store, gone, VOXEL_M.__getitem__)
         store.believed[gone] = OTHER
         new = store.believed.copy()
