@@ -266,6 +266,19 @@ def test_after_a_jump_of_the_localisation_it_looks_around_and_goes_on() -> None:
     assert not legs.mishaps.jumped
 
 
+def test_a_jump_of_the_heading_alone_is_one_too() -> None:
+    world = flat(start=Pose2(1.0, 1.2, 0.0))
+
+    def turned(world: FakeWorld, action: Action) -> None:
+        if isinstance(action, Forward):
+            pose = world.pose()
+            world._pose = Pose2(pose.x_m, pose.y_m, pose.yaw_rad + 1.0)
+
+    mishaps = Legs(troubled(world, turned), Settings()).mishaps
+    mishaps.act(Forward(0.2))
+    assert mishaps.jumped
+
+
 def test_a_localisation_that_keeps_jumping_is_named() -> None:
     world = flat(start=Pose2(1.0, 1.2, 0.0))
     legs = legs_in(world)

@@ -86,6 +86,7 @@ def test_what_lies_at_the_back_of_a_lower_shelf_is_picked() -> None:
     reached = mission.kit.legs.reach()
     assert stand_for(thing.center_m, reached, ROBOT, 0.74) is None
     assert mission.skills.pick(thing, "mug") is Done.SUCCEEDED
+    assert low.views == []  # the object map was told that it is no longer there
     assert world.contacts == 0
 
 

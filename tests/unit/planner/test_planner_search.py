@@ -14,14 +14,14 @@ import pytest
 from helios_core.types import ObjectInstance
 from helios_planner import global_search
 from helios_planner.body import Frontier, WhatIf
-from helios_planner.decide import Do, FrontierOption, ViewOption
+from helios_planner.decide import Do, FrontierOption, ViewOption, act_or_look
 from helios_planner.explore import MOST_WAITS
 from helios_planner.flow import Mission
 from helios_planner.gaze import GazePoint
 from helios_planner.grid import Pose2
 from helios_planner.instruction import parse
 from helios_planner.legs import Outcome
-from helios_planner.look import Looking
+from helios_planner.look import BestView, Looking
 from helios_planner.object_search import ObjectSearch
 from helios_planner.objective import ChosenFrontier
 from helios_planner.receptacle_search import ReceptacleSearch
@@ -46,6 +46,7 @@ class Looks:
         self.gone_to: list[float] = []
         self.interrupted_after = interrupted_after
         self.then: Callable[[], None] = lambda: None  # after each look
+        self.stop: Callable[[], bool] = lambda: False  # what would end the newest one
 
     def around(self, _: ObjectInstance) -> list[GazePoint]:
         return [GazePoint(Pose2(0.0, 0.0, 0.0), 0.0, way) for way in self.left]
@@ -56,6 +57,7 @@ class Looks:
     def go_and_look(
         self, _: ObjectInstance, gaze: GazePoint, purpose: str, stop: Callable[[], bool]
     ) -> Outcome:
+        self.stop = stop
         if len(self.gone_to) == self.interrupted_after:
             self.interrupted_after = 99
             return Outcome.INTERRUPTED
@@ -250,6 +252,22 @@ def test_no_view_is_gone_to_twice_and_so_many_are_enough(monkeypatch: pytest.Mon
         assert min(apart) >= 0.6 * Settings().view_spacing_m
     assert looking.views_of(thing)
     assert looking.best_view(thing, "counter") is None
+
+
+def test_a_sure_mug_elsewhere_ends_no_look_at_the_one_in_its_place() -> None:
+    looks = Looks([1.0])
+    rig = Rig(looks)
+    size = np.array([0.1, 0.1, 0.1])
+    here = instance(Thing(3, "mug", np.array([*TABLE_XY, 0.5]), size))
+    elsewhere = instance(Thing(4, "mug", np.array([1.0, 1.0, 0.5]), size), score=0.9)
+    rig.known = [instance(coffee_table()), here, elsewhere]
+    (gaze,) = looks.around(here)
+    rig.search._views = {3: BestView(gaze, 0.6)}
+    look = act_or_look([ViewOption(here, 0.4, 0.6, 1.0)], 0.5, 0.05, "object", "pick")
+    rig.search._look_again(look)
+    assert not looks.stop()
+    rig.search.settle_for_less()
+    assert looks.stop()
 
 
 # --- limits --------------------------------------------------------------------------------------

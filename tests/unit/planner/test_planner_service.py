@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
-from typing import NoReturn
+from types import SimpleNamespace
+from typing import Any, NoReturn, cast
 
 import pytest
 from helios_core import proto as pb
@@ -27,9 +29,11 @@ from helios_core.topics import (
     WHAT_IF,
 )
 from helios_planner import bus_body, calls, driving
+from helios_planner.instruction import parse
 from helios_planner.service import PlannerService
 from helios_planner.settings import Settings
 from helios_planner.store import Store
+from helios_planner.task import State, Task
 from planner_peers import Peers
 from planner_world import FakeWorld, coffee_table, counter, flat, mug
 
@@ -251,6 +255,20 @@ def test_the_queue_is_taken_by_priority_and_then_in_turn(start: Start) -> None:
     peers.gate.set()
     ended(bus, ids[1])
     assert list(dict.fromkeys(begun)) == [first, ids[2], ids[0], ids[3], ids[1]]
+
+
+def test_what_was_under_way_goes_on_before_anything_of_a_higher_priority() -> None:
+    move = parse(MOVE)
+    tasks = {
+        name: Task(name, MOVE, move, state, 100, 0.0, priority=priority)
+        for name, state, priority in (
+            ("first", State.QUEUED, 0), ("urgent", State.QUEUED, 9), ("cut off", State.RUNNING, 0),
+            ("held", State.PAUSED, -1),
+        )
+    }  # fmt: skip
+    service = SimpleNamespace(_book=SimpleNamespace(known=tasks.__getitem__))
+    order = sorted(tasks, key=partial(PlannerService._rank, cast(Any, service)), reverse=True)
+    assert order == ["cut off", "held", "urgent", "first"]
 
 
 def test_a_priority_out_of_range_is_refused(start: Start) -> None:
