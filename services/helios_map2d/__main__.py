@@ -27,7 +27,7 @@ class Hosted:
             if not self._ending.is_set():
                 self._service = Map2DService(bus, settings, health)
 
-        health.waiting("compiles its kernels; a minute at the first start")
+        health.waiting("compiling its kernels; a minute at the first start")
         threading.Thread(target=prepare, name="warm up", daemon=True).start()
 
     def close(self) -> None:
