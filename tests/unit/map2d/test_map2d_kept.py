@@ -119,6 +119,29 @@ def test_every_export_says_which_frame_when_where_and_in_which_world() -> None:
     assert of_ros["robot_pose"] == pytest.approx([2.25, 1.5, 0.5])
 
 
+def test_numbers_of_frontiers_and_of_frames_go_on_after_a_load() -> None:
+    house, other = walked(), House()
+    other.say_epoch("boot")
+    load(other, saved(house, "map"))
+    one, two = state_of(house), state_of(other)
+    assert two.stack.frontiers.next_id == one.stack.frontiers.next_id > 1
+    assert two.order.newest == one.order.newest
+
+
+def test_a_negated_ros_map_is_read_the_other_way_round() -> None:
+    house, other = walked(), House()
+    files = {f.name: f.data for f in saved(house, "ros")}
+    grey = cv2.imdecode(np.frombuffer(files["map.pgm"], np.uint8), cv2.IMREAD_GRAYSCALE)
+    assert grey is not None
+    _, png = cv2.imencode(".png", 255 - grey)
+    about = files["map.yaml"].replace(b"negate: 0", b"negate: 1")
+    other.say_epoch("boot")
+    load(other, [pb.Map2DFile(name="m.yaml", data=about),
+                 pb.Map2DFile(name="m.png", data=png.tobytes())])  # fmt: skip
+    before = state_of(house).published.occupancy
+    np.testing.assert_array_equal(state_of(other).published.occupancy, before)
+
+
 def test_a_ros_map_in_block_style_on_other_cells_is_moved_by_less_than_half_a_cell() -> None:
     house = House()
     house.say_epoch("boot")
