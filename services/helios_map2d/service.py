@@ -222,7 +222,8 @@ class Map2DService:
         frame = frame_from_proto(message)
         with self._lock:
             if self._maps is not None:
-                self._maps.state_for(frame).integrate_frame(frame, holding=self._holding)
+                holding = self._holding if frame.held is None else bool(frame.held)
+                self._maps.state_for(frame).integrate_frame(frame, holding=holding)
 
     def _fold_values(self, message: pb.Observation) -> None:
         observation = observation_from_proto(message)

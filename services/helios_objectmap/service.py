@@ -297,7 +297,8 @@ class ObjectMapService:
                 f"one is {context.id if context else None!r}: observe again"
             )
         present = self._maps.map_for(observation.frame.id)
-        report = present.update(observation, context, self._held)
+        held = observation.frame.held
+        report = present.update(observation, context, self._held if held is None else held)
         self._maps.newest = observation.frame.id
         self._changed()
         return report

@@ -40,6 +40,7 @@ class Frame:
     camera: Pinhole
     T_world_cam: Matrix  # [4, 4]
     T_world_base: Matrix  # [4, 4]
+    held: str | None = None  # class of what the robot held then, "" for nothing; None: not told
 
 
 @dataclass(frozen=True)

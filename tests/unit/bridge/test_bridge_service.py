@@ -143,6 +143,7 @@ def test_what_an_action_changed_is_told_before_the_image_that_shows_it() -> None
     stage.other.subscribe(KEYFRAME, lambda _: told.append("keyframe"))
     stage.drive("a")
     assert "held: mug" in told[: told.index("keyframe")]
+    assert [frame_from_proto(k).held for k in stage.keyframes] == ["mug"]
 
 
 def test_the_same_action_asked_for_twice_is_done_once() -> None:

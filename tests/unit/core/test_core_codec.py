@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -58,14 +59,16 @@ def make_frame() -> Frame:
 
 def same(a: Frame, b: Frame) -> None:
     assert (a.id, a.stamp_ns, a.keyframe, a.camera) == (b.id, b.stamp_ns, b.keyframe, b.camera)
+    assert a.held == b.held
     np.testing.assert_array_equal(a.color, b.color)
     np.testing.assert_allclose(a.depth_m, b.depth_m, atol=1e-6)
     np.testing.assert_allclose(a.T_world_cam, b.T_world_cam, atol=1e-9)
     np.testing.assert_allclose(a.T_world_base, b.T_world_base, atol=1e-9)
 
 
-def test_a_frame_survives_the_wire() -> None:
-    frame = make_frame()
+@pytest.mark.parametrize("held", [None, "", "mug"])
+def test_a_frame_survives_the_wire(held: str | None) -> None:
+    frame = replace(make_frame(), held=held)
     data = frame_to_proto(frame).SerializeToString()
     same(frame, frame_from_proto(pb.Frame.FromString(data)))
 

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from helios_core import proto as pb
+from helios_core.codec import state_to_proto
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.grids import decode_snapshot
 from helios_core.topics import (
@@ -18,8 +19,9 @@ from helios_core.topics import (
     ROBOT_STATE,
     SIGHT,
 )
-from helios_core.types import FrameId
+from helios_core.types import FrameId, RobotState
 from map2d_house import House
+from map2d_scene import Block, Walk, room
 
 
 @pytest.fixture
@@ -86,6 +88,26 @@ def test_a_frame_that_cannot_be_used_is_refused_with_a_reason_and_the_next_is_ta
     assert house.acks[-1].reason
     house.keyframe(house.walk.frame(2.0, 1.5, 0.0))
     assert house.acks[-1].accepted
+
+
+@pytest.mark.parametrize(("by_then", "now"), [("mug", ""), ("", "mug")])
+def test_what_the_frame_says_is_held_counts_whatever_was_told_since(
+    house: House, by_then: str, now: str
+) -> None:
+    house.walk = Walk([*room(), Block((2.35, 1.42, 0.7), (2.45, 1.58, 0.9))])  # as in a hand
+    for _ in range(3):
+        frame = house.walk.frame(2.0, 1.5, 0.0)
+        state = RobotState(
+            frame.T_world_base, held=now,
+            robot_boot_id=frame.id.robot_boot_id, world_epoch=frame.id.world_epoch,
+        )  # fmt: skip
+        house.bus.publish(ROBOT_STATE, state_to_proto(state))
+        house.keyframe(dataclasses.replace(frame, held=by_then))
+    view = decode_snapshot(house.snapshot())
+    column, row = (
+        int((at - low) / view.cell_m) for at, low in zip((2.36, 1.5), view.origin_m, strict=True)
+    )
+    assert (view.occupancy[row, column] == 100) == (by_then == "")
 
 
 def test_a_new_world_epoch_starts_a_fresh_map_with_a_higher_version(house: House) -> None:

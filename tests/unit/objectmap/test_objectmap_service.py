@@ -176,6 +176,17 @@ def test_the_held_object_does_not_become_one(rig):
     assert not rig.objects("mug")
 
 
+@pytest.mark.parametrize(("by_then", "now"), [("mug", ""), ("", "mug")])
+def test_what_the_frame_says_is_held_counts_whatever_was_told_since(rig, by_then: str, now: str):
+    rig.ask_for()
+    rig.bus.publish(ROBOT_STATE, state_to_proto(RobotState(np.eye(4), held=now)))
+    near = (*ROOM, ("mug", (0.5, -0.1, 0.9), (0.6, 0.1, 1.1)))
+    message = observation_to_proto(observe(near, looking_at(0, 0, MUG_CENTER)))
+    message.frame.held = by_then
+    rig.bus.publish(OBSERVATION, message)
+    assert bool(rig.objects("mug")) == (by_then == "")
+
+
 def what_if(
     rig: Rig, object_id: int, name: str = "mug", joint: bool = False, other: float | None = None
 ):

@@ -50,7 +50,7 @@ def test_turn_turns_on_the_spot(world: World):
 
 def test_outside_the_limits_nothing_happens(world: World):
     before = world.state().T_world_base
-    wrong = (Forward(0.05), Forward(1.2), Forward(-0.3), Turn(0.01), Turn(-0.6))
+    wrong = (Forward(0.05), Forward(1.2), Forward(-0.4), Turn(0.01), Turn(-0.6))
     for action in (*wrong, Tilt(2.0), Tilt(-1.0)):
         done = world.act(action, repr(action))
         assert not done.succeeded
