@@ -45,7 +45,7 @@ class Clause:
 
 def clauses_of(words: list[str]) -> list[Clause]:
     """The clauses of a sentence; empty where it has no verb that is known."""
-    words = _without_politeness(words)
+    words = _spelled(_without_politeness(words))
     words = _active(_verb_first(words))
     return [_clause(part) for part in _split(words)] if _verb_at(words, 0)[0] else []
 
@@ -94,10 +94,14 @@ def _verb_first(words: list[str]) -> list[str]:
     if not words or _verb_at(words, 0)[0]:
         return words
     for at, word in enumerate(words[:-1]):
-        verb, n = _verb_at(words, at + 1)
-        if word != w.PAUSE or not verb:
+        if word != w.PAUSE:
             continue
-        before, verb_words, rest = words[:at], words[at + 1 : at + 1 + n], words[at + 1 + n :]
+        after = _without_politeness(words[at + 1 :])
+        verb, n = _verb_at(after, 0)
+        if not verb:
+            continue
+        before, verb_words, rest = words[:at], after[:n], after[n:]
+        before = before[length_at(before, 0, w.STATED) :]
         if _is_place(before, 0):
             return [*verb_words, *rest, *before]
         if rest and rest[0] in w.PRONOUNS:
@@ -106,17 +110,48 @@ def _verb_first(words: list[str]) -> list[str]:
 
 
 def _active(words: list[str]) -> list[str]:
-    """ "The mug should be brought to the sofa" and "the mug belongs on the sofa" with a verb in
-    front."""
+    """ "The mug should be brought to the sofa", "could the mug be brought to the sofa", "I'd like
+    the mug brought to the sofa", "the mug belongs on the sofa" and "mug from the desk to the sofa"
+    with a verb in front."""
+    if n := length_at(words, 0, w.WANTS):
+        for at in range(n + 1, len(words)):
+            if words[at] in w.PARTICIPLES and _is_place(words, at + 1):
+                return [w.PARTICIPLES[words[at]], *words[n:at], *words[at + 1 :]]
     if not words or _verb_at(words, 0)[0]:
         return words
+    if words[0] in w.MODALS and "be" in words:
+        words = words[1:]
     for at in range(1, len(words)):
         n = length_at(words, at, w.PASSIVES)
         if n and at + n < len(words) and words[at + n] in w.PARTICIPLES:
             return [w.PARTICIPLES[words[at + n]], *words[:at], *words[at + n + 1 :]]
         if (n := length_at(words, at, w.BELONGS)) and _is_place(words, at + n):
             return ["put", *words[:at], *words[at + n :]]
-    return words
+    places = {w.PLACES[tuple(words[at : at + n])] for at in range(1, len(words))
+              if (n := length_at(words, at, w.PLACES))}  # fmt: skip
+    verbless = not any(_verb_at(words, at)[0] for at in range(len(words)))
+    return ["move", *words] if verbless and {Place.FROM, Place.TO} <= places else words
+
+
+def _spelled(words: list[str]) -> list[str]:
+    """With a slip of the finger in the verb mended, where one verb alone is meant."""
+    if not words or _verb_at(words, 0)[0]:
+        return words
+    meant = {verb for (verb, *more) in w.VERBS if not more and _slip(words[0], verb)}
+    return [meant.pop(), *words[1:]] if len(meant) == 1 else words
+
+
+def _slip(typed: str, meant: str) -> bool:
+    """Whether two neighbours are swapped, a letter is missing or is there twice. The first letter
+    is right, and no letter is another one: "make" is not "take"."""
+    if typed[0] != meant[0] or len(meant) < 4 or meant.startswith(typed + "s"):
+        return False
+    if len(typed) == len(meant):
+        k = next((k for k in range(len(meant) - 1) if typed[k] != meant[k]), 0)
+        return typed == meant[:k] + meant[k + 1 : k + 2] + meant[k : k + 1] + meant[k + 2 :]
+    if len(typed) + 1 == len(meant):
+        return any(typed == meant[:k] + meant[k + 1 :] for k in range(1, len(meant)))
+    return any(typed == meant[:k] + meant[k - 1] + meant[k:] for k in range(1, len(meant) + 1))
 
 
 # --- verbs -------------------------------------------------------------------------------------

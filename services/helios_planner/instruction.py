@@ -61,7 +61,7 @@ def parse(text: str) -> Instruction:
         )
     _refuse_negation(words, text)
     clauses = clauses_of(words)
-    if not clauses:
+    if not clauses or w.language_of(words, surely=True):
         raise NotRead(_no_verb(words, text))
     _refuse_conditions(clauses, text)
     if all(c.verb is Verb.GO for c in clauses):
@@ -172,7 +172,10 @@ class _Reading:
     def _usable(self, clause: Clause, beside: bool = False) -> list[PlacePhrase]:
         """The places of a clause without rooms; a room narrows a place, and is none itself."""
         usable = []
-        for place in clause.places:
+        for at, place in enumerate(clause.places):
+            if place.kind is Place.BESIDE and self._says_which(clause, at):
+                self.unused.append(str(place))
+                continue
             if place.kind is Place.BESIDE and not beside:
                 raise InvalidInput(
                     f"“{place}” cannot be done: a thing is taken from and put on or in a piece of "
@@ -192,6 +195,18 @@ class _Reading:
         if any(p.kind in (Place.TO, Place.ON) for p in usable):
             self.no_goal = ""
         return usable
+
+    @staticmethod
+    def _says_which(clause: Clause, at: int) -> bool:
+        """Whether a place beside something says where the place before it is, from which a thing
+        is taken: "from the table next to the sofa"."""
+        before = clause.places[at - 1] if at else None
+        if before is None or not before.name:
+            return False
+        on = before.kind is Place.ON and (
+            clause.verb is not Verb.PUT or any(p.kind is Place.TO for p in clause.places[at:])
+        )
+        return on or before.kind is Place.FROM
 
     # --- phrases ---
     def _add_thing(self, words: list[str]) -> None:
@@ -296,7 +311,8 @@ def _one(words: list[str], text: str) -> str:
 
 
 def _refuse_negation(words: list[str], text: str) -> None:
-    for at in range(len(words)):
+    polite = length_at(words, 0, w.POLITE)  # "why don't you bring the mug"
+    for at in range(polite, len(words)):
         if n := length_at(words, at, w.NEGATIONS):
             said = " ".join(words[at : at + n])
             raise InvalidInput(
@@ -317,7 +333,12 @@ def _refuse_conditions(clauses: list[Clause], text: str) -> None:
 
 
 def _no_verb(words: list[str], text: str) -> str:
-    language = next((w.FOREIGN[word] for word in words[:4] if word in w.FOREIGN), None)
+    if words[0] in w.HALTS:
+        return (
+            f"{_short(text)} is no task: a robot is stopped at once by `helios stop` (HTTP: "
+            "POST /v1/robot/stop), and a task is ended by `helios cancel`"
+        )
+    language = w.language_of(words)
     hint = f": it looks like {language}; write in English," if language else ";"
     return (
         f"no verb was understood in {_short(text)}{hint} start with move, bring, take, put, fetch, "

@@ -50,14 +50,19 @@ VERBS: dict[Phrase, Verb] = {
     for phrase, name in _table(
         PUT="move, bring, put, place, set, lay, carry, transport, relocate, transfer, deliver, "
         "drop, shift, return, leave, store, stow, pass, give, hand, hand over, put down, set down, "
-        "lay down, put away, drop off, send, insert, stick, rest, stash",
+        "lay down, put away, drop off, send, insert, stick, rest, stash, load, throw, throw away, "
+        "toss, dispose of, i want, i need, i'd like, i would like, need, want",
         TAKE="take, fetch, grab, get, pick, pick up, collect, retrieve, remove, lift, lift up, "
         "grasp, get hold of, clear",
         FIND="find, find out where, locate, look for, search for, search, seek, spot, look, "
         "hunt for, where is, where are, where's, wheres, where did i leave, "
         "where did i put, show me, show, see, "
         "do you see, is there, are there, have you seen, check for, tell me where, "
-        "show me where, see where, watch out for, keep an eye out for",
+        "show me where, see where, watch out for, keep an eye out for, look around for, "
+        "look whether, see if, see whether, check if, check whether, check if there is, "
+        "check whether there is, see if there is, look if there is, do you know where, "
+        "any idea where, i lost, i've lost, i have lost, i can't find, i cannot find, "
+        "i am looking for, i'm looking for",
         GO="go, drive, navigate, walk, head, come, travel, run, roll, go over, come over",
     ).items()
 }  # fmt: skip
@@ -66,9 +71,10 @@ PLACES: dict[Phrase, Place] = {
     phrase: Place[name]
     for phrase, name in _table(
         FROM="from on top of, from the top of, from inside of, from inside, from within, from in, "
-        "from on, from off, from under, from underneath, from beneath, from, out of, off of, off",
+        "from on, from off, from under, from underneath, from beneath, from, frm, fom, out of, "
+        "off of, off",
         TO="over to, on to, in to, back to, up to, down to, across to, over onto, back onto, "
-        "back into, towards, toward, to, into, onto",
+        "back into, towards, toward, to, too, into, onto",
         ON="on top of, on the top of, back on, back in, down on, down in, over on, up on, "
         "over in, upon, atop, on, inside of, inside, within, in, at",
         BESIDE="next to, close to, closer to, nearer to, in front of, to the left of, "
@@ -87,11 +93,14 @@ ASIDES = frozenset(_phrases(
 CONDITIONS = frozenset(
     _phrases("if, when, whenever, unless, until, after, before, while, once, every")
 )
+HALTS = _words("stop halt cancel abort pause quit")  # no tasks; there are commands for them
 NEGATIONS = frozenset(_phrases("not, don't, dont, never, do not, doesn't, nothing, nowhere"))
 
 # "the mug that is standing on the desk": what is meant by the place that follows is the start.
 RELATIVES = frozenset(_phrases(
     "that is, that's, thats, that are, that was, that lies, that stands, that sits, which is, "
+    "is, are, was, i left, i put, i see, you see, you find, you can see, you will find, "
+    "that i left, that i put, that you see, that you find, which you see, which you find, "
     "which are, which was, which lies, which stands, which sits, currently, now, lying, standing, "
     "sitting, located, placed, resting, hanging, kept, stored, left, lie, lies, stands, sits"
 ))  # fmt: skip
@@ -100,7 +109,9 @@ JOINERS = frozenset(_phrases("and then, and afterwards, and, then, afterwards, a
 LISTS = frozenset(_phrases("and, or, as well as, plus, then"))
 
 POLITE = frozenset(_phrases(
-    "hey, hi, hello, ok, okay, alright, yes, robot, helios, please, pls, kindly, now, then, just, "
+    "hey, hi, hello, ok, okay, alright, yes, robot, helios, please, pls, plz, pleas, plese, "
+    "pleese, pelase, kindly, now, then, just, why don't you, why not, are you able to, "
+    "would you be able to, is it possible to, i need to, i would like to, i'd like to, "
     "can you, could you, would you, will you, may you, can u, i want you to, i would like you to, "
     "i'd like you to, i need you to, i want to, you should, you must, your task is to, "
     "your job is to, task, try to, let's, lets, go ahead and, go and, come and, help me to, "
@@ -109,15 +120,15 @@ POLITE = frozenset(_phrases(
     "when you have time, if you have time"
 ))  # fmt: skip
 POLITE_END = frozenset(_phrases(
-    "please, pls, now, right now, for me, for us, immediately, quickly, carefully, gently, slowly, "
-    "thanks, thank you, many thanks, right away, at once, asap, robot, helios, if you can, "
-    "if possible, if you please, when you can, ok, okay, would you, will you, can you, could you, "
-    "today, there, again"
+    "please, pls, plz, now, right now, for me, for us, immediately, quickly, carefully, gently, "
+    "slowly, thanks, thx, thank you, many thanks, right away, at once, asap, robot, helios, "
+    "if you can, if possible, if you please, when you can, ok, okay, would you, will you, "
+    "can you, could you, today, there, again"
 ))  # fmt: skip
 
 DETERMINERS = frozenset(_phrases(
-    "one of the, one of my, any of the, a piece of, a pair of, the, a, an, my, your, our, his, "
-    "her, their, its, this, that, these, those, some, any, one, another, each"
+    "one of the, one of my, any of the, a piece of, a pair of, the, teh, a, an, my, your, our, "
+    "his, her, their, its, this, that, these, those, some, any, one, 1, another, each"
 ))  # fmt: skip
 MANY = frozenset(_phrases(
     "all of the, all the, all of my, all my, all, every, both, both of the, many, several, two, "
@@ -125,7 +136,7 @@ MANY = frozenset(_phrases(
 ))  # fmt: skip
 PARTICLES = _words(
     "up over back away down again there here out together off along very carefully gently slowly "
-    "quickly directly straight"
+    "quickly directly straight anywhere somewhere"
 )
 PRONOUNS = _words("it them that this one something anything stuff thing those these what")
 PEOPLE = _words(
@@ -150,11 +161,19 @@ PARTICIPLES: dict[str, str] = {
     "relocated": "relocate", "stored": "store",
 }  # fmt: skip
 PASSIVES = frozenset(_phrases(
-    "should be, needs to be, need to be, must be, has to be, have to be, is to be, shall be, to be"
+    "should be, needs to be, need to be, must be, has to be, have to be, is to be, shall be, "
+    "to be, be"
 ))  # fmt: skip
+MODALS = _words("can could may should would must will")  # "could the mug be brought to the sofa"
+WANTS = frozenset(_phrases("i want, i need, i'd like, i would like, want, need"))
+# "There is a mug on the table. Bring it to the sofa": what opens the first sentence.
+STATED = frozenset(
+    _phrases("there is, there's, theres, there are, i think, i believe, i see, i have")
+)
 BELONGS = frozenset(_phrases("belongs, should go, goes, has to go, needs to go, must go"))
 
-# Enough of other languages to name them in a refusal.
+# Enough of other languages to name them in a refusal: how an instruction begins, and small words
+# of which two that differ tell the language wherever they stand.
 FOREIGN: dict[str, str] = {
     word: language
     for language, words in {
@@ -170,16 +189,38 @@ FOREIGN: dict[str, str] = {
     }.items()
     for word in words.split()
 }
+SMALL_FOREIGN: dict[str, frozenset[str]] = {
+    "German": _words("die der das dem vom zum zur auf ist bitte kannst du und meine mein wo"),
+    "French": _words("le les des du vers sur où est dans la une mon ma s'il"),
+    "Spanish": _words("el los las del al en dónde donde está la una mi sobre desde hasta"),
+    "Italian": _words("il lo gli al alla dal dalla nel sul sulla dov'è è la una tuo"),
+    "Portuguese": _words("os na onde está uma para meu minha"),
+    "Dutch": _words("het een van naar op waar mijn de"),
+}
+
+
+def language_of(words: list[str], surely: bool = False) -> str | None:
+    """The language other than English that a sentence looks like. surely: by its small words, as
+    a verb may be English too ("bring die Tasse zum Sofa")."""
+    small = {language: len(its & set(words)) for language, its in SMALL_FOREIGN.items()}
+    begins = [FOREIGN[word] for word in words[:4] if word in FOREIGN]
+    likely = max(small, key=lambda language: small[language] + begins.count(language))
+    if small[likely] > 1:
+        return likely
+    return begins[0] if begins and not surely else None
+
 
 _MARKS = dict.fromkeys(map(ord, ".,;:!?…—–|"), f" {PAUSE} ")
-_SPELLED = str.maketrans({"’": "'", "ʼ": "'", "`": "'", "_": " ", "&": " and ", "/": " or "})
+_SPELLED = str.maketrans(
+    {"’": "'", "ʼ": "'", "`": "'", "_": " ", "&": " and ", "/": " or ", "→": " to ", "⇒": " to "}
+)
 
 
 def tokens(text: str) -> list[str]:
     """Lower-case words and pauses. Look-alikes of Unicode are made plain (full width, ligatures),
     what cannot be seen is dropped, symbols count as spaces."""
     plain = unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", text).lower())
-    plain = plain.translate(_SPELLED).translate(_MARKS)
+    plain = plain.replace("->", "→").replace("=>", "→").translate(_SPELLED).translate(_MARKS)
     kept = []
     for c in plain:
         kind = unicodedata.category(c)

@@ -112,6 +112,31 @@ move the mug from one table to another table       | mug | table | table
 mo\u200bve the m\u00adug to the sofa               | mug | | sofa
 move\u00a0the\u2003mug\tto\nthe sofa               | mug | | sofa
 move the cafe\u0301 mug to the sofa                | café mug | | sofa
+brign the mug to the sofa                          | mug | | sofa
+mov the mug from the table to the sofa             | mug | table | sofa
+movve the mug to the sofa                          | mug | | sofa
+pleese take teh mug frm the table to the sofa      | mug | table | sofa
+bring the mug too the sofa plz                     | mug | | sofa
+mug from table to sofa                             | mug | table | sofa
+grab mug -> sofa                                   | mug | | sofa
+move mug from table → sofa                         | mug | table | sofa
+I need the mug on the sofa                         | mug | | sofa
+I'd like the mug moved from the table to the sofa  | mug | table | sofa
+could the mug be brought to the sofa?              | mug | | sofa
+is it possible to move the mug to the sofa?        | mug | | sofa
+why don't you bring the mug to the sofa            | mug | | sofa
+there is a mug on the table. bring it to the sofa  | mug | table | sofa
+There's a mug on the table, please put it on the sofa | mug | table | sofa
+I think the mug is on the table, bring it to the sofa | mug | table | sofa
+my mug is on the desk; put it in the sink          | mug | desk | sink
+put the mug I left on the table in the sink        | mug | table | sink
+put the mug, which you find on the table, on the sofa | mug | table | sofa
+bring the mug from the table near the window to the sofa | mug | table | sofa
+bring the mug on the table next to the sofa to the bed | mug | table | bed
+bring 1 mug to the sofa                            | mug | | sofa
+throw the can in the trash can                     | can | | trash can
+load the plate into the dishwasher                 | plate | | dishwasher
+bring the 🍎 apple to the table 🙏🙏🙏                 | apple | | table
 """
 
 # object | start
@@ -140,6 +165,13 @@ please go and look for the teddy bear  | teddy bear |
 go to the counter and find the mug     | mug | counter
 find the mug in the kitchen            | mug |
 help me find the mug                   | mug |
+have you seen the remote anywhere?     | remote |
+any idea where the keys are            | keys |
+I can't find my keys                   | keys |
+I lost my phone                        | phone |
+look around for the cup                | cup |
+check if there is a mug on the table   | mug | table
+serach for the mug                     | mug |
 """
 
 GOES = r"""
@@ -155,6 +187,7 @@ go near the sofa                       | sofa
 go next to the bed                     | bed
 travel to the washing machine now      | washing machine
 return to the bench                    | bench
+pls drvie to the kitchen counter thx   | kitchen counter
 """
 
 # what it says
@@ -217,6 +250,22 @@ przenieś kubek ze stołu na sofę                     | looks like Polish
 انقل الكوب إلى الأريكة                              | Arabic
 mоve the mug to the sofa                            | “о” is a letter of another script (Cyrillic)
 DROP TABLE tasks; --                                | missing: the place
+bring die Tasse vom Tisch zum Sofa                  | looks like German
+kannst du die Tasse auf das Sofa stellen            | looks like German
+où est la tasse                                     | looks like French
+¿Dónde está la taza?                                | looks like Spanish
+onde está a caneca?                                 | looks like Portuguese
+पकड़ो                                                | Devanagari
+🤖 ☕ 🛋️                                              | empty
+🤖 bring ☕ to the 🛋️                                 | only the verb
+stop                                                | `helios stop`
+cancel!                                             | `helios cancel`
+the mug is on the table                             | no verb
+mug to sofa                                         | no verb
+bring the mug to the sofa and come back             | several things
+put the mug away                                    | object “mug”; missing: the place
+put the toy in the box under the bed                | “under the bed” cannot be done
+bake the bread on the table to the sofa             | no verb
 """
 
 
@@ -270,6 +319,7 @@ def test_the_table_is_long_enough() -> None:
         ("move the mug from the table in the kitchen to the sofa", ("in the kitchen",)),
         ("bring the mug with the blue handle to the sofa", ("with the blue handle",)),
         ("bring the mug to the sofa because I am thirsty", ("because i am thirsty",)),
+        ("bring the mug from the table near the window to the sofa", ("near the window",)),
         ("bring the mug to the sofa", ()),
     ],
 )
