@@ -19,7 +19,7 @@ from helios_core.topics import CLEAR_STOP, STOP, status_topic
 from helios_core.types import FrameId
 
 from tests.support import free_port, wait_until
-from tests.unit.bridge.test_bridge_service import LineRobot, Stage
+from tests.unit.bridge.bridge_stage import LineRobot, Stage
 
 
 class Hanging(LineRobot):

@@ -17,7 +17,7 @@ from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Capture
 
 from tests.support import wait_until
-from tests.unit.bridge.test_bridge_service import LineRobot, Stage
+from tests.unit.bridge.bridge_stage import LineRobot, Stage
 
 SOURCE = """
 from helios_core.robot import RobotDriver

@@ -32,7 +32,7 @@ from helios_core.topics import (
 from helios_core.types import Frame, FrameId
 
 from tests.support import wait_until
-from tests.unit.bridge.test_bridge_service import LineRobot
+from tests.unit.bridge.bridge_stage import LineRobot
 
 CAMERA = Pinhole(8.0, 8.0, 8.0, 6.0, 16, 12)
 T_WORLD_CAM = camera_on_base(se2_to_se3(1.0, 2.0, 0.3), 1.1, 0.4)

@@ -12,7 +12,7 @@ from helios_core.topics import LEASE, STOP
 from helios_core.types import FrameId
 
 from tests.support import wait_until
-from tests.unit.bridge.test_bridge_service import Stage
+from tests.unit.bridge.bridge_stage import Stage
 
 
 def wait_for_its_turn(stage: Stage) -> None:

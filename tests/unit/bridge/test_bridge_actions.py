@@ -1,0 +1,124 @@
+"""An action over the bridge: done once by its id, shown by a keyframe, answered by the maps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.codec import frame_from_proto
+from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
+from helios_core.geometry import se2_to_se3
+from helios_core.robot import Capture
+from helios_core.topics import KEYFRAME, MAP2D_ACK, OBJECTMAP_ACK, ROBOT_STATE
+from helios_core.types import RobotState
+
+from tests.unit.bridge.bridge_stage import LineRobot, Stage
+
+
+def test_an_action_ends_with_a_keyframe_that_the_result_names() -> None:
+    stage = Stage()
+    result = stage.drive("a")
+    assert result.succeeded
+    assert [k.id.seq for k in stage.keyframes] == [result.keyframe.seq]
+    frame = frame_from_proto(stage.keyframes[0])
+    assert frame.keyframe
+    np.testing.assert_allclose(frame.T_world_base, se2_to_se3(0.5, 0, 0), atol=1e-9)
+    np.testing.assert_allclose(frame.depth_m, 1.5, atol=5e-4)
+
+
+def test_what_an_action_changed_is_told_before_the_image_that_shows_it() -> None:
+    """So that a map knows what is held when the hand is in the picture."""
+
+    class Taking(LineRobot):
+        def state(self) -> RobotState:
+            return replace(super().state(), held="mug" if self.done else "")
+
+    stage = Stage(Taking())
+    told: list[str] = []
+    stage.other.subscribe(ROBOT_STATE, lambda state: told.append(f"held: {state.held}"))
+    stage.other.subscribe(KEYFRAME, lambda _: told.append("keyframe"))
+    stage.drive("a")
+    assert "held: mug" in told[: told.index("keyframe")]
+    assert [frame_from_proto(k).held for k in stage.keyframes] == ["mug"]
+
+
+def test_the_same_action_asked_for_twice_is_done_once() -> None:
+    stage = Stage()
+    first, second = stage.drive("a"), stage.drive("a")
+    assert first == second
+    assert len(stage.robot.done) == 1
+
+
+def test_an_action_after_which_the_camera_failed_moves_the_robot_once() -> None:
+    class Blinking(LineRobot):
+        blinks = 1
+
+        def capture(self) -> Capture:
+            if self.blinks:
+                self.blinks -= 1
+                raise Unavailable("the camera is away")
+            return super().capture()
+
+    stage = Stage(Blinking())
+    with pytest.raises(Unavailable, match="camera"):
+        stage.drive("a")
+    result = stage.drive("a")
+    assert result.succeeded
+    assert result.keyframe.seq == stage.keyframes[0].id.seq
+    assert len(stage.robot.done) == 1
+    assert stage.robot.x_m == 0.5
+
+
+def test_a_late_action_is_refused() -> None:
+    stage = Stage()
+    with pytest.raises(DeadlineExceeded, match="before it began"):
+        stage.drive("a", left_s=0.0)
+    assert stage.robot.done == []
+
+
+@pytest.mark.parametrize("distance_m", [float("nan"), float("inf")])
+def test_an_action_that_makes_no_sense_is_refused(distance_m: float) -> None:
+    with pytest.raises(InvalidInput, match="finite"):
+        Stage().drive("a", distance_m)
+
+
+@pytest.mark.parametrize("action_id", ["", "x" * 10_000])
+def test_an_action_without_a_sensible_id_is_refused(action_id: str) -> None:
+    stage = Stage()
+    with pytest.raises(InvalidInput, match="id"):
+        stage.drive(action_id)
+    assert not stage.robot.done
+
+
+@pytest.mark.parametrize("left_s", [float("nan"), float("inf"), 1e9])
+def test_an_action_without_an_end_is_refused(left_s: float) -> None:
+    stage = Stage()
+    with pytest.raises(InvalidInput, match="time_remaining_s"):
+        stage.drive("a", left_s=left_s)
+    assert not stage.robot.done
+
+
+def test_in_lockstep_a_keyframe_waits_for_the_answers_of_all_maps() -> None:
+    stage = Stage(lockstep=True, ack_timeout_s=5.0)
+
+    def answer(frame: pb.Frame) -> None:
+        for topic, service, part in (
+            (OBJECTMAP_ACK, "objectmap", "objects"),
+            (MAP2D_ACK, "map2d", "occupancy"),
+            (MAP2D_ACK, "map2d", "value"),
+        ):
+            stage.other.publish(topic, pb.Ack(service=service, part=part, id=frame.id))
+
+    stage.other.subscribe(KEYFRAME, answer)
+    assert stage.drive("a").succeeded
+    assert stage.health.state[0] != "degraded"
+
+
+def test_in_lockstep_a_missing_answer_is_said_by_name() -> None:
+    stage = Stage(lockstep=True, ack_timeout_s=0.05)
+    stage.drive("a")
+    state, reason = stage.health.state
+    assert state == "degraded"
+    assert "map2d/value" in reason

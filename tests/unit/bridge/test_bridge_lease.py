@@ -1,0 +1,65 @@
+"""Who may drive: one at a time, for as long as it goes on asking."""
+
+from __future__ import annotations
+
+import pytest
+from helios_bridge.lease import Lease
+from helios_core import proto as pb
+from helios_core.errors import Conflict
+from helios_core.robot import Action, ActionResult
+from helios_core.topics import LEASE
+
+from tests.unit.bridge.bridge_stage import LineRobot, Stage
+
+
+def test_without_the_present_lease_nobody_drives() -> None:
+    stage = Stage()
+    stage.drive("a")
+    with pytest.raises(Conflict, match="planner drives the robot"):
+        stage.other.call(LEASE, pb.LeaseRequest(holder="other"), 1)
+    stage.other.call(LEASE, pb.LeaseRequest(holder="other", take=True), 1)
+    with pytest.raises(Conflict, match="ask anew"):
+        stage.drive("b")
+    assert len(stage.robot.done) == 1
+
+
+def test_a_refused_action_may_be_asked_for_again_with_its_id() -> None:
+    stage = Stage()
+    stage.drive("a")
+    stage.other.call(LEASE, pb.LeaseRequest(holder="other", take=True), 1)
+    with pytest.raises(Conflict):
+        stage.drive("b")
+    stage.token = stage.other.call(LEASE, pb.LeaseRequest(holder="planner", take=True), 1).token
+    assert stage.drive("b").succeeded
+
+
+def test_a_lease_ends_by_itself() -> None:
+    now = [0.0]
+    lease = Lease(10.0, 0, clock=lambda: now[0])
+    token = lease.grant("planner")
+    now[0] = 9.0
+    lease.check(token)
+    now[0] = 18.0
+    lease.check(token)
+    now[0] = 29.0
+    with pytest.raises(Conflict, match="ran out"):
+        lease.check(token)
+    lease.renew(token)  # its last action took so long
+    lease.check(token)
+    lease.renew(token - 1)
+    now[0] = 50.0
+    assert lease.grant("other") > token
+
+
+def test_an_action_longer_than_the_lease_leaves_its_driver_the_lease() -> None:
+    now = [0.0]
+
+    class Slow(LineRobot):
+        def act(self, action: Action, action_id: str) -> ActionResult:
+            now[0] += 60.0
+            return super().act(action, action_id)
+
+    stage = Stage(Slow())
+    stage.bridge._lease = Lease(10.0, 0, clock=lambda: now[0])
+    stage.drive("a")
+    assert stage.drive("b").succeeded

@@ -1,0 +1,77 @@
+"""A recording as a robot: it plays when the maps are ready, and says what it left out."""
+
+from __future__ import annotations
+
+from helios_core import proto as pb
+from helios_core.errors import InvalidInput
+from helios_core.robot import Capture
+from helios_core.topics import CONTEXT, ROBOT_STATE, status_topic
+
+from tests.support import wait_until
+from tests.unit.bridge.bridge_stage import LineRobot, Stage
+
+
+def test_a_recording_plays_once_the_maps_are_ready_and_says_its_end() -> None:
+    stage = Stage(LineRobot(frames=3))
+    states: list[pb.RobotState] = []
+    stage.other.subscribe(ROBOT_STATE, states.append)
+    stage.bridge.start()
+    stage.other.publish(CONTEXT, pb.SearchContext(id="c"))
+    for service in ("detector", "objectmap"):
+        stage.other.publish(status_topic(service), pb.ServiceStatus(service=service, state="ready"))
+    assert stage.keyframes == []
+    stage.other.publish(status_topic("map2d"), pb.ServiceStatus(service="map2d", state="ready"))
+    wait_until(lambda: states and states[-1].finished, 5, "the recording ends")
+    assert len(stage.keyframes) == 3
+    stage.bridge.close()
+
+
+def test_a_recording_whose_driver_fails_says_so() -> None:
+    class Failing(LineRobot):
+        def capture(self) -> Capture:
+            raise OverflowError("timeout value is too large")
+
+    stage = Stage(Failing(frames=3), contexts=True)
+    stage.bridge.start()
+    for service in ("detector", "objectmap", "map2d"):
+        stage.other.publish(status_topic(service), pb.ServiceStatus(service=service, state="ready"))
+    wait_until(lambda: stage.health.state[0] == "degraded", 5, "it is said")
+    assert "OverflowError" in stage.health.state[1]
+    stage.bridge.close()
+
+
+class Scratched(LineRobot):
+    """A recording of four frames, of which the second and third cannot be read."""
+
+    def capture(self) -> Capture:
+        out = super().capture()
+        if self.left in (1, 2):
+            raise InvalidInput(f"frame {4 - self.left} is no image")
+        return out
+
+
+def played(**settings: object) -> Stage:
+    stage = Stage(Scratched(frames=4), contexts=True, **settings)
+    stage.bridge.start()
+    for service in ("detector", "objectmap", "map2d"):
+        stage.other.publish(status_topic(service), pb.ServiceStatus(service=service, state="ready"))
+    return stage
+
+
+def test_frames_that_cannot_be_read_are_left_out_counted_and_said() -> None:
+    stage = played()
+    wait_until(lambda: stage.bridge.state().finished, 5, "the recording ends")
+    said = "some frames were left out, the last: frame 3 is no image"
+    wait_until(lambda: stage.health.state[1] == said, 5, "it is said")
+    assert stage.health.state[0] == "ready"
+    assert len(stage.keyframes) == 2
+    assert stage.health.metrics()["unreadable_frames"] == 2
+    stage.bridge.close()
+
+
+def test_a_strict_replay_ends_at_a_frame_that_cannot_be_read() -> None:
+    stage = played(strict=True)
+    wait_until(lambda: stage.health.state[0] == "degraded", 5, "it is said")
+    assert "frame 2 is no image" in stage.health.state[1]
+    assert len(stage.keyframes) == 1
+    stage.bridge.close()

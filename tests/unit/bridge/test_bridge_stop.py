@@ -1,0 +1,56 @@
+"""What ends an action early: stop-now, and the watchdog."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+from helios_core import proto as pb
+from helios_core.errors import Conflict, Unavailable
+from helios_core.topics import CLEAR_STOP, STOP
+
+from tests.support import wait_until
+from tests.unit.bridge.bridge_stage import LineRobot, Stage
+
+
+def test_stop_now_ends_the_running_action_latches_and_needs_an_explicit_clear() -> None:
+    stage = Stage()
+    stage.robot.hold.clear()
+    results: list[pb.ActionResult] = []
+    runner = threading.Thread(target=lambda: results.append(stage.drive("a")))
+    runner.start()
+    wait_until(lambda: stage.robot.done, 5, "the action runs")
+    stage.other.call(STOP, pb.StopRequest(reason="a child in the way"), 1)
+    runner.join(5)
+    assert not results[0].succeeded
+    assert stage.bridge.state().stopped
+    with pytest.raises(Conflict, match="a child in the way"):
+        stage.drive("b")
+    stage.other.call(CLEAR_STOP, pb.Empty(), 1)
+    assert stage.drive("b").succeeded
+
+
+def test_the_watchdog_stops_an_action_that_outlives_its_time() -> None:
+    stage = Stage()
+    stage.bridge.start()
+    stage.robot.hold.clear()
+    result = stage.drive("a", left_s=0.2)
+    assert not result.succeeded
+    assert "outlived" in result.reason
+    stage.bridge.close()
+
+
+def test_the_watchdog_outlives_a_robot_that_does_not_answer() -> None:
+    stage = Stage()
+
+    def deaf(reason: str) -> None:
+        LineRobot.stop(stage.robot, reason)
+        raise Unavailable("the robot is away")
+
+    stage.bridge.start()
+    stage.robot.stop = deaf  # pyright: ignore[reportAttributeAccessIssue]
+    for action_id in ("a", "b"):
+        stage.robot.hold.clear()
+        assert "outlived" in stage.drive(action_id, left_s=0.2).reason
+        stage.other.call(CLEAR_STOP, pb.Empty(), 1)
+    stage.bridge.close()

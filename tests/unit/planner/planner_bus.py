@@ -1,0 +1,58 @@
+"""A planner among its peers, and how a test asks it over the bus."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from helios_core import proto as pb
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import GET_TASK, SUBMIT
+from helios_planner import bus_body, calls, driving
+from helios_planner.service import PlannerService
+from helios_planner.settings import Settings
+from planner_peers import Peers
+from planner_world import FakeWorld, coffee_table, counter, flat, mug
+
+from tests.support import wait_until
+
+MOVE = "Move the mug from the coffee table to the counter"
+Start = Callable[..., tuple[PlannerService, MemoryBus, Peers]]
+
+
+@pytest.fixture
+def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
+    """Starts a planner among peers; quick to lose patience."""
+    monkeypatch.setattr(bus_body, "ACK_PATIENCE_S", 0.2)
+    for module in (bus_body, calls, driving):
+        monkeypatch.setattr(module, "RETRY_S", 0.02)
+    running: list[PlannerService] = []
+
+    def go(
+        world: FakeWorld | None = None, names: tuple[str, ...] = ()
+    ) -> tuple[PlannerService, MemoryBus, Peers]:
+        hub = MemoryHub()
+        peers = Peers(hub, world or flat([coffee_table(), counter(), mug()]), names)
+        settings = Settings(state_dir=tmp_path, ack_timeout_s=0.4, away_s=0.4)
+        running.append(PlannerService(MemoryBus(hub), settings, Health()))
+        return running[-1], MemoryBus(hub), peers
+
+    yield go
+    for service in running:
+        service.close()
+
+
+def submit(bus: MemoryBus, text: str = MOVE, max_steps: int = 0, agent: str = "") -> pb.Task:
+    request = pb.SubmitRequest(instruction=text, max_steps=max_steps, agent=agent)
+    return bus.call(SUBMIT, request, 5)
+
+
+def task(bus: MemoryBus, id: str) -> pb.Task:
+    return bus.call(GET_TASK, pb.TaskRequest(id=id), 5)
+
+
+def ended(bus: MemoryBus, id: str) -> pb.Task:
+    wait_until(lambda: task(bus, id).state in ("succeeded", "failed", "cancelled"), 60, "it ended")
+    return task(bus, id)

@@ -1,0 +1,70 @@
+"""Which task is next: by priority, then in turn; what was under way goes first."""
+
+from __future__ import annotations
+
+import threading
+from functools import partial
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+from helios_core import proto as pb
+from helios_core.errors import InvalidInput
+from helios_core.topics import CANCEL, LIST_TASKS, SUBMIT, TASK
+from helios_planner.instruction import parse
+from helios_planner.service import PlannerService
+from helios_planner.task import State, Task
+from planner_bus import MOVE, Start, ended, submit, task
+
+from tests.support import wait_until
+
+
+def test_a_queued_task_waits_and_can_be_cancelled(start: Start) -> None:
+    _, bus, peers = start()
+    peers.gate = threading.Event()
+    first = submit(bus, "find the mug").id
+    wait_until(peers.acting.is_set, 60, "it acts")
+    second = submit(bus).id
+    assert task(bus, second).state == "queued"
+    assert bus.call(CANCEL, pb.TaskRequest(id=second), 5).state == "cancelled"
+    bus.call(CANCEL, pb.TaskRequest(id=first), 5)
+    peers.gate.set()
+    assert ended(bus, first).state == "cancelled"
+
+
+def test_the_queue_is_taken_by_priority_and_then_in_turn(start: Start) -> None:
+    _, bus, peers = start()
+    begun: list[str] = []
+    bus.subscribe(TASK, lambda t: begun.append(t.id) if t.state == "running" else None)
+    peers.gate = threading.Event()
+    first = submit(bus, "find the mug").id
+    wait_until(peers.acting.is_set, 60, "it acts")
+    asked = [pb.SubmitRequest(instruction="go to the counter", priority=p) for p in (0, -5, 7, 0)]
+    ids = [bus.call(SUBMIT, request, 5).id for request in asked]
+    told = bus.call(LIST_TASKS, pb.Empty(), 5).tasks
+    assert {t.id: t.priority for t in told} == {
+        first: 0, **dict(zip(ids, (0, -5, 7, 0), strict=True))
+    }  # fmt: skip
+    peers.gate.set()
+    ended(bus, ids[1])
+    assert list(dict.fromkeys(begun)) == [first, ids[2], ids[0], ids[3], ids[1]]
+
+
+def test_what_was_under_way_goes_on_before_anything_of_a_higher_priority() -> None:
+    move = parse(MOVE)
+    tasks = {
+        name: Task(name, MOVE, move, state, 100, 0.0, priority=priority)
+        for name, state, priority in (
+            ("first", State.QUEUED, 0), ("urgent", State.QUEUED, 9), ("cut off", State.RUNNING, 0),
+            ("held", State.PAUSED, -1),
+        )
+    }  # fmt: skip
+    service = SimpleNamespace(_book=SimpleNamespace(known=tasks.__getitem__))
+    order = sorted(tasks, key=partial(PlannerService._rank, cast(Any, service)), reverse=True)
+    assert order == ["cut off", "held", "urgent", "first"]
+
+
+def test_a_priority_out_of_range_is_refused(start: Start) -> None:
+    _, bus, _ = start()
+    with pytest.raises(InvalidInput, match="-100 to 100"):
+        bus.call(SUBMIT, pb.SubmitRequest(instruction=MOVE, priority=101), 5)

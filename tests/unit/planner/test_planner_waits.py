@@ -1,0 +1,103 @@
+"""A task whose peers are away, silent or not there yet: it waits, says for whom, and gives up."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import NoReturn
+
+from helios_core import proto as pb
+from helios_core.errors import Unavailable
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import SNAPSHOT, TASK, VOCABULARY
+from helios_planner.service import PlannerService
+from helios_planner.settings import Settings
+from planner_bus import Start, ended, submit, task
+
+from tests.support import wait_until
+
+
+def test_stop_now_pauses_and_clearing_it_goes_on(start: Start) -> None:
+    _, bus, peers = start()
+    peers.stopped = True
+    id = submit(bus, "go to the counter").id
+    wait_until(lambda: task(bus, id).state == "paused", 60, "it pauses")
+    assert "a person" in task(bus, id).message
+    assert peers.world.steps == 0
+    peers.stopped = False
+    assert ended(bus, id).state == "succeeded"
+
+
+def test_a_robot_that_begins_a_new_world_in_mid_task_is_a_system_error(start: Start) -> None:
+    _, bus, peers = start()
+    peers.gate = threading.Event()
+    id = submit(bus).id
+    wait_until(peers.acting.is_set, 60, "it acts")
+    peers.gate.set()
+    wait_until(lambda: peers.world.steps > 3, 30, "it acts on")
+    peers.boot = "another boot"
+    done = ended(bus, id)
+    assert (done.state, done.cause) == ("failed", "system error")
+    assert "localisation jumped" in done.message
+
+
+def test_a_map_that_stays_silent_fails_the_task_and_is_named(start: Start) -> None:
+    _, bus, peers = start()
+    peers.silent.add("objects")
+    told: list[str] = []
+    bus.subscribe(TASK, lambda task: told.append(task.message))
+    done = ended(bus, submit(bus).id)
+    assert (done.state, done.cause) == ("failed", "system error")
+    assert "objectmap" in done.message
+    assert any(m.startswith("waits for objectmap") for m in told)
+
+
+def test_a_task_says_what_it_waits_for_and_goes_on_with_what_it_did(start: Start) -> None:
+    _, bus, peers = start()
+    away = [2]
+
+    def snapshot(request: pb.SnapshotRequest) -> pb.MapSnapshot:
+        if peers.world.steps > 5 and away[0]:
+            away[0] -= 1
+            raise Unavailable("it starts again")
+        return peers._snapshot(request)
+
+    peers.bus.serve(SNAPSHOT, snapshot)
+    told: list[str] = []
+    bus.subscribe(TASK, lambda task: told.append(task.message))
+    assert ended(bus, submit(bus, "go to the counter").id).state == "succeeded"
+    k = told.index("waits for the map2d: it starts again")
+    assert told.count(told[k]) == 1
+    assert told[k + 1] == told[k - 1]
+
+
+def test_a_queued_task_says_that_no_robot_is_there_yet(tmp_path: Path) -> None:
+    hub = MemoryHub()
+    service = PlannerService(MemoryBus(hub), Settings(state_dir=tmp_path), Health())
+    told = submit(MemoryBus(hub)).message
+    service.close()
+    assert told == "waits for its turn; the bridge has not described the robot yet"
+
+
+def test_a_task_says_that_it_waits_for_a_detector_without_a_model(start: Start) -> None:
+    _, bus, peers = start()
+
+    def away(_: pb.Empty) -> NoReturn:
+        raise Unavailable("the model file nano.onnx does not exist; give another")
+
+    told: list[str] = []
+    bus.subscribe(TASK, lambda task: told.append(task.message))
+    peers.bus.serve(VOCABULARY, away)
+    failed = ended(bus, submit(bus).id)
+    why = "the model file nano.onnx does not exist; give another"
+    assert told.count(f"waits for the detector: {why}") == 1
+    assert "nano.onnx" in failed.message
+
+
+def test_a_detector_that_stays_silent_is_named_by_who_trusts_it(start: Start) -> None:
+    _, bus, peers = start()
+    peers.silent.add("detections")
+    done = ended(bus, submit(bus, agent="trusting").id)
+    assert (done.state, done.cause) == ("failed", "system error")
+    assert "detector" in done.message
