@@ -10,7 +10,7 @@ from helios_objectmap.kernels.evidence import believe_kernel
 
 # Equal beliefs must stay equal in float32, so that ties are always broken the same way.
 TIE = 1e-5
-MORE_LIKELY_THAN_NOT = 0.5
+NAMED_FROM = 0.5
 
 
 def believe(
@@ -20,19 +20,20 @@ def believe(
     context_columns: list[int],
     prior: float,
     n_classes: int,
+    named_from: float = NAMED_FROM,
 ) -> NDArray[np.int16]:
     """Column of the most likely class of each of the rows [k], or OTHER; [k].
 
     positive, asked: [n, classes in the store]; n_classes: classes of the prior with "other". The
-    classes of the present context compete with each other and with "other", which is what the views
-    that asked for a class gave to none of them; of equal ones "other" wins, then the first class.
-    What the context has no name for keeps the name of an earlier context while that is more likely
-    than not.
+    classes of the present context compete with each other, the first of equal ones wins, and with
+    "other", which is what the views that asked for a class gave to none of them: the class must
+    have more than the share `named_from` of what speaks for either. What the context has no name
+    for keeps the name of an earlier context while its probability is above `named_from`.
     """
     parked = [c for c in range(positive.shape[1]) if c not in context_columns]
     believed = np.empty(len(rows), np.int16)
     believe_kernel(
         positive, asked, rows, np.array(context_columns, np.int64), np.array(parked, np.int64),
-        prior, prior * n_classes, MORE_LIKELY_THAN_NOT, TIE, OTHER, believed,
+        prior, prior * n_classes, named_from, named_from / (1 - named_from), TIE, OTHER, believed,
     )  # fmt: skip
     return believed

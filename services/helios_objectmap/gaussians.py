@@ -21,6 +21,7 @@ _FIELDS = (
     "color",
     "positive",
     "asked",
+    "votes",
     "born",
     "believed",
     "through",
@@ -36,7 +37,8 @@ class GaussianStore:
     Removal moves the last rows into the gaps: a row number is no name.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, sectors: int = 0) -> None:
+        """sectors: around each Gaussian from which votes are kept; 0 keeps none."""
         self.class_names: list[str] = []
         self.blocks = Blocks()  # where each row is
         self.instances = RowGroups()  # label of each row; NO_INSTANCE for none
@@ -47,6 +49,7 @@ class GaussianStore:
         self._color = np.empty((0, 3), np.uint8)
         self._positive = np.empty((0, 0), np.float32)
         self._asked = np.empty((0, 0), np.float32)
+        self._votes = np.empty((0, 0, sectors, 2), np.uint16)
         self._born = np.empty(0, np.int64)
         self._believed = np.empty(0, np.int16)
         self._through = np.empty(0, np.float32)
@@ -88,6 +91,11 @@ class GaussianStore:
         return self._asked[: self._n]
 
     @property
+    def votes(self) -> NDArray[np.uint16]:
+        """[n, classes, sectors, 2] from each sector for the class, and in all; see `sides.py`."""
+        return self._votes[: self._n]
+
+    @property
     def born(self) -> NDArray[np.int64]:
         """[n] number of the update that made the Gaussian."""
         return self._born[: self._n]
@@ -118,8 +126,8 @@ class GaussianStore:
         return self.instances.group[: self._n]
 
     def arrays(self) -> dict[str, NDArray]:
-        """Copies of all that is known of each row."""
-        out = {name: getattr(self, name).copy() for name in _FIELDS}
+        """Copies of all that is known of each row; no votes where none are kept."""
+        out = {name: getattr(self, name).copy() for name in self._fields}
         return out | {"instance": self.instance.copy()}
 
     def fill(self, arrays: dict[str, NDArray]) -> None:
@@ -129,7 +137,7 @@ class GaussianStore:
         """
         n, classes = len(arrays["means"]), len(self.class_names)
         self._grow(n)
-        for name in (*_FIELDS, "instance"):
+        for name in (*self._fields, "instance"):
             like = self.instances.group if name == "instance" else getattr(self, f"_{name}")
             if arrays[name].shape != (n, *like.shape[1:]) or arrays[name].dtype != like.dtype:
                 raise ValueError(
@@ -143,6 +151,11 @@ class GaussianStore:
         self.blocks.add(np.arange(n), self.means)
         self.instances.move(np.arange(n), arrays["instance"])
 
+    def keep_votes(self, sectors: int) -> None:
+        """Keep votes from so many sectors from now on; those from another number are forgotten."""
+        if sectors != self._votes.shape[2]:
+            self._votes = np.zeros((*self._votes.shape[:2], sectors, 2), np.uint16)
+
     def column(self, class_name: str) -> int:
         """Column of a class name; a new name gets a new column without evidence."""
         if class_name not in self.class_names:
@@ -150,6 +163,8 @@ class GaussianStore:
             empty = np.zeros((len(self._means), 1), np.float32)
             self._positive = np.concatenate([self._positive, empty], axis=1)
             self._asked = np.concatenate([self._asked, empty], axis=1)
+            silent = np.zeros((len(empty), 1, *self._votes.shape[2:]), np.uint16)
+            self._votes = np.concatenate([self._votes, silent], axis=1)
         return self.class_names.index(class_name)
 
     def drop_columns(self, class_names: Iterable[str]) -> None:
@@ -161,6 +176,7 @@ class GaussianStore:
         self._believed[: self._n] = renumbered[self._believed[: self._n]]
         self._positive = np.ascontiguousarray(self._positive[:, keep])
         self._asked = np.ascontiguousarray(self._asked[:, keep])
+        self._votes = np.ascontiguousarray(self._votes[:, keep])
         self.class_names = [self.class_names[c] for c in keep]
 
     def append(
@@ -183,6 +199,7 @@ class GaussianStore:
         self._color[rows] = color
         self._positive[rows] = 0
         self._asked[rows] = 0
+        self._votes[rows] = 0
         self._born[rows] = born
         self._believed[rows] = OTHER
         self._through[rows] = 0
@@ -209,6 +226,11 @@ class GaussianStore:
     def seen_by(self, view: View, far_m: float) -> NDArray[np.int32]:
         """Rows that a view may show, in rising order."""
         return self.blocks.seen_by(view, far_m, 6 * self._widest_m)
+
+    @property
+    def _fields(self) -> list[str]:
+        """Those that are worth a file."""
+        return [name for name in _FIELDS if name != "votes" or self._votes.shape[2]]
 
     def _grow(self, capacity: int) -> None:
         for name in _FIELDS:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from helios_objectmap import sides
 from helios_objectmap.dirichlet import concentration_of, entropy, marginal
 from helios_objectmap.rendering import Project
 from helios_objectmap.score import score
@@ -38,6 +39,7 @@ class Member:
     opacity: Float32  # [n]
     positive: Float32  # [n, C] for the classes of the context
     asked: Float32  # [n] for the wanted class
+    told: NDArray[np.uint16] | None = None  # [n, sectors] for the wanted class; see `sides.py`
 
 
 @dataclass(frozen=True)
@@ -45,11 +47,12 @@ class Rates:
     """What evidence means."""
 
     prior: float  # concentration of each class before any view
-    alpha_cpa: float  # how often each observation counts (eq. 3)
+    alpha_cpa: float  # how often each observation counts (eq. 3); with votes, each side
     alpha_cs: float  # weight of the uncertainty (eq. 7)
     other: float = 0.0  # share of what is expected that speaks for "other"; 0 is optimistic
     n_classes: int = 0  # classes of the prior, where they are more than the member's and "other"
     trust: float = 1.0  # share of the evidence for the wanted class that counts
+    side_views: float = 1.0  # with votes: from one side until it counts in full
 
 
 def kappa_at(project: Project, member: Member, view: View, max_depth_m: float) -> Float32:
@@ -65,7 +68,10 @@ def kappa_at(project: Project, member: Member, view: View, max_depth_m: float) -
 def expected(
     member: Member, wanted: int, kappas: Sequence[Float32], rates: Rates
 ) -> list[Expected]:
-    """Outcome for each weight kappa [n] if such views show column `wanted` of the context."""
+    """Outcome for each weight kappa [n] if such views show column `wanted` of the context.
+
+    With votes, the weight of a view is what it tells anew, in sides: see `sides.news`.
+    """
     base = member.positive.astype(np.float64)
     base[:, wanted] *= rates.trust
     n_classes = max(rates.n_classes, base.shape[1] + 1)
@@ -98,6 +104,10 @@ def what_if(
 ) -> tuple[list[Expected], Expected]:
     """Outcome of each view alone, and of all views together."""
     kappas = [kappa_at(project, member, view, max_depth_m) for view in views]
-    together = np.sum(kappas, axis=0) if kappas else np.zeros(len(member.means), np.float32)
+    if member.told is not None:
+        eyes_m = [view.T_world_cam[:3, 3] for view in views]
+        kappas, together = sides.news(member.told, member.means, kappas, eyes_m, rates.side_views)
+    else:
+        together = np.sum(kappas, axis=0) if kappas else np.zeros(len(member.means), np.float32)
     *alone, joint = expected(member, wanted, [*kappas, together], rates)
     return alone, joint

@@ -9,7 +9,7 @@ from helios_core.errors import InvalidInput
 from helios_core.types import ObjectInstance, Role, SearchContext
 from numpy.typing import NDArray
 
-from helios_objectmap import information_gain, picture
+from helios_objectmap import information_gain, picture, sides
 from helios_objectmap.detail import Grasp, grasp
 from helios_objectmap.dirichlet import marginal
 from helios_objectmap.gaussians import NO_INSTANCE, GaussianStore
@@ -43,7 +43,7 @@ class Knowledge:
 
     def reset(self) -> None:
         """Forget everything."""
-        self._store = GaussianStore()
+        self._store = GaussianStore(self._sectors)
         self._registry = InstanceRegistry()
         self._viewpoints = self.no_viewpoints()
         self._context: SearchContext | None = None
@@ -103,12 +103,14 @@ class Knowledge:
         columns = self._columns if column in self._columns else [*self._columns, column]
         if other_share is None:
             other_share = HALF if s.assumption == "50-50" else 0.0
+        by_sides = s.evidence == "sides"
         member = Member(
             store.means[rows],
             store.radius_m[rows],
             store.opacity[rows],
             store.positive[rows][:, columns],
             store.asked[rows, column],
+            store.votes[rows, column, :, 1] if by_sides else None,
         )
         return information_gain.what_if(
             self._back_end,
@@ -117,11 +119,12 @@ class Knowledge:
             [view.strided(s.stride_px) for view in views],
             Rates(
                 s.prior_concentration,
-                s.alpha_cpa,
+                s.alpha_side if by_sides else s.alpha_cpa,
                 s.alpha_cs,
                 other_share,
                 s.prior_classes,
                 self._trust(instance_id) if own else 1.0,
+                s.side_views,
             ),
             s.max_depth_m,
         )
@@ -182,9 +185,14 @@ class Knowledge:
         return Memory(self._store, self._registry, self._viewpoints, self._roles, self._updates)
 
     def recall(self, memory: Memory) -> None:
-        """Know what a file holds, and nothing else."""
+        """Know what a file holds, and nothing else.
+
+        All evidence stays as it is, however it was counted. Votes by sides are forgotten where this
+        map counts views; where it counts sides and the file has no votes, all sides are untold.
+        """
         self.reset()
         self._store, self._registry = memory.store, memory.registry
+        self._store.keep_votes(self._sectors)
         self._viewpoints, self._roles = memory.viewpoints, memory.roles
         self._updates = memory.updates
 
@@ -193,6 +201,11 @@ class Knowledge:
         return Viewpoints(self._settings.viewpoint_moved_m, self._settings.viewpoint_turned_rad)
 
     # Parts ----------------------------------------------------------------------------------------
+
+    @property
+    def _sectors(self) -> int:
+        """Around each Gaussian, of which votes are kept."""
+        return sides.SECTORS if self._settings.evidence == "sides" else 0
 
     @property
     def _columns(self) -> list[int]:

@@ -17,6 +17,7 @@ from helios_core.errors import InvalidInput
 from helios_core.types import FrameId, Role
 from numpy.typing import NDArray
 
+from helios_objectmap import sides
 from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
 from helios_objectmap.registry import InstanceRecord, InstanceRegistry, Moment
 from helios_objectmap.trust import N_BANDS, Ended
@@ -118,10 +119,12 @@ def _memory(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) ->
     def part(prefix: str) -> dict[str, NDArray]:
         return {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
 
-    store = GaussianStore()
+    rows = part("store.")
+    # Votes by sides are missing in files of maps that count views, and of earlier builds.
+    store = GaussianStore(sides.SECTORS if "votes" in rows else 0)
     for name in header["class_names"]:
         store.column(str(name))
-    store.fill(part("store."))
+    store.fill(rows)
     viewpoints.fill(part("viewpoints."))
     registry = InstanceRegistry()
     registry.next_label = int(header["next_label"])
@@ -166,3 +169,5 @@ def _check(store: GaussianStore, registry: InstanceRegistry, roles: dict[str, Ro
         raise ValueError("a Gaussian is believed to be of no known class")
     if not all(np.isfinite(a).all() for a in (store.means, store.positive, store.asked)):
         raise ValueError("a number is not finite")
+    if (store.votes[..., 0] > store.votes[..., 1]).any():
+        raise ValueError("more votes are for a class than there are")

@@ -8,7 +8,7 @@ import numpy as np
 from helios_core.types import Observation, SearchContext
 from numpy.typing import NDArray
 
-from helios_objectmap import create
+from helios_objectmap import create, sides
 from helios_objectmap.accumulate import accumulate
 from helios_objectmap.belief import believe
 from helios_objectmap.carve import sight
@@ -90,7 +90,8 @@ class ObjectMap(Knowledge):
             reading.depth_m, rendering, created_mask, s.reobserve_agreement_m, s.closing_px
         )
         labels = np.where(seen, reading.labels, -1).astype(np.int32)
-        fused = self._fuse(projection, labels, look, observation.frame.stamp_ns)
+        eye_m = reading.view.T_world_cam[:3, 3]
+        fused = self._fuse(projection, labels, look, eye_m, observation.frame.stamp_ns)
         self._updates += 1
         store.remove(gone)
         self._remove(surplus(store.believed, store.seen, s.max_gaussians))
@@ -178,23 +179,32 @@ class ObjectMap(Knowledge):
         return len(means)
 
     def _fuse(
-        self, projection: Projection, labels: NDArray[np.int32], look: Look, stamp_ns: int
+        self,
+        projection: Projection,
+        labels: NDArray[np.int32],
+        look: Look,
+        eye_m: NDArray[np.float64],
+        stamp_ns: int,
     ) -> int:
         """Take the evidence of a view and renew the instances that it changed."""
-        store, names = self._store, self._names
+        s, store, names = self._settings, self._store, self._names
         kappa = projection.kappa_sums(labels, 1 + len(names))
         rows = projection.rows
         store.seen[rows[kappa @ np.ones(kappa.shape[1], np.float32) > 0]] = self._updates
         weights = self._viewpoints.weights(look, names, store.born[rows])
         self._viewpoints.mark(look, names, self._updates)
-        alpha_cpa = self._settings.alpha_cpa
-        took = accumulate(store, rows, kappa, self._columns, weights, alpha_cpa)
+        if s.evidence == "sides":
+            took = sides.tell(
+                store, rows, kappa, self._columns, weights, eye_m, s.side_views, s.alpha_side
+            )
+        else:
+            took = accumulate(store, rows, kappa, self._columns, weights, s.alpha_cpa)
         rows = rows[took]
         self._believe(rows)
         given = self._registry.note_view(
             store.instance[rows], kappa[took], weights[took], projection.depth_m[took], names
         )
-        if self._settings.detector_trust != "full":
+        if s.detector_trust != "full":
             self._described.clear()  # what was learnt changes every score
         self._note_moments(given, stamp_ns)
         return len(rows)
@@ -219,8 +229,11 @@ class ObjectMap(Knowledge):
     def _believe(self, rows: NDArray[np.integer]) -> None:
         """Renew the beliefs of rows, and the instances that this changes."""
         store = self._store
-        prior = self._settings.prior_concentration
-        new = believe(store.positive, store.asked, rows, self._columns, prior, self._n_classes)
+        s = self._settings
+        new = believe(
+            store.positive, store.asked, rows, self._columns, s.prior_concentration,
+            self._n_classes, s.named_from,
+        )  # fmt: skip
         differs = np.flatnonzero(new != store.believed[rows])
         changed = rows[differs]
         self._registry.leave(store, changed, self._voxel_m)

@@ -49,6 +49,27 @@ class ObjectMapSettings(ServiceSettings):
     alpha_cs: float = Field(
         default=1.0, ge=0, description="Weight of the uncertainty in a score (eq. 7)."
     )
+    evidence: Literal["views", "sides"] = Field(
+        default="views",
+        description="What counts: each view (eq. 3), or each side of a thing, however often seen.",
+    )
+    side_views: float = Field(
+        default=6.0,
+        gt=0,
+        le=100,
+        description="With evidence by sides: views from a side until it counts in full.",
+    )
+    alpha_side: float = Field(
+        default=6.0,
+        gt=0,
+        description="With evidence by sides: how often a side that counts in full counts.",
+    )
+    named_from: float = Field(
+        default=0.5,
+        gt=0,
+        lt=1,
+        description="A Gaussian is of a class when more than this share of the evidence says so.",
+    )
 
     renderer: Literal["cpu", "cuda"] = Field(
         default="cpu",

@@ -29,10 +29,69 @@ def accumulate_kernel(rows, kappa, columns, weights, alpha_cpa, positive, asked,
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def believe_kernel(
-    positive, asked, rows, present, parked, prior, prior_total, likely, tie, other, believed
+def tell_kernel(
+    rows,
+    kappa,
+    columns,
+    weights,
+    sectors,
+    unit,
+    most,
+    whole_kappa,
+    full,
+    alpha_side,
+    votes,
+    positive,
+    asked,
+    took,
 ):
-    """Fill believed [k] for rows [k]; present, parked: columns of the store."""
+    """Add votes from sectors [k] to votes [., columns, sectors, (own, all)]: `unit` is one vote,
+    `full` a side that counts in full, `most` the limit of a side. Adds what they change to positive
+    and asked [., columns]; lists in took [k] which of the rows took some, and returns how many."""
+    n = 0
+    for k in range(rows.size):
+        total = 0.0
+        for c in range(kappa.shape[1]):
+            total += kappa[k, c]
+        row, side, some = rows[k], sectors[k], False
+        scale = unit / max(total, whole_kappa)
+        for j in range(columns.size):
+            more = int(weights[k, j] * total * scale + 0.5)
+            if more > 0:
+                column = columns[j]
+                own, all_told = int(votes[row, column, side, 0]), int(votes[row, column, side, 1])
+                own_before = own / max(all_told, full)
+                asked_before = all_told / max(all_told, full)
+                if all_told + more > most:
+                    own, all_told = own // 2, all_told // 2
+                own += min(int(weights[k, j] * kappa[k, 1 + j] * scale + 0.5), more)
+                all_told += more
+                votes[row, column, side, 0], votes[row, column, side, 1] = own, all_told
+                positive[row, column] += alpha_side * (own / max(all_told, full) - own_before)
+                asked[row, column] += alpha_side * (all_told / max(all_told, full) - asked_before)
+                some = True
+        took[n] = k
+        n += some
+    return n
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def believe_kernel(
+    positive,
+    asked,
+    rows,
+    present,
+    parked,
+    prior,
+    prior_total,
+    likely,
+    per_other,
+    tie,
+    other,
+    believed,
+):
+    """Fill believed [k] for rows [k]; present, parked: columns of the store; per_other: how much
+    must speak for a class, for each that speaks for "other"."""
     for k in range(rows.size):
         row = rows[k]
         believed[k] = other
@@ -52,7 +111,8 @@ def believe_kernel(
                 best, highest = column, mean - j * tie * 0.01
         if present.size:
             everything = asked[row, best]
-            if positive[row, best] > max(everything - spoken, 0.0) + tie * (1 + everything):
+            unnamed = per_other * max(everything - spoken, 0.0)
+            if positive[row, best] > unnamed + tie * (1 + everything):
                 believed[k] = best
 
 

@@ -1,0 +1,96 @@
+"""Evidence by sides: what is seen again from one side says little new.
+
+Detectors err by object and viewpoint, so ten views from one side are not ten opinions. With the
+setting `evidence = "sides"` a Gaussian remembers for each class, and each sector of 30 degrees
+around it, how many votes it had from there and how many of them were for the class. A view is one
+vote at most, however many pixels it has. With v votes from a side, v_c of them for class c,
+eq. 3 becomes
+
+    positive_c = alpha_side * sum over sides of v_c / max(v, side_views)
+    asked_c    = alpha_side * sum over sides of v   / max(v, side_views)
+
+so a side counts by the mean of its votes, in full from `side_views` votes on, and the concentration
+grows with the sides that were seen, not with the time spent at one: it is at most 12 alpha_side.
+
+Votes are kept in whole numbers of 1/UNIT, so that their order never matters. A side that is told
+more than MOST_VOTES halves what it was told before.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helios_objectmap.gaussians import GaussianStore
+from helios_objectmap.kernels.evidence import tell_kernel
+
+SECTORS = 12
+UNIT = 256  # of the store's numbers make a vote
+MOST_VOTES = 65535 // UNIT  # from one side that the store can hold
+MOST_SIDE_VIEWS = 100  # halved votes still make a side that counts in full
+WHOLE_KAPPA = 0.2  # a view in which a Gaussian has less, summed over the pixels, is less of a vote
+
+Float32 = NDArray[np.float32]
+
+
+def sector_of(means: NDArray[np.floating], eye_m: NDArray[np.floating]) -> NDArray[np.intp]:
+    """Sector [n] in which an eye [3] stands, seen from Gaussians at [n, 3]; world, z up."""
+    away = np.asarray(eye_m, np.float64)[:2] - means[:, :2]
+    turn = np.arctan2(away[:, 1], away[:, 0]) % math.tau
+    return np.minimum((turn * (SECTORS / math.tau)).astype(np.intp), SECTORS - 1)
+
+
+def tell(
+    store: GaussianStore,
+    rows: NDArray[np.integer],
+    kappa: Float32,
+    columns: list[int],
+    weights: Float32,
+    eye_m: NDArray[np.floating],
+    side_views: float,
+    alpha_side: float,
+) -> NDArray[np.int64]:
+    """Add what one view says to the votes and the evidence of the Gaussians it shows; which of
+    `rows` took some.
+
+    As `accumulate`, by the rule above. rows: [k], distinct; kappa: [k, 1 + C] summed per label,
+    "other" first, then the context's classes; columns: [C] where those classes are in the store;
+    weights: [k, C] share in [0, 1] that the view gives a Gaussian and class; eye_m: [3] where the
+    camera stands, world. What was known before without votes stays, and is added to.
+    """
+    took = np.empty(len(rows), np.int64)
+    n = tell_kernel(
+        rows, kappa, np.array(columns, np.int64), weights, sector_of(store.means[rows], eye_m),
+        UNIT, MOST_VOTES * UNIT, WHOLE_KAPPA, side_views * UNIT, alpha_side,
+        store.votes, store.positive, store.asked, took,
+    )  # fmt: skip
+    return took[:n]
+
+
+def news(
+    told: NDArray[np.uint16],
+    means: Float32,
+    kappas: Sequence[Float32],
+    eyes_m: Sequence[NDArray[np.floating]],
+    side_views: float,
+) -> tuple[list[Float32], Float32]:
+    """What views would tell that was not told: whole sides [n] for each view, and for all together.
+
+    told: [n, SECTORS] all votes so far, as the store keeps them; means: [n, 3]; kappas: [n] for
+    each view; eyes_m: [3] for each view. As far as a side was told, a view is expected to tell the
+    same again, which changes no evidence.
+    """
+    everyone, full = np.arange(len(told)), np.float32(side_views)
+    sides = told / np.float32(UNIT * side_views)  # how often each counts, if it could count twice
+    before, more = np.minimum(sides, 1), sides.copy()
+    alone = []
+    for kappa, eye_m in zip(kappas, eyes_m, strict=True):
+        at = sector_of(means, eye_m)
+        share = np.minimum(kappa / np.float32(WHOLE_KAPPA), 1) / full
+        after = np.minimum(sides[everyone, at] + share, 1)
+        alone.append(after - before[everyone, at])
+        more[everyone, at] += share
+    return alone, (np.minimum(more, 1) - before).sum(axis=1)
