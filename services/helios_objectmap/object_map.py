@@ -13,6 +13,7 @@ from helios_objectmap.accumulate import accumulate
 from helios_objectmap.belief import believe
 from helios_objectmap.carve import sight
 from helios_objectmap.gaussians import OTHER
+from helios_objectmap.hindsight import PastViews
 from helios_objectmap.knowledge import Knowledge
 from helios_objectmap.limit import surplus
 from helios_objectmap.reading import OTHER_LABEL, Reading, read, without_held
@@ -40,6 +41,11 @@ class ObjectMap(Knowledge):
 
     What an update costs follows what is in view, not the size of the map.
     """
+
+    def reset(self) -> None:
+        """Forget everything."""
+        super().reset()
+        self._past = PastViews(self._settings.past_views)
 
     # Updates ------------------------------------------------------------------------------------
 
@@ -85,13 +91,17 @@ class ObjectMap(Knowledge):
         created = self._create(reading, created_mask)
         if created:  # what was out of view still is
             new = np.arange(len(store) - created, len(store), dtype=np.int32)
+            self._look_back(new)
             projection = projection.renewed(gone[:0], self._project(reading.view, rows=new))
         seen = reobserved(
             reading.depth_m, rendering, created_mask, s.reobserve_agreement_m, s.closing_px
         )
         labels = np.where(seen, reading.labels, -1).astype(np.int32)
         eye_m = reading.view.T_world_cam[:3, 3]
+        first_time = self._viewpoints.weights(look, self._names, np.array([NEVER]))[0]
         fused = self._fuse(projection, labels, look, eye_m, observation.frame.stamp_ns)
+        if s.hindsight:
+            self._past.note(reading, self._names, first_time)
         self._updates += 1
         store.remove(gone)
         self._remove(surplus(store.believed, store.seen, s.max_gaussians))
@@ -113,6 +123,7 @@ class ObjectMap(Knowledge):
         inside &= ~np.isin(store.believed[near], receptacles)
         gone = np.union1d(member, near[inside])
         self._remove(gone)
+        self._past.forget(lambda name: not self._is_receptacle(name))
         return len(gone)
 
     # Parts ----------------------------------------------------------------------------------------
@@ -177,6 +188,23 @@ class ObjectMap(Knowledge):
             means, radius_m, self._settings.opacity, reading.color[mask], self._updates
         )
         return len(means)
+
+    def _look_back(self, rows: NDArray[np.int32]) -> None:
+        """Tell new Gaussians what past views said of the places where they are."""
+        s, store = self._settings, self._store
+        for shown in self._past.of(store.means[rows]):
+            past = shown.past
+            counts = [i for i, name in enumerate(past.names) if name in store.class_names]
+            columns = [store.class_names.index(past.names[i]) for i in counts]
+            told = rows[shown.points]
+            kappa = shown.labels[:, None] == [OTHER_LABEL, *(1 + i for i in counts)]
+            kappa[:, 0] |= ~kappa.any(axis=1)
+            weights = np.tile(past.weights[counts], (len(told), 1))
+            eye_m = past.view.T_world_cam[:3, 3]
+            sides.tell(
+                store, told, kappa.astype(np.float32), columns, weights, eye_m, s.side_views,
+                s.alpha_side,
+            )  # fmt: skip
 
     def _fuse(
         self,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
 from helios_core.settings import ServiceSettings, service_config
-from pydantic import Field
+from pydantic import Field, model_validator
 
 
 class ObjectMapSettings(ServiceSettings):
@@ -43,6 +43,11 @@ class ObjectMapSettings(ServiceSettings):
         description="What a detection counts in scores: all, or the learnt share of true ones of "
         "its class, or of its class at its distance.",
     )
+    size_agreement: Literal["off", "on"] = Field(
+        default="off",
+        description="on: the less a thing measures what its class usually does, the less of its "
+        "evidence counts in scores.",
+    )
     alpha_cpa: float = Field(
         default=3.0, gt=0, description="How often each observation counts (eq. 3)."
     )
@@ -69,6 +74,14 @@ class ObjectMapSettings(ServiceSettings):
         gt=0,
         lt=1,
         description="A Gaussian is of a class when more than this share of the evidence says so.",
+    )
+    hindsight: bool = Field(
+        default=False,
+        description="What earlier views said of a place counts for what is found there later; "
+        "with `evidence = sides`.",
+    )
+    past_views: int = Field(
+        default=1024, ge=1, description="So many views are kept for hindsight, 58 kB each."
     )
 
     renderer: Literal["cpu", "cuda"] = Field(
@@ -149,3 +162,10 @@ class ObjectMapSettings(ServiceSettings):
     save_every_s: float = Field(
         default=3.0, gt=0, description="A changed map is written this often, seconds."
     )
+
+    @model_validator(mode="after")
+    def hindsight_has_sides(self) -> Self:
+        """Past views speak by votes, and votes are kept by sides."""
+        if self.hindsight and self.evidence != "sides":
+            raise ValueError("hindsight is on, but evidence is not 'sides'; set evidence=sides too")
+        return self

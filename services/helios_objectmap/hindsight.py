@@ -1,0 +1,123 @@
+"""Hindsight: what earlier views said of a place where something is found only now.
+
+Gaussians are made where something is detected, so their evidence begins with the view that speaks
+for them, and all the views that had shown the same place before and named nothing there are lost.
+A detector that errs in one view in thirty is then believed as much as one that is right each time.
+With the setting `hindsight` the map keeps its past views, small, and tells each new Gaussian what
+those said that had it in view: the same votes, by the same rule (`sides.py`), as if it had been
+there from the start. So what is believed no longer depends on the order of the views.
+
+A past view shows a Gaussian where its depth agrees with it. What was not asked for says nothing.
+After something was picked, past views say nothing of objects: what is found later may have come.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helios_objectmap.kernels.looking_back import shown_kernel
+from helios_objectmap.reading import Reading
+from helios_objectmap.view import View, offset
+
+WIDTH_PX = 160  # of a past view at most; a mug at 3 m still has nine of its pixels
+AGREES_M, AGREES_SHARE = 0.08, 0.05  # depth differs less, metres or share of the depth
+NEAREST_M = 0.1  # in front of the camera
+_MM = 1000
+
+
+@dataclass(frozen=True)
+class PastView:
+    """What a view showed."""
+
+    view: View
+    depth_mm: NDArray[np.uint16]  # [h, w], 0 = unknown
+    labels: NDArray[np.uint8]  # [h, w], 0 = other, 1 + i = names[i]
+    names: tuple[str, ...]  # of the classes that it asked for; "" for one that no longer counts
+    weights: NDArray[np.float32]  # [names] share in [0, 1] that it counts for each
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Points that a past view shows."""
+
+    past: PastView
+    points: NDArray[np.int64]  # [k] which of them
+    labels: NDArray[np.uint8]  # [k] what the view took each for
+
+
+class PastViews:
+    """The latest views, at most `most` of them: 58 kB each."""
+
+    def __init__(self, most: int) -> None:
+        self._views: deque[PastView] = deque(maxlen=most)
+
+    def __len__(self) -> int:
+        return len(self._views)
+
+    def note(self, reading: Reading, names: Sequence[str], weights: NDArray[np.float32]) -> None:
+        """Keep what a view said of the classes that it asked for, unless it counts for none.
+
+        weights: [names] share in [0, 1] of a view, of those that came before it.
+        """
+        if not weights.any():
+            return
+        stride = -(-reading.view.width // WIDTH_PX)
+        view = reading.view.strided(stride)
+        grid = (slice(offset(stride), None, stride), slice(offset(stride), None, stride))
+        depth_mm = np.rint(reading.depth_m[grid] * _MM).clip(0, np.iinfo(np.uint16).max)
+        self._views.append(
+            PastView(
+                view,
+                depth_mm.astype(np.uint16),
+                reading.labels[grid].astype(np.uint8),
+                tuple(names),
+                weights.astype(np.float32),
+            )
+        )
+
+    def forget(self, is_gone: Callable[[str], bool]) -> None:
+        """Past views say nothing more of these classes."""
+        for k, past in enumerate(self._views):
+            names = tuple("" if is_gone(name) else name for name in past.names)
+            self._views[k] = replace(past, names=names)
+
+    def of(self, points: NDArray[np.float32]) -> Iterator[Shown]:
+        """The views that show some of the points [n, 3], the oldest first."""
+        if not len(points) or not self._views:
+            return
+        low, high = points.min(axis=0), points.max(axis=0)
+        middle, radius_m = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+        which, labels = np.empty(len(points), np.int64), np.empty(len(points), np.uint8)
+        for k in self._near(middle, radius_m):
+            past = self._views[k]
+            v = past.view
+            n = shown_kernel(
+                points, v.T_cam_world, v.fx, v.fy, v.cx, v.cy, past.depth_mm, past.labels,
+                NEAREST_M, AGREES_M, AGREES_SHARE, which, labels,
+            )  # fmt: skip
+            if n:
+                yield Shown(past, which[:n].copy(), labels[:n].copy())
+
+    def _near(self, middle: NDArray[np.floating], radius_m: float) -> NDArray[np.intp]:
+        """Views that a ball may reach into."""
+        T_world_cam = np.stack([p.view.T_world_cam for p in self._views])
+        in_cam = np.einsum("kji,kj->ki", T_world_cam[:, :3, :3], middle - T_world_cam[:, :3, 3])
+        x, y, z = np.abs(in_cam[:, 0]), np.abs(in_cam[:, 1]), in_cam[:, 2]
+        wide, high = np.array([_half_angles(p.view) for p in self._views]).T
+        # The distance of the ball's middle from the two planes that bound the view on its side.
+        outside = np.maximum(
+            x * np.cos(wide) - z * np.sin(wide), y * np.cos(high) - z * np.sin(high)
+        )
+        return np.flatnonzero((outside < radius_m) & (z > -radius_m))
+
+
+def _half_angles(view: View) -> tuple[float, float]:
+    """The widest angles from the axis, horizontally and vertically, to a pixel's far edge."""
+    wide = max(view.cx + 0.5, view.width - 0.5 - view.cx) / view.fx
+    high = max(view.cy + 0.5, view.height - 0.5 - view.cy) / view.fy
+    return float(np.arctan(wide)), float(np.arctan(high))
