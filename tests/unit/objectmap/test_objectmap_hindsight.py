@@ -1,0 +1,150 @@
+"""Hindsight: what earlier views said of a place counts for what is found there later."""
+
+import numpy as np
+import pytest
+from helios_core.types import SearchContext
+from helios_objectmap.hindsight import AGREES_M, AGREES_SHARE, NEAREST_M, PastViews
+from helios_objectmap.object_map import ObjectMap
+from helios_objectmap.reading import read
+from helios_objectmap.settings import ObjectMapSettings
+from helios_objectmap.view import View
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from tests.unit.objectmap.objectmap_scene import (
+    CONTEXT,
+    COUNTER,
+    MUG,
+    ROOM,
+    TABLE,
+    looking_at,
+    mug_at,
+    observe,
+)
+
+BY_SIDES = ObjectMapSettings(stride_px=1, evidence="sides", named_from=0.2)
+LOOKING_BACK = BY_SIDES.model_copy(update={"hindsight": True})
+HOME = (*ROOM, mug_at(1.4, 0.0))
+MUG_AT = (1.4, 0.0, 0.8)
+NOTHING: dict[int, str] = {}  # the detector names nothing
+MUG_NAMED = {3: "mug"}
+EYES = [(0.2, 0.0), (0.3, -0.8), (0.3, 0.8), (0.9, -1.2)]
+
+
+def walked(
+    named: list[dict[int, str]],
+    settings: ObjectMapSettings,
+    contexts: list[SearchContext],
+    eyes: list[tuple[float, float]] = EYES,
+) -> ObjectMap:
+    """A map after a look at the mug from each of the first eyes."""
+    object_map = ObjectMap(settings)
+    for k, (eye, names, context) in enumerate(zip(eyes, named, contexts, strict=False)):
+        seen = observe(HOME, looking_at(*eye, MUG_AT), context=context, seq=k, called=names)
+        object_map.update(seen, context)
+    return object_map
+
+
+def mugs(object_map: ObjectMap) -> list[float]:
+    return [o.score for o in object_map.objects() if o.class_name == "mug"]
+
+
+def test_views_before_the_first_detection_count_like_those_after_it() -> None:
+    named, contexts = [MUG_NAMED, NOTHING, NOTHING, NOTHING], [CONTEXT] * 4
+    after = walked(named, LOOKING_BACK, contexts)
+    before = walked(named[::-1], LOOKING_BACK, contexts, EYES[::-1])
+    forgetful = walked(named[::-1], BY_SIDES, contexts, EYES[::-1])
+    assert mugs(before) == pytest.approx(mugs(after), abs=0.03)
+    assert mugs(forgetful)[0] > mugs(after)[0] + 0.1  # what hindsight is for
+
+
+def test_what_was_hidden_or_out_of_view_says_nothing() -> None:
+    object_map = ObjectMap(LOOKING_BACK)
+    shut = ("door", (0.6, -3.0, 0.0), (0.65, 3.0, 2.5))
+    for k, T in enumerate([looking_at(0.2, 0.0, MUG_AT), looking_at(0.2, 0.0, (-2.0, 0.0, 0.5))]):
+        boxes = (*HOME, shut) if k == 0 else HOME
+        object_map.update(observe(boxes, T, seq=k, called=NOTHING), CONTEXT)
+    object_map.update(observe(HOME, looking_at(0.3, 0.8, MUG_AT), seq=2, called=MUG_NAMED), CONTEXT)
+    alone = ObjectMap(LOOKING_BACK)
+    alone.update(observe(HOME, looking_at(0.3, 0.8, MUG_AT), seq=2, called=MUG_NAMED), CONTEXT)
+    assert mugs(object_map) == mugs(alone)
+
+
+def test_a_view_that_did_not_ask_for_a_class_says_nothing_of_it() -> None:
+    others = SearchContext("c0", (TABLE, COUNTER))
+    asked_late = walked([NOTHING, NOTHING, MUG_NAMED], LOOKING_BACK, [others, others, CONTEXT])
+    asked_early = walked([NOTHING, NOTHING, MUG_NAMED], LOOKING_BACK, [CONTEXT] * 3)
+    assert mugs(asked_late)[0] > mugs(asked_early)[0] + 0.05
+
+
+def test_after_a_pick_the_past_says_nothing_of_objects() -> None:
+    """What is found there now may have come since."""
+    context = SearchContext("c1", (MUG, TABLE))
+    object_map = walked([NOTHING, NOTHING, MUG_NAMED], LOOKING_BACK, [context] * 3)
+    (mug,) = (o for o in object_map.objects() if o.class_name == "mug")
+    object_map.retire(mug.id)
+    object_map.update(observe(HOME, looking_at(*EYES[3], MUG_AT), seq=4, called=MUG_NAMED), context)
+    fresh = ObjectMap(LOOKING_BACK)
+    fresh.update(observe(HOME, looking_at(*EYES[3], MUG_AT), seq=4, called=MUG_NAMED), context)
+    assert mugs(object_map) == pytest.approx(mugs(fresh), abs=0.02)
+    assert (
+        mugs(fresh)[0] > mugs(walked([NOTHING] * 3 + [MUG_NAMED], LOOKING_BACK, [context] * 4))[0]
+    )
+
+
+def test_standing_still_keeps_one_past_view() -> None:
+    object_map = ObjectMap(LOOKING_BACK)
+    for k in range(5):
+        object_map.update(
+            observe(HOME, looking_at(*EYES[0], MUG_AT), seq=k, called=NOTHING), CONTEXT
+        )
+    assert len(object_map._past) == 1
+
+
+def test_the_oldest_past_views_go() -> None:
+    past = PastViews(most=2)
+    for k, eye in enumerate(EYES[:3]):
+        seen = observe(HOME, looking_at(*eye, MUG_AT), seq=k)
+        past.note(read(seen, CONTEXT, 1, 0.25, 8.0), ["mug", "table"], np.ones(2, np.float32))
+    point = np.array([[1.4, 0.0, 0.85]], np.float32)
+    assert len(past) == 2
+    eyes = [shown.past.view.T_world_cam[:2, 3] for shown in past.of(point)]
+    np.testing.assert_allclose(eyes, EYES[1:3])
+
+
+def test_hindsight_without_votes_is_refused() -> None:
+    with pytest.raises(ValidationError, match="set evidence=sides"):
+        ObjectMapSettings(hindsight=True)
+
+
+def shown_plainly(points: NDArray[np.float32], view: View, depth_mm: NDArray) -> list[int]:
+    """One point after the other, as hindsight.py has it."""
+    out = []
+    for k, point in enumerate(points.astype(float)):
+        x, y, z = (view.T_cam_world @ [*point, 1.0])[:3]
+        if z < NEAREST_M:
+            continue
+        u, v = round(x / z * view.fx + view.cx), round(y / z * view.fy + view.cy)
+        if not (0 <= u < view.width and 0 <= v < view.height):
+            continue
+        measured_m = depth_mm[v, u] / 1000
+        if measured_m and abs(measured_m - z) < max(AGREES_M, AGREES_SHARE * z):
+            out.append(k)
+    return out
+
+
+@given(seed=st.integers(0, 10_000), x=st.floats(-1, 1), y=st.floats(-2, 2))
+def test_the_kernel_shows_what_its_readable_twin_shows(seed: int, x: float, y: float) -> None:
+    rng = np.random.default_rng(seed)
+    seen = observe(HOME, looking_at(x, y, MUG_AT), seq=seed)
+    past = PastViews(most=1)
+    past.note(read(seen, CONTEXT, 1, 0.25, 8.0), ["mug", "table"], np.ones(2, np.float32))
+    points = (np.array(MUG_AT) + rng.normal(0, 0.7, (60, 3))).astype(np.float32)
+    kept = past._views[0]
+    shown = list(past.of(points))
+    found = shown[0].points.tolist() if shown else []
+    assert found == shown_plainly(points, kept.view, kept.depth_mm)
+    if shown:
+        assert len(shown[0].labels) == len(found)
