@@ -1,7 +1,8 @@
 """Several runs as one: their episodes, what was asked for, and the small form that is committed.
 
 A committed episode is a line without beliefs and times by stage: those are nine tenths of it, and
-none of the paper's tables needs them. A folder of such lines is reported anew as any other.
+none of the paper's tables needs them. A folder of such lines is reported anew as any other, and a
+run into a copy of it goes on from there.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from helios_client.wrong_use import WrongUse
 from helios_core.errors import InvalidInput
 
 from helios_eval.record import EPISODES, PACKED, EpisodeRecord, read
+from helios_eval.report.asked import orders_of
 from helios_eval.report.header import RUN, run_of
 
 # What may differ between two times that an episode was played.
@@ -49,7 +51,8 @@ def run(folders: Sequence[Path]) -> dict[str, Any]:
         if told and all(r.get(key) == told[0].get(key) for r in told) and key in told[0]
     }
     limits = max((r.get("picks", []) for r in told), key=len, default=[])
-    return shared | {"commands": [c for r in told for c in commands_of(r)], "picks": limits}
+    together = {"commands": [c for r in told for c in commands_of(r)], "picks": limits}
+    return shared | together | {"asked": [order for r in told for order in orders_of(r)]}
 
 
 def commands_of(run: dict[str, Any]) -> list[list[str]]:

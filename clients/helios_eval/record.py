@@ -160,18 +160,18 @@ def append(folder: Path, record: EpisodeRecord) -> None:
 
 
 def read(folder: Path) -> list[EpisodeRecord]:
-    """All episodes of a folder, the last of each key; torn lines are left out: they run again.
+    """All episodes of a folder, the last of each key: those in the small form, then those of a run
+    that went on from it. Torn lines are left out: they run again.
 
     Raises InvalidInput for a line that is not an episode.
     """
     path, packed = folder / EPISODES, folder / PACKED
+    found: dict[str, EpisodeRecord] = {}
+    if packed.exists():
+        found |= {r.key: r for r in _parsed(packed, _unpacked(packed).split(b"\n"))}
     if path.exists():
-        lines = path.read_bytes().split(b"\n")
-    elif packed.exists():
-        path, lines = packed, _unpacked(packed).split(b"\n")
-    else:
-        return []
-    return list({record.key: record for record in _parsed(path, lines)}.values())
+        found |= {r.key: r for r in _parsed(path, path.read_bytes().split(b"\n"))}
+    return list(found.values())
 
 
 def _unpacked(path: Path) -> bytes:

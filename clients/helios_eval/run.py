@@ -15,6 +15,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from helios_core.errors import InvalidInput
 from rich.console import Console
 
 from helios_eval import folder, homes, keepsake, record, results
@@ -24,6 +25,7 @@ from helios_eval.pool import Outcome, play_all
 from helios_eval.progress import Board
 from helios_eval.record import Benchmark, EpisodeRecord, Noise, Semantics, Setting
 from helios_eval.report import write_report
+from helios_eval.report.asked import KEYS, orders_of
 from helios_eval.report.header import RUN, run_of
 from helios_eval.results import Picks
 from helios_eval.spec import EpisodeSpec
@@ -64,8 +66,8 @@ def run(asked: Run, console: Console) -> list[EpisodeRecord]:
 
     Whatever ends it, results and report are left of the episodes that are there. Raises Unavailable
     where nothing can be played or written, WrongUse for a file, InvalidInput for a folder that
-    holds something else, Conflict for one into which another run plays, and KeyboardInterrupt when
-    it was interrupted.
+    holds something else or episodes that cannot be gone on with, Conflict for one into which
+    another run plays, and KeyboardInterrupt when it was interrupted.
     """
     with folder.held(asked.out):
         return _run(asked, console)
@@ -73,7 +75,9 @@ def run(asked: Run, console: Console) -> list[EpisodeRecord]:
 
 def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
     specs = asked.specs()
-    known = {r.key: r for r in record.read(asked.out)}
+    there = record.read(asked.out)
+    check_goes_on(asked, there)
+    known = {r.key: r for r in there}
     missing = [spec for spec in specs if spec.key not in known]
     here = commit()
     began = time.time()
@@ -101,6 +105,27 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
     return [known[spec.key] for spec in specs]
 
 
+def check_goes_on(asked: Run, there: Sequence[EpisodeRecord]) -> None:
+    """Raises InvalidInput where what is there was played in homes, or under noise, that have the
+    same name and other contents. Another commit is no hindrance: every episode knows its own."""
+    digest = homes.digest_of(asked.preset)
+    for r in there:
+        if r.preset == asked.preset and r.preset_hash != digest:
+            what, was, now = f"preset {r.preset}", r.preset_hash, digest
+        elif asked.noise and r.noise and _renewed(r.noise, asked.noise):
+            what, was, now = f"noise table {r.noise.table}", r.noise.digest, asked.noise.digest
+        else:
+            continue
+        raise InvalidInput(
+            f"{asked.out} holds episodes of another {what} ({was[:12]}; here it is {now[:12]}), so "
+            "this run cannot go on from them; take another folder"
+        )
+
+
+def _renewed(was: Noise, now: Noise) -> bool:
+    return was.table == now.table and was.digest != now.digest
+
+
 def lost(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
     """The record of an episode that could not be played."""
     return EpisodeRecord(
@@ -116,10 +141,13 @@ def lost(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
 def note(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
     """`run.json`: what was asked, of which program, on what."""
     command = ["helios", *sys.argv[1:]]
-    before = [c for c in commands_of(run_of(asked.out)) if c != command]
-    told: dict[str, Any] = asdict(asked) | {
+    former = run_of(asked.out)
+    before = [c for c in commands_of(former) if c != command]
+    plain = asdict(asked) | {"noise": asked.noise.model_dump() if asked.noise else None}
+    order = json.loads(json.dumps({key: plain[key] for key in KEYS}))
+    told: dict[str, Any] = plain | {
         "out": str(asked.out),
-        "noise": asked.noise.model_dump() if asked.noise else None,
+        "asked": [*(o for o in orders_of(former) if o != order), order],
         "command": command,
         "commands": [*before, command],
         "commit": here,

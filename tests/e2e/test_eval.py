@@ -155,8 +155,8 @@ def test_a_terminated_run_leaves_the_report_of_what_was_played(tmp_path: Path) -
     there = record.read(tmp_path)
     rows = json.loads((tmp_path / "results.json").read_text())
     assert sum(r["metrics"]["SR"]["n"] for r in rows if r["picks"] == 1) == len(there) < 4
-    assert "cut short" in (tmp_path / "report.md").read_text()
-    assert "cut short" in (tmp_path / "report.html").read_text()
+    assert "Not complete" in (tmp_path / "report.md").read_text()
+    assert "Not complete" in (tmp_path / "report.html").read_text()
 
 
 @pytest.mark.skipif(

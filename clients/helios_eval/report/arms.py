@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from helios_eval.record import EpisodeRecord, Noise
-
-Setting = str | float | int | bool
+from helios_eval.record import EpisodeRecord, Noise, Setting
+from helios_eval.report.asked import Identity
 
 # The order in which agents are shown; others stand between, by name.
 FIRST = (
@@ -42,6 +41,19 @@ class Arm:
     settings: tuple[tuple[str, Setting], ...]
     records: tuple[EpisodeRecord, ...]
     label: str = ""
+    asked: int = 0  # episodes that commands asked for; 0 where none is known
+
+    @property
+    def identity(self) -> Identity:
+        """What names an arm."""
+        return (
+            self.benchmark, self.agent, self.semantics, self.preset, self.noise, self.settings
+        )  # fmt: skip
+
+    @property
+    def whole(self) -> bool:
+        """Whether all was played that was asked for."""
+        return len(self.records) >= self.asked
 
     @property
     def condition(self) -> tuple[object, ...]:
@@ -55,8 +67,11 @@ class Arm:
         return (len(self.settings), level, drawn, -len(self.records), self.preset)
 
 
-def arms_of(records: Iterable[EpisodeRecord]) -> list[Arm]:
-    """The arms of a folder, labelled apart, in the order in which they are shown."""
+def arms_of(
+    records: Iterable[EpisodeRecord], asked: Mapping[Identity, set[int]] | None = None
+) -> list[Arm]:
+    """The arms of a folder, labelled apart, in the order in which they are shown. asked: seeds
+    that were asked for, played or not."""
     groups: dict[tuple[object, ...], list[EpisodeRecord]] = defaultdict(list)
     for r in records:
         settings = tuple(sorted(r.settings.items()))
@@ -72,7 +87,10 @@ def arms_of(records: Iterable[EpisodeRecord]) -> list[Arm]:
             )
         )  # fmt: skip
     arms.sort(key=_order)
-    return [replace(arm, label=_label(arm, arms)) for arm in arms]
+    counts = {identity: len(seeds) for identity, seeds in (asked or {}).items()}
+    return [
+        replace(arm, label=_label(arm, arms), asked=counts.get(arm.identity, 0)) for arm in arms
+    ]
 
 
 def _order(arm: Arm) -> tuple[object, ...]:

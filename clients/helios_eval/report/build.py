@@ -11,6 +11,7 @@ from helios_eval import calibration
 from helios_eval.record import EpisodeRecord
 from helios_eval.report import failures, header, ours, plots, published, text, timing
 from helios_eval.report.arms import Arm, arms_of
+from helios_eval.report.asked import seeds_asked
 from helios_eval.report.metrics import METRICS, NAMES
 from helios_eval.report.model import (
     Block,
@@ -30,7 +31,7 @@ MOST_ROWS = 8  # of a table of calibration, before it is folded
 
 def build(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> Report:
     """The report of a folder's episodes; `run` is what the runner wrote down."""
-    arms = arms_of(records)
+    arms = arms_of(records, seeds_asked(run))
     title, lead = header.title(records, arms)
     sections = [
         header.section(records, arms, run),

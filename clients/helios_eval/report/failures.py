@@ -22,7 +22,7 @@ from helios_eval.report.model import (
     Section,
     Table,
 )
-from helios_eval.report.ours import benchmarks_of
+from helios_eval.report.ours import benchmarks_of, count
 from helios_eval.report.stats import mean_sem, wilson
 from helios_eval.spec import MAX_STEPS, SENSOR, WALKER
 
@@ -59,7 +59,7 @@ def _table_of_causes(arms: Sequence[Arm]) -> Table:
     for arm, row in zip(arms, counts, strict=True):
         n = len(arm.records)
         cells = [_count(row.get(cause, 0), n) for cause in ["", *named]]
-        rows.add([arm.label, str(n), *cells])
+        rows.add([arm.label, count(arm), *cells])
     return rows.table(
         "Causes of failure",
         ["agent", "n", style.SUCCESS, *named],

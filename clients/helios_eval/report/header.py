@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import json
 import shlex
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from helios_core.errors import InvalidInput
 
-from helios_eval.record import EpisodeRecord, Noise
+from helios_eval.record import EpisodeRecord
 from helios_eval.report import text
 from helios_eval.report.arms import Arm, correlation_name, most_common
+from helios_eval.report.asked import Identity, seeds_asked
 from helios_eval.report.metrics import TITLES, shares_of_causes
-from helios_eval.report.model import Block, Command, Facts, Notice, Section
+from helios_eval.report.model import Block, Command, Facts, Notice, Rows, Section, Table
 from helios_eval.report.ours import benchmarks_of
 
 RUN = "run.json"
+MOST_NAMED = 6  # rows of tables in a sentence
 CALIBRATED = "ground truth: no noise"
 
 NOTICE = (
@@ -51,15 +54,16 @@ def section(
     commits = most_common(r.commit for r in records)
     warnings = [f"Commit {c} had changes that were not committed." for c in commits if _dirty(c)]
     if len(commits) > 1:
-        warnings.append("The episodes come from more than one commit.")
+        warnings.append(_versions(arms))
     if len({(r.preset, r.preset_hash) for r in records}) > len({r.preset for r in records}):
         warnings.append("One preset had different contents in different episodes.")
-    absent = missing(records, run)
-    if absent:
-        what = text.plural(absent, "episode")
+    asked = seeds_asked(run)
+    if lacking := missing(arms, asked):
+        warnings.insert(0, _not_complete(lacking, asked))
+    if changed := _changed_homes(records):
         warnings.append(
-            f"The run was cut short: {what} of those that were asked for last are missing. The "
-            "same command plays them."
+            f"The homes of {text.plural(len(changed), 'seed')} ({text.ranges(changed)}) were not "
+            "the same in all episodes; agents are not compared in them."
         )
     warnings += [w for b in benchmarks_of(arms) if (w := unlike(b, arms))]
     errors = sum(r.cause == "system error" for r in records)
@@ -70,6 +74,8 @@ def section(
     blocks.append(Facts(tuple(_facts(records, arms, run, commits))))
     commands = run.get("commands") or [c for c in [run.get("command")] if c]
     blocks += [Command(_command(c)) for c in commands]
+    if lacking:
+        blocks.append(_progress(arms, asked, lacking))
     return Section("run", "What was run", tuple(blocks))
 
 
@@ -80,6 +86,9 @@ def unlike(benchmark: str, arms: Sequence[Arm]) -> str:
         return ""
     shared = len(set.intersection(*homes.values()))
     each = ", ".join(f"{label} {len(seeds)}" for label, seeds in homes.items())
+    if len(homes) > MOST_NAMED:
+        sizes = Counter(len(seeds) for seeds in homes.values())
+        each = ", ".join(f"{text.plural(n, 'row')} over {size}" for size, n in sizes.items())
     return (
         f"{TITLES[benchmark]}: not every row is over the same homes ({each}; "
         f"{text.plural(shared, 'home')} in common). Means of such rows may differ because their "
@@ -87,20 +96,63 @@ def unlike(benchmark: str, arms: Sequence[Arm]) -> str:
     )
 
 
-def missing(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> int:
-    """How many of the episodes that `run.json` asks for are not there."""
-    try:
-        noise = Noise(**run["noise"]) if run["noise"] else None
-        first, count = int(run["seed0"]), int(run["episodes"])
-        asked = {(agent, s) for agent in run["agents"] for s in range(first, first + count)}
-        condition = run["benchmark"], run["semantics"], run["preset"], noise, run["settings"]
-    except (KeyError, TypeError, ValueError):
-        return 0  # another program's run.json
-    there = {
-        (r.agent, r.seed) for r in records
-        if (r.benchmark, r.semantics, r.preset, r.noise, r.settings) == condition
-    }  # fmt: skip
-    return len(asked - there)
+def missing(arms: Sequence[Arm], asked: Mapping[Identity, set[int]]) -> dict[Identity, int]:
+    """How many episodes are still to be played of each of those that were asked for."""
+    played = {arm.identity: {r.seed for r in arm.records} for arm in arms}
+    found = {i: len(seeds - played.get(i, set())) for i, seeds in asked.items()}
+    return {identity: n for identity, n in found.items() if n}
+
+
+def _not_complete(lacking: Mapping[Identity, int], asked: Mapping[Identity, set[int]]) -> str:
+    whole, absent = sum(map(len, asked.values())), sum(lacking.values())
+    return (
+        f"Not complete: {absent} of the {text.plural(whole, 'episode')} that were asked for are "
+        "not played yet. What is told here holds for those that are there; the same commands play "
+        "the rest."
+    )
+
+
+def _progress(
+    arms: Sequence[Arm], asked: Mapping[Identity, set[int]], lacking: Mapping[Identity, int]
+) -> Table:
+    """What was played of what was asked for, where it is not all."""
+    labels = {arm.identity: arm.label for arm in arms}
+    rows = Rows()
+    for identity, absent in lacking.items():
+        benchmark, agent, semantics, _, noise, settings = identity
+        name = labels.get(identity) or " · ".join(
+            [agent, *(f"{k}={v}" for k, v in settings)]
+            + ([f"noise {noise.level:g}, {correlation_name(noise)}"] if noise else [semantics])
+        )
+        n = len(asked[identity])
+        rows.add([name, TITLES[benchmark], str(n - absent), str(n)])
+    return rows.table("Not complete", ["agent", "benchmark", "played", "asked for"],
+                      words=["benchmark"])  # fmt: skip
+
+
+def _versions(arms: Sequence[Arm]) -> str:
+    """Which commit played what. Agents of one commit may be compared; those of several may
+    differ by what changed between them."""
+    parts = [(arm.label, arm.records) for arm in arms]
+    if len(parts) > MOST_NAMED:
+        parts = [("all rows", [r for arm in arms for r in arm.records])]
+    told = []
+    for label, records in parts:
+        counts = Counter(r.commit for r in records)
+        each = ", ".join(f"{n} by {commit[:10]}" for commit, n in counts.most_common())
+        told.append(f"{label} {each}")
+    return (
+        f"The episodes come from more than one commit: {'; '.join(told)}. What changed between "
+        "them may be a part of a difference."
+    )
+
+
+def _changed_homes(records: Sequence[EpisodeRecord]) -> list[int]:
+    """Seeds whose homes are known to differ between episodes of one preset."""
+    homes: dict[tuple[str, int], set[str]] = {}
+    for r in records:
+        homes.setdefault((r.preset, r.seed), set()).add(r.structure_hash)
+    return sorted({seed for (_, seed), found in homes.items() if len(found - {""}) > 1})
 
 
 def _dirty(commit: str) -> bool:
@@ -193,4 +245,7 @@ def title(records: Sequence[EpisodeRecord], arms: Sequence[Arm]) -> tuple[str, s
     )
     if len(worst) == 1:
         lead += f" The most frequent cause of failure: {worst[0]}."
+    lacking = sum(max(0, a.asked - len(a.records)) for a in arms)
+    if lacking:
+        lead += f" Not complete: {text.plural(lacking, 'episode')} of these are not played yet."
     return f"HELIOS evaluation: {benchmarks}", lead

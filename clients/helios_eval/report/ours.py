@@ -62,15 +62,28 @@ def metrics_section(arms: Sequence[Arm]) -> Section:
             for arm in mine:
                 group = picks_name(picks) if len(limits) > 1 else ""
                 cells = [_figure(arm, name, picks) for name in shares]
-                rows.add([arm.label, *cells, str(len(arm.records))], group)
+                rows.add([arm.label, *cells, count(arm)], group)
         blocks.append(rows.table(TITLES[benchmark], ["agent", *shares, "n"], caption))
         rows = Rows()
         for arm in mine:
             cells = [_figure(arm, name, None) for name in rest]
-            rows.add([arm.label, *cells, str(len(arm.records))])
+            rows.add([arm.label, *cells, count(arm)])
         heads = ["agent", *map(_head, rest), "n"]
         blocks.append(rows.table(f"{TITLES[benchmark]}: what it took", heads, "Less is better."))
     return Section("metrics", "Every metric of this run", tuple(blocks))
+
+
+def count(arm: Arm) -> Cell:
+    """How many episodes there are, and where some are not played yet, of how many."""
+    n = str(len(arm.records))
+    return Cell(n) if arm.whole else Cell(n, f"of {arm.asked}", "bad")
+
+
+def in_common_of(a: Arm, b: Arm, homes: int) -> str:
+    """ "37 homes"; while a run goes on, "37 of 200 homes"."""
+    if a.whole and b.whole:
+        return text.plural(homes, "home")
+    return f"{homes} of {min(n for n in (a.asked, b.asked) if n)} homes"
 
 
 def _head(name: str) -> str:
@@ -117,7 +130,7 @@ def paired_section(arms: Sequence[Arm]) -> Section:
 def _pair_table(found: Sequence[Found]) -> Table:
     rows = Rows()
     for a, b, mine, theirs in found:
-        group = f"{a.label} against {b.label} ({text.plural(len(mine), 'home')})"
+        group = f"{a.label} against {b.label} ({in_common_of(a, b, len(mine))})"
         for name in NAMES[a.benchmark]:
             if name != "seconds_per_step":
                 rows.add(_pair_row(name, values(mine, name), values(theirs, name)), group)

@@ -9,6 +9,7 @@ from helios_eval.report import paper, text
 from helios_eval.report.arms import Arm, in_common, plain_arm, swept_arm
 from helios_eval.report.metrics import values
 from helios_eval.report.model import Block, Cell, Paragraph, Rows, Section, Table
+from helios_eval.report.ours import count
 from helios_eval.report.stats import Interval, mean_sem, paired_ratio, untold
 
 TAG = "another simulator"
@@ -104,7 +105,7 @@ def _table(table: paper.Table, found: dict[int, Arm | None]) -> Table:
     for row in table.rows:
         arm = found[id(row)]
         name = Cell(row.name, row.agent if arm else "")
-        n = str(len(arm.records)) if arm else text.NONE
+        n = count(arm) if arm else text.NONE
         cells = [_cell(table, row, metric, arm) for metric in table.metrics]
         rows.add([name, *cells, n], row.group)
     return rows.table(

@@ -1,6 +1,7 @@
 """Episodes with beliefs whose calibration is known."""
 
 import numpy as np
+from helios_eval.homes import digest_of
 from helios_eval.record import Belief, EpisodeRecord, Noise
 
 
@@ -22,7 +23,7 @@ def record(seed: int, beliefs: tuple[Belief, ...] = (), **chosen) -> EpisodeReco
         "find_object": True, "pick": True, "find_receptacle": True, "place": True, "success": True,
         "collisions": 0, "steps": 100, "path_m": 10.0, "picks": 1, "cause": "",
         "state": "succeeded", "message": "", "wall_s": 1.0, "step_ms": 10.0, "commit": "c",
-        "preset_hash": "p", "structure_hash": "s",
+        "preset_hash": digest_of("ovmm-v1"), "structure_hash": "s",
     }  # fmt: skip
     return EpisodeRecord.model_validate({**facts, **chosen, "beliefs": beliefs})
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,8 +13,8 @@ from pathlib import Path
 import pytest
 from eval_constructed_records import record
 from helios_client.wrong_use import WrongUse
-from helios_core.errors import Conflict, Unavailable
-from helios_eval import folder, results
+from helios_core.errors import Conflict, InvalidInput, Unavailable
+from helios_eval import folder, gather, results
 from helios_eval import record as records
 from helios_eval import run as runs
 from helios_eval.play import Played
@@ -110,11 +111,51 @@ def test_what_was_played_until_it_ended_has_results(
         run(asked(tmp_path), quiet())
     assert len(records.read(tmp_path)) == 2
     assert json.loads((tmp_path / results.RESULTS).read_text())
-    assert "cut short: 4 episodes" in (tmp_path / "report.md").read_text()
+    assert "Not complete: 4 of the 6 episodes" in (tmp_path / "report.md").read_text()
     stage.end_before = None
     run(asked(tmp_path), quiet())
     assert len(stage.played) == 6
-    assert "cut short" not in (tmp_path / "report.md").read_text()
+    assert "Not complete" not in (tmp_path / "report.md").read_text()
+
+
+def test_a_copy_of_what_is_committed_is_gone_on_from(stage: Stage, tmp_path: Path) -> None:
+    """On another machine, on another day: only what is missing is played, nothing is forgotten."""
+    before, committed, after = (tmp_path / name for name in ("before", "committed", "after"))
+    run(asked(before, 2), quiet())
+    gather.pack(committed, records.read(before), gather.run([before]))
+    shutil.copytree(committed, after)
+    stage.played.clear()
+    assert len(run(asked(after, 3), quiet())) == 6
+    assert stage.played == [(2, "helios"), (2, "trusting")]
+    there = records.read(after)
+    assert len(there) == 6
+    gather.pack(committed, there, gather.run([after]))  # and so on
+    assert len(records.read(committed)) == 6
+    told = json.loads((after / runs.RUN).read_text())["asked"]
+    assert [order["episodes"] for order in told] == [2, 3]
+
+
+@pytest.mark.parametrize(
+    ("changed", "what"),
+    [({"preset_hash": "another"}, "preset ovmm-v1"),
+     ({"noise": NOISE.model_copy(update={"digest": "another"})}, "noise table ovmm-v1")],
+)  # fmt: skip
+def test_a_run_never_goes_on_from_other_homes_or_noise_of_the_same_name(
+    changed: dict, what: str, stage: Stage, tmp_path: Path
+) -> None:
+    gather.pack(tmp_path, [record(0, noise=NOISE).model_copy(update=changed)], {})
+    with pytest.raises(InvalidInput, match=f"another {what}"):
+        run(asked(tmp_path), quiet())
+    assert not stage.played
+
+
+def test_a_run_goes_on_from_another_commit_and_the_report_says_who_played_what(
+    stage: Stage, tmp_path: Path
+) -> None:
+    gather.pack(tmp_path, [record(0, noise=NOISE, commit="first")], {})
+    run(asked(tmp_path, 2, ("helios",)), quiet())
+    assert stage.played == [(1, "helios")]
+    assert "helios 1 by first, 1 by c" in (tmp_path / "report.md").read_text()
 
 
 # --- the folder -----------------------------------------------------------------------------------

@@ -200,12 +200,13 @@ def test_a_run_that_was_cut_short_says_what_is_missing(tmp_path):
     (tmp_path / "run.json").write_text(json.dumps(run))
     write_report(tmp_path)
     markdown = (tmp_path / "report.md").read_text()
-    assert "cut short: 1 episode of those" in markdown
+    assert "Not complete: 1 of the 4 episodes" in markdown
+    assert re.search(r"trusting .*\*\*1\*\* \(of 2\)", markdown)
     assert "the same homes (helios 2, trusting 1; 1 home in common)" in markdown
     write(tmp_path, there, pictures=False)
     write_report(tmp_path)
     markdown = (tmp_path / "report.md").read_text()
-    assert "cut short" not in markdown
+    assert "Not complete" not in markdown
     assert "not every row is over the same homes" not in markdown
 
 
