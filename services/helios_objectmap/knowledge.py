@@ -103,7 +103,7 @@ class Knowledge:
         columns = self._columns if column in self._columns else [*self._columns, column]
         if other_share is None:
             other_share = HALF if s.assumption == "50-50" else 0.0
-        by_sides = s.evidence == "sides"
+        by_sides = s.by_sides
         member = Member(
             store.means[rows],
             store.radius_m[rows],
@@ -205,7 +205,7 @@ class Knowledge:
     @property
     def _sectors(self) -> int:
         """Around each Gaussian, of which votes are kept."""
-        return sides.SECTORS if self._settings.evidence == "sides" else 0
+        return sides.SECTORS if self._settings.by_sides else 0
 
     @property
     def _columns(self) -> list[int]:

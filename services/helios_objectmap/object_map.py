@@ -100,7 +100,7 @@ class ObjectMap(Knowledge):
         eye_m = reading.view.T_world_cam[:3, 3]
         first_time = self._viewpoints.weights(look, self._names, np.array([NEVER]))[0]
         fused = self._fuse(projection, labels, look, eye_m, observation.frame.stamp_ns)
-        if s.hindsight:
+        if s.evidence == "hindsight":
             self._past.note(reading, self._names, first_time)
         self._updates += 1
         store.remove(gone)
@@ -221,7 +221,7 @@ class ObjectMap(Knowledge):
         store.seen[rows[kappa @ np.ones(kappa.shape[1], np.float32) > 0]] = self._updates
         weights = self._viewpoints.weights(look, names, store.born[rows])
         self._viewpoints.mark(look, names, self._updates)
-        if s.evidence == "sides":
+        if s.by_sides:
             took = sides.tell(
                 store, rows, kappa, self._columns, weights, eye_m, s.side_views, s.alpha_side
             )

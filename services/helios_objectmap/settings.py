@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Literal, Self
+from typing import Literal
 
 from helios_core.settings import ServiceSettings, service_config
-from pydantic import Field, model_validator
+from pydantic import Field
 
 
 class ObjectMapSettings(ServiceSettings):
@@ -54,9 +54,10 @@ class ObjectMapSettings(ServiceSettings):
     alpha_cs: float = Field(
         default=1.0, ge=0, description="Weight of the uncertainty in a score (eq. 7)."
     )
-    evidence: Literal["views", "sides"] = Field(
+    evidence: Literal["views", "sides", "hindsight"] = Field(
         default="views",
-        description="What counts: each view (eq. 3), or each side of a thing, however often seen.",
+        description="What counts: each view (eq. 3), or each side of a thing, however often seen; "
+        "hindsight: by sides, and what earlier views said of a place where something is found.",
     )
     side_views: float = Field(
         default=6.0,
@@ -74,11 +75,6 @@ class ObjectMapSettings(ServiceSettings):
         gt=0,
         lt=1,
         description="A Gaussian is of a class when more than this share of the evidence says so.",
-    )
-    hindsight: bool = Field(
-        default=False,
-        description="What earlier views said of a place counts for what is found there later; "
-        "with `evidence = sides`.",
     )
     past_views: int = Field(
         default=1024, ge=1, description="So many views are kept for hindsight, 58 kB each."
@@ -163,9 +159,7 @@ class ObjectMapSettings(ServiceSettings):
         default=3.0, gt=0, description="A changed map is written this often, seconds."
     )
 
-    @model_validator(mode="after")
-    def hindsight_has_sides(self) -> Self:
-        """Past views speak by votes, and votes are kept by sides."""
-        if self.hindsight and self.evidence != "sides":
-            raise ValueError("hindsight is on, but evidence is not 'sides'; set evidence=sides too")
-        return self
+    @property
+    def by_sides(self) -> bool:
+        """Whether votes are kept for each side."""
+        return self.evidence != "views"

@@ -11,7 +11,6 @@ from helios_objectmap.view import View
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from tests.unit.objectmap.objectmap_scene import (
     CONTEXT,
@@ -25,7 +24,7 @@ from tests.unit.objectmap.objectmap_scene import (
 )
 
 BY_SIDES = ObjectMapSettings(stride_px=1, evidence="sides", named_from=0.2)
-LOOKING_BACK = BY_SIDES.model_copy(update={"hindsight": True})
+LOOKING_BACK = BY_SIDES.model_copy(update={"evidence": "hindsight"})
 HOME = (*ROOM, mug_at(1.4, 0.0))
 MUG_AT = (1.4, 0.0, 0.8)
 NOTHING: dict[int, str] = {}  # the detector names nothing
@@ -112,11 +111,6 @@ def test_the_oldest_past_views_go() -> None:
     assert len(past) == 2
     eyes = [shown.past.view.T_world_cam[:2, 3] for shown in past.of(point)]
     np.testing.assert_allclose(eyes, EYES[1:3])
-
-
-def test_hindsight_without_votes_is_refused() -> None:
-    with pytest.raises(ValidationError, match="set evidence=sides"):
-        ObjectMapSettings(hindsight=True)
 
 
 def shown_plainly(points: NDArray[np.float32], view: View, depth_mm: NDArray) -> list[int]:
