@@ -12,8 +12,9 @@ eq. 3 becomes
 so a side counts by the mean of its votes, in full from `side_views` votes on, and the concentration
 grows with the sides that were seen, not with the time spent at one: it is at most 12 alpha_side.
 
-Votes are kept in whole numbers of 1/UNIT, so that their order never matters. A side that is told
-more than MOST_VOTES halves what it was told before.
+Votes are kept in whole numbers of 1/UNIT, so that their order does not matter. A side that is told
+more than MOST_VOTES halves what it was told before; with at most 100 `side_views` it still counts
+in full.
 """
 
 from __future__ import annotations
@@ -30,7 +31,6 @@ from helios_objectmap.kernels.evidence import tell_kernel
 SECTORS = 12
 UNIT = 256  # of the store's numbers make a vote
 MOST_VOTES = 65535 // UNIT  # from one side that the store can hold
-MOST_SIDE_VIEWS = 100  # halved votes still make a side that counts in full
 WHOLE_KAPPA = 0.2  # a view in which a Gaussian has less, summed over the pixels, is less of a vote
 
 Float32 = NDArray[np.float32]

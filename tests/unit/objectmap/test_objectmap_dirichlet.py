@@ -120,7 +120,7 @@ def test_a_class_of_an_earlier_context_keeps_its_name_until_the_present_one_has_
     assert believed([9, 9], [10, 10], [1]) == 1
 
 
-def reference_belief(positive, asked, context, prior):
+def reference_belief(positive, asked, context, prior, named_from):
     """The most likely class in float64, plain Python: (column, by how much it leads)."""
     n_classes = len(context) + 1
     mean = (positive + prior) / (asked + prior * n_classes)
@@ -128,28 +128,34 @@ def reference_belief(positive, asked, context, prior):
     best, lead = OTHER, np.inf
     if parked:
         top = max(parked, key=mean.__getitem__)
-        best, lead = (top if mean[top] > 0.5 else OTHER), abs(mean[top] - 0.5)
+        best, lead = (top if mean[top] > named_from else OTHER), abs(mean[top] - named_from)
     ranked = sorted(mean[context])
     top = max(context, key=mean.__getitem__)
     other = max(asked[top] - positive[context].sum(), 0)
-    if positive[top] > other:
+    named = positive[top] - named_from * (positive[top] + other)
+    if named > 0:
         best = top
-    lead = min(lead, abs(positive[top] - other), *np.diff(ranked[-2:]))
+    lead = min(lead, abs(named), *np.diff(ranked[-2:]))
     return best, lead
 
 
 @settings(max_examples=40, deadline=None)
-@given(st.integers(1, 5), st.integers(0, 2**32 - 1), st.sampled_from([0.3, 1.0, 10.0]))
-def test_the_most_likely_class_is_that_of_the_reference(columns, seed, prior):
+@given(
+    st.integers(1, 5),
+    st.integers(0, 2**32 - 1),
+    st.sampled_from([0.3, 1.0, 10.0]),
+    st.sampled_from([0.5, 0.3, 0.8]),
+)
+def test_the_most_likely_class_is_that_of_the_reference(columns, seed, prior, named_from):
     rng = np.random.default_rng(seed)
     context = rng.permutation(columns)[: rng.integers(1, columns + 1)].tolist()
     share = rng.dirichlet(np.ones(columns + 1), 40)[:, 1:]
     asked = rng.uniform(0, 30, (40, 1)) * np.ones((1, columns))
     positive, asked = (share * asked).astype(np.float32), asked.astype(np.float32)
     rows = rng.permutation(40)
-    got = believe(positive, asked, rows, context, prior, len(context) + 1)
+    got = believe(positive, asked, rows, context, prior, len(context) + 1, named_from)
     for row, column in zip(rows, got, strict=True):
         expected, lead = reference_belief(
-            positive[row].astype(float), asked[row].astype(float), context, prior
+            positive[row].astype(float), asked[row].astype(float), context, prior, named_from
         )
         assert column == expected or lead < 1e-3  # near-ties go to the first, or to "other"

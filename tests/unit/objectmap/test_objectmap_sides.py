@@ -1,0 +1,334 @@
+"""Evidence by sides: against a twin in plain Python, its bounds, what-ifs, and what is kept."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from helios_core.errors import InvalidInput
+from helios_objectmap import mapfile
+from helios_objectmap.gaussians import GaussianStore
+from helios_objectmap.object_map import ObjectMap
+from helios_objectmap.sides import MOST_VOTES, SECTORS, UNIT, WHOLE_KAPPA, news, sector_of, tell
+from helios_objectmap.view import View
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from objectmap_scene import CAMERA, CONTEXT, ROOM, SETTINGS, looking_at, mug_at, observe
+
+SIDES = SETTINGS.model_copy(update={"evidence": "sides"})
+FULL, ALPHA = 4.0, 6.0  # side_views and alpha_side of the tests of the pure parts
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def store_of(means, classes=1) -> GaussianStore:
+    store = GaussianStore(SECTORS)
+    for c in range(classes):
+        store.column(f"c{c}")
+    store.append(
+        np.asarray(means, np.float32), np.full(len(means), 0.01, np.float32), 0.9,
+        np.zeros((len(means), 3), np.uint8), 0,
+    )  # fmt: skip
+    return store
+
+
+def views_of(rng, n, classes, count, spread_rad=math.pi):
+    """Views as (kappa, weights, eye), from all around or from within one side."""
+    for _ in range(count):
+        turn = rng.uniform(-spread_rad, spread_rad) + math.pi / SECTORS
+        kappa = rng.choice([0, 0.1, 1, 40], (n, 1)) * rng.dirichlet(np.ones(classes + 1), n)
+        weights = rng.choice([0, 0.25, 1], (n, classes))
+        eye_m = 50 * np.array([math.cos(turn), math.sin(turn), 0.0])
+        yield kappa.astype(np.float32), weights.astype(np.float32), eye_m
+
+
+def take(store, view) -> None:
+    kappa, weights, eye_m = view
+    columns = list(range(weights.shape[1]))
+    tell(store, np.arange(len(store)), kappa, columns, weights, eye_m, FULL, ALPHA)
+
+
+def reference(means, views, classes):
+    """(positive, asked) [n, classes] of eq. 3 by sides, in plain Python."""
+    positive, asked = np.zeros((len(means), classes)), np.zeros((len(means), classes))
+    for i, place in enumerate(means):
+        for c in range(classes):
+            own, everything = [0.0] * SECTORS, [0.0] * SECTORS
+            for kappa, weights, eye_m in views:
+                away = eye_m - place
+                side = int(math.degrees(math.atan2(away[1], away[0])) % 360 // 30)
+                vote = kappa[i] / max(kappa[i].sum(), WHOLE_KAPPA)  # at most one in all
+                own[side] += weights[i, c] * vote[1 + c]
+                everything[side] += weights[i, c] * vote.sum()
+            for v_c, v in zip(own, everything, strict=True):
+                positive[i, c] += ALPHA * v_c / max(v, FULL)
+                asked[i, c] += ALPHA * v / max(v, FULL)
+    return positive, asked
+
+
+@settings(max_examples=20, deadline=None)
+@given(SEEDS, st.integers(1, 3), st.integers(1, 15))
+def test_evidence_is_that_of_the_twin(seed, classes, count):
+    rng = np.random.default_rng(seed)
+    means = rng.uniform(-1, 1, (4, 3)).astype(np.float32)
+    store, views = store_of(means, classes), list(views_of(rng, 4, classes, count))
+    for view in views:
+        take(store, view)
+    positive, asked = reference(means, views, classes)
+    rounding = ALPHA / FULL * count / UNIT  # of a vote to a whole number of UNIT
+    assert np.allclose(store.positive, positive, atol=rounding)
+    assert np.allclose(store.asked, asked, atol=rounding)
+
+
+def test_sides_are_sectors_of_30_degrees_around_the_thing_whatever_the_height():
+    means = np.zeros((1, 3), np.float32)
+    turns = np.radians([1, 29, 31, 179, 181, 359])
+    eyes_m = [(math.cos(t), math.sin(t), z) for t, z in zip(turns, [0, 9, 0, 1, 2, 3], strict=True)]
+    assert [int(sector_of(means, np.array(e))[0]) for e in eyes_m] == [0, 0, 1, 5, 6, 11]
+
+
+@settings(max_examples=20, deadline=None)
+@given(SEEDS, st.integers(1, 60))
+def test_one_side_never_counts_more_than_alpha_side_and_all_never_more_than_their_number(
+    seed, count
+):
+    rng = np.random.default_rng(seed)
+    for spread_rad, sides in ((math.pi / SECTORS * 0.9, 1), (math.pi, SECTORS)):
+        store = store_of(np.zeros((5, 3)), 2)
+        for view in views_of(rng, 5, 2, count, spread_rad):
+            before = store.asked.copy()
+            take(store, view)
+            assert (store.asked >= before - 1e-4).all()
+            assert (store.asked <= ALPHA * sides + 1e-3).all()
+            assert (store.positive >= -1e-3).all()
+            assert (store.positive.sum(axis=1) <= store.asked.max(axis=1) * 2 + 1e-3).all()
+            assert (store.positive <= store.asked + 1e-3).all()
+
+
+@settings(max_examples=20, deadline=None)
+@given(SEEDS, st.integers(1, 30))
+def test_the_order_of_views_does_not_matter(seed, count):
+    rng = np.random.default_rng(seed)
+    views = list(views_of(rng, 5, 2, count))
+    one, other = store_of(np.zeros((5, 3)), 2), store_of(np.zeros((5, 3)), 2)
+    for k in range(count):
+        take(one, views[k])
+    for k in rng.permutation(count):
+        take(other, views[k])
+    assert np.array_equal(one.votes, other.votes)
+    assert np.allclose(one.positive, other.positive, atol=1e-4)
+    assert np.allclose(one.asked, other.asked, atol=1e-4)
+
+
+def test_a_view_is_one_vote_however_many_pixels_and_less_where_there_is_hardly_any():
+    store = store_of(np.zeros((4, 3)))
+    kappa = np.array([[0, 1000], [0, WHOLE_KAPPA], [0, WHOLE_KAPPA / 2], [0, 0]], np.float32)
+    took = tell(
+        store, np.arange(4), kappa, [0], np.ones((4, 1), np.float32), np.ones(3), FULL, ALPHA
+    )
+    assert store.votes.sum(axis=(1, 2, 3)).tolist() == [2 * UNIT, 2 * UNIT, UNIT, 0]
+    assert took.tolist() == [0, 1, 2]
+
+
+def test_a_side_that_is_told_for_hours_keeps_counting_in_full_by_its_mean():
+    store, eye_m = store_of(np.zeros((1, 3))), np.ones(3)
+    for k in range(3 * MOST_VOTES):
+        kappa = np.array([[1, 3] if k % 2 else [3, 1]], np.float32)
+        take(store, (kappa, np.ones((1, 1), np.float32), eye_m))
+    assert store.asked[0, 0] == pytest.approx(ALPHA, abs=1e-3)
+    assert store.positive[0, 0] == pytest.approx(ALPHA / 2, rel=0.01)
+
+
+# What-ifs ---------------------------------------------------------------------------------------
+
+
+@settings(max_examples=30, deadline=None)
+@given(SEEDS, st.integers(0, 30))
+def test_a_prediction_is_what_a_view_does_that_shows_the_class_as_far_as_its_side_was_not_told(
+    seed, count
+):
+    """And as far as it was told, shows again what was told."""
+    rng = np.random.default_rng(seed)
+    n = 6
+    store = store_of(rng.uniform(-1, 1, (n, 3)))
+    for view in views_of(rng, n, 1, count, rng.choice([0.2, math.pi])):
+        take(store, view)
+    ((_, _, eye_m),) = views_of(rng, n, 1, 1)
+    seen = rng.choice([0, 0.1, 5], n).astype(np.float32)
+    (alone,), together = news(store.votes[:, 0, :, 1], store.means, [seen], [eye_m], FULL)
+    assert np.allclose(alone, together, atol=1e-6)
+
+    side = sector_of(store.means, eye_m)
+    own, told = store.votes[np.arange(n), 0, side].T.astype(float) / UNIT
+    vote = np.minimum(seen / WHOLE_KAPPA, 1)
+    new = np.clip(FULL - told, 0, vote)
+    mean = (own + new) / np.maximum(told + new, 1e-9)
+    shown = new + (vote - new) * mean
+    kappa = np.stack([vote - shown, shown], axis=1) * np.maximum(seen, WHOLE_KAPPA)[:, None]
+    before = store.positive.copy(), store.asked.copy()
+    take(store, (kappa.astype(np.float32), np.ones((n, 1), np.float32), eye_m))
+    rounding = 2 * ALPHA / FULL / UNIT
+    assert np.allclose(store.positive - before[0], ALPHA * alone[:, None], atol=rounding)
+    assert np.allclose(store.asked - before[1], ALPHA * alone[:, None], atol=rounding)
+
+
+@settings(max_examples=20, deadline=None)
+@given(SEEDS, st.integers(0, 20), st.integers(1, 10))
+def test_views_together_are_predicted_as_they_add_up_and_never_above_a_side_each(seed, told, count):
+    rng = np.random.default_rng(seed)
+    n = 4
+    store = store_of(rng.uniform(-1, 1, (n, 3)))
+    for view in views_of(rng, n, 1, told):
+        take(store, view)
+    views = [(k, np.ones((n, 1), np.float32), e) for k, _, e in views_of(rng, n, 1, count, 0.5)]
+    before = store.asked[:, 0].copy()
+    alone, together = news(
+        store.votes[:, 0, :, 1], store.means, [k.sum(axis=1) for k, _, _ in views],
+        [e for _, _, e in views], FULL,
+    )  # fmt: skip
+    for view in views:
+        take(store, view)
+    assert np.allclose(store.asked[:, 0] - before, ALPHA * together, atol=2 * ALPHA * count / UNIT)
+    assert (together <= np.sum(alone, axis=0) + 1e-5).all()
+
+
+# The map ----------------------------------------------------------------------------------------
+
+MUG_CENTER = (1.2, 0.0, 0.8)
+SCENE = (*ROOM, mug_at(1.2, 0.0))
+ONE_SIDE = [(0.0, 0.02 * k) for k in range(10)]  # all within 30 degrees of the mug
+
+
+def built(chosen, places=ONE_SIDE, objects: ObjectMap | None = None, start=0) -> ObjectMap:
+    objects = objects or ObjectMap(chosen)
+    for seq, (x, y) in enumerate(places, start):
+        objects.update(observe(SCENE, looking_at(x, y, MUG_CENTER), seq=seq), CONTEXT)
+    return objects
+
+
+def mug_of(objects: ObjectMap):
+    (mug,) = (o for o in objects.objects() if o.class_name == "mug")
+    return mug
+
+
+def view_from(x, y) -> View:
+    c = CAMERA
+    T_world_cam = looking_at(x, y, MUG_CENTER)
+    return View(c.fx, c.fy, c.cx, c.cy, c.width, c.height, T_world_cam)
+
+
+def again_of(objects: ObjectMap, chosen) -> ObjectMap:
+    """The map from its file, in a map of other settings."""
+    again = ObjectMap(chosen)
+    data = mapfile.written(mapfile.arrays_of(objects.memory(), None))
+    again.recall(mapfile.read(data, again.no_viewpoints()).memory)
+    again.set_context(CONTEXT)
+    return again
+
+
+@pytest.fixture(scope="module")
+def told() -> ObjectMap:
+    """What was seen from one side; not to be changed."""
+    return built(SIDES.model_copy(update={"side_views": 3.0}))
+
+
+def test_a_view_from_a_side_that_was_told_promises_little(told):
+    mug = mug_of(told)
+    answer = told.what_if(mug.id, "mug", [view_from(0.0, 0.06), view_from(1.2, -1.2)])
+    assert answer is not None
+    (same, new), together = answer
+    # Not nothing: in the corners are Gaussians that were hidden so far.
+    assert same.information_gain < 0.2 * new.information_gain
+    assert same.psi - mug.score < 0.2 * (new.psi - mug.score)
+    assert together.psi == pytest.approx(new.psi, abs=0.02)
+
+
+def test_a_what_if_foretells_a_real_view_of_a_new_side(told):
+    objects = again_of(told, SIDES.model_copy(update={"side_views": 3.0}))
+    built(SIDES, [(0.8, 0.9)], objects, start=20)  # makes Gaussians of the surface there
+    before = mug_of(objects)
+    answer = objects.what_if(before.id, "mug", [view_from(0.7, 1.0)])
+    assert answer is not None
+    after = mug_of(built(SIDES, [(0.7, 1.0)], objects, start=21))
+    assert after.score > before.score + 0.02
+    # The real view also makes Gaussians that have been seen once.
+    assert after.score == pytest.approx(answer[0][0].psi, abs=0.05)
+
+
+def test_where_views_count_nothing_is_kept_of_sides_and_their_settings_change_nothing():
+    plain = built(SETTINGS)
+    other = built(SETTINGS.model_copy(update={"side_views": 1.0, "alpha_side": 1.0}))
+    assert plain.memory().store.votes.nbytes == 0
+    mine, theirs = (mapfile.arrays_of(m.memory(), None) for m in (plain, other))
+    assert "store.votes" not in mine
+    assert mine.keys() == theirs.keys()
+    assert all(np.array_equal(mine[name], theirs[name]) for name in mine)
+
+
+def test_a_file_keeps_the_votes_and_the_map_goes_on_as_if_it_had_never_stopped(told):
+    chosen = SIDES.model_copy(update={"side_views": 3.0})
+    one, other = again_of(told, chosen), again_of(told, chosen)
+    assert np.array_equal(one.memory().store.votes, told.memory().store.votes)
+    other = again_of(other, chosen)
+    more = [(0.1, 0.3), (0.3, 0.5)]
+    for objects in (one, other):
+        built(chosen, more, objects, 20)
+    mine, theirs = (mapfile.arrays_of(m.memory(), None) for m in (one, other))
+    assert mine["store.votes"].any()
+    assert all(np.array_equal(mine[name], theirs[name]) for name in mine)
+
+
+def test_a_file_of_the_other_kind_keeps_its_evidence_and_goes_on_by_the_rule_of_the_map(told):
+    by_views = again_of(told, SETTINGS)
+    assert [o.score for o in by_views.objects()] == [o.score for o in told.objects()]
+    assert by_views.memory().store.votes.nbytes == 0
+    by_sides = again_of(built(SETTINGS), SIDES)
+    assert not by_sides.memory().store.votes.any()
+    for objects, chosen in ((by_views, SETTINGS), (by_sides, SIDES)):
+        store = objects.memory().store
+        before = store.asked.copy()
+        built(chosen, [(0.5, 0.5)], objects, start=20)
+        grown = store.asked[: len(before)] - before
+        assert grown.min() >= -1e-4
+        one_vote = SIDES.alpha_side / SIDES.side_views
+        assert (grown.max() > 3 * one_vote) == (chosen is SETTINGS)
+    assert by_sides.memory().store.votes.any()
+
+
+def test_a_file_with_votes_that_make_no_sense_is_refused(told):
+    arrays = mapfile.arrays_of(told.memory(), None)
+    wrong = {
+        "more for a class than in all": arrays["store.votes"][..., ::-1] + np.uint16(1),
+        "other sectors": arrays["store.votes"][:, :, :6],
+        "other numbers": arrays["store.votes"].astype(np.float32),
+    }
+    for votes in wrong.values():
+        with pytest.raises(InvalidInput):
+            mapfile.read(
+                mapfile.written(arrays | {"store.votes": np.ascontiguousarray(votes)}),
+                told.no_viewpoints(),
+            )
+
+
+def test_what_is_retired_or_forgotten_takes_its_votes_and_leaves_those_of_the_others(told):
+    objects = again_of(told, SIDES.model_copy(update={"max_classes": 2}))
+    store = objects.memory().store
+
+    def votes_by_place() -> dict[bytes, bytes]:
+        table = store.votes[:, store.class_names.index("table")]
+        return {p.tobytes(): v.tobytes() for p, v in zip(store.means, table, strict=True)}
+
+    before = votes_by_place()
+    assert objects.retire(mug_of(objects).id)
+    left = votes_by_place()
+    assert 0 < len(left) < len(before)
+    assert left.items() <= before.items()
+    column = store.column("a new class")
+    assert not store.votes[:, column].any()
+    store.believed[store.believed == store.class_names.index("mug")] = -1
+    store.drop_columns(["mug"])
+    assert votes_by_place() == left
+    store.append(
+        store.means[:3] + 9, store.radius_m[:3], 0.9, np.zeros((3, 3), np.uint8), 99
+    )  # in rows that others had
+    assert not store.votes[-3:].any()
