@@ -22,10 +22,12 @@ from helios_objectmap.objects import (
     believed,
     describe,
     gaussians_of,
+    shape_of,
 )
 from helios_objectmap.registry import InstanceRegistry, Moment
 from helios_objectmap.rendering import FAR_M, Projection, back_end
 from helios_objectmap.settings import ObjectMapSettings
+from helios_objectmap.sizes import agreement, extents_of
 from helios_objectmap.view import View
 from helios_objectmap.viewpoints import Viewpoints
 
@@ -98,7 +100,9 @@ class Knowledge:
         rows = store.instances.rows_of(np.array([instance_id]))
         if not len(rows) or class_name not in store.class_names:
             return None
-        own = class_name == self._registry.records[instance_id].class_name
+        belief = None
+        if class_name == self._registry.records[instance_id].class_name:
+            belief = self._belief(instance_id)
         column = store.class_names.index(class_name)
         columns = self._columns if column in self._columns else [*self._columns, column]
         if other_share is None:
@@ -123,7 +127,7 @@ class Knowledge:
                 s.alpha_cs,
                 other_share,
                 s.prior_classes,
-                self._trust(instance_id) if own else 1.0,
+                belief.trust if belief is not None else 1.0,
                 s.side_views,
             ),
             s.max_depth_m,
@@ -246,18 +250,35 @@ class Knowledge:
         class_name, names = self._registry.records[label].class_name, list(self._names)
         if class_name not in names:
             names.append(class_name)
+        trust = self._trust(label)
+        belief = self._believed(rows, class_name, names, trust)
+        if s.size_agreement == "off":
+            return belief
+        return self._believed(rows, class_name, names, trust * self._size_agreement(label, belief))
+
+    def _believed(
+        self, rows: NDArray[np.integer], class_name: str, names: list[str], trust: float
+    ) -> Belief:
+        s = self._settings
         return believed(
-            store, rows, class_name, names, s.prior_concentration, self._n_classes, s.alpha_cs,
-            self._trust(label),
+            self._store, rows, class_name, names, s.prior_concentration, self._n_classes,
+            s.alpha_cs, trust,
         )  # fmt: skip
 
     def _trust(self, label: int) -> float:
-        """Share of the evidence for the class of an instance that counts in its scores."""
+        """Share of the detections of an instance that is true by what became of such ones."""
         trust = self._settings.detector_trust
         return 1.0 if trust == "full" else self._registry.trust(label, trust == "class-distance")
+
+    def _size_agreement(self, label: int, belief: Belief) -> float:
+        """How well what was seen of an instance fits what its class usually measures."""
+        shape, record = shape_of(self._store.means, belief), self._registry.records[label]
+        measured_m = extents_of(shape.outline_m, float(shape.high_m[2] - shape.low_m[2]))
+        return agreement(record.class_name, measured_m, record.views)
 
     def _describe(self, label: int) -> ObjectInstance | None:
         belief = self._belief(label)
         if belief is None:
             return None
-        return describe(label, self._registry.records[label], self._store.means, belief)
+        shape = shape_of(self._store.means, belief)
+        return describe(label, self._registry.records[label], shape, belief)

@@ -46,9 +46,20 @@ class Belief:
     """What is believed of an instance."""
 
     rows: NDArray[np.integer]  # [n] in the store
-    mean: NDArray[np.float64]  # [n] E[theta] of its own class
+    mean: NDArray[np.float64]  # [n] E[theta] of its own class, by all evidence
+    trust: float  # share of the evidence for its own class that counts in what follows
     probabilities: dict[str, float]  # class -> mean over the Gaussians, "other" too
     score: Score  # for its own class
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Where the believed part of an instance is, world, metres."""
+
+    low_m: NDArray[np.float64]  # [3]
+    high_m: NDArray[np.float64]  # [3]
+    top_m: float  # its highest point
+    outline_m: NDArray[np.float64]  # [k, 2] convex hull
 
 
 def believed(
@@ -76,35 +87,38 @@ def believed(
     probabilities = dict(zip(class_names, mean.tolist(), strict=True))
     probabilities["other"] = max(0.0, 1.0 - float(mean.sum()))
     scored = weighed(float(mean[own]), float(deviation[own]), alpha_cs)
-    return Belief(rows, mine, probabilities, scored)
+    return Belief(rows, mine, trust, probabilities, scored)
 
 
-def describe(
-    label: int, record: InstanceRecord, points: NDArray[np.float32], belief: Belief
-) -> ObjectInstance:
-    """Figures of an instance. points: [., 3] of the store."""
+def shape_of(points: NDArray[np.float32], belief: Belief) -> Shape:
+    """Of the Gaussians that are likelier of the class than not. points: [., 3] of the store."""
     xyz = np.empty((3, len(belief.rows)), np.float32)
     least = BELIEVED if (belief.mean > BELIEVED).any() else -1.0
     own = gather_kernel(belief.rows, points, belief.mean, least, xyz)
-    box = quantiles(xyz[:, :own], BOX_QUANTILES)
+    low, high = quantiles(xyz[:, :own], BOX_QUANTILES)
     xy = np.empty((own, 2), np.float32)
-    inside, top_m = inside_kernel(xyz, own, box[0], box[1], xy)
+    inside, top_m = inside_kernel(xyz, own, low, high, xy)
     if not inside:  # few points: the box may hold none of them
         everything = np.full(3, np.inf)
         inside, top_m = inside_kernel(xyz, own, -everything, everything, xy)
+    return Shape(low, high, float(top_m), outline(xy[:inside]))
+
+
+def describe(label: int, record: InstanceRecord, shape: Shape, belief: Belief) -> ObjectInstance:
+    """Figures of an instance."""
     return ObjectInstance(
         id=label,
         class_name=record.class_name,
-        center_m=box.mean(axis=0),
-        size_m=box[1] - box[0],
+        center_m=(shape.low_m + shape.high_m) / 2,
+        size_m=shape.high_m - shape.low_m,
         score=belief.score.psi,
         class_score=belief.score.class_score,
         uncertainty=belief.score.uncertainty,
         views=round(record.views),
         gaussians=len(belief.rows),
         probabilities=belief.probabilities,
-        top_m=float(top_m),
-        outline_m=outline(xy[:inside]),
+        top_m=shape.top_m,
+        outline_m=shape.outline_m,
         detection_rate=record.detection_rate,
     )
 

@@ -1,0 +1,140 @@
+"""Agreement of size with the class: what is usual, and what a strange size costs."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from importlib import resources
+
+import numpy as np
+import pytest
+from helios_objectmap.object_map import ObjectMap
+from helios_objectmap.sizes import (
+    BOX_ERROR_M,
+    EDGE_SIGMA,
+    HALF_WHOLE_VIEWS,
+    JOINED,
+    agreement,
+    extents_of,
+    usual_extents,
+)
+from helios_objectmap.view import View
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from objectmap_scene import CAMERA, CONTEXT, ROOM, SETTINGS, looking_at, mug_at, observe, pose
+
+TABLE_M = [(0.75, 2.60), (0.65, 1.20), (0.68, 0.80)]  # a dining table, as sizes.toml has it
+BOTTLE_M = np.array([0.08, 0.08, 0.30])
+EVER = 1e9  # views
+
+metres = st.floats(0.01, 5.0)
+
+
+def test_names_that_mean_the_same_to_the_detector_have_the_same_usual_size():
+    text = resources.files("helios_detector").joinpath("synonyms.toml").read_text()
+    for row in tomllib.loads(text)["equal"]:
+        known = [(name, usual) for name in row if (usual := usual_extents(name)) is not None]
+        assert len(known) in (0, len(row)), f"of {row} only {[n for n, _ in known]} have a size"
+        ranges = {(tuple(usual.least_m), tuple(usual.most_m)) for _, usual in known}
+        assert len(ranges) <= 1, f"{row} differ"
+
+
+def test_ranges_are_ranges_and_the_longer_side_comes_first():
+    text = resources.files("helios_objectmap").joinpath("sizes.toml").read_text()
+    names = [n for rows in tomllib.loads(text).values() for key in rows for n in key.split(", ")]
+    assert len(names) == len(set(names)), "a name stands twice"
+    for name in names:
+        usual = usual_extents(name)
+        assert usual is not None, f"{name!r} is not found as it is written"
+        assert (usual.least_m > 0).all()
+        assert (usual.least_m < usual.most_m).all()
+        assert usual.least_m[0] >= usual.least_m[1]
+        assert usual.most_m[0] >= usual.most_m[1]
+
+
+@settings(max_examples=50, deadline=None)
+@given(metres, metres, metres, st.floats(0, 100))
+def test_agreement_is_the_printed_formula(long, short, high, views):
+    measured = (long, short, high)
+    small = max(0.0, math.log(TABLE_M[0][0] / (long + BOX_ERROR_M)) / EDGE_SIGMA) ** 2
+    large = 0.0
+    for e, (_, most) in zip(measured, TABLE_M, strict=True):
+        if e > BOX_ERROR_M + 1e-3:
+            large += max(0.0, math.log((e - BOX_ERROR_M) / most) / EDGE_SIGMA) ** 2
+    w = views / (views + HALF_WHOLE_VIEWS)
+    expected = (1 - w + w * math.exp(-small / 2)) * (JOINED + (1 - JOINED) * math.exp(-large / 2))
+    assert agreement("dining table", np.array(measured), views) == pytest.approx(expected)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.tuples(*(st.floats(*side) for side in TABLE_M)), st.floats(0, 1000))
+def test_a_usual_size_costs_nothing_and_an_unknown_class_has_no_opinion(measured, views):
+    assert agreement("Dining_Table", np.array(measured), views) == 1.0
+    assert agreement("gizmo", np.array(measured), views) == 1.0
+
+
+def test_too_small_costs_nothing_at_first_and_ever_more_and_too_large_costs_at_once():
+    corner, hall = np.array([0.3, 0.2, 0.1]), np.array([5.0, 4.0, 3.0])
+    costs = [agreement("dining table", corner, views) for views in (0, 2, 10, 40)]
+    assert costs[0] == 1.0
+    assert costs == sorted(costs, reverse=True)
+    assert costs[2] == pytest.approx(0.5, abs=0.01)  # half are seen whole by then
+    assert agreement("dining table", hall, 0) == pytest.approx(JOINED, abs=1e-3)
+
+
+def test_a_table_whose_legs_nobody_saw_and_the_back_of_a_chair_above_one_agree():
+    assert agreement("dining table", np.array([2.0, 0.85, 0.05]), EVER) == 1.0
+    assert agreement("chair", np.array([0.45, 0.04, 0.10]), EVER) == 1.0
+
+
+def test_a_thing_may_lie_and_a_piece_of_furniture_may_not():
+    lying = BOTTLE_M[[2, 0, 1]]
+    assert agreement("bottle", BOTTLE_M, EVER) == agreement("bottle", lying, EVER) == 1.0
+    fridge = np.array([0.7, 0.6, 1.8])
+    assert agreement("fridge", fridge, EVER) == 1.0
+    assert agreement("fridge", fridge[[2, 1, 0]], EVER) < 0.2
+
+
+@pytest.mark.parametrize("turned_rad", [0.0, 0.4, 1.2, 3.0])
+def test_a_turned_box_measures_what_it_measures_straight(turned_rad):
+    corners = np.array([[0, 0], [1.5, 0], [1.5, 0.7], [0, 0.7], [0.7, 0.3]])
+    c, s = math.cos(turned_rad), math.sin(turned_rad)
+    turned = corners @ np.array([[c, s], [-s, c]]) + [3, -2]
+    assert extents_of(turned, 0.74) == pytest.approx([1.5, 0.7, 0.74], abs=1e-4)
+
+
+def seen(chosen, called) -> ObjectMap:
+    """A map that looks at a mug from five places; called: what the table and the mug are called."""
+    objects = ObjectMap(chosen)
+    for seq, (x, y) in enumerate([(0.0, 0.0), (0.1, 0.3), (0.2, -0.3), (0.3, 0.5), (0.4, -0.5)]):
+        o = observe(
+            (*ROOM, mug_at(1.2, 0.0)), looking_at(x, y, (1.2, 0.0, 0.8)), seq=seq, called=called
+        )
+        objects.update(o, CONTEXT)
+    return objects
+
+
+BY_SIZE = SETTINGS.model_copy(update={"size_agreement": "on"})
+
+
+def test_a_mug_as_large_as_a_table_is_believed_less_and_a_mug_as_before():
+    right = [seen(chosen, {3: "mug"}).objects() for chosen in (SETTINGS, BY_SIZE)]
+    assert [o.score for o in right[0]] == [o.score for o in right[1]]
+    (without,), (huge,) = (seen(chosen, {2: "mug"}).objects() for chosen in (SETTINGS, BY_SIZE))
+    assert without.score > 0.5
+    assert huge.score < 0.2
+
+
+def test_size_changes_scores_and_neither_evidence_nor_instances_and_what_ifs_start_from_them():
+    without, by_size = (seen(chosen, {2: "mug"}) for chosen in (SETTINGS, BY_SIZE))
+    mine, theirs = without.gaussians(), by_size.gaussians()
+    assert np.array_equal(mine.concentration, theirs.concentration)
+    assert np.array_equal(mine.instance, theirs.instance)
+    (plain,), (huge,) = without.objects(), by_size.objects()
+    assert np.array_equal(plain.size_m, huge.size_m)
+    c = CAMERA
+    away = View(c.fx, c.fy, c.cx, c.cy, c.width, c.height, pose(yaw=np.pi))
+    answer = by_size.what_if(huge.id, "mug", [away])
+    assert answer is not None
+    assert answer[1].psi == pytest.approx(huge.score, abs=1e-5)
+    assert by_size.history(huge.id)[-1].score == pytest.approx(huge.score)
