@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from helios_core.agent_settings import settings_for
 from helios_core.grids import FREE, OCCUPIED
 from helios_core.types import ObjectInstance
 from helios_sim.events import PickTried
@@ -134,7 +135,8 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Told:
             look(house)
 
     house: House | None = None
-    house = House(thread, spec.agent, spec.noise, spec.seed, spec.settings, on_step)
+    settings = {**settings_for(spec.agent), **spec.settings}
+    house = House(thread, spec.agent, spec.noise, spec.seed, settings, on_step)
     with house:
         began = time.perf_counter()
         task = house.run(episode.instruction, spec.max_steps, LONGEST_S)

@@ -28,6 +28,7 @@ from helios_eval.report import write_report
 from helios_eval.report.asked import KEYS, orders_of
 from helios_eval.report.header import RUN, run_of
 from helios_eval.results import Picks
+from helios_eval.service_settings import that_change
 from helios_eval.spec import EpisodeSpec
 
 _LIBRARIES = ("numpy", "mujoco", "numba", "opencv-python-headless", "scipy", "protobuf")
@@ -54,7 +55,13 @@ class Run:
         """Home by home, so that a run that is cut short has compared its agents."""
         return [
             EpisodeSpec(
-                self.benchmark, agent, self.semantics, self.preset, seed, self.noise, self.settings
+                self.benchmark,
+                agent,
+                self.semantics,
+                self.preset,
+                seed,
+                self.noise,
+                that_change(agent, self.settings),
             )
             for seed in range(self.seed0, self.seed0 + self.episodes)
             for agent in self.agents

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, cast
 
 from helios_client.wrong_use import WrongUse
+from helios_core.agent_settings import settings_for
 from helios_core.settings import ServiceSettings
 from helios_detector.settings import Settings as DetectorSettings
 from helios_map2d.settings import Settings as Map2DSettings
@@ -41,9 +42,21 @@ def parsed(assignments: Iterable[str]) -> dict[str, Setting]:
             raise WrongUse(f"--set {assignment!r} is no name=value; write --set alpha_d=0.01")
         service, field = _found(name.strip())
         value = _value(service, field, text.strip())
-        if value != SERVICES[service].model_fields[field].default:  # a default names no change
-            out[f"{service}.{field}"] = value if isinstance(value, Setting) else text.strip()
+        out[f"{service}.{field}"] = value if isinstance(value, Setting) else text.strip()
     return out
+
+
+def that_change(agent: str, settings: Mapping[str, Setting]) -> dict[str, Setting]:
+    """Those that differ from what the agent's house runs with anyway; they name an episode."""
+    return {n: value for n, value in settings.items() if not _holds_anyway(agent, n, value)}
+
+
+def _holds_anyway(agent: str, name: str, value: Setting) -> bool:
+    service, _, field = name.partition(".")
+    if service not in SERVICES:  # one of the evaluation's own
+        return False
+    default = SERVICES[service].model_fields[field].default
+    return _value(service, field, str(value)) == settings_for(agent).get(name, default)
 
 
 def of_service(service: str, settings: Mapping[str, Setting]) -> dict[str, Any]:

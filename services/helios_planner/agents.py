@@ -3,6 +3,7 @@
 | agent               | takes for true         | object: next place          | goal: next frontier |
 |---------------------|------------------------|-----------------------------|---------------------|
 | helios              | object map, by score   | objective (eq. 8-10)        | highest value       |
+| helios-next         | the best it knows      | objective (eq. 8-10)        | highest value       |
 | helios-5050         | object map, by score   | the same, half as hopeful   | highest value       |
 | no-global-objective | object map, by score   | receptacles, then frontiers | highest value       |
 | trusting            | whatever is detected   | highest value               | highest value       |
@@ -12,7 +13,9 @@
 | vlfm-unfiltered     | and at an image's side | highest value, kept         | highest value, kept |
 | vlfm-helios-stop    | object map, by score   | highest value, kept         | highest value       |
 
-The last three are for object navigation (Table 2); they can do every task.
+`helios-next` waits before it acts on what it is not sure of (`standards.py`); its house runs with the
+settings of `helios_core.agent_settings`. The last three are for object navigation (Table 2); they
+can do every task.
 """
 
 from __future__ import annotations
@@ -32,6 +35,7 @@ from helios_planner.frontier_rules import FrontierRule
 from helios_planner.global_search import SearchRule
 from helios_planner.object_search import ObjectSearch
 from helios_planner.receptacle_search import ReceptacleSearch
+from helios_planner.standards import Rule, paper, patient
 from helios_planner.task import Phase
 from helios_planner.trusting_search import TrustingSearch
 from helios_planner.vlfm_belief import UnfilteredBelief, VlfmBelief
@@ -55,11 +59,11 @@ class Agent:
     other_share: float = 0.0
 
 
-def _scoring(rule: SearchRule) -> Agent:
+def _scoring(rule: SearchRule, standards: Rule = paper) -> Agent:
     return Agent(
         MapBelief,
-        lambda kit, name, start: ObjectSearch(kit, name, start, rule),
-        ReceptacleSearch,
+        lambda kit, name, start: ObjectSearch(kit, name, start, rule, standards),
+        lambda kit, name, not_at: ReceptacleSearch(kit, name, not_at, standards),
         retries=True,
     )
 
@@ -83,6 +87,7 @@ _HELIOS = _scoring(global_search.by_objective)
 
 AGENTS: dict[str, Agent] = {
     "helios": _HELIOS,
+    "helios-next": _scoring(global_search.by_objective, patient),
     "helios-5050": replace(_HELIOS, other_share=0.5),
     "no-global-objective": _scoring(global_search.receptacles_first),
     "trusting": _by(frontier_rules.highest_value),

@@ -50,6 +50,10 @@ class Body(ABC):
         """Do it, and return when every map holds what the robot saw afterwards."""
 
     @abstractmethod
+    def budget_used(self) -> float:
+        """Share [0, 1] of the steps that the task may take."""
+
+    @abstractmethod
     def pose(self) -> Pose2:
         """Where the base stands."""
 

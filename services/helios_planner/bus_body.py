@@ -172,6 +172,9 @@ class BusBody(Body):
         return result, answers, missing
 
     # --- knowing -------------------------------------------------------------------------------
+    def budget_used(self) -> float:
+        return min(self.steps / max(self._max_steps, 1), 1.0)
+
     def pose(self) -> Pose2:
         return Pose2.of(self._now().T_world_base)
 

@@ -14,6 +14,7 @@ from helios_planner.legs import Outcome
 from helios_planner.look import Places
 from helios_planner.objective import ChosenFrontier, FirstSeen, SearchMemory, normalised_gain
 from helios_planner.scored_search import ScoredSearch
+from helios_planner.standards import Rule
 from helios_planner.task import Phase
 
 ON_M = 0.15  # this near to a receptacle's outline is on it
@@ -28,24 +29,24 @@ class ObjectSearch(ScoredSearch):
 
     kind, what = "object", "pick"
 
-    def __init__(self, kit: Kit, name: str, start: str | None, rule: SearchRule) -> None:
-        super().__init__(kit, Phase.FIND_OBJECT, name, kit.settings.tau_g, refused_m=0.15)
+    def __init__(
+        self, kit: Kit, name: str, start: str | None, rule: SearchRule, standards: Rule
+    ) -> None:
+        within = standards(kit.settings.tau_g, start is not None)
+        super().__init__(kit, Phase.FIND_OBJECT, name, within, refused_m=0.15)
         self.start, self._rule = start, rule
         self.seen = SearchMemory()
         self.visited = Places(kit.settings.same_place_m)
-        self._anywhere = start is None
         self._last_seen: tuple = ()
 
     def memory(self) -> dict[str, Any]:
         return super().memory() | {
-            "visited": self.visited.memory(), "anywhere": self._anywhere,
-            "objective": self.seen.as_json(),
+            "visited": self.visited.memory(), "objective": self.seen.as_json(),
         }  # fmt: skip
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         super().recall(memory)
         self.visited.recall(memory["visited"])
-        self._anywhere = bool(memory["anywhere"])
         self.seen = SearchMemory.of_json(memory["objective"])
 
     def end_waiting(self) -> bool:
@@ -69,14 +70,9 @@ class ObjectSearch(ScoredSearch):
             near_outline(r, candidate.center_m, ON_M) for r in self.body.objects(self.start)
         )
 
-    @property
-    def anywhere(self) -> bool:
-        return self._anywhere
-
     def settle_for_less(self) -> bool:
-        dropped = not self._anywhere
-        self._anywhere, self._last_seen = True, ()
-        return dropped
+        self._last_seen = ()
+        return super().settle_for_less()
 
     def _something_to_do(self) -> bool:
         """Whether the search is to be interrupted for a candidate object."""

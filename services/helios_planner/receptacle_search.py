@@ -9,6 +9,7 @@ from helios_planner.explore import PLACE_LAYER, Kit, near_outline
 from helios_planner.explorers import ByRule
 from helios_planner.frontier_rules import highest_value
 from helios_planner.scored_search import ScoredSearch
+from helios_planner.standards import Rule
 from helios_planner.task import Phase
 
 
@@ -17,10 +18,11 @@ class ReceptacleSearch(ScoredSearch):
 
     kind, what = "receptacle", "place"
 
-    def __init__(self, kit: Kit, name: str, not_at: np.ndarray | None = None) -> None:
+    def __init__(self, kit: Kit, name: str, not_at: np.ndarray | None, standards: Rule) -> None:
         """not_at: where the object was taken from, when start and goal are of one class."""
         s = kit.settings
-        super().__init__(kit, Phase.FIND_RECEPTACLE, name, s.tau_b, s.same_place_m)
+        within = standards(s.tau_b, False)
+        super().__init__(kit, Phase.FIND_RECEPTACLE, name, within, s.same_place_m)
         self._not_at = not_at
         self._explorer = ByRule(self, PLACE_LAYER, highest_value)
 

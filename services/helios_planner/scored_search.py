@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Any
 
 from helios_core.types import ObjectInstance
 
 from helios_planner.decide import Decision, Do, act_or_look
 from helios_planner.explore import Kit, Search
 from helios_planner.look import BestView
+from helios_planner.standards import Standard, Standards
 from helios_planner.task import Phase
 
 
 class ScoredSearch(Search):
-    """Acts on a candidate with Psi >= threshold."""
+    """Acts on a candidate with Psi >= the threshold that holds by now."""
 
     kind: str  # of what is sought, in decisions
     what: str  # is done with it
 
     def __init__(
-        self, kit: Kit, phase: Phase, name: str, threshold: float, refused_m: float
+        self, kit: Kit, phase: Phase, name: str, standards: Standards, refused_m: float
     ) -> None:
         super().__init__(kit, phase, name, refused_m)
-        self.threshold = threshold
+        self._standards, self._since = standards, kit.body.budget_used()
+        self._step = 0  # of the standards
         self._views: dict[int, BestView | None] = {}
 
     @abstractmethod
@@ -34,9 +38,33 @@ class ScoredSearch(Search):
         return True
 
     @property
+    def threshold(self) -> float:
+        """The score from which something is acted on now."""
+        return self._standard.score
+
+    @property
     def anywhere(self) -> bool:
-        """Whether what is not in its place may be acted on."""
+        """Whether what is not in its place may be acted on now."""
+        return self._standard.anywhere
+
+    @property
+    def _standard(self) -> Standard:
+        due = self._standards.least_at(self.body.budget_used(), self._since)
+        self._step = max(self._step, due)
+        return self._standards.steps[self._step]
+
+    def settle_for_less(self) -> bool:
+        if self._step + 1 >= len(self._standards.steps):
+            return False
+        self._step += 1
         return True
+
+    def memory(self) -> dict[str, Any]:
+        return super().memory() | {"standard": self._step, "since": self._since}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        super().recall(memory)
+        self._step, self._since = int(memory["standard"]), float(memory["since"])
 
     def decide(self) -> Decision:
         """Act on one, look at one again, or search on."""

@@ -37,6 +37,7 @@ class Settings(ServiceSettings):
 
     agent: Literal[
         "helios",
+        "helios-next",
         "helios-5050",
         "no-global-objective",
         "trusting",

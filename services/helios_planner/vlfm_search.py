@@ -10,6 +10,7 @@ from helios_core.types import ObjectInstance
 from helios_planner.explore import PICK_LAYER, Kit
 from helios_planner.explorers import Pursuit
 from helios_planner.scored_search import ScoredSearch
+from helios_planner.standards import paper
 from helios_planner.task import Phase
 
 
@@ -20,7 +21,8 @@ class StopSearch(ScoredSearch):
     kind, what = "object", "stop"
 
     def __init__(self, kit: Kit, name: str) -> None:
-        super().__init__(kit, Phase.FIND_OBJECT, name, kit.settings.tau_g, refused_m=0.15)
+        within = paper(kit.settings.tau_g, False)
+        super().__init__(kit, Phase.FIND_OBJECT, name, within, refused_m=0.15)
         self._explorer = Pursuit(self, PICK_LAYER)
 
     def candidates(self) -> list[ObjectInstance]:

@@ -78,7 +78,13 @@ def video(
     if sensor != "none":
         settings[specs.SENSOR] = sensor
     asked = specs.EpisodeSpec(
-        known_benchmark, agent, known_semantics, preset, seed, noise, settings
+        known_benchmark,
+        agent,
+        known_semantics,
+        preset,
+        seed,
+        noise,
+        service_settings.that_change(agent, settings),
     )
     console = Console()
     with Progress(console=console, transient=True) as progress:

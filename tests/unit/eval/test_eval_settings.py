@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import pytest
 from helios_client.wrong_use import WrongUse
+from helios_core.agent_settings import AGENT_SETTINGS
 from helios_eval import homes, service_settings, spec
+from helios_planner.agents import AGENTS
+from helios_planner.settings import Settings
 
 
 def test_a_setting_is_found_by_its_name_and_keeps_its_type() -> None:
@@ -22,7 +25,23 @@ def test_a_setting_is_found_by_its_name_and_keeps_its_type() -> None:
 
 def test_a_default_is_no_setting() -> None:
     """So that an episode with it is the same as one without."""
-    assert service_settings.parsed(["alpha_d=0.001"]) == {}
+    found = service_settings.parsed(["alpha_d=0.001", "stop_distances_m=0.5,0.6", "tau_g=0.6"])
+    defaults = Settings()
+    found["planner.stop_distances_m"] = ",".join(map(str, defaults.stop_distances_m))
+    assert service_settings.that_change("helios", found) == {"planner.tau_g": 0.6}
+
+
+def test_what_an_agent_runs_with_anyway_is_no_setting_and_a_default_is_one() -> None:
+    found = service_settings.parsed(["evidence=hindsight", "tau_b=0.5"])
+    assert service_settings.that_change("helios-next", found) == {"planner.tau_b": 0.5}
+    assert service_settings.that_change("helios", found) == {"objectmap.evidence": "hindsight"}
+
+
+def test_every_setting_of_an_agent_is_one_of_a_service() -> None:
+    for agent, settings in AGENT_SETTINGS.items():
+        assert agent in AGENTS
+        named = [f"{name}={value}" for name, value in settings.items()]
+        assert service_settings.parsed(named) == settings
 
 
 @pytest.mark.parametrize(

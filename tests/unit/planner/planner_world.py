@@ -229,6 +229,9 @@ class FakeWorld(Body):
                     >= TALL_M).any()  # fmt: skip
 
     # --- the Body ------------------------------------------------------------------------------
+    def budget_used(self) -> float:
+        return self.steps / self.max_steps
+
     def pose(self) -> Pose2:
         return self._pose
 

@@ -26,6 +26,7 @@ from helios_planner.object_search import ObjectSearch
 from helios_planner.objective import ChosenFrontier
 from helios_planner.receptacle_search import ReceptacleSearch
 from helios_planner.settings import Settings
+from helios_planner.standards import paper
 from planner_world import FakeWorld, Thing, coffee_table, counter, flat
 
 TABLE_XY = (7.0, 5.5)
@@ -88,7 +89,9 @@ class Rig:
         self.kit = Mission(self.world, parse("find the mug"), self.settings).kit
         if looks is not None:
             self.kit.looking = cast(Looking, looks)
-        self.search = ObjectSearch(self.kit, "mug", "coffee table", global_search.by_objective)
+        self.search = ObjectSearch(
+            self.kit, "mug", "coffee table", global_search.by_objective, paper
+        )
         self.frontiers: list[FrontierOption] = []
         self.visited: list[tuple[float, float]] = []
         self.search.frontier_options = lambda layer: self.frontiers
@@ -194,7 +197,7 @@ def test_what_is_believed_less_than_a_candidate_is_none(score: float, counts: bo
     rig = Rig(Looks([1.0]))
     thing = Thing(3, "mug", np.array([*TABLE_XY, 0.5]), np.array([0.1, 0.1, 0.1]))
     rig.known = [instance(coffee_table(), class_score=score), instance(thing, class_score=score)]
-    place = ReceptacleSearch(rig.kit, "coffee table")
+    place = ReceptacleSearch(rig.kit, "coffee table", None, paper)
     assert bool(rig.search.candidates()) is counts
     assert bool(place.candidates()) is counts
     assert rig.search.explore() is counts
@@ -207,7 +210,7 @@ def test_the_goal_is_sought_by_the_place_layer() -> None:
         Frontier(1, (2.0, 1.0), 1.0, {"pick": 0.9, "place": 0.1}),
         Frontier(2, (1.0, 1.0), 1.0, {"pick": 0.1, "place": 0.9}),
     ]
-    search = ReceptacleSearch(rig.kit, "counter")
+    search = ReceptacleSearch(rig.kit, "counter", None, paper)
     search.visit_frontier = lambda xy_m, found: rig.visited.append(xy_m)
     search.explore()
     assert rig.visited == [(1.0, 1.0)]
@@ -216,9 +219,9 @@ def test_the_goal_is_sought_by_the_place_layer() -> None:
 def test_a_thing_is_not_put_back_where_it_was_taken_from() -> None:
     rig = Rig()
     rig.known = [instance(coffee_table(), score=0.9)]
-    assert ReceptacleSearch(rig.kit, "coffee table").candidates()
+    assert ReceptacleSearch(rig.kit, "coffee table", None, paper).candidates()
     taken_at = np.array([7.2, 5.35, 0.5])
-    assert not ReceptacleSearch(rig.kit, "coffee table", taken_at).candidates()
+    assert not ReceptacleSearch(rig.kit, "coffee table", taken_at, paper).candidates()
 
 
 # --- extra views ---------------------------------------------------------------------------------
@@ -294,7 +297,7 @@ def test_a_frontier_that_stays_one_is_given_up_until_the_next_round(
     for name in ("go_to", "turn_to", "look_down_around", "look_around"):
         monkeypatch.setattr(rig.kit.legs, name, lambda *_: Outcome.ARRIVED)
     rig.world.frontiers = lambda: [Frontier(1, (2.0, 1.5), 1.0, {"pick": 0.5, "place": 0.5})]
-    search = ReceptacleSearch(rig.kit, "counter")
+    search = ReceptacleSearch(rig.kit, "counter", None, paper)
     assert search.explore()
     assert rig.kit.given_up == [(2.0, 1.5)]
     assert not search.explore()

@@ -1,0 +1,64 @@
+"""How sure an agent must be before it acts, and when it settles for less.
+
+The paper acts on the first candidate whose score passes one threshold. But of the many things in a
+home some false one passes it too, the earlier the more places are still unseen, and a wrong pick or
+place is not undone. A patient agent acts at once only on what is nearly beyond doubt. It goes on
+searching for the rest, and takes the best it knows when nothing is left to search or when its share
+of the steps is used up: by then what is sought is likely to be among what was seen, and the
+candidates can be compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+# Shares of the threshold: at first, and down to what is taken at last rather than nothing.
+_OF_OBJECTS = (1.25, 1.0, 0.75)
+_OF_RECEPTACLES = (1.4, 1.2, 1.0, 0.75, 0.5)
+_LAST = 0.5
+PATIENCE = 0.6  # share of the steps that are left when the search begins
+
+
+@dataclass(frozen=True)
+class Standard:
+    """What a candidate must meet. anywhere: wherever it is, not only where it was said to be."""
+
+    score: float
+    anywhere: bool
+
+
+@dataclass(frozen=True)
+class Standards:
+    """From the highest down. patience: share of the steps that are left when the search begins,
+    after which the lowest holds, the others at even distances before; None: steps do not count."""
+
+    steps: tuple[Standard, ...]
+    patience: float | None = None
+
+    def least_at(self, used: float, since: float) -> int:
+        """How far down to be by now. used, since: share of the task's steps, now and when the
+        search began."""
+        if self.patience is None:
+            return 0
+        gone = max(used - since, 0.0) / max(self.patience * (1 - since), 1e-9)
+        return min(int(gone * len(self.steps)), len(self.steps) - 1)
+
+
+Rule = Callable[[float, bool], Standards]  # threshold of Table 3, whether its place is known
+
+
+def paper(threshold: float, place_known: bool) -> Standards:
+    """One threshold (τ of Table 3); at first only in its place, where that is known."""
+    anywhere = (Standard(threshold, True),)
+    return Standards((Standard(threshold, False), *anywhere) if place_known else anywhere)
+
+
+def patient(threshold: float, place_known: bool) -> Standards:
+    """Sure, then the threshold, then the best there is."""
+    if not place_known:
+        steps = tuple(Standard(share * threshold, True) for share in _OF_RECEPTACLES)
+        return Standards(steps, PATIENCE)
+    in_place = tuple(Standard(share * threshold, False) for share in _OF_OBJECTS)
+    anywhere = (Standard(_OF_OBJECTS[-1] * threshold, True), Standard(_LAST * threshold, True))
+    return Standards((*in_place, *anywhere), PATIENCE)

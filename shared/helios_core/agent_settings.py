@@ -1,0 +1,34 @@
+"""Settings of the services that an agent's house runs with, where they are not the defaults.
+
+An agent decides in the planner, but what it may rely on is made in the maps. `helios-next` has what
+goes beyond the paper and helped (docs/results): the detector's weak detections count too, evidence
+is weighed by sides and with hindsight, and things are held against the size that is usual for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+Value = bool | int | float | str
+
+_NEXT: dict[str, Value] = {
+    "planner.od_a": 0.2,
+    "planner.od_g": 0.2,
+    "planner.od_b": 0.2,
+    "planner.cs_a": 0.15,
+    "planner.cs_g": 0.15,
+    "planner.cs_b": 0.15,
+    "planner.tau_g": 0.28,
+    "planner.tau_b": 0.28,
+    "objectmap.evidence": "hindsight",
+    "objectmap.named_from": 0.25,
+    "objectmap.receptacle_voxel_m": 0.2,
+    "objectmap.size_agreement": "on",
+}
+
+AGENT_SETTINGS: Mapping[str, Mapping[str, Value]] = {"helios-next": _NEXT}
+
+
+def settings_for(agent: str) -> Mapping[str, Value]:
+    """By "service.setting"; none for an agent that runs with the defaults."""
+    return AGENT_SETTINGS.get(agent, {})
