@@ -6,6 +6,7 @@ import json
 import statistics
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from helios_core.geometry import camera_on_base, lift_pixels, se2_to_se3
@@ -106,8 +107,10 @@ def side_step(i: int, columns: int) -> Observation:
     return observation(replace(frame, T_world_cam=T), columns)
 
 
-def built(updates: int, columns: int = 430) -> ObjectMap:
-    objects = ObjectMap(ObjectMapSettings())
+def built(
+    updates: int, columns: int = 430, evidence: Literal["views", "sides"] = "views"
+) -> ObjectMap:
+    objects = ObjectMap(ObjectMapSettings(evidence=evidence))
     for i in range(updates):
         objects.update(side_step(i, columns), CONTEXT)
     return objects
@@ -154,19 +157,26 @@ def our_render(n: int = 50_000) -> Callable[[int], object]:
 def object_update() -> list[Row]:
     """A whole update: render, carve, create, accumulate, cluster; and what is then known is asked.
 
-    Peers: our own render of 50 thousand; and, for ten times the map, the update of the small one.
-    Every update is from a new viewpoint.
+    Peers: our own render of 50 thousand; for ten times the map, the update of the small one; and
+    for evidence by sides, that by views. Every update is from a new viewpoint.
     """
     small, alone, again = built(FIRST, COLUMNS), Counted(), Counted()
     copy, large = spread(small, 1), spread(small, 10)
     times = compare("object_update", "", alone.updates(small), OWN, our_render(), RUNS)
     beside = f"with {len(copy)} in the map"
     more = compare("object_update", "", again.updates(large), beside, Counted().updates(copy), RUNS)
+    views, sides = built(FIRST, COLUMNS), built(FIRST, COLUMNS, "sides")
+    beside = "with evidence by views"
+    by_sides = compare(
+        "object_update", "evidence by sides", Counted().updates(sides), beside,
+        Counted().updates(views), RUNS,
+    )  # fmt: skip
     return [
         replace(
             times, size=f"{len(small)} Gaussians in the map at the end, {alone.median} in view"
         ),
         replace(more, size=f"{len(large)} Gaussians in the map at the end, {again.median} in view"),
+        by_sides,
     ]
 
 
