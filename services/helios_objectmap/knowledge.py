@@ -16,7 +16,6 @@ from helios_objectmap.gaussians import NO_INSTANCE, GaussianStore
 from helios_objectmap.information_gain import Expected, Member, Rates
 from helios_objectmap.mapfile import Memory
 from helios_objectmap.objects import (
-    BELIEVED,
     Belief,
     InstanceGaussians,
     believed,
@@ -179,7 +178,7 @@ class Knowledge:
             store.positive[rows, column], store.asked[rows, column],
             self._settings.prior_concentration, self._n_classes,
         )  # fmt: skip
-        own = rows[mean > BELIEVED]
+        own = rows[mean > self._settings.named_from]
         return grasp(store.means[own if len(own) else rows])
 
     # On disk ------------------------------------------------------------------------------------
@@ -272,13 +271,18 @@ class Knowledge:
 
     def _size_agreement(self, label: int, belief: Belief) -> float:
         """How well what was seen of an instance fits what its class usually measures."""
-        shape, record = shape_of(self._store.means, belief), self._registry.records[label]
+        shape, record = (
+            shape_of(self._store.means, belief, self._settings.named_from),
+            self._registry.records[label],
+        )
         measured_m = extents_of(shape.outline_m, float(shape.high_m[2] - shape.low_m[2]))
-        return agreement(record.class_name, measured_m, record.views)
+        floor_m = self._settings.floor_m
+        top_m = None if floor_m is None else float(shape.high_m[2]) - floor_m
+        return agreement(record.class_name, measured_m, record.views, top_m)
 
     def _describe(self, label: int) -> ObjectInstance | None:
         belief = self._belief(label)
         if belief is None:
             return None
-        shape = shape_of(self._store.means, belief)
+        shape = shape_of(self._store.means, belief, self._settings.named_from)
         return describe(label, self._registry.records[label], shape, belief)

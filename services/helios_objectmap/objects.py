@@ -22,7 +22,7 @@ from helios_objectmap.kernels.describing import (
 from helios_objectmap.registry import InstanceRecord
 from helios_objectmap.score import Score, weighed
 
-BELIEVED = 0.5  # Gaussians more likely than not of the class make up an instance's box
+BELIEVED = 0.5  # more likely than not
 # A pixel on an edge that mixes two depths makes a stray Gaussian; a few must not move the box.
 BOX_QUANTILES = (0.02, 0.98)
 MANY_POINTS = 2000  # from here on it is faster to look for points inside of the hull first
@@ -90,10 +90,11 @@ def believed(
     return Belief(rows, mine, trust, probabilities, scored)
 
 
-def shape_of(points: NDArray[np.float32], belief: Belief) -> Shape:
-    """Of the Gaussians that are likelier of the class than not. points: [., 3] of the store."""
+def shape_of(points: NDArray[np.float32], belief: Belief, named_from: float = BELIEVED) -> Shape:
+    """Of the Gaussians that are of the class with a probability above named_from, or of all where
+    none is. points: [., 3] of the store."""
     xyz = np.empty((3, len(belief.rows)), np.float32)
-    least = BELIEVED if (belief.mean > BELIEVED).any() else -1.0
+    least = named_from if (belief.mean > named_from).any() else -1.0
     own = gather_kernel(belief.rows, points, belief.mean, least, xyz)
     low, high = quantiles(xyz[:, :own], BOX_QUANTILES)
     xy = np.empty((own, 2), np.float32)

@@ -48,6 +48,11 @@ class ObjectMapSettings(ServiceSettings):
         description="on: the less a thing measures what its class usually does, the less of its "
         "evidence counts in scores.",
     )
+    floor_m: float | None = Field(
+        default=0.0,
+        description="Height of the floor in the world, metres, for the sizes of what stands on it; "
+        "none: unknown.",
+    )
     alpha_cpa: float = Field(
         default=3.0, gt=0, description="How often each observation counts (eq. 3)."
     )

@@ -20,6 +20,11 @@ hides other parts of it from each place. The height and the depth may be cut in 
 tops hide legs and seats, and a thing hides its own back. There, too small means nothing.
 
 A thing that may lie on any side is compared in all three ways, and the best counts.
+
+What stands on the floor has its top as high above it as the thing is high, and tops are seen from
+afar also where little else is. So where the floor is known the height of the top is its third side,
+and a top that is too low costs what a too large side does: a rug is no bed, and a television on a
+wall is no washing machine.
 """
 
 from __future__ import annotations
@@ -51,6 +56,7 @@ class Usual:
     least_m: Extents
     most_m: Extents
     lies: bool  # may lie on any of its sides
+    on_floor: bool  # is as high as its top is above the floor
 
 
 def extents_of(outline_m: NDArray[np.float64], height_m: float) -> Extents:
@@ -65,14 +71,20 @@ def usual_extents(class_name: str) -> Usual | None:
     return _table().get(name)
 
 
-def agreement(class_name: str, measured_m: Extents, views: float) -> float:
+def agreement(
+    class_name: str, measured_m: Extents, views: float, top_m: float | None = None
+) -> float:
     """Likelihood in (0, 1] of what was measured, by that of a usual thing of the class.
 
-    views: sum of the weights of the views that saw it.
+    views: sum of the weights of the views that saw it; top_m: of its top above the floor, None
+    where the floor is unknown.
     """
     usual = usual_extents(class_name)
     if usual is None:
         return 1.0
+    if usual.on_floor and top_m is not None:
+        standing = np.array([*measured_m[:2], max(top_m, LEAST_M)])
+        return _likelihood(usual, standing, views, too_low=_short(usual, standing, 2))
     ways = _ways_to_lie(measured_m) if usual.lies else (measured_m,)
     return max(_likelihood(usual, way, views) for way in ways)
 
@@ -86,13 +98,17 @@ def _ways_to_lie(measured_m: Extents) -> tuple[Extents, ...]:
     return tuple(out)
 
 
-def _likelihood(usual: Usual, measured_m: Extents, views: float) -> float:
-    short = math.log(usual.least_m[0] / (measured_m[0] + BOX_ERROR_M)) / EDGE_SIGMA
+def _short(usual: Usual, measured_m: Extents, side: int) -> float:
+    """Square of how far a side is below what is usual, in sigmas."""
+    short = math.log(usual.least_m[side] / (measured_m[side] + BOX_ERROR_M)) / EDGE_SIGMA
+    return max(short, 0.0) ** 2
+
+
+def _likelihood(usual: Usual, measured_m: Extents, views: float, too_low: float = 0.0) -> float:
     beyond = np.log(np.maximum(measured_m - BOX_ERROR_M, LEAST_M) / usual.most_m) / EDGE_SIGMA
-    small = max(short, 0.0) ** 2
-    large = float((np.maximum(beyond, 0) ** 2).sum())
+    large = float((np.maximum(beyond, 0) ** 2).sum()) + too_low
     whole = views / (views + HALF_WHOLE_VIEWS)
-    fits = 1 - whole + whole * math.exp(-small / 2)
+    fits = 1 - whole + whole * math.exp(-_short(usual, measured_m, 0) / 2)
     return fits * (JOINED + (1 - JOINED) * math.exp(-large / 2))
 
 
@@ -104,5 +120,5 @@ def _table() -> Mapping[str, Usual]:
         for names, ranges in rows.items():
             least, most = np.array(ranges, np.float64).T
             for name in names.split(", "):
-                out[name] = Usual(least, most, kind == "lies")
+                out[name] = Usual(least, most, kind == "lies", kind == "floor")
     return out
