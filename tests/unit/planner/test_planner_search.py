@@ -26,7 +26,7 @@ from helios_planner.object_search import ObjectSearch
 from helios_planner.objective import ChosenFrontier
 from helios_planner.receptacle_search import ReceptacleSearch
 from helios_planner.settings import Settings
-from helios_planner.standards import paper
+from helios_planner.standards import paper, patient
 from planner_world import FakeWorld, Thing, coffee_table, counter, flat
 
 TABLE_XY = (7.0, 5.5)
@@ -304,3 +304,30 @@ def test_a_frontier_that_stays_one_is_given_up_until_the_next_round(
     assert rig.world.decisions[-1].do is Do.NOTHING_LEFT
     search.next_round()
     assert search.explore()
+
+
+# --- patience ------------------------------------------------------------------------------------
+def test_a_patient_search_goes_on_past_a_doubtful_thing_and_takes_it_when_nothing_is_left() -> None:
+    rig = Rig(Looks([]))
+    rig.known = [instance(counter(), score=0.4)]
+    search = ReceptacleSearch(rig.kit, "counter", None, patient)  # tau_b is 0.5
+    assert search.decide().do is Do.SEARCH_ON
+    while search.settle_for_less():
+        pass
+    decision = search.decide()
+    assert decision.do is Do.ACT
+    assert decision.settings["threshold"] < 0.4
+    rig.known.append(instance(counter(), id=9, score=0.45))
+    assert search.decide().chosen.id == 9  # the better of two, now that both will do
+
+
+def test_a_patient_search_settles_for_less_as_its_steps_run_out_also_after_a_restart() -> None:
+    rig = Rig(Looks([]))
+    rig.known = [instance(counter(), score=0.4)]
+    search = ReceptacleSearch(rig.kit, "counter", None, patient)
+    rig.world.steps = int(0.5 * rig.world.max_steps)
+    assert search.decide().do is Do.ACT
+    rig.world.steps = 0
+    again = ReceptacleSearch(rig.kit, "counter", None, patient)
+    again.recall(search.memory())
+    assert again.decide().do is Do.ACT

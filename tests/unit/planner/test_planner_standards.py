@@ -1,0 +1,51 @@
+"""How sure an agent must be, and when it settles for less."""
+
+from __future__ import annotations
+
+import pytest
+from helios_planner.standards import PATIENCE, Standard, paper, patient
+from hypothesis import given
+from hypothesis import strategies as st
+
+shares = st.floats(0, 1)
+thresholds = st.floats(0.05, 1)
+
+
+@given(thresholds, shares, shares)
+def test_the_paper_has_one_threshold_however_late_it_is(tau: float, used: float, since: float):
+    for place_known in (False, True):
+        standards = paper(tau, place_known)
+        assert {s.score for s in standards.steps} == {tau}
+        assert standards.least_at(used, since) == 0
+
+
+def test_where_a_place_is_known_things_elsewhere_wait_until_nothing_else_is_left():
+    assert paper(0.5, True).steps == (Standard(0.5, False), Standard(0.5, True))
+    assert paper(0.5, False).steps == (Standard(0.5, True),)
+    anywhere = [s.anywhere for s in patient(0.5, True).steps]
+    assert anywhere == sorted(anywhere)
+    assert anywhere[-1]
+
+
+@given(thresholds, st.booleans())
+def test_a_patient_agent_begins_above_the_threshold_and_ends_below_it(tau: float, known: bool):
+    scores = [s.score for s in patient(tau, known).steps]
+    assert scores == sorted(scores, reverse=True)
+    assert scores[0] > tau > scores[-1] > 0
+
+
+@given(st.floats(0, 0.9), st.lists(shares, min_size=2, max_size=10), st.booleans())
+def test_it_only_ever_settles_for_less(since: float, later: list[float], known: bool):
+    standards = patient(0.3, known)
+    steps = [standards.least_at(since + (1 - since) * x, since) for x in sorted(later)]
+    assert steps == sorted(steps)
+    assert steps[0] >= 0
+    assert steps[-1] < len(standards.steps)
+
+
+@pytest.mark.parametrize("since", [0.0, 0.3, 0.9, 1.0])
+def test_with_its_patience_used_up_it_takes_what_there_is(since: float):
+    standards = patient(0.3, True)
+    assert standards.least_at(since, since) == 0
+    end = since + PATIENCE * (1 - since) + 1e-6
+    assert standards.least_at(end, since) == len(standards.steps) - 1
