@@ -7,21 +7,29 @@ PORT ?= 8080
 JOBS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
+KERNELS := $(shell grep -rl --include='*.py' numba services)
 export MUJOCO_GL ?= egl
 
 help: ## show this
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
 
-install: $(VENV)/.installed ## virtual environment with everything in it
+install: $(VENV)/.kernels ## virtual environment with everything in it, kernels compiled
 
 $(VENV)/.installed: pyproject.toml constraints.txt scripts/install.sh
 	PYTHON="$(PYTHON)" scripts/install.sh $(VENV)
 	@touch $@
 
+# All anew when one has changed: numba does not see which kernels of other files call it.
+$(VENV)/.kernels: $(VENV)/.installed $(KERNELS)
+	@find services -name '*.nb[ic]' -delete
+	@echo "compiling the kernels: a minute"
+	@$(BIN)/python -m helios_eval.kernels
+	@touch $@
+
 demo: install ## a language task in a simulated home: make demo SEED=3
 	$(BIN)/python -m helios_eval.demo --seed $(SEED) --port $(PORT)
 
-lint: install ## format, lint, types, import rules, generated messages
+lint: $(VENV)/.installed ## format, lint, types, import rules, generated messages
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pyright
@@ -34,7 +42,7 @@ test: install browser lint ## everything that CI runs
 browser: ## Chromium for the tests of the dashboard, where apt can be used; without it they are skipped
 	scripts/install_browser.sh
 
-proto: install ## generate the Python modules of the messages
+proto: $(VENV)/.installed ## generate the Python modules of the messages
 	$(BIN)/python scripts/generate_proto.py
 
 .PHONY: help install demo lint test browser proto

@@ -128,7 +128,7 @@ def run(seed: int, preset: str, port: int, out: Path, console: Console) -> dict:
     ]  # fmt: skip
     with running(arguments, log) as up, Helios(f"http://127.0.0.1:{port}") as helios:
         console.print(f"starting router, world and services (home {seed}, preset {preset})")
-        console.print("the first start compiles kernels, which takes a minute", style="dim")
+        console.print("kernels that `make install` has not compiled take a minute", style="dim")
         wait_ready(helios, up, log, console)
         console.print(f"dashboard: http://127.0.0.1:{port}/", style="bold cyan")
         bus = ZenohBus(f"tcp/127.0.0.1:{router_port}")

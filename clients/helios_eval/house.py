@@ -9,7 +9,6 @@ from __future__ import annotations
 import tempfile
 import threading
 from collections.abc import Callable, Mapping
-from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -31,16 +30,14 @@ from helios_detector.settings import Settings as DetectorSettings
 from helios_detector.truth import Truth, TruthInstance
 from helios_map2d.service import Map2DService
 from helios_map2d.settings import Settings as Map2DSettings
-from helios_map2d.warm_up import warm_up as warm_up_maps
 from helios_objectmap.service import ObjectMapService
 from helios_objectmap.settings import ObjectMapSettings
-from helios_objectmap.warmup import warm_up as warm_up_objects
-from helios_planner.motion import warm_up as warm_up_paths
 from helios_planner.service import PlannerService
 from helios_planner.settings import Settings as PlannerSettings
 from helios_sim.thread import WorldThread
 from helios_sim.truth import Segmentation
 
+from helios_eval import kernels
 from helios_eval.record import Noise, Setting
 from helios_eval.service_settings import of_service
 
@@ -98,7 +95,7 @@ class House:
         def bus() -> MemoryBus:
             return MemoryBus(self._hub)
 
-        _warm_up()
+        kernels.warm_up()
         # In this order the maps take up a keyframe: 2D map, then detector and what follows it.
         map2d = Map2DSettings(**of_service("map2d", settings))
         self._map2d = Map2DService(bus(), map2d, self.healths["map2d"])
@@ -201,14 +198,6 @@ class House:
         detector.warm_up()
         scorer.warm_up()
         return DetectorService(bus, detector, scorer, self.healths["detector"])
-
-
-@cache
-def _warm_up() -> None:
-    """Compile what is compiled, once in a process, so that no step has to wait for it."""
-    warm_up_maps()
-    warm_up_objects(ObjectMapSettings())
-    warm_up_paths()
 
 
 def _planner_settings(
