@@ -332,7 +332,7 @@ class Backend:
 
     def _snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot:
         self.calls.append("snapshot")
-        if request.if_newer >= self.map_version:
+        if request.if_newer and request.if_newer == self.map_version:
             return pb.MapSnapshot(version=self.map_version, unchanged=True)
         return snapshot(self.map_version, self.pose)
 

@@ -182,12 +182,9 @@ class Maps:
         known = self._snapshot
         request = pb.SnapshotRequest(layers=True, if_newer=known.version if known else 0)
         reply = self._bus.call(SNAPSHOT, request, self._timeout_s)
-        if reply.unchanged and known is not None and reply.version == known.version:
+        if reply.unchanged and known is not None:
             return known
-        if reply.unchanged and reply.version > 0:  # a map2d that began anew counts from below
-            request.if_newer = 0
-            reply = self._bus.call(SNAPSHOT, request, self._timeout_s)
-        if reply.unchanged or reply.cell_m <= 0:
+        if reply.cell_m <= 0:
             raise Unavailable("the map is empty: no keyframe has come yet")
         try:
             self._snapshot = decode_snapshot(reply)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
+from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_gateway.app import create_app
@@ -12,7 +13,8 @@ from helios_gateway.settings import Settings
 
 from tests.gateway_backend import Backend
 
-PATIENT = Settings.load(["--silent-after-s", "3600"])  # made-up services report once
+# Made-up services report once, and tests ask as often as they like.
+PATIENT = Settings.load(["--silent-after-s", "3600", "--requests-per-s", "1000000"])
 
 
 @pytest.fixture
@@ -36,8 +38,23 @@ def live(hub: MemoryHub) -> Iterator[Live]:
     live.close()
 
 
+@pytest.fixture(scope="session")
+def served() -> dict[str, Served]:
+    """The robots of the one application: empty between tests."""
+    return {}
+
+
+@pytest.fixture(scope="session")
+def app(served: dict[str, Served]) -> FastAPI:
+    """Without keys. One for all tests of a process: its routes take most of a second to make."""
+    return create_app(Fleet(served), PATIENT)
+
+
 @pytest.fixture
-def client(hub: MemoryHub, live: Live) -> Iterator[TestClient]:
-    app = create_app(Fleet({"robot": Served(MemoryBus(hub), live)}), PATIENT)
+def client(
+    app: FastAPI, served: dict[str, Served], hub: MemoryHub, live: Live
+) -> Iterator[TestClient]:
+    served["robot"] = Served(MemoryBus(hub), live)
     with TestClient(app, "http://localhost", raise_server_exceptions=False) as client:
         yield client
+    served.clear()
