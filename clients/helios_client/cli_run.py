@@ -32,6 +32,10 @@ def up(
             "[default: simulated for sim]"
         ),
     ] = None,
+    agent: Annotated[
+        str | None,
+        typer.Option(help="who decides, and what its maps take for true  [default: helios]"),
+    ] = None,
     source: Annotated[
         Path | None, typer.Option(help="what --robot replay plays: a recording or data set")
     ] = None,
@@ -86,7 +90,7 @@ def up(
         Stack(
             robot=robot, router_port=router_port or free_port(),
             state_dir=state_dir, name=name, port=port, seed=seed,
-            preset=preset, furniture=furniture, detector=detector, source=source,
+            preset=preset, furniture=furniture, detector=detector, agent=agent, source=source,
             robot_host=spot_host, rate=rate if robot == "replay" else None, record=record_dir,
         ),
         console(),

@@ -7,6 +7,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from helios_core.agent_settings import settings_for
+
 from helios_client.processes import ProcessSpec
 
 LOOPBACK = "127.0.0.1"
@@ -26,6 +28,9 @@ class Stack:
     preset: str = "demo-v1"
     furniture: str | None = None  # of the simulated home; None: its setting
     detector: str = "simulated"
+    agent: str | None = (
+        None  # who decides, with the settings its house runs with; None: its setting
+    )
     robot_host: str | None = None  # of a robot on the network; None: its own settings
     source: Path | None = None  # what a replay plays
     limit: int = 0  # frames of a replay; 0: all
@@ -88,7 +93,12 @@ class Stack:
         out.append(self._service("map2d", "helios_map2d", state_dir=kept and kept / "map2d"))
         if self.port is not None:
             out.append(
-                self._service("planner", "helios_planner", state_dir=self.state_dir / "planner")
+                self._service(
+                    "planner",
+                    "helios_planner",
+                    state_dir=self.state_dir / "planner",
+                    agent=self.agent,
+                )
             )
             out.append(self._service("gateway", "helios_gateway", port=self.port))
         if self.record is not None:
@@ -97,12 +107,18 @@ class Stack:
 
     def _service(self, name: str, module: str, **flags: object) -> ProcessSpec:
         argv = ["--router", self.router, "--robot", self.name]
-        for flag, value in flags.items():
+        for flag, value in (self._of_agent(name) | flags).items():
             if value is True:
                 argv.append(f"--{flag.replace('_', '-')}")
             elif value is not None:
                 argv += [f"--{flag.replace('_', '-')}", str(value)]
         return ProcessSpec(name, _python(module, *argv))
+
+    def _of_agent(self, service: str) -> dict[str, object]:
+        """Settings of a service that the agent's house runs with."""
+        settings = settings_for(self.agent).items() if self.agent else ()
+        own = f"{service}."
+        return {k.removeprefix(own): value for k, value in settings if k.startswith(own)}
 
 
 def _python(module: str, *args: str) -> tuple[str, ...]:
