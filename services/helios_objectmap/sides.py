@@ -38,9 +38,8 @@ Float32 = NDArray[np.float32]
 
 def sector_of(means: NDArray[np.floating], eye_m: NDArray[np.floating]) -> NDArray[np.intp]:
     """Sector [n] in which an eye [3] stands, seen from Gaussians at [n, 3]; world, z up."""
-    away = np.asarray(eye_m, np.float64)[:2] - means[:, :2]
-    turn = np.arctan2(away[:, 1], away[:, 0]) % math.tau
-    return np.minimum((turn * (SECTORS / math.tau)).astype(np.intp), SECTORS - 1)
+    x, y = float(eye_m[0]) - means[:, 0], float(eye_m[1]) - means[:, 1]
+    return np.floor(np.arctan2(y, x) * (SECTORS / math.tau)).astype(np.intp) % SECTORS
 
 
 def tell(
