@@ -56,6 +56,14 @@ class Moving:
         assert y_m == pytest.approx(0.0, abs=rig.tolerance_m)
         assert result.moved_m == pytest.approx(back_m, abs=rig.tolerance_m)  # never below 0
 
+    def test_a_robot_that_cannot_move_back_says_so_and_stays(self, rig: Rig) -> None:
+        rig.need_motion()
+        if rig.robot.max_back_m > 0.0:
+            pytest.skip("this robot moves back")
+        before = rig.pose()
+        _failed_with_a_sentence(rig, Forward(-rig.forward_m))
+        np.testing.assert_allclose(rig.pose(), before, atol=rig.tolerance_m / 5)
+
     def test_tilting_moves_the_camera_and_nothing_else(self, rig: Rig) -> None:
         rig.need_motion()
         low, high = rig.robot.tilt_range_rad

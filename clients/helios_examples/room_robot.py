@@ -60,6 +60,8 @@ class RoomRobot(RobotDriver):
     def _do(self, action) -> str:
         """Why it failed; empty when it is done."""
         if isinstance(action, Forward):
+            if action.distance_m < 0:
+                return "this robot does not drive back; turn, and drive ahead"
             return self._move(action.distance_m, 0.0)
         if isinstance(action, Turn):
             return self._move(0.0, action.angle_rad)

@@ -173,6 +173,8 @@ class SpotDriver(RobotDriver):
 
     def _do(self, action: Action, start: Waypoint) -> ActionResult:
         match action:
+            case Forward(distance_m) if distance_m < 0:
+                raise CannotDo("this robot does not walk back; turn, and walk ahead")
             case Forward() | Turn():
                 self._motion.walk(start, goal_of(action, start))
             case Tilt(angle_rad) if self._s.camera == "hand":

@@ -82,6 +82,8 @@ class Robot:
         kind = action.WhichOneof("kind")
         if self.stopped.is_set():
             why_not = f"{self.why}; clear the stop first"
+        elif kind == "forward" and action.forward.distance_m < 0:
+            why_not = "this robot does not drive back; turn, and drive ahead"
         elif kind == "forward":
             why_not = self.move(action.forward.distance_m, 0.0)
         elif kind == "turn":

@@ -77,6 +77,15 @@ class Sideways(RoomRobot):
         return super()._do(action)
 
 
+class Reversing(RoomRobot):
+    """Drives back, which it has not said that it can."""
+
+    def _do(self, action) -> str:
+        if isinstance(action, Forward):
+            return self._move(action.distance_m, 0.0)
+        return super()._do(action)
+
+
 class AsAsked(RoomRobot):
     """Reports what it was asked to do, and does half of it."""
 
@@ -197,6 +206,7 @@ SLIPS: list[tuple[Callable[[], RoomRobot], str]] = [
     (Degrees, "test_a_positive_turn_goes_left_by_that_angle"),
     (Sideways, "test_a_drive_goes_along_the_heading_by_that_distance"),
     (AsAsked, "test_a_drive_goes_along_the_heading_by_that_distance"),
+    (Reversing, "test_a_robot_that_cannot_move_back_says_so_and_stays"),
     (Forgetful, "test_the_same_action_is_done_once"),
     (Unlatched, "test_a_stop_latches_refuses_every_action_and_says_why"),
     (Wordless, "test_a_stop_latches_refuses_every_action_and_says_why"),
