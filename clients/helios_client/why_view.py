@@ -16,7 +16,7 @@ from helios_client.tasks import Decision, Task
 _COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "running": "cyan"}
 _ORDER = (  # what a term is made of stands before it
     "class_score", "uncertainty", "information_gain", "value", "frontier_scale", "distance_m",
-    "views", "in_place", "score", "score_after_view", "total",
+    "views", "in_place", "place", "score", "score_after_view", "total",
 )  # fmt: skip
 _INDENT = 15
 

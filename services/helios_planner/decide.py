@@ -76,13 +76,20 @@ class ViewOption:
     """A candidate thing with the best score that one more view could bring (eq. 11).
 
     best_score is None where no new gaze point is left; one that is not `in_place` is not where it
-    was said to be, for example not on a start receptacle."""
+    was said to be, for example not on a start receptacle. Scores count times `place`: how likely it
+    is where it was said to be, beside the likeliest place; 1 where that does not count."""
 
     instance: ObjectInstance
     score: float
     best_score: float | None
     distance_m: float
     in_place: bool = True
+    place: float = 1.0
+
+    @property
+    def total(self) -> float:
+        """What the thing is judged by."""
+        return self.score * self.place
 
 
 def act_or_look(
@@ -106,8 +113,9 @@ def act_or_look(
                 "views": float(t.instance.views),
                 "distance_m": t.distance_m,
                 "in_place": float(t.in_place),
-                "total": t.score,
+                "total": t.total,
             }
+            | ({} if t.place == 1 else {"place": t.place})
             | ({} if t.best_score is None else {"score_after_view": t.best_score}),
             t.instance.id,
         )
@@ -115,16 +123,16 @@ def act_or_look(
     )  # fmt: skip
     rule = f"{what} (eq. 7, 11)"
     settings = {"threshold": threshold, "tau_inc": tau_inc, "anywhere": float(anywhere)}
-    sure = [k for k, t in enumerate(things) if t.score >= threshold and (anywhere or t.in_place)]
+    sure = [k for k, t in enumerate(things) if t.total >= threshold and (anywhere or t.in_place)]
     if sure:
-        k = max(sure, key=lambda k: (things[k].in_place, things[k].score, -things[k].distance_m))
+        k = max(sure, key=lambda k: (things[k].in_place, things[k].total, -things[k].distance_m))
         why = sentences.act(what, candidates[k], threshold, len(sure))
         return Decision(rule, Do.ACT, candidates, k, why, settings)
     worth: list[tuple[float, int]] = []
     for k, t in enumerate(things):
         after = t.best_score if anywhere or t.in_place else None
-        if after is not None and after >= min(threshold, t.score + tau_inc):  # below eq. 11
-            worth.append((after, k))
+        if after is not None and after * t.place >= min(threshold, t.total + tau_inc):  # eq. 11
+            worth.append((after * t.place, k))
     if worth:
         _, k = max(worth, key=lambda pair: (pair[0], -pair[1]))
         why = sentences.look(candidates[k], threshold, tau_inc)

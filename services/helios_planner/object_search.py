@@ -18,6 +18,7 @@ from helios_planner.standards import Rule
 from helios_planner.task import Phase
 
 ON_M = 0.15  # this near to a receptacle's outline is on it
+SOMEWHERE = 0.2  # score of a start receptacle that may be anywhere, as if one were not seen yet
 
 
 class ObjectSearch(ScoredSearch):
@@ -69,6 +70,14 @@ class ObjectSearch(ScoredSearch):
         return self.start is None or any(
             near_outline(r, candidate.center_m, ON_M) for r in self.body.objects(self.start)
         )
+
+    def place_of(self, candidate: ObjectInstance) -> float:
+        if self.start is None:
+            return 1.0
+        starts = [(max(r.score, 0.0), r) for r in self.body.objects(self.start)]
+        likeliest = max((score for score, _ in starts), default=0.0)
+        here = [score for score, r in starts if near_outline(r, candidate.center_m, ON_M)]
+        return (SOMEWHERE + max(here, default=0.0)) / (SOMEWHERE + likeliest)
 
     def settle_for_less(self) -> bool:
         self._last_seen = ()

@@ -139,7 +139,7 @@ def _act_or_look(
     things = [
         ViewOption(
             _instance(c), c.terms["score"], c.terms.get("score_after_view"),
-            c.terms["distance_m"], bool(c.terms["in_place"]),
+            c.terms["distance_m"], bool(c.terms["in_place"]), c.terms.get("place", 1.0),
         )
         for c in candidates
     ]  # fmt: skip
@@ -148,7 +148,7 @@ def _act_or_look(
     what = decision.rule.split(" ")[0]
     again = act_or_look(things, threshold, used["tau_inc"], kind, what, anywhere)
     unasked = any(
-        decision.settings["threshold"] <= t.score < threshold and (anywhere or t.in_place)
+        decision.settings["threshold"] <= t.total < threshold and (anywhere or t.in_place)
         for t in things
     )
     if again.do is Do.ACT or not unasked:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from helios_core.types import ObjectInstance
@@ -37,6 +38,10 @@ class ScoredSearch(Search):
         """Whether it is where it was said to be."""
         return True
 
+    def place_of(self, candidate: ObjectInstance) -> float:
+        """How likely it is where it was said to be, beside the likeliest place; (0, 1]."""
+        return 1.0
+
     @property
     def threshold(self) -> float:
         """The score from which something is acted on now."""
@@ -52,6 +57,9 @@ class ScoredSearch(Search):
         due = self._standards.least_at(self.body.budget_used(), self._since)
         self._step = max(self._step, due)
         return self._standards.steps[self._step]
+
+    def _place(self, candidate: ObjectInstance) -> float:
+        return self.place_of(candidate) if self._standards.by_place else 1.0
 
     def settle_for_less(self) -> bool:
         if self._step + 1 >= len(self._standards.steps):
@@ -73,10 +81,11 @@ class ScoredSearch(Search):
         for thing in self.candidates():
             in_place = self.in_place(thing)
             worth = in_place or self.anywhere
+            place = self._place(thing)
             option, self._views[thing.id] = self.looking.option(
-                thing, self.name, self.threshold, in_place=in_place, ask=worth
+                thing, self.name, self.threshold / place, in_place=in_place, ask=worth
             )
-            options.append(option)
+            options.append(replace(option, place=place))
         return act_or_look(
             options, self.threshold, self.settings.tau_inc, self.kind, self.what, self.anywhere
         )
@@ -94,7 +103,7 @@ class ScoredSearch(Search):
 
         def sure() -> bool:
             return any(
-                o.score >= self.threshold and (self.anywhere or self.in_place(o))
+                o.score * self._place(o) >= self.threshold and (self.anywhere or self.in_place(o))
                 for o in self.candidates()
             )
 

@@ -5,7 +5,7 @@ A sentence names numbers as the paper does: score is Ψ, class score is S, uncer
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from helios_planner.candidate import Candidate
 
@@ -78,18 +78,19 @@ def act(what: str, c: Candidate, threshold: float, sure: int) -> str:
     t = c.terms
     of = f", the best of {sure} that pass" if sure > 1 else ""
     return (
-        f"{what} {_on(what)}the {c.name}{_away(c)}: score {t['score']:.2f} ≥ {threshold:.2f} after "
-        f"{_count(int(t['views']), 'view')} (class score {t['class_score']:.2f}, uncertainty "
-        f"{t['uncertainty']:.2f}){of}"
+        f"{what} {_on(what)}the {c.name}{_away(c)}: score {_scored(t, 'score')} ≥ "
+        f"{threshold:.2f} after {_count(int(t['views']), 'view')} (class score "
+        f"{t['class_score']:.2f}, uncertainty {t['uncertainty']:.2f}){of}"
     )
 
 
 def look(c: Candidate, threshold: float, tau_inc: float) -> str:
     """One more view is worth it (below eq. 11)."""
-    now, after = c.terms["score"], c.terms["score_after_view"]
+    now, after = _scored(c.terms, "score"), _scored(c.terms, "score_after_view")
+    worth = min(threshold, c.terms["total"] + tau_inc)
     return (
-        f"look again at the {c.name}{_away(c)}: score {now:.2f} < {threshold:.2f}, and one more "
-        f"view could bring it to {after:.2f} (worth it from {min(threshold, now + tau_inc):.2f})"
+        f"look again at the {c.name}{_away(c)}: score {now} < {threshold:.2f}, and one more view "
+        f"could bring it to {after} (worth it from {worth:.2f})"
     )
 
 
@@ -105,15 +106,18 @@ def search_on(
             f"search on: {_count(len(candidates), 'candidate')} to {what} {_is(len(candidates))} "
             "remembered, none where it was said to be"
         )
-    best = max(usable, key=lambda c: c.terms["score"])
-    now, after = best.terms["score"], best.terms.get("score_after_view")
-    need = min(threshold, now + tau_inc)
-    view = (
-        "no view of it is left" if after is None
-        else f"one more view would bring only {after:.2f} (worth it from {need:.2f})"
-    )  # fmt: skip
+    best = max(usable, key=lambda c: c.terms["total"])
+    now, need = _scored(best.terms, "score"), min(threshold, best.terms["total"] + tau_inc)
+    view = "no view of it is left"
+    if "score_after_view" in best.terms:
+        after = _scored(best.terms, "score_after_view")
+        view = f"one more view would bring only {after} (worth it from {need:.2f})"
     which = f"the {best.name}" if len(usable) == 1 else f"the best {best.name} of {len(usable)}"
-    return f"search on: {which} has score {now:.2f} < {threshold:.2f}, and {view}"
+    return f"search on: {which} has score {now} < {threshold:.2f}, and {view}"
+
+
+def _scored(terms: Mapping[str, float], name: str) -> str:
+    return f"{terms[name]:.2f}" + (f" × place {terms['place']:.2f}" if "place" in terms else "")
 
 
 def best_view(name: str, score: float, candidates: Sequence[Candidate], winner: int) -> str:

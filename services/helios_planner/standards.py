@@ -14,9 +14,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 # Shares of the threshold: at first, and down to what is taken at last rather than nothing.
-_OF_OBJECTS = (1.25, 1.0, 0.75)
+_OF_OBJECTS = (1.25, 1.0, 0.75, 0.5)
 _OF_RECEPTACLES = (1.4, 1.2, 1.0, 0.75, 0.5)
-_LAST = 0.5
 PATIENCE = 0.6  # share of the steps that are left when the search begins
 
 
@@ -30,11 +29,13 @@ class Standard:
 
 @dataclass(frozen=True)
 class Standards:
-    """From the highest down. patience: share of the steps that are left when the search begins,
+    """From the highest down. by_place: a candidate's score counts times how likely it is where it
+    was said to be. patience: share of the steps that are left when the search begins,
     after which the lowest holds, the others at even distances before; None: steps do not count."""
 
     steps: tuple[Standard, ...]
     patience: float | None = None
+    by_place: bool = False
 
     def least_at(self, used: float, since: float) -> int:
         """How far down to be by now. used, since: share of the task's steps, now and when the
@@ -56,9 +57,6 @@ def paper(threshold: float, place_known: bool) -> Standards:
 
 def patient(threshold: float, place_known: bool) -> Standards:
     """Sure, then the threshold, then the best there is."""
-    if not place_known:
-        steps = tuple(Standard(share * threshold, True) for share in _OF_RECEPTACLES)
-        return Standards(steps, PATIENCE)
-    in_place = tuple(Standard(share * threshold, False) for share in _OF_OBJECTS)
-    anywhere = (Standard(_OF_OBJECTS[-1] * threshold, True), Standard(_LAST * threshold, True))
-    return Standards((*in_place, *anywhere), PATIENCE)
+    shares = _OF_OBJECTS if place_known else _OF_RECEPTACLES
+    steps = tuple(Standard(share * threshold, True) for share in shares)
+    return Standards(steps, PATIENCE, by_place=place_known)

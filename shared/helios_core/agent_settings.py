@@ -18,7 +18,7 @@ _NEXT: dict[str, Value] = {
     "planner.cs_a": 0.15,
     "planner.cs_g": 0.15,
     "planner.cs_b": 0.15,
-    "planner.tau_g": 0.28,
+    "planner.tau_g": 0.22,
     "planner.tau_b": 0.28,
     "objectmap.evidence": "hindsight",
     "objectmap.named_from": 0.25,
