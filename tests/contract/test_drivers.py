@@ -85,14 +85,15 @@ class TestSpot(DriverContract):
         from tests.unit.spot.spot_stage import Stage
 
         with TemporaryDirectory() as folder, closing(Stage(Path(folder))) as stage:
+            driver = stage.driver()
 
             @contextmanager
             def away() -> Iterator[None]:
-                stage.fake.wire.cut()
+                stage.cut(driver)
                 yield
-                stage.fake.wire.mend()
+                stage.mend(driver)
 
-            yield Rig(stage.driver(), away=away)
+            yield Rig(driver, away=away)
 
 
 class TestAnotherLanguage(DriverContract):

@@ -21,6 +21,7 @@ class Commands(pb.servicer("RobotCommandService")):
     def __init__(self, world: World, leases: Leases) -> None:
         self._w, self._leases = world, leases
         self.late_s = 0.0  # so much later than sent a command with an end arrives
+        self.asked = 0  # how often somebody wanted to know what became of a command
         self._ids = itertools.count(1)
         self._arm_ok: dict[int, bool] = {}
         self._kinds: dict[int, str] = {}
@@ -37,6 +38,7 @@ class Commands(pb.servicer("RobotCommandService")):
     def RobotCommandFeedback(self, request: Any, _: Any) -> Any:
         reply = pb.robot_command.RobotCommandFeedbackResponse()
         w, id = self._w, request.robot_command_id
+        self.asked += 1
         processing = pb.basic.RobotCommandFeedbackStatus.STATUS_PROCESSING
         told = reply.feedback.synchronized_feedback
         legs, arm = told.mobility_command_feedback, told.arm_command_feedback

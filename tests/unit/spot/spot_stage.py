@@ -48,7 +48,13 @@ class Stage:
 
     def cut(self, driver: SpotDriver) -> None:
         """No answer comes any more. The driver gives up soon, so that no test waits long for it."""
+        asked = self.fake.commands.asked
         self._wait_for_answers(driver, HASTY_S)
+        # A walk may be waiting patiently for an answer that it asked for before: it gets that one.
+        wait_until(
+            lambda: self.fake.commands.asked >= asked + 2 or not self.world.moving,
+            10, "the walk asks anew",
+        )  # fmt: skip
         self.fake.wire.cut()
 
     def mend(self, driver: SpotDriver) -> None:
@@ -59,6 +65,8 @@ class Stage:
     def _wait_for_answers(self, driver: SpotDriver, seconds: float) -> None:
         api.channel_common.DEFAULT_RPC_TIMEOUT = seconds
         object.__setattr__(driver._s, "rpc_timeout_s", seconds)  # frozen for everybody else
+        if driver._control._estop is not None:
+            driver._control._estop._rpc_timeout = seconds
 
     def act(self, driver: SpotDriver, action: Action) -> ActionResult:
         """Under an id of its own."""
