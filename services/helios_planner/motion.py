@@ -190,14 +190,3 @@ def free_ahead_m(reached: Reach, wanted_m: float, rules: MotionRules) -> float:
             return distance
         distance -= reached.ground.cell_m
     return 0.0
-
-
-def warm_up() -> None:
-    """Compile every kernel, or load it from the cache, so that no task waits for it."""
-    ground = GroundMap(
-        np.zeros((64, 64), np.int8), np.zeros((64, 64), np.float32), 0.05, (0.0, 0.0)
-    )
-    robot, rules = Pose2(1.6, 1.6, 0.0), MotionRules(footprint_m=0.3)
-    reached = reach(ground, robot, rules)
-    next_primitive(straightened(reached.route_to((2.2, 2.2)), reached), reached, rules)
-    kernels.hidden_along(ground.top_m, 1.0, 1.0, 1.0, 9.0, 9.0, 0.5, 1.0, 1.25)

@@ -1,0 +1,22 @@
+"""Compile every kernel, or load it from the cache, so that no task waits for it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from helios_planner import kernels
+from helios_planner.grid import GroundMap, Pose2
+from helios_planner.motion import MotionRules, next_primitive, reach, straightened
+from helios_planner.poses import Capsule, pose_reach
+
+
+def warm_up() -> None:
+    """Ways over a small empty ground, of a robot that is a disc and of one that is none."""
+    ground = GroundMap(
+        np.zeros((64, 64), np.int8), np.zeros((64, 64), np.float32), 0.05, (0.0, 0.0)
+    )
+    robot, rules = Pose2(1.6, 1.6, 0.0), MotionRules(footprint_m=0.3)
+    reached = reach(ground, robot, rules)
+    next_primitive(straightened(reached.route_to((2.2, 2.2)), reached), reached, rules)
+    kernels.hidden_along(ground.top_m, 1.0, 1.0, 1.0, 9.0, 9.0, 0.5, 1.0, 1.25)
+    pose_reach(ground, robot, Capsule.around(0.6, 0.4), rules)
