@@ -271,14 +271,12 @@ class Knowledge:
 
     def _size_agreement(self, label: int, belief: Belief) -> float:
         """How well what was seen of an instance fits what its class usually measures."""
-        shape, record = (
-            shape_of(self._store.means, belief, self._settings.named_from),
-            self._registry.records[label],
-        )
+        s, record = self._settings, self._registry.records[label]
+        shape = shape_of(self._store.means, belief, s.named_from)
         measured_m = extents_of(shape.outline_m, float(shape.high_m[2] - shape.low_m[2]))
-        floor_m = self._settings.floor_m
-        top_m = None if floor_m is None else float(shape.high_m[2]) - floor_m
-        return agreement(record.class_name, measured_m, record.views, top_m)
+        top_m = None if s.floor_m is None else float(shape.high_m[2]) - s.floor_m
+        views = record.views if s.size_agreement == "on" else 0.0
+        return agreement(record.class_name, measured_m, views, top_m)
 
     def _describe(self, label: int) -> ObjectInstance | None:
         belief = self._belief(label)

@@ -43,10 +43,10 @@ class ObjectMapSettings(ServiceSettings):
         description="What a detection counts in scores: all, or the learnt share of true ones of "
         "its class, or of its class at its distance.",
     )
-    size_agreement: Literal["off", "on"] = Field(
+    size_agreement: Literal["off", "large", "on"] = Field(
         default="off",
         description="on: the less a thing measures what its class usually does, the less of its "
-        "evidence counts in scores.",
+        "evidence counts in scores; large: only where it is too large.",
     )
     floor_m: float | None = Field(
         default=0.0,

@@ -76,8 +76,8 @@ def agreement(
 ) -> float:
     """Likelihood in (0, 1] of what was measured, by that of a usual thing of the class.
 
-    views: sum of the weights of the views that saw it; top_m: of its top above the floor, None
-    where the floor is unknown.
+    views: sum of the weights of the views that saw it; with 0, nothing is too small. top_m: of its
+    top above the floor, None where the floor is unknown.
     """
     usual = usual_extents(class_name)
     if usual is None:

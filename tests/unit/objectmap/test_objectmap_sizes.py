@@ -8,6 +8,7 @@ from importlib import resources
 
 import numpy as np
 import pytest
+from helios_core.types import Role, SearchClass, SearchContext
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.sizes import (
     BOX_ERROR_M,
@@ -21,7 +22,17 @@ from helios_objectmap.sizes import (
 from helios_objectmap.view import View
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from objectmap_scene import CAMERA, CONTEXT, ROOM, SETTINGS, looking_at, mug_at, observe, pose
+from objectmap_scene import (
+    CAMERA,
+    CONTEXT,
+    ROOM,
+    SETTINGS,
+    TABLE,
+    looking_at,
+    mug_at,
+    observe,
+    pose,
+)
 
 TABLE_M = [(0.75, 2.60), (0.65, 1.20), (0.68, 0.80)]  # a dining table, as sizes.toml has it
 BOTTLE_M = np.array([0.08, 0.08, 0.30])
@@ -87,6 +98,16 @@ def test_a_table_whose_legs_nobody_saw_and_the_back_of_a_chair_above_one_agree()
     assert agreement("chair", np.array([0.45, 0.04, 0.10]), EVER) == 1.0
 
 
+def test_what_stands_on_the_floor_is_as_high_as_its_top_where_the_floor_is_known():
+    rug, back = np.array([1.9, 1.2, 0.02]), np.array([0.45, 0.04, 0.10])
+    assert agreement("bed", rug, 0, top_m=None) == 1.0
+    assert agreement("bed", rug, 0, top_m=0.02) < 0.1
+    assert agreement("bed", rug, 0, top_m=0.55) == 1.0
+    assert agreement("chair", back, EVER, top_m=0.9) == 1.0
+    assert agreement("chair", back, 0, top_m=2.5) < 0.1
+    assert agreement("picture", np.array([0.5, 0.02, 0.5]), 0, top_m=2.0) == 1.0  # hangs
+
+
 def test_a_thing_may_lie_and_a_piece_of_furniture_may_not():
     lying = BOTTLE_M[[2, 0, 1]]
     assert agreement("bottle", BOTTLE_M, EVER) == agreement("bottle", lying, EVER) == 1.0
@@ -103,18 +124,20 @@ def test_a_turned_box_measures_what_it_measures_straight(turned_rad):
     assert extents_of(turned, 0.74) == pytest.approx([1.5, 0.7, 0.74], abs=1e-4)
 
 
-def seen(chosen, called) -> ObjectMap:
+def seen(chosen, called, context=CONTEXT) -> ObjectMap:
     """A map that looks at a mug from five places; called: what the table and the mug are called."""
     objects = ObjectMap(chosen)
     for seq, (x, y) in enumerate([(0.0, 0.0), (0.1, 0.3), (0.2, -0.3), (0.3, 0.5), (0.4, -0.5)]):
-        o = observe(
-            (*ROOM, mug_at(1.2, 0.0)), looking_at(x, y, (1.2, 0.0, 0.8)), seq=seq, called=called
-        )
-        objects.update(o, CONTEXT)
+        T_world_cam = looking_at(x, y, (1.2, 0.0, 0.8))
+        boxes = (*ROOM, mug_at(1.2, 0.0))
+        o = observe(boxes, T_world_cam, seq=seq, called=called, context=context)
+        objects.update(o, context)
     return objects
 
 
 BY_SIZE = SETTINGS.model_copy(update={"size_agreement": "on"})
+TOO_LARGE = SETTINGS.model_copy(update={"size_agreement": "large"})
+FRIDGES = SearchContext("c2", (SearchClass("fridge", Role.OBJECT, 0.3), TABLE))
 
 
 def test_a_mug_as_large_as_a_table_is_believed_less_and_a_mug_as_before():
@@ -122,6 +145,17 @@ def test_a_mug_as_large_as_a_table_is_believed_less_and_a_mug_as_before():
     assert [o.score for o in right[0]] == [o.score for o in right[1]]
     (without,), (huge,) = (seen(chosen, {2: "mug"}).objects() for chosen in (SETTINGS, BY_SIZE))
     assert without.score > 0.5
+    assert huge.score < 0.2
+
+
+def test_large_asks_only_whether_a_thing_is_too_large():
+    plain, large, on = (
+        seen(chosen, {3: "fridge"}, FRIDGES).objects()[0]
+        for chosen in (SETTINGS, TOO_LARGE, BY_SIZE)
+    )
+    assert plain.score == large.score  # the mug's top is as high as a small fridge's
+    assert on.score < 0.9 * plain.score
+    (huge,) = seen(TOO_LARGE, {2: "mug"}).objects()
     assert huge.score < 0.2
 
 
