@@ -74,15 +74,16 @@ def test_an_agent_that_there_is_not_is_refused_with_the_names() -> None:
 
 @pytest.mark.parametrize("agent", [name for name in AGENTS if "vlfm" not in name])
 def test_every_agent_brings_a_mug_that_is_always_detected(agent: str) -> None:
+    """Who trusts the detector does so without the object map."""
     world = flat([coffee_table(), counter(), mug()])
-    run(world, agent)
+    run(without_map(world) if agent in DETECTOR_AGENTS else world, agent)
     assert world.released is world.things[3]
     assert world.contacts == 0
 
 
 # --- trusting ------------------------------------------------------------------------------------
 @pytest.mark.parametrize("agent", DETECTOR_AGENTS)
-@pytest.mark.parametrize("text", [MOVE, "find the mug", "go to the counter"])
+@pytest.mark.parametrize("text", ["find the mug", "go to the counter"])
 def test_who_trusts_the_detector_never_asks_the_object_map(agent: str, text: str) -> None:
     run(without_map(flat([coffee_table(), counter(), mug()])), agent, text)
 
@@ -163,8 +164,9 @@ def walk(agent: str, seed: int) -> list[tuple[float, float]]:
 
 
 def test_random_walks_are_alike_by_seed_and_differ_between_seeds() -> None:
-    assert walk("random-frontier", 3) == walk("random-frontier", 3)
-    assert len({tuple(walk("random-frontier", seed)) for seed in range(3)}) > 1
+    first = walk("random-frontier", 3)
+    assert walk("random-frontier", 3) == first
+    assert any(walk("random-frontier", seed) != first for seed in range(3))
 
 
 # --- without the objective -----------------------------------------------------------------------
