@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -134,17 +135,47 @@ class House:
             self.ended.set()
 
 
-@pytest.fixture
-def house(tmp_path: Path) -> Iterator[House]:
-    house = House(tmp_path)
-    yield house
-    house.close()
+@dataclass(frozen=True)
+class Episode:
+    """One task from its first step to its end, and how it was while the tablet had the robot."""
+
+    world: World
+    paused: pb.Task
+    moving: bool
+    lease_owner: str
+    ended: pb.Task
 
 
-def test_spot_carries_the_mug_from_the_table_to_the_bench(house: House) -> None:
-    task = house.end(house.begin(INSTRUCTION))
-    assert task.state == "succeeded", task.message
+@pytest.fixture(scope="module")
+def episode(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Episode]:
+    """A person takes the robot once it moves, gives it back, and clears the stop."""
+    house = House(tmp_path_factory.mktemp("spot"))
     world = house.fake.world
+    try:
+        id = house.begin(INSTRUCTION)
+        wait_until(lambda: world.moving, 60, "the robot moves")
+        house.fake.leases.give_to("the tablet")
+        wait_until(lambda: house.task(id).state == "paused", 60, "the task pauses")
+        then = house.task(id), world.moving, world.lease_owner
+        house.fake.leases.free()
+        house.clear_stop()
+        yield Episode(world, *then, house.end(id))
+    finally:
+        house.close()
+
+
+def test_a_task_pauses_while_the_tablet_has_the_robot(episode: Episode) -> None:
+    assert episode.paused.state == "paused"
+    assert "the tablet has taken the robot's lease" in episode.paused.message
+    assert not episode.moving
+    assert episode.lease_owner == "the tablet"
+
+
+def test_it_goes_on_when_a_person_says_so_and_carries_the_mug_from_the_table_to_the_bench(
+    episode: Episode,
+) -> None:
+    assert episode.ended.state == "succeeded", episode.ended.message
+    world = episode.world
     low, high = world.fixed["bench"].bounds
     x, y, z = world.things["mug"].center
     assert low[0] <= x <= high[0]
@@ -153,20 +184,3 @@ def test_spot_carries_the_mug_from_the_table_to_the_bench(house: House) -> None:
     assert world.bumps == 0
     assert world.fastest <= 0.5
     assert not world.moving
-
-
-def test_a_task_pauses_while_the_tablet_has_the_robot_and_goes_on_when_a_person_says_so(
-    house: House,
-) -> None:
-    world = house.fake.world
-    task = house.begin(INSTRUCTION)
-    wait_until(lambda: world.moving, 60, "the robot moves")
-    house.fake.leases.give_to("the tablet")
-    wait_until(lambda: house.task(task).state == "paused", 60, "the task pauses")
-    assert "the tablet has taken the robot's lease" in house.task(task).message
-    assert not world.moving
-    assert world.lease_owner == "the tablet"
-    house.fake.leases.free()
-    house.clear_stop()
-    ended = house.end(task)
-    assert ended.state == "succeeded", ended.message
