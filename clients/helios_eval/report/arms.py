@@ -23,6 +23,8 @@ FIRST = (
     "vlfm-unfiltered",
 )
 LAST = ("random-frontier",)
+# Agents of the paper, and what they are measured by; all others are ideas beyond it.
+PAPERS = frozenset(FIRST) - {"helios-next"} | {*LAST, "ground-truth-walker"}
 REFERENCES = {  # of a benchmark: the first that was run
     "ovmm": ("helios", "trusting"),
     "objectnav": ("vlfm-helios-stop", "helios", "vlfm"),
@@ -112,10 +114,9 @@ def _label(arm: Arm, arms: Sequence[Arm]) -> str:
         noises = [a.noise for a in same if a.noise is not None]
         if len({(n.table, n.digest) for n in noises}) > 1:
             parts.append(f"{arm.noise.table} {arm.noise.digest[:6]}")
-        if len({n.level for n in noises}) > 1:
-            parts.append(f"noise ×{arm.noise.level:g}")
-        if len({n.correlation for n in noises}) > 1:
-            parts.append(f"correlation {correlation_name(arm.noise)}")
+        parts += (
+            noise_parts(arm.noise) if len({(n.level, n.correlation) for n in noises}) > 1 else []
+        )
     mine = [dict(a.settings) for a in same if a.agent == arm.agent]
     for key, setting in arm.settings:
         if any(other.get(key, _MISSING) != setting for other in mine):
@@ -124,6 +125,18 @@ def _label(arm: Arm, arms: Sequence[Arm]) -> str:
 
 
 _MISSING = object()
+
+
+def noise_parts(noise: Noise) -> list[str]:
+    """What differs from the noise table as it is."""
+    parts = [] if noise.level == 1 else [f"noise ×{noise.level:g}"]
+    return parts + ([] if noise.correlation is None else [f"correlation {noise.correlation:g}"])
+
+
+def drawn(arms: Sequence[Arm], most: int) -> list[Arm]:
+    """As many as a drawing can hold, in their order: first those that stand for an agent."""
+    plain = sorted(arms, key=lambda a: a.plainness()[:3])[:most]
+    return [arm for arm in arms if arm in plain]
 
 
 def correlation_name(noise: Noise) -> str:
@@ -174,7 +187,7 @@ def pairs(arms: Sequence[Arm]) -> list[tuple[Arm, Arm]]:
         for agent, other in plain.items():
             if agent == name:
                 continue
-            new = agent == "helios-next"  # what is new comes first: above 0 means that it helps
+            new = agent not in PAPERS  # comes first: above 0 means that it helps
             out.append((other, plain[name]) if new else (plain[name], other))
     for arm in arms:
         same = [a for a in arms if (a.benchmark, a.agent) == (arm.benchmark, arm.agent)]

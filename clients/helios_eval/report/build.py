@@ -9,7 +9,7 @@ from typing import Any
 
 from helios_eval import calibration
 from helios_eval.record import EpisodeRecord
-from helios_eval.report import failures, header, ours, plots, published, text, timing
+from helios_eval.report import answers, failures, header, ours, plots, published, text, timing
 from helios_eval.report.arms import Arm, arms_of
 from helios_eval.report.asked import seeds_asked
 from helios_eval.report.metrics import METRICS, NAMES
@@ -34,6 +34,7 @@ def build(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]
     arms = arms_of(records, seeds_asked(run))
     title, lead = header.title(records, arms)
     sections = [
+        *filter(None, [answers.section(arms)]),
         header.section(records, arms, run),
         _glance(arms),
         ours.metrics_section(arms),
@@ -56,7 +57,8 @@ def _glance(arms: Sequence[Arm]) -> Section:
         if n > plots.MOST_ARMS:
             blocks.append(
                 Paragraph(
-                    f"Drawings show the first {plots.MOST_ARMS} of {n} rows; tables show all."
+                    f"Drawings show {plots.MOST_ARMS} of {n} rows, the plain ones first; tables "
+                    "show all."
                 )
             )
     relations = published.relations(arms)

@@ -10,7 +10,7 @@ from pathlib import Path
 from helios_eval import homes, keepsake
 from helios_eval.record import EpisodeRecord
 from helios_eval.report import maps, plots, style, text
-from helios_eval.report.arms import Arm
+from helios_eval.report.arms import Arm, drawn
 from helios_eval.report.metrics import shares_of_causes, values
 from helios_eval.report.model import (
     Block,
@@ -35,7 +35,7 @@ def causes_section(arms: Sequence[Arm]) -> Section:
     blocks: list[Block] = []
     for benchmark in benchmarks_of(arms):
         mine = [a for a in arms if a.benchmark == benchmark]
-        shown = mine[: plots.MOST_ARMS]
+        shown = drawn(mine, plots.MOST_ARMS)
         counts = [shares_of_causes(a.records) for a in shown]
         blocks.append(plots.causes([a.label for a in shown], counts))
         blocks.append(_table_of_causes(mine))

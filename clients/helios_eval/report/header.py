@@ -13,7 +13,7 @@ from helios_core.errors import InvalidInput
 
 from helios_eval.record import EpisodeRecord
 from helios_eval.report import text
-from helios_eval.report.arms import Arm, correlation_name, most_common
+from helios_eval.report.arms import Arm, correlation_name, most_common, noise_parts
 from helios_eval.report.asked import Identity, seeds_asked
 from helios_eval.report.metrics import TITLES, shares_of_causes
 from helios_eval.report.model import Block, Command, Facts, Notice, Rows, Section, Table
@@ -107,8 +107,9 @@ def _not_complete(lacking: Mapping[Identity, int], asked: Mapping[Identity, set[
     whole, absent = sum(map(len, asked.values())), sum(lacking.values())
     return (
         f"Not complete: {absent} of the {text.plural(whole, 'episode')} that were asked for are "
-        "not played yet. What is told here holds for those that are there; the same commands play "
-        "the rest."
+        "not played yet. What is told here holds for those that are there, and whoever looks often "
+        "enough while a run goes on sees something settle by chance: the answer is that of the "
+        "whole run. The same commands play the rest."
     )
 
 
@@ -122,7 +123,7 @@ def _progress(
         benchmark, agent, semantics, _, noise, settings = identity
         name = labels.get(identity) or " · ".join(
             [agent, *(f"{k}={v}" for k, v in settings)]
-            + ([f"noise {noise.level:g}, {correlation_name(noise)}"] if noise else [semantics])
+            + (noise_parts(noise) if noise else [semantics])
         )
         n = len(asked[identity])
         rows.add([name, TITLES[benchmark], str(n - absent), str(n)])
@@ -139,7 +140,7 @@ def _versions(arms: Sequence[Arm]) -> str:
     told = []
     for label, records in parts:
         counts = Counter(r.commit for r in records)
-        each = ", ".join(f"{n} by {commit[:10]}" for commit, n in counts.most_common())
+        each = ", ".join(f"{n} by {commit}" for commit, n in counts.most_common())
         told.append(f"{label} {each}")
     return (
         f"The episodes come from more than one commit: {'; '.join(told)}. What changed between "

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 from helios_eval.record import EpisodeRecord
 from helios_eval.report import plots, text
-from helios_eval.report.arms import Arm, in_common, pairs
+from helios_eval.report.arms import Arm, drawn, in_common, pairs
 from helios_eval.report.metrics import METRICS, NAMES, TITLES, values
 from helios_eval.report.model import Block, Cell, Paragraph, Rows, Section, Table
 from helios_eval.report.paper import PICKS, picks_name
 from helios_eval.report.stats import (
+    Interval,
     Values,
     discordant,
     mean_sem,
@@ -33,7 +34,7 @@ def overview(arms: Sequence[Arm]) -> list[Block]:
     """One drawing per benchmark: the metrics of all agents with their intervals."""
     out: list[Block] = []
     for benchmark in benchmarks_of(arms):
-        mine = [a for a in arms if a.benchmark == benchmark][: plots.MOST_ARMS]
+        mine = drawn([a for a in arms if a.benchmark == benchmark], plots.MOST_ARMS)
         names = [n for n in NAMES[benchmark] if METRICS[n].binary]
         points = []
         for arm in mine:
@@ -79,11 +80,18 @@ def count(arm: Arm) -> Cell:
     return Cell(n) if arm.whole else Cell(n, f"of {arm.asked}", "bad")
 
 
-def in_common_of(a: Arm, b: Arm, homes: int) -> str:
-    """ "37 homes"; while a run goes on, "37 of 200 homes"."""
-    if a.whole and b.whole:
-        return text.plural(homes, "home")
-    return f"{homes} of {min(n for n in (a.asked, b.asked) if n)} homes"
+def homes_of(a: Arm, b: Arm, homes: int) -> str:
+    """Of two arms with so many homes in common: "37 homes", or "37 of 200 homes" where more were
+    asked for of both."""
+    of = asked_of(a, b, homes)
+    return f"{homes} {of}" if of else text.plural(homes, "home")
+
+
+def asked_of(a: Arm, b: Arm, homes: int) -> str:
+    """ "of 200 homes" where two arms have not yet all homes in common that were asked for of both;
+    else empty."""
+    wanted = min(max(arm.asked, len(arm.records)) for arm in (a, b))
+    return f"of {wanted} homes" if homes < wanted and not (a.whole and b.whole) else ""
 
 
 def _head(name: str) -> str:
@@ -130,7 +138,7 @@ def paired_section(arms: Sequence[Arm]) -> Section:
 def _pair_table(found: Sequence[Found]) -> Table:
     rows = Rows()
     for a, b, mine, theirs in found:
-        group = f"{a.label} against {b.label} ({in_common_of(a, b, len(mine))})"
+        group = f"{a.label} against {b.label} ({homes_of(a, b, len(mine))})"
         for name in NAMES[a.benchmark]:
             if name != "seconds_per_step":
                 rows.add(_pair_row(name, values(mine, name), values(theirs, name)), group)
@@ -143,16 +151,22 @@ def _pair_table(found: Sequence[Found]) -> Table:
     )
 
 
+def tone_of(name: str, d: Interval) -> str:
+    """Whether the first of two is better or worse; empty where it is not settled."""
+    if not d.sure:
+        return ""
+    return "good" if (d.value > 0) == (METRICS[name].better > 0) else "bad"
+
+
 def _pair_row(name: str, x: Values, y: Values) -> list[Cell | str]:
     metric, k = METRICS[name], text.scale(name)
     d, ratio, digits = paired_difference(x, y), paired_ratio(x, y), metric.digits
     more, less = discordant(x, y)
-    tone = ("good" if (d.value > 0) == (metric.better > 0) else "bad") if d.sure else ""
     return [
         name,
         text.number(x.mean() * k, digits),
         text.number(y.mean() * k, digits),
-        Cell(text.signed(d.value * k, digits), tone=tone),
+        Cell(text.signed(d.value * k, digits), tone=tone_of(name, d)),
         text.bounds(d.low * k, d.high * k, digits, plus=True) if d.told else untold(x, y),
         text.number(ratio.value, 2),
         text.bounds(ratio.low, ratio.high, 2) if ratio.told else text.NONE,

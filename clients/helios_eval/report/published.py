@@ -9,7 +9,7 @@ from helios_eval.report import paper, text
 from helios_eval.report.arms import Arm, in_common, plain_arm, swept_arm
 from helios_eval.report.metrics import values
 from helios_eval.report.model import Block, Cell, Paragraph, Rows, Section, Table
-from helios_eval.report.ours import count
+from helios_eval.report.ours import asked_of, count
 from helios_eval.report.stats import Interval, mean_sem, paired_ratio, untold
 
 TAG = "another simulator"
@@ -34,7 +34,7 @@ def relations(arms: Sequence[Arm]) -> Table | None:
             ours = Cell(text.number(ratio.value, 2), note, "strong")
         verdict = verdict_of(ratio, r.published) or untold(x, y)
         rows.add([f"{r.metric}: {r.claim}", Cell(text.number(r.published, 2), r.where), ours,
-                  str(len(mine)), verdict])  # fmt: skip
+                  Cell(str(len(mine)), asked_of(top, bottom, len(mine))), verdict])  # fmt: skip
     if not rows.rows:
         return None
     return rows.table(

@@ -1,0 +1,126 @@
+"""The questions that the runs were made for, and what the report answers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from helios_eval.record import EpisodeRecord
+from helios_eval.report import answers
+from helios_eval.report.arms import arms_of, drawn
+from helios_eval.report.asked import seeds_asked
+from helios_eval.report.model import Paragraph, Row, Table
+from synthetic_episodes import NOISE, episode
+
+HOMES = 30
+WON = {"find_object": True, "pick": True, "success": True, "place": True, "cause": ""}
+LOST = {"find_object": True, "pick": False, "success": False, "place": False, "cause": "stuck"}
+
+
+def wins(agent: str, of: int, homes: int = HOMES, **more: object) -> list[EpisodeRecord]:
+    """Success in the first `of` homes, failure in the others."""
+    return [episode(s, agent, **((WON if s < of else LOST) | more)) for s in range(homes)]
+
+
+def order(agents: Sequence[str], episodes: int, **more: object) -> dict[str, object]:
+    return {
+        "benchmark": "ovmm", "agents": agents, "semantics": "noisy", "preset": "synthetic",
+        "noise": NOISE.model_dump(), "settings": {}, "seed0": 0, "episodes": episodes,
+    } | more  # fmt: skip
+
+
+def answered(
+    records: list[EpisodeRecord], *orders: dict[str, object]
+) -> tuple[dict[str, Table], str]:
+    """Tables by their title, and the words between them."""
+    section = answers.section(arms_of(records, seeds_asked({"asked": list(orders)})))
+    assert section is not None
+    tables = {b.title: b for b in section.blocks if isinstance(b, Table)}
+    return tables, " ".join(b.text for b in section.blocks if isinstance(b, Paragraph))
+
+
+def row(table: Table, group: str, name: str) -> Row:
+    (found,) = [r for r in table.rows if r.group.startswith(group) and r.cells[0].text == name]
+    return found
+
+
+def told(found: Row) -> list[str]:
+    return [c.text for c in found.cells]
+
+
+def test_the_primary_claim_has_its_difference_ratio_and_verdict() -> None:
+    tables, words = answered([*wins("helios", 20), *wins("trusting", 8)])
+    found = row(tables["Paired differences"], "Primary claim", "SR")
+    name, first, second, difference, interval, ratio, n, so = told(found)
+    assert (name, first, second, difference) == ("SR", "66.7", "26.7", "+40.0")
+    assert interval.startswith("[+")
+    assert ratio.startswith("2.50 [")
+    assert found.cells[5].note == "paper 1.78"
+    assert (n, so) == ("30", "ahead")
+    assert "Not run: The global search objective" in words
+
+
+def test_who_is_behind_is_said_as_plainly() -> None:
+    tables, _ = answered([*wins("helios", 8), *wins("no-global-objective", 20)])
+    assert told(row(tables["Paired differences"], "The global", "SR"))[-1] == "behind"
+    level = {told(r)[0]: told(r)[-1] for r in tables[LEVEL].rows}
+    assert level == {"HELIOS with the noise of the preset": "below, not settled"}
+
+
+LEVEL = "Success rate against what this project wants"
+
+
+def test_a_part_of_the_homes_is_never_told_as_the_whole() -> None:
+    tables, _ = answered(
+        [*wins("helios", 20), *wins("trusting", 8)], order(["helios", "trusting"], 200)
+    )
+    found = row(tables["Paired differences"], "Primary claim", "SR")
+    assert (found.cells[6].note, found.cells[7].text) == ("of 200 homes", "ahead, so far")
+    assert tables[LEVEL].rows[0].cells[4].note == "of 200"
+
+
+def test_a_short_run_against_a_long_one_is_whole_when_it_is() -> None:
+    idea = {"planner.new": True}
+    tables, _ = answered(
+        [*wins("helios", 20, 40), *wins("helios", 29, settings=idea)],
+        order(["helios"], 200), order(["helios"], HOMES, settings=idea),
+    )  # fmt: skip
+    (found,) = tables[IDEAS].rows
+    assert told(found)[0] == "planner.new=True"
+    assert (told(found)[-2], found.cells[-2].note) == (str(HOMES), "")
+    assert "SR better" in told(found)[-1]
+    assert "so far" not in told(found)[-1]
+
+
+IDEAS = "Ideas beyond the paper, against the paper's method"
+
+
+def test_ideas_are_what_the_paper_has_not() -> None:
+    swept, new = {"planner.tau_g": 0.3}, {"planner.tau_g": 0.4}
+    tables, _ = answered([
+        *wins("helios", 20), *wins("trusting", 8), *wins("helios-next", 22),
+        *wins("helios", 20, settings=swept), *wins("helios", 20, settings=new),
+        *wins("helios", 20, settings={"max_steps": 100}),
+    ])  # fmt: skip
+    assert [told(r)[0] for r in tables[IDEAS].rows] == ["helios-next", "planner.tau_g=0.4"]
+
+
+def test_the_primary_claim_is_asked_again_under_every_other_noise() -> None:
+    louder = NOISE.model_copy(update={"level": 2.0})
+    tables, _ = answered([
+        *wins("helios", 20), *wins("trusting", 8),
+        *wins("helios", 12, noise=louder), *wins("trusting", 4, noise=louder),
+    ])  # fmt: skip
+    assert told(row(tables["Paired differences"], "The same at noise ×2", "SR"))[3] == "+26.7"
+
+
+def test_one_agent_alone_answers_nothing() -> None:
+    assert answers.section(arms_of(wins("helios", 3))) is None
+
+
+def test_a_drawing_shows_every_agent_before_the_settings_of_one() -> None:
+    records = [*wins("trusting", 1, 2), *wins("helios", 1, 2)]
+    for k in range(5):
+        records += wins("helios", 1, 2, settings={"planner.tau_g": k / 10})
+    shown = drawn(arms_of(records), 3)
+    assert shown[0].label == "helios"
+    assert "trusting" in [arm.label for arm in shown]
