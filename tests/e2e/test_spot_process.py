@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
@@ -18,6 +17,8 @@ import pytest
 
 pytest.importorskip("bosdyn.client", reason="pip install 'helios-ovmm[spot]'")
 
+from helios_client.sdk import Helios
+from helios_client.status import find_status
 from helios_core import proto as pb
 from helios_core.codec import state_from_proto
 from helios_core.errors import HeliosError
@@ -38,15 +39,16 @@ class Up:
     process: subprocess.Popen[bytes]
     port: int
     router: str
+    state: Path
 
     def bridge(self) -> dict[str, Any]:
-        """As `helios status` tells it; empty before it is known."""
-        done = subprocess.run(
-            [sys.executable, "-m", "helios_client", "status", "--json", "--port", str(self.port)],
-            capture_output=True, text=True, timeout=30, check=False,
-        )  # fmt: skip
-        services = json.loads(done.stdout or "{}").get("services", [])
-        return next((s for s in services if s["name"] == "bridge"), {})
+        """As `helios status` finds it; empty before it is known."""
+        with Helios(f"http://127.0.0.1:{self.port}", 3.0) as helios:
+            try:
+                services = find_status(helios, self.port, self.state)["services"]
+            except HeliosError:
+                return {}
+        return next((dict(s) for s in services if s["name"] == "bridge"), {})
 
     def bridge_is(self, state: str) -> bool:
         return self.bridge().get("state") == state
@@ -70,7 +72,7 @@ def start(fake: FakeSpot, folder: Path, **environment: str) -> Up:
         env=os.environ | env | {"XDG_STATE_HOME": str(folder / "home")},
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
-    return Up(fake, process, port, f"tcp/127.0.0.1:{router_port}")
+    return Up(fake, process, port, f"tcp/127.0.0.1:{router_port}", folder / "state")
 
 
 @pytest.fixture
