@@ -83,7 +83,7 @@ def news(
     same again, which changes no evidence.
     """
     everyone, full = np.arange(len(told)), np.float32(side_views)
-    sides = told / np.float32(UNIT * side_views)  # how often each counts, if it could count twice
+    sides = told / np.float32(UNIT * side_views)  # told in full at 1
     before, more = np.minimum(sides, 1), sides.copy()
     alone = []
     for kappa, eye_m in zip(kappas, eyes_m, strict=True):
