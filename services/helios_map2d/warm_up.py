@@ -36,3 +36,5 @@ def warm_up() -> None:
     fuse_maximum(layer.value, layer.confidence, (0, 0), spread, (0, 0, 0, 0), np.float32(0),
                  np.float32(0))  # fmt: skip
     state.published.line_of_sight((0.0, 0.0, 1.0), (1.0, 0.5, 0.5))
+    kept = state.published
+    MapState(rules, (0.0, 0.0), 0.2).restore(kept.ground, kept.layers)  # as after a restart
