@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_map2d import change_kernels, frontier_kernels
+from helios_map2d import change_kernels, flood_kernels
 from helios_map2d.grid import EMPTY, Box, GridSpec, carried_over
 
 
@@ -58,7 +58,5 @@ def near_ground(
 ) -> NDArray[np.uint8]:
     """Cells of `box` within a radius of `cell` with no obstacle to cross on the way: uint8."""
     near = np.zeros((box.rows, box.columns), np.uint8)
-    frontier_kernels.near_ground(
-        occupancy[box.slices], cell[0] - box.row_lo, cell[1] - box.column_lo, radius_cells, near
-    )
+    flood_kernels.near_ground(occupancy, (box.row_lo, box.column_lo), cell, radius_cells, near)
     return near

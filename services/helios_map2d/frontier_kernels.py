@@ -1,12 +1,14 @@
-"""Numba kernels of the frontiers: their cells and clusters, near ground, identities, sight.
+"""Numba kernels of the frontiers: their cells and clusters, identities, sight.
 
-Reached through `frontiers.py`, `explored.py` and `sight.py`; readable twins stand in the tests.
+Reached through `frontiers.py` and `sight.py`; readable twins stand in the tests.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
+
+from helios_map2d.grid import TILE
 
 
 @njit(cache=True, nogil=True)
@@ -18,28 +20,48 @@ def cells_of_tiles(occupancy, explored, tiles, side, cells, counts):
     columns, tile after tile in row order, `counts` int32 [n] how many each has. Returns their sum.
     """
     rows, columns = occupancy.shape
+    above, here, below = np.empty((3, side + 2), np.uint8)  # whether a cell is to be explored
+    wanted = np.empty(side, np.uint8)
     n = 0
     for t in range(tiles.shape[0]):
-        start = n
-        for r in range(tiles[t, 0], min(rows, tiles[t, 0] + side)):
-            for c in range(tiles[t, 1], min(columns, tiles[t, 1] + side)):
-                if occupancy[r, c] != 0 or explored[r, c] == 0:
-                    continue
-                if (
-                    r == 0
-                    or c == 0
-                    or r == rows - 1
-                    or c == columns - 1
-                    or (explored[r - 1, c] == 0 and occupancy[r - 1, c] != 100)
-                    or (explored[r + 1, c] == 0 and occupancy[r + 1, c] != 100)
-                    or (explored[r, c - 1] == 0 and occupancy[r, c - 1] != 100)
-                    or (explored[r, c + 1] == 0 and occupancy[r, c + 1] != 100)
-                ):
+        start, first, left = n, tiles[t, 0], tiles[t, 1]
+        end = min(columns, left + side)
+        to_be_explored(occupancy, explored, first - 1, left - 1, here)
+        to_be_explored(occupancy, explored, first, left - 1, below)
+        for r in range(first, min(rows, first + side)):
+            above, here, below = here, below, above
+            to_be_explored(occupancy, explored, r + 1, left - 1, below)
+            state, seen = occupancy[r][left:end], explored[r][left:end]
+            found = np.uint8(0)
+            for i in range(state.size):
+                beside = here[i] | here[i + 2] | above[i + 1] | below[i + 1]
+                wanted[i] = (state[i] == 0) & (seen[i] != 0) & (beside != 0)
+                found |= wanted[i]
+            if found == 0:
+                continue
+            for i in range(state.size):
+                if wanted[i] != 0:
                     cells[n, 0] = r
-                    cells[n, 1] = c
+                    cells[n, 1] = left + i
                     n += 1
         counts[t] = n - start
     return n
+
+
+@njit(cache=True, nogil=True, inline="always")
+def to_be_explored(occupancy, explored, row, left, out):
+    """Say in `out` uint8 [n] which cells of a row from column `left` are neither explored nor
+    occupied; all that is outside the arrays."""
+    out[:] = 1
+    if 0 <= row < occupancy.shape[0]:
+        first = max(0, left)
+        state, seen = (
+            occupancy[row][first : left + out.size],
+            explored[row][first : left + out.size],
+        )
+        there = out[first - left :]
+        for i in range(state.size):
+            there[i] = (seen[i] == 0) & (state[i] != 100)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -106,75 +128,45 @@ def gather(cells, labels, place, starts, out):
 
 
 @njit(cache=True, nogil=True)
-def describe(cells, starts, labels, offsets, reached, near, near_corner, side, centres, reachable):
+def describe(
+    cells, starts, corner, labels, offsets, reached, near, near_corner, centres, reachable
+):  # fmt: skip
     """Whether each cluster can be reached, and the cell nearest to the mean of what can be (or of
     all its cells where nothing can): the first of equals.
 
-    `cells`, `starts` are those of `gather`, the rest is a `ground.Reached` and its labels.
+    `cells`, `starts` are those of `gather`, in world cells, and so are `centres`; `corner` is the
+    world cell of the grid's first. The rest is a `ground.Reached` and its labels.
     """
+    n = cells.shape[0]
+    can, of_tile = np.empty(n, np.uint8), np.empty(n, np.uint16)
+    rows, columns = np.empty((2, n), np.int64)
+    for i in range(n):
+        rows[i], columns[i] = cells[i, 0] - corner[0], cells[i, 1] - corner[1]
+    for i in range(n):  # far apart in memory: nothing else here, so that many are on their way
+        of_tile[i] = labels[np.uint64(rows[i]), np.uint64(columns[i])]
+    for i in range(n):
+        r, c = rows[i], columns[i]
+        y, x = r - near_corner[0], c - near_corner[1]
+        beside = 0 <= y < near.shape[0] and 0 <= x < near.shape[1] and near[y, x] != 0
+        component = offsets[r // TILE, c // TILE] + of_tile[i] - 1
+        can[i] = beside or (of_tile[i] != 0 and reached[component] != 0)
     for k in range(starts.size - 1):
-        any_reached = False
-        n = 0
+        any_reached = np.any(can[starts[k] : starts[k + 1]])
+        counted = 0
         total_r = total_c = 0.0
-        for attempt in range(2):
-            total_r = total_c = 0.0
-            n = 0
-            for i in range(starts[k], starts[k + 1]):
-                if attempt == 1 or is_reached(cells[i, 0], cells[i, 1], labels, offsets, reached,
-                                              near, near_corner, side):  # fmt: skip
-                    total_r += cells[i, 0]
-                    total_c += cells[i, 1]
-                    n += 1
-            if n > 0:
-                any_reached = attempt == 0
-                break
-        best = np.inf
         for i in range(starts[k], starts[k + 1]):
-            if any_reached and not is_reached(cells[i, 0], cells[i, 1], labels, offsets, reached,
-                                              near, near_corner, side):  # fmt: skip
-                continue
-            off = (cells[i, 0] - total_r / n) ** 2 + (cells[i, 1] - total_c / n) ** 2
-            if off < best:
+            if not any_reached or can[i] != 0:
+                total_r += rows[i]
+                total_c += columns[i]
+                counted += 1
+        mean_r, mean_c, best = total_r / counted, total_c / counted, np.inf
+        for i in range(starts[k], starts[k + 1]):
+            off = (rows[i] - mean_r) ** 2 + (columns[i] - mean_c) ** 2
+            if off < best and (not any_reached or can[i] != 0):
                 best = off
                 centres[k, 0] = cells[i, 0]
                 centres[k, 1] = cells[i, 1]
         reachable[k] = any_reached
-
-
-@njit(cache=True, nogil=True, inline="always")
-def is_reached(r, c, labels, offsets, reached, near, near_corner, side):
-    """Whether a cell lies in a component that was reached, or on reached ground near the robot."""
-    label = labels[r, c]
-    if label > 0 and reached[offsets[r // side, c // side] + label - 1] != 0:
-        return True
-    y, x = r - near_corner[0], c - near_corner[1]
-    return 0 <= y < near.shape[0] and 0 <= x < near.shape[1] and near[y, x] != 0
-
-
-@njit(cache=True, nogil=True)
-def near_ground(occupancy, row, column, radius_cells, near):
-    """Cells within a radius of (row, column) that can be walked to without crossing an obstacle.
-
-    4-connected flood; `near` uint8 [rows, columns] starts as zeros and gets ones.
-    """
-    rows, columns = occupancy.shape
-    stack = np.empty((4 * rows * columns + 1, 2), np.int32)
-    stack[0, 0] = row
-    stack[0, 1] = column
-    n = 1
-    limit = radius_cells * radius_cells
-    while n > 0:
-        n -= 1
-        r, c = stack[n, 0], stack[n, 1]
-        if r < 0 or c < 0 or r >= rows or c >= columns or near[r, c] != 0:
-            continue
-        if occupancy[r, c] == 100 or (r - row) ** 2 + (c - column) ** 2 > limit:
-            continue
-        near[r, c] = 1
-        for dr, dc in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-            stack[n, 0] = r + dr
-            stack[n, 1] = c + dc
-            n += 1
 
 
 @njit(cache=True, nogil=True)

@@ -1,7 +1,8 @@
 """Frontiers: boundaries between searched free ground and what was not searched (paper 3.1.1).
 
-The cells of frontiers are kept by tile, and only tiles that changed are looked at again. What is
-done over all frontiers (clusters, centres, values) costs by their cells, not by the map.
+The cells of frontiers are kept by tile, and only tiles that changed are looked at again. Where no
+cell is other than before, so are no clusters and numbers; a frontier is made anew where its centre,
+its values or whether it can be reached are other than before.
 """
 
 from __future__ import annotations
@@ -64,6 +65,10 @@ class FrontierFinder:
         self._scratch = np.zeros(grid.shape, np.int32)
         self._former: tuple[Frontier, ...] = ()
         self._by_cells: dict[bytes, Frontier] = {}
+        # Of the clusters of these cells, as the former frontiers are ordered; None: to be found.
+        self._clusters: tuple[NDArray[np.int32], NDArray[np.int64]] | None = None
+        self._centres = NO_CELLS  # world cells
+        self._reachable = np.empty(0, np.bool_)
         self._values_of: tuple[str, ...] = ()  # the layers of the values that frontiers have
         self._stale: Box | None = EMPTY  # world cells near which values changed since; None: all
 
@@ -90,6 +95,9 @@ class FrontierFinder:
     def remember(self, former: tuple[Frontier, ...]) -> None:
         """Frontiers by whose cells those found next are recognised."""
         self._keep(former, [f.cells.tobytes() for f in former])
+        cells = [self.grid.cell_of(*f.centre_m) for f in former]
+        self._centres = np.array(cells, np.int32).reshape(-1, 2) + _pair(self.grid.corner)
+        self._clusters = None
 
     def _keep(self, found: Iterable[Frontier], keys: list[bytes]) -> None:
         """These are the frontiers now; `keys` are their cells as bytes."""
@@ -103,21 +111,26 @@ class FrontierFinder:
         tiles: Iterable[Tile],
     ) -> None:
         """Look at the given tiles again; arrays are over the whole grid."""
-        corner = np.array(self.grid.corner, np.int32)
         whole = self.grid.to_world(self.grid.whole)
         wanted = [t for t in tiles if whole.holds(Box.of_tile(t))]
         if not wanted:
             return
+        corner = _pair(self.grid.corner)
         first = np.array(wanted, np.int32) * TILE - corner
         cells = np.empty((len(wanted) * TILE**2, 2), np.int32)
         counts = np.empty(len(wanted), np.int32)
         n = frontier_kernels.cells_of_tiles(occupancy, explored, first, TILE, cells, counts)
-        parts = np.split(cells[:n] + corner, np.cumsum(counts)[:-1])
-        for tile, part in zip(wanted, parts, strict=True):
-            if len(part):
+        found, start = cells[:n] + corner, 0
+        for tile, count in zip(wanted, counts.tolist(), strict=True):
+            part, old = found[start : start + count], self._cells.get(tile, NO_CELLS)
+            start += count
+            if len(old) == count and old.tobytes() == part.tobytes():
+                continue
+            self._clusters = None
+            if count:
                 self._cells[tile] = part
             else:
-                self._cells.pop(tile, None)
+                del self._cells[tile]
 
     def find(
         self,
@@ -127,45 +140,30 @@ class FrontierFinder:
         values: Mapping[str, NDArray[np.float32]],
     ) -> tuple[Frontier, ...]:
         """The frontiers as they are now, largest first (all arrays are over the whole grid)."""
-        rules, cell_m = self.rules, self.grid.cell_m
-        corner = np.array(self.grid.corner, np.int32)
-        found = [self._cells[t] for t in sorted(self._cells)]
-        cells = (np.concatenate(found) if found else NO_CELLS) - corner
-        labels, sizes = np.empty((2, len(cells)), np.int32)
-        clusters = frontier_kernels.cluster(cells, self._scratch, labels, sizes)
-        sizes = sizes[:clusters]
-        least = rules.min_size_m / cell_m - 1e-9
-        kept = np.argsort(-sizes, kind="stable")[: int(np.count_nonzero(sizes >= least))]
-        if not len(kept):
-            self.remember(())
-            return ()
-        place = np.full(clusters, -1, np.int32)
-        place[kept] = np.arange(len(kept))
-        starts = np.zeros(len(kept) + 1, np.int64)
-        np.cumsum(sizes[kept], out=starts[1:])
-        own = np.empty((int(starts[-1]), 2), np.int32)
-        frontier_kernels.gather(cells, labels, place, starts, own)
-        row, column = self.grid.cell_of(*robot_xy_m)
-        robot = (min(max(row, 0), self.grid.rows - 1), min(max(column, 0), self.grid.columns - 1))
-        reached = ground.reached_from(occupancy, robot, rules.blind_radius_m / cell_m)
-        centres = np.empty((len(kept), 2), np.int32)
-        reachable = np.empty(len(kept), np.bool_)
-        frontier_kernels.describe(
-            own, starts, ground.labels, reached.offsets, reached.reached, reached.near,
-            reached.near_corner, TILE, centres, reachable,
-        )  # fmt: skip
-        own += corner
-        parts = [own[a:b] for a, b in itertools.pairwise(starts.tolist())]
-        keys = [part.tobytes() for part in parts]
-        numbers = self._numbers(parts, keys)
-        before = [self._by_cells.get(key) for key in keys]
-        places = [self.grid.centre_of(r, c) for r, c in centres.tolist()]
+        same = self._clusters is not None
+        own, starts = self._clusters = self._clusters or self._clustered()
+        centres, reachable = self._described(own, starts, occupancy, ground, robot_xy_m)
+        before: Sequence[Frontier | None] = self._former
+        if same:
+            still = self._stale == EMPTY and tuple(values) == self._values_of
+            if still and self._as_before(centres, reachable):
+                return self._former
+            keys, numbers = list(self._by_cells), [f.id for f in self._former]
+            parts = [f.cells for f in self._former]
+        else:
+            parts = [own[a:b] for a, b in itertools.pairwise(starts.tolist())]
+            keys = [part.tobytes() for part in parts]
+            numbers = self._numbers(parts, keys)
+            before = [self._by_cells.get(key) for key in keys]
+        self._centres, self._reachable = centres, reachable
+        cell_m = self.grid.cell_m
+        places = [((c + 0.5) * cell_m, (r + 0.5) * cell_m) for r, c in centres.tolist()]
         near = self._values_near(centres, places, before, values)
-        lengths, found_now = sizes[kept].tolist(), []
+        found_now = []
         for k, (id, can) in enumerate(zip(numbers, reachable.tolist(), strict=True)):
             old, now = before[k], (places[k], can, near[k])
             if old is None or (old.centre_m, old.reachable, old.values) != now:
-                old = Frontier(id, places[k], lengths[k] * cell_m, can, near[k], parts[k])
+                old = Frontier(id, places[k], len(parts[k]) * cell_m, can, near[k], parts[k])
             found_now.append(old)
         self._keep(found_now, keys)
         return self._former
@@ -176,14 +174,61 @@ class FrontierFinder:
         What `find` gives when nothing else has changed, at a fraction of its cost.
         """
         places = [f.centre_m for f in self._former]
-        centres = np.array([self.grid.cell_of(*place) for place in places], np.int32)
-        near = self._values_near(centres.reshape(-1, 2), places, self._former, values)
+        near = self._values_near(self._centres, places, self._former, values)
         found = [
             f if f.values == now else replace(f, values=now)
             for f, now in zip(self._former, near, strict=True)
         ]
         self._keep(found, list(self._by_cells))
         return self._former
+
+    def _clustered(self) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+        """The cells of each cluster that is large enough, largest first: world cells [m, 2], and
+        where in them each begins, and the last ends."""
+        corner = _pair(self.grid.corner)
+        found = [self._cells[t] for t in sorted(self._cells)]
+        cells = (np.concatenate(found) if found else NO_CELLS) - corner
+        labels, sizes = np.empty((2, len(cells)), np.int32)
+        clusters = frontier_kernels.cluster(cells, self._scratch, labels, sizes)
+        sizes = sizes[:clusters]
+        least = self.rules.min_size_m / self.grid.cell_m - 1e-9
+        kept = np.argsort(-sizes, kind="stable")[: int(np.count_nonzero(sizes >= least))]
+        place = np.full(clusters, -1, np.int32)
+        place[kept] = np.arange(len(kept))
+        starts = np.zeros(len(kept) + 1, np.int64)
+        np.cumsum(sizes[kept], out=starts[1:])
+        own = np.empty((int(starts[-1]), 2), np.int32)
+        frontier_kernels.gather(cells, labels, place, starts, own)
+        own += corner
+        return own, starts
+
+    def _described(
+        self,
+        own: NDArray[np.int32],
+        starts: NDArray[np.int64],
+        occupancy: NDArray[np.int8],
+        ground: OpenGround,
+        robot_xy_m: tuple[float, float],
+    ) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+        """The centre (world cell) of each cluster, and whether it can be reached."""
+        row, column = self.grid.cell_of(*robot_xy_m)
+        robot = (min(max(row, 0), self.grid.rows - 1), min(max(column, 0), self.grid.columns - 1))
+        blind_cells = self.rules.blind_radius_m / self.grid.cell_m
+        reached = ground.reached_from(occupancy, robot, blind_cells)
+        centres = np.empty((len(starts) - 1, 2), np.int32)
+        reachable = np.empty(len(starts) - 1, np.bool_)
+        frontier_kernels.describe(
+            own, starts, self.grid.corner, ground.labels, reached.offsets, reached.reached,
+            reached.near, reached.near_corner, centres, reachable,
+        )  # fmt: skip
+        return centres, reachable
+
+    def _as_before(self, centres: NDArray[np.int32], reachable: NDArray[np.bool_]) -> bool:
+        """Whether the frontiers found last have these centres, and are as well to be reached."""
+        return (
+            centres.tobytes() == self._centres.tobytes()
+            and reachable.tobytes() == self._reachable.tobytes()
+        )
 
     def _values_near(
         self,
@@ -192,29 +237,31 @@ class FrontierFinder:
         before: Sequence[Frontier | None],
         values: Mapping[str, NDArray[np.float32]],
     ) -> list[Mapping[str, float]]:
-        """Each layer's value near each centre (cells [n, 2], and the same in metres): that of the
-        frontier `before` where it had the same centre and no layer has changed near it since."""
+        """Each layer's value near each centre (world cells [n, 2], and the same in metres): that of
+        the frontier `before` where it had the same centre and no layer has changed near it since.
+        """
         names, stale = tuple(values), self._stale
-        row, column = self.grid.corner
         out: list[Mapping[str, float]] = [{}] * len(places)
         fresh = []
-        for k, (r, c) in enumerate(centres.tolist()):
+        for k, (row, column) in enumerate(centres.tolist()):
             old = before[k]
             if (
                 old is not None and old.centre_m == places[k] and names == self._values_of
                 and stale is not None
-                and not (stale.row_lo <= r + row < stale.row_hi
-                         and stale.column_lo <= c + column < stale.column_hi)
+                and not (stale.row_lo <= row < stale.row_hi
+                         and stale.column_lo <= column < stale.column_hi)
             ):  # fmt: skip
                 out[k] = old.values
             else:
                 fresh.append(k)
+        self._values_of, self._stale = names, EMPTY
+        if not fresh:
+            return out
         radius_cells = self.rules.value_radius_m / self.grid.cell_m
-        found = [values_near(layer, centres[fresh], radius_cells).tolist()
-                 for layer in values.values()]  # fmt: skip
+        cells = centres[fresh] - _pair(self.grid.corner)
+        found = [values_near(layer, cells, radius_cells).tolist() for layer in values.values()]
         for i, k in enumerate(fresh):
             out[k] = {name: near[i] for name, near in zip(names, found, strict=True)}
-        self._values_of, self._stale = names, EMPTY
         return out
 
     def _numbers(self, found: list[NDArray[np.int32]], keys: list[bytes]) -> list[int]:
@@ -243,13 +290,17 @@ class FrontierFinder:
         self, new: list[NDArray[np.int32]], old: list[NDArray[np.int32]]
     ) -> NDArray[np.int32]:
         """How many cells of each new cluster lie close to each old one, [new, old]."""
-        corner = np.array(self.grid.corner, np.int32)
+        corner = _pair(self.grid.corner)
         votes = np.zeros((len(new), len(old)), np.int32)
         frontier_kernels.shared_ground(
             np.concatenate(new) - corner, _numbered(new), np.concatenate(old) - corner,
             _numbered(old), int(self.rules.same_within_m / self.grid.cell_m), self._scratch, votes,
         )  # fmt: skip
         return votes
+
+
+def _pair(cell: tuple[int, int]) -> NDArray[np.int32]:
+    return np.array(cell, np.int32)
 
 
 def _numbered(parts: list[NDArray[np.int32]]) -> NDArray[np.int32]:

@@ -37,7 +37,8 @@ class Reached:
 class OpenGround:
     """`crowd` uint16 [rows, columns]: obstacles within the robot's radius of a cell; `labels`
     uint16: the component of open ground within the cell's tile, 0 where it is not open; `counts`
-    int32 [tile rows, tile columns]: components of a tile."""
+    int32 [tile rows, tile columns]: components of a tile; `edges` uint16 [tile rows, tile columns,
+    4, TILE]: the labels along its sides."""
 
     def __init__(self, grid: GridSpec, radius_cells: float) -> None:
         self.grid = grid
@@ -47,19 +48,32 @@ class OpenGround:
         self._half_widths = np.sqrt(radius_cells**2 - down**2).astype(np.int64)
         self.crowd = np.zeros(grid.shape, np.uint16)
         self.labels = np.zeros(grid.shape, np.uint16)
-        self.counts = np.zeros((grid.rows // TILE, grid.columns // TILE), np.int32)
+        self._begin(grid)
+
+    def _begin(self, grid: GridSpec) -> None:
+        """No tile of a grid is known."""
+        tiles = grid.rows // TILE, grid.columns // TILE
+        self.counts = np.zeros(tiles, np.int32)
+        self.edges = np.zeros((*tiles, 4, TILE), np.uint16)
+        self._number()
+
+    def _number(self) -> None:
+        """Count the components before each tile's, so that all can be told apart."""
+        ends = np.cumsum(self.counts).reshape(self.counts.shape)
+        self._offsets, self._components = ends - self.counts, int(ends[-1, -1])
 
     def grow(self, grid: GridSpec, known: Box) -> None:
         """Go on over a larger grid; `known` (world cells) holds all open ground and obstacles."""
         near = known.grown(self.reach)
         self.crowd = carried_over(self.crowd, self.grid, grid, near)
         self.labels = carried_over(self.labels, self.grid, grid, known)
-        counts = np.zeros((grid.rows // TILE, grid.columns // TILE), np.int32)
+        counts, edges = self.counts, self.edges
+        self._begin(grid)
         row = (self.grid.corner[0] - grid.corner[0]) // TILE
         column = (self.grid.corner[1] - grid.corner[1]) // TILE
-        rows, columns = self.counts.shape
-        counts[row : row + rows, column : column + columns] = self.counts
-        self.counts = counts
+        at = slice(row, row + len(counts)), slice(column, column + counts.shape[1])
+        self.counts[at], self.edges[at] = counts, edges
+        self._number()
         self.grid = grid
 
     def update(self, occupancy: NDArray[np.int8], before: NDArray[np.int8], box: Box) -> None:
@@ -68,7 +82,10 @@ class OpenGround:
         ground_kernels.follow_obstacles(
             before, occupancy, box.row_lo, box.column_lo, self._half_widths, self.crowd, stale,
         )  # fmt: skip
-        ground_kernels.label_tiles(occupancy, self.crowd, stale, self.labels, self.counts)
+        if ground_kernels.label_tiles(
+            occupancy, self.crowd, stale, self.labels, self.counts, self.edges
+        ):
+            self._number()
 
     def reached_from(
         self, occupancy: NDArray[np.int8], cell: tuple[int, int], blind_cells: float
@@ -85,15 +102,13 @@ class OpenGround:
         ground_kernels.crossable(
             occupancy, self.crowd, (box.row_lo, box.column_lo), cell, self.radius_cells, near
         )
-        offsets = np.zeros(self.counts.size + 1, np.int64)
-        np.cumsum(self.counts.ravel(), out=offsets[1:])
-        reached = np.zeros(int(offsets[-1]), np.uint8)
+        reached = np.zeros(self._components, np.uint8)
         got = np.zeros(near.shape, np.uint8)
-        by_tile = offsets[:-1].reshape(self.counts.shape)
         ground_kernels.walk(
-            self.labels, by_tile, near, (box.row_lo, box.column_lo), cell, reached, got
-        )
-        return Reached(by_tile, reached, got, (box.row_lo, box.column_lo))
+            self.labels, self.edges, self._offsets, near, (box.row_lo, box.column_lo), cell,
+            reached, got,
+        )  # fmt: skip
+        return Reached(self._offsets, reached, got, (box.row_lo, box.column_lo))
 
     def mask_of(self, reached: Reached) -> NDArray[np.bool_]:
         """The cells that can be reached, over the whole grid: for tests and pictures."""

@@ -8,8 +8,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from helios_map2d.flood_kernels import flood
 from helios_map2d.frontier_kernels import find_root
 from helios_map2d.grid import TILE
+
+BOTTOM, TOP, LEFT, RIGHT = range(4)  # sides of a tile: that of the neighbour is `side ^ 1`
+STEPS = ((-1, 0), (1, 0), (0, -1), (0, 1))  # rows, columns to the tile beyond each side
 
 
 @njit(cache=True, nogil=True)
@@ -61,14 +65,19 @@ def count_disc(row, column, step, half_widths, crowd):
 
 
 @njit(cache=True, nogil=True)
-def label_tiles(occupancy, crowd, stale, labels, counts):
-    """Label the open ground of the stale tiles anew, 4-connected within the tile, from 1."""
+def label_tiles(occupancy, crowd, stale, labels, counts, edges):
+    """Label the open ground of the stale tiles anew, 4-connected within the tile, from 1; whether
+    there were any. `edges` uint16 [tile rows, tile columns, 4, TILE] gets the labels along their
+    sides.
+    """
+    any_stale = False
     parent = np.empty(TILE * TILE + 1, np.int32)
     number = np.empty(TILE * TILE + 1, np.int32)
     for tr in range(stale.shape[0]):
         for tc in range(stale.shape[1]):
             if stale[tr, tc] == 0:
                 continue
+            any_stale = True
             r0, c0 = tr * TILE, tc * TILE
             n = 0
             for r in range(r0, r0 + TILE):
@@ -101,6 +110,11 @@ def label_tiles(occupancy, crowd, stale, labels, counts):
                     if labels[r, c] != 0:
                         labels[r, c] = number[labels[r, c]]
             counts[tr, tc] = found
+            edges[tr, tc, TOP, :] = labels[r0 + TILE - 1, c0 : c0 + TILE]
+            edges[tr, tc, BOTTOM, :] = labels[r0, c0 : c0 + TILE]
+            edges[tr, tc, RIGHT, :] = labels[r0 : r0 + TILE, c0 + TILE - 1]
+            edges[tr, tc, LEFT, :] = labels[r0 : r0 + TILE, c0]
+    return any_stale
 
 
 @njit(cache=True, nogil=True)
@@ -123,71 +137,60 @@ def crossable(occupancy, crowd, corner, cell, radius_cells, near):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def enter(labels, offsets, row, column, reached, queue, n):
-    """Note the component of a cell as reached and queue it; the queue's new length."""
-    label = labels[row, column]
-    if label == 0:
-        return n
-    tr, tc = row // TILE, column // TILE
+def enter(offsets, tr, tc, label, reached, queue, n):
+    """Note a tile's component as reached and queue it; the queue's new length."""
     at = offsets[tr, tc] + label - 1
     if reached[at] != 0:
         return n
     reached[at] = 1
-    queue[n, 0] = tr
-    queue[n, 1] = tc
-    queue[n, 2] = label
+    queue[n, 0], queue[n, 1], queue[n, 2] = tr, tc, label
     return n + 1
 
 
 @njit(cache=True, nogil=True)
-def walk(labels, offsets, near, corner, cell, reached, got):
+def walk(labels, edges, offsets, near, corner, cell, reached, got):
     """Flood the ground `near` the robot from its cell, and the components of open ground from it.
 
     `near` uint8 is a box with its corner at `corner`, where the robot may also cross what is not
     open; `got` gets the cells of it that were reached, `reached` the components.
     """
-    rows, columns = near.shape
-    tile_rows, tile_columns = offsets.shape
     queue = np.empty((reached.size + 1, 3), np.int32)
-    stack = np.empty((4 * rows * columns + 5, 2), np.int32)
     head = n = 0
-    stack[0, 0] = cell[0] - corner[0]
-    stack[0, 1] = cell[1] - corner[1]
-    top = 1
-    while top > 0:
-        while top > 0:
-            top -= 1
-            r, c = stack[top, 0], stack[top, 1]
-            if r < 0 or c < 0 or r >= rows or c >= columns or not near[r, c] or got[r, c] != 0:
-                continue
-            got[r, c] = 1
-            n = enter(labels, offsets, r + corner[0], c + corner[1], reached, queue, n)
-            for dr, dc in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-                stack[top, 0] = r + dr
-                stack[top, 1] = c + dc
-                top += 1
-        walked = head < n
+    here = np.empty(near.shape, np.uint16)
+    for r in range(near.shape[0]):
+        here[r, :] = labels[r + corner[0], corner[1] : corner[1] + near.shape[1]]
+    flood(near, cell[0] - corner[0], cell[1] - corner[1], got)
+    more = True
+    while more:
+        for r in range(near.shape[0]):
+            row, before = r + corner[0], 0
+            for c in range(near.shape[1]):
+                column = c + corner[1]
+                label = np.int64(here[r, c]) if got[r, c] != 0 else 0
+                if label != 0 and (label != before or column % TILE == 0):
+                    n = enter(offsets, row // TILE, column // TILE, label, reached, queue, n)
+                before = label
         while head < n:
             tr, tc, label = queue[head, 0], queue[head, 1], queue[head, 2]
             head += 1
-            r0, c0 = tr * TILE, tc * TILE
-            for i in range(TILE):
-                if tr > 0 and labels[r0, c0 + i] == label:
-                    n = enter(labels, offsets, r0 - 1, c0 + i, reached, queue, n)
-                if tr < tile_rows - 1 and labels[r0 + TILE - 1, c0 + i] == label:
-                    n = enter(labels, offsets, r0 + TILE, c0 + i, reached, queue, n)
-                if tc > 0 and labels[r0 + i, c0] == label:
-                    n = enter(labels, offsets, r0 + i, c0 - 1, reached, queue, n)
-                if tc < tile_columns - 1 and labels[r0 + i, c0 + TILE - 1] == label:
-                    n = enter(labels, offsets, r0 + i, c0 + TILE, reached, queue, n)
-        if walked:  # from outside, ground near the robot may be reached that was cut off from it
-            for r in range(rows):
-                for c in range(columns):
-                    label = labels[r + corner[0], c + corner[1]]
-                    if label == 0 or got[r, c] != 0 or not near[r, c]:
-                        continue
-                    tile = offsets[(r + corner[0]) // TILE, (c + corner[1]) // TILE]
-                    if reached[tile + label - 1] != 0:
-                        stack[top, 0] = r
-                        stack[top, 1] = c
-                        top += 1
+            for side in range(4):
+                y, x = tr + STEPS[side][0], tc + STEPS[side][1]
+                if y < 0 or x < 0 or y >= offsets.shape[0] or x >= offsets.shape[1]:
+                    continue
+                ours, theirs = edges[tr, tc, side], edges[y, x, side ^ 1]
+                before = 0
+                for i in range(TILE):
+                    beyond = np.int64(theirs[i]) if ours[i] == label else 0
+                    if beyond != 0 and beyond != before:
+                        n = enter(offsets, y, x, beyond, reached, queue, n)
+                    before = beyond
+        # From outside, ground near the robot may be reached that was cut off from it.
+        more = False
+        for r in range(near.shape[0]):
+            for c in range(near.shape[1]):
+                if here[r, c] == 0 or got[r, c] != 0 or near[r, c] == 0:
+                    continue
+                tile = offsets[(r + corner[0]) // TILE, (c + corner[1]) // TILE]
+                if reached[tile + here[r, c] - 1] != 0:
+                    flood(near, r, c, got)
+                    more = True

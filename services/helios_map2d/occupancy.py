@@ -9,6 +9,7 @@ of z = 0, and between two such places on one line of sight.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -157,7 +158,7 @@ class OccupancyLayer:
             (window.row_lo, window.column_lo),
             self.evidence, self.floor_seen, self.z_low_m, self.z_high_m, self.occupancy, came_of_it,
         )  # fmt: skip
-        fuse_kernels.forget_pixels(count, low, high)
+        fuse_kernels.forget_pixels(self._active[:found], count, low, high)
         return came_of_it
 
     def _room_for(self, window: Box) -> Pixels:
@@ -169,26 +170,24 @@ class OccupancyLayer:
             self._pixels = count, np.full(cells, project_kernels.NO_LOW, np.int32), high
         return self._pixels
 
-    def clear_disc(self, x_m: float, y_m: float, radius_m: float) -> Box:
-        """The robot stands here: its own disc is free, whatever was believed. Returns its box."""
-        box, disc = disc_cells(self.grid, x_m, y_m, radius_m)
-        at = box.slices
-        self.evidence[at][disc] = 0
-        self.floor_seen[at][disc] = 1
-        self.occupancy[at][disc] = FREE
-        return box
-
-
-def disc_cells(
-    grid: GridSpec, x_m: float, y_m: float, radius_m: float
-) -> tuple[Box, NDArray[np.bool_]]:
-    """The cells whose centres lie within a disc: their box and a mask over it."""
-    row, column = grid.cell_of(x_m, y_m)
-    reach = int(np.ceil(radius_m / grid.cell_m))
-    box = Box(row, row + 1, column, column + 1).grown(reach, grid.whole)
-    rows = grid.origin_m[1] + (np.arange(box.row_lo, box.row_hi) + 0.5) * grid.cell_m
-    columns = grid.origin_m[0] + (np.arange(box.column_lo, box.column_hi) + 0.5) * grid.cell_m
-    return box, (rows[:, None] - y_m) ** 2 + (columns - x_m) ** 2 <= radius_m**2
+    def clear_disc(
+        self,
+        x_m: float,
+        y_m: float,
+        radius_m: float,
+        came_of_it: NDArray[np.uint8],
+        corner: tuple[int, int],
+    ) -> None:
+        """The robot stands here: its own disc is free, whatever was believed. What changes by it is
+        noted in `came_of_it`, flags over a box whose corner is at `corner`."""
+        row, column = self.grid.cell_of(x_m, y_m)
+        reach = math.ceil(radius_m / self.grid.cell_m)
+        box = Box(row, row + 1, column, column + 1).grown(reach, self.grid.whole)
+        fuse_kernels.clear_disc(
+            (box.row_lo, box.row_hi, box.column_lo, box.column_hi), self.grid.origin_m,
+            self.grid.cell_m, (x_m, y_m, radius_m), self.evidence, self.floor_seen, self.occupancy,
+            corner, came_of_it,
+        )  # fmt: skip
 
 
 def intrinsics_of(view: View) -> NDArray[np.float32]:

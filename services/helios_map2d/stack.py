@@ -15,7 +15,7 @@ from helios_map2d import change_kernels
 from helios_map2d.explored import SearchArea
 from helios_map2d.exploring import ByDepth, Exploring
 from helios_map2d.frontiers import Frontier, FrontierFinder
-from helios_map2d.fuse_kernels import HEIGHTS, MEMORY, SEEN_NOW
+from helios_map2d.fuse_kernels import HEIGHTS, SEEN_NOW
 from helios_map2d.grid import EMPTY, TILE, Box, GridSpec, Tile
 from helios_map2d.ground import OpenGround
 from helios_map2d.occupancy import UNKNOWN, OccupancyLayer
@@ -109,8 +109,9 @@ class LayerStack:
         self._exploring.mark(view, self.occupancy, came_of_it, box)
         self.search.add(came_of_it, box)
         if self._footprint_radius_m > 0:
-            disc = self.occupancy.clear_disc(*robot_m, self._footprint_radius_m)
-            came_of_it[disc.moved(-box.row_lo, -box.column_lo).slices] |= np.uint8(MEMORY)
+            self.occupancy.clear_disc(
+                *robot_m, self._footprint_radius_m, came_of_it, (box.row_lo, box.column_lo)
+            )
             self.search.add_near_robot(
                 self.occupancy.occupancy, *robot_m, self.rules.frontiers.blind_radius_m
             )

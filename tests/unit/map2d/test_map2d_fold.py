@@ -188,7 +188,8 @@ def folded_plainly(
 
 def test_pixels_are_forgotten_for_the_next_frame() -> None:
     count, low, high = np.full((3, 4, 5), 7, np.int32)
-    fuse_kernels.forget_pixels(count, low, high)
+    cells = np.array(list(np.ndindex(4, 5)), np.int32)
+    fuse_kernels.forget_pixels(cells, count, low, high)
     assert not count.any()
     assert (low == NO_LOW).all()
     assert not high.any()
@@ -210,6 +211,23 @@ def test_no_pixel_lies_beyond_the_bins_of_its_view(yaw: float, pitch: float, rol
     first, end = view.seen_bins
     assert first <= bins.min()
     assert bins.max() < end
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(-3, 3), st.floats(-1.5, 1.5), st.floats(-3, 3), st.floats(0, 2))
+def test_no_pixel_of_a_frame_is_left_for_the_next(
+    yaw: float, pitch: float, roll: float, nearest_m: float
+) -> None:
+    """All of them lie in cells that are looked at, however the camera is held."""
+    depth = np.random.default_rng(5).uniform(nearest_m, 5.0, (48, 64)).astype(np.float32)
+    grid = GridSpec.centred_on(0, 0, CELL_M, 300)
+    layer = OccupancyLayer(grid, OccupancyRules(band_rise_per_m=0.0, veil_jump_m=10.0))
+    T = camera_pose(0, 0, yaw, pitch, roll)
+    layer.integrate(view_of(depth, CAMERA, T, grid, 0.1, 5.0), (0.0, 0.0), 0.0)
+    count, low, high = layer._pixels
+    assert not count.any()
+    assert (low == NO_LOW).all()
+    assert not high.any()
 
 
 def test_the_pixels_that_are_looked_at_give_the_map_of_all_to_within_a_cell() -> None:
