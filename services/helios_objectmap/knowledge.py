@@ -18,10 +18,12 @@ from helios_objectmap.mapfile import Memory
 from helios_objectmap.objects import (
     Belief,
     InstanceGaussians,
+    Shape,
     believed,
     describe,
     gaussians_of,
     shape_of,
+    sure_part,
 )
 from helios_objectmap.registry import InstanceRegistry, Moment
 from helios_objectmap.rendering import FAR_M, Projection, back_end
@@ -178,7 +180,7 @@ class Knowledge:
             store.positive[rows, column], store.asked[rows, column],
             self._settings.prior_concentration, self._n_classes,
         )  # fmt: skip
-        own = rows[mean > self._settings.named_from]
+        own = rows[mean > self._least(instance_id, mean)]
         return grasp(store.means[own if len(own) else rows])
 
     # On disk ------------------------------------------------------------------------------------
@@ -272,15 +274,25 @@ class Knowledge:
     def _size_agreement(self, label: int, belief: Belief) -> float:
         """How well what was seen of an instance fits what its class usually measures."""
         s, record = self._settings, self._registry.records[label]
-        shape = shape_of(self._store.means, belief, s.named_from)
+        shape = self._shape(label, belief)
         measured_m = extents_of(shape.outline_m, float(shape.high_m[2] - shape.low_m[2]))
         top_m = None if s.floor_m is None else float(shape.high_m[2]) - s.floor_m
         views = record.views if s.size_agreement == "on" else 0.0
         return agreement(record.class_name, measured_m, views, top_m)
 
+    def _shape(self, label: int, belief: Belief) -> Shape:
+        return shape_of(self._store.means, belief, self._least(label, belief.mean))
+
+    def _least(self, label: int, mean: NDArray[np.floating]) -> float:
+        """Probability from which a Gaussian of an instance is part of its box; mean: [n]."""
+        least = self._settings.named_from
+        if self._settings.by_sides and not self._is_receptacle(self.class_of(label)):
+            least = max(least, sure_part(mean))
+        return least
+
     def _describe(self, label: int) -> ObjectInstance | None:
         belief = self._belief(label)
         if belief is None:
             return None
-        shape = shape_of(self._store.means, belief, self._settings.named_from)
+        shape = self._shape(label, belief)
         return describe(label, self._registry.records[label], shape, belief)

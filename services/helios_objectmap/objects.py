@@ -23,6 +23,7 @@ from helios_objectmap.registry import InstanceRecord
 from helios_objectmap.score import Score, weighed
 
 BELIEVED = 0.5  # more likely than not
+SURE, SUREST = 0.7, 0.95  # share of the probability of the surest, and which one that is
 # A pixel on an edge that mixes two depths makes a stray Gaussian; a few must not move the box.
 BOX_QUANTILES = (0.02, 0.98)
 MANY_POINTS = 2000  # from here on it is faster to look for points inside of the hull first
@@ -90,11 +91,20 @@ def believed(
     return Belief(rows, mine, trust, probabilities, scored)
 
 
-def shape_of(points: NDArray[np.float32], belief: Belief, named_from: float = BELIEVED) -> Shape:
-    """Of the Gaussians that are of the class with a probability above named_from, or of all where
-    none is. points: [., 3] of the store."""
+def sure_part(mean: NDArray[np.floating]) -> float:
+    """Probability from which Gaussians are as good as the surest of their instance. mean: [n].
+
+    Small things that stand together are joined where masks run over from one to the other, and the
+    one that is meant is the one that is believed more.
+    """
+    return SURE * float(np.quantile(mean, SUREST))
+
+
+def shape_of(points: NDArray[np.float32], belief: Belief, least: float = BELIEVED) -> Shape:
+    """Of the Gaussians that are of the class with a probability above `least`, or of all where none
+    is. points: [., 3] of the store."""
     xyz = np.empty((3, len(belief.rows)), np.float32)
-    least = named_from if (belief.mean > named_from).any() else -1.0
+    least = least if (belief.mean > least).any() else -1.0
     own = gather_kernel(belief.rows, points, belief.mean, least, xyz)
     low, high = quantiles(xyz[:, :own], BOX_QUANTILES)
     xy = np.empty((own, 2), np.float32)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helios_objectmap.dirichlet import marginal
 from helios_objectmap.gaussians import NO_INSTANCE, GaussianStore
-from helios_objectmap.objects import BELIEVED, BOX_QUANTILES, believed, describe
+from helios_objectmap.objects import BELIEVED, BOX_QUANTILES, believed, describe, shape_of
 from helios_objectmap.registry import InstanceRecord, InstanceRegistry
 from helios_objectmap.score import score
 from hypothesis import given, settings
@@ -36,7 +36,8 @@ def test_an_instance_is_described_as_its_gaussians_say(seed, n, prior):
     if not len(rows):
         return
     belief = believed(store, rows, "table", NAMES, prior, 4, alpha_cs=0.7)
-    o = describe(3, InstanceRecord("table", views=4.2, detected=2.1), store.means, belief)
+    record = InstanceRecord("table", views=4.2, detected=2.1)
+    o = describe(3, record, shape_of(store.means, belief), belief)
 
     mean, deviation = marginal(store.positive[rows], store.asked[rows], prior, 4)
     scored = score(mean[:, 1], deviation[:, 1], 0.7)

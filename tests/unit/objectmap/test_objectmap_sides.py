@@ -332,3 +332,18 @@ def test_what_is_retired_or_forgotten_takes_its_votes_and_leaves_those_of_the_ot
         store.means[:3] + 9, store.radius_m[:3], 0.9, np.zeros((3, 3), np.uint8), 99
     )  # in rows that others had
     assert not store.votes[-3:].any()
+
+
+def test_of_two_things_joined_the_box_is_of_the_one_that_is_believed_more() -> None:
+    """Masks that run over join what stands together; a gripper goes to the middle of the box."""
+    object_map = ObjectMap(SIDES.model_copy(update={"named_from": 0.2}))
+    home = (*ROOM, mug_at(1.4, 0.0), mug_at(1.4, 0.12))
+    for k, y in enumerate(np.linspace(-1.2, 1.2, 9)):
+        called = {3: "mug", 4: "mug"} if k % 3 == 1 else {3: "mug"}
+        seen = observe(home, looking_at(0.4, y, (1.4, 0.0, 0.8)), seq=k, called=called)
+        object_map.update(seen, CONTEXT)
+    (joined,) = (o for o in object_map.objects() if o.class_name == "mug")
+    assert abs(joined.center_m[1]) < 0.03  # 0.06 is between them
+    grasp = object_map.grasp(joined.id)
+    assert grasp is not None
+    assert abs(grasp.center_m[1]) < 0.03  # 0.06 is between them
