@@ -12,7 +12,7 @@ from typing import Any
 import httpx
 import psutil
 
-from tests.support import free_port
+from tests.support import LOOPBACK, free_port
 
 
 class House:
@@ -29,12 +29,12 @@ class House:
         )  # fmt: skip
 
     def get(self, path: str) -> Any:
-        answer = httpx.get(f"http://127.0.0.1:{self.port}{path}", timeout=10)
+        answer = LOOPBACK.get(f"http://127.0.0.1:{self.port}{path}", timeout=10)
         answer.raise_for_status()
         return answer.json()
 
     def post(self, path: str, body: dict | None = None) -> Any:
-        answer = httpx.post(f"http://127.0.0.1:{self.port}{path}", json=body, timeout=10)
+        answer = LOOPBACK.post(f"http://127.0.0.1:{self.port}{path}", json=body, timeout=10)
         answer.raise_for_status()
         return answer.json()
 
@@ -43,7 +43,7 @@ class House:
         ended = self.process.poll()
         assert ended is None, f"ended with {ended}: {(self.state / 'up.log').read_text()[-2000:]}"
         try:
-            return httpx.get(f"http://127.0.0.1:{self.port}/readyz").status_code == 200
+            return LOOPBACK.get(f"http://127.0.0.1:{self.port}/readyz").status_code == 200
         except httpx.TransportError:
             return False
 

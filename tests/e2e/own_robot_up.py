@@ -13,7 +13,7 @@ from typing import Any
 
 import httpx
 
-from tests.support import free_port, wait_until
+from tests.support import LOOPBACK, free_port, wait_until
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Up:
     def services(self) -> dict[str, dict[str, Any]]:
         """By name, as the gateway tells them; empty while it cannot be asked."""
         try:
-            answer = httpx.get(f"{self.address}/v1/status", timeout=10)
+            answer = LOOPBACK.get(f"{self.address}/v1/status", timeout=10)
             return {s["name"]: s for s in answer.json()["services"]}
         except (httpx.TransportError, KeyError, ValueError):
             return {}

@@ -6,7 +6,6 @@ import io
 from collections.abc import Iterator
 from pathlib import Path
 
-import httpx
 import numpy as np
 import pytest
 from helios_core import proto as pb
@@ -17,7 +16,7 @@ from helios_core.zenoh_bus import ZenohBus
 from helios_examples import room_robot
 
 from tests.e2e.own_robot_up import Up, helios_up
-from tests.support import wait_until
+from tests.support import LOOPBACK, wait_until
 
 MOST_LINES = 80
 
@@ -80,7 +79,7 @@ def test_the_map_shows_the_table_and_the_free_floor(up: Up, bus: ZenohBus) -> No
         return int(grid["occupancy"][int((y_m - y0) / cell_m), int((x_m - x0) / cell_m)])
 
     def mapped() -> bool:
-        answer = httpx.get(f"{up.address}/v1/map/occupancy.npz", timeout=10)
+        answer = LOOPBACK.get(f"{up.address}/v1/map/occupancy.npz", timeout=10)
         if answer.status_code != 200:
             return False
         with np.load(io.BytesIO(answer.content)) as file:
@@ -91,11 +90,11 @@ def test_the_map_shows_the_table_and_the_free_floor(up: Up, bus: ZenohBus) -> No
 
 
 def test_stop_now_over_http_holds_the_robot(up: Up, bus: ZenohBus) -> None:
-    stopped = httpx.post(f"{up.address}/v1/robot/stop", json={"reason": "a cat"}, timeout=10)
+    stopped = LOOPBACK.post(f"{up.address}/v1/robot/stop", json={"reason": "a cat"}, timeout=10)
     assert stopped.status_code == 200
     with pytest.raises(Conflict, match="a cat"):
         act(bus, "after the stop", pb.Action(turn=pb.Action.Turn(angle_rad=0.2)))
-    assert httpx.post(f"{up.address}/v1/robot/clear-stop", timeout=10).status_code == 200
+    assert LOOPBACK.post(f"{up.address}/v1/robot/clear-stop", timeout=10).status_code == 200
     assert act(bus, "after that", pb.Action(turn=pb.Action.Turn(angle_rad=0.2))).succeeded
 
 
@@ -103,16 +102,16 @@ def test_stop_now_over_http_holds_the_robot(up: Up, bus: ZenohBus) -> None:
 def test_the_planner_drives_it_to_find_a_thing(up: Up) -> None:
     """The shelf stands behind the robot: it has to turn, and to look from several places."""
     address = f"{up.address}/v1/tasks"
-    task = httpx.post(address, json={"instruction": "find the green shelf"}, timeout=20).json()
+    task = LOOPBACK.post(address, json={"instruction": "find the green shelf"}, timeout=20).json()
 
     def ended() -> bool:
-        return httpx.get(f"{address}/{task['id']}", timeout=20).json()["state"] in (
+        return LOOPBACK.get(f"{address}/{task['id']}", timeout=20).json()["state"] in (
             "succeeded", "failed", "cancelled",
         )  # fmt: skip
 
     wait_until(ended, 240, "the task has ended")
-    task = httpx.get(f"{address}/{task['id']}", timeout=20).json()
+    task = LOOPBACK.get(f"{address}/{task['id']}", timeout=20).json()
     assert task["state"] == "succeeded", task
-    objects = httpx.get(f"{up.address}/v1/objects", timeout=20).json()["objects"]
+    objects = LOOPBACK.get(f"{up.address}/v1/objects", timeout=20).json()["objects"]
     near_m = [np.linalg.norm(np.subtract(o["center_m"][:2], (-2.0, 1.5))) for o in objects]
     assert min(near_m) < 0.5, objects

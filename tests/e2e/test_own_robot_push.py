@@ -20,7 +20,7 @@ from helios_examples.room_robot import CAMERA
 from websockets.sync.client import connect
 
 from tests.e2e.own_robot_up import Up, helios_up
-from tests.support import wait_until
+from tests.support import LOOPBACK, wait_until
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def write_frame(folder: Path, x_m: float = 0.0, yaw_rad: float = 0.0, **more: An
 def post(up: Up, folder: Path) -> httpx.Response:
     files = {name: (folder / f"{name}.png").read_bytes() for name in ("color", "depth")}
     data = {"meta": (folder / "meta.json").read_text()}
-    return httpx.post(f"{up.address}/v1/frames", data=data, files=files, timeout=60)
+    return LOOPBACK.post(f"{up.address}/v1/frames", data=data, files=files, timeout=60)
 
 
 def test_the_curl_line_of_the_docs_works(up: Up, tmp_path: Path) -> None:
@@ -69,10 +69,10 @@ def test_pushed_frames_make_a_map(up: Up, tmp_path: Path) -> None:
         assert answer.status_code == 200, answer.text
         assert answer.json()["integrated"]
     wait_until(
-        lambda: httpx.get(f"{up.address}/v1/map/occupancy.png", timeout=10).status_code == 200,
+        lambda: LOOPBACK.get(f"{up.address}/v1/map/occupancy.png", timeout=10).status_code == 200,
         20, "there is a picture of the map",
     )  # fmt: skip
-    assert httpx.get(f"{up.address}/v1/camera.jpg", timeout=10).status_code == 200
+    assert LOOPBACK.get(f"{up.address}/v1/camera.jpg", timeout=10).status_code == 200
 
 
 def test_classes_that_are_asked_for_become_objects(up: Up, tmp_path: Path) -> None:
@@ -82,7 +82,7 @@ def test_classes_that_are_asked_for_become_objects(up: Up, tmp_path: Path) -> No
         return answer["integrated"] and len(answer["maps"]) == 3
 
     wait_until(integrated, 60, "all three maps have taken a frame")
-    objects = httpx.get(f"{up.address}/v1/objects", timeout=10).json()["objects"]
+    objects = LOOPBACK.get(f"{up.address}/v1/objects", timeout=10).json()["objects"]
     near_m = [np.linalg.norm(np.subtract(o["center_m"], (1.6, 0.0, 0.55))) for o in objects]
     assert min(near_m) < 0.25, objects
 
@@ -142,13 +142,13 @@ def test_nothing_that_is_sent_ends_a_service(up: Up, tmp_path: Path) -> None:
     }
     for wrong in spoiled:
         parts = good | wrong
-        answer = httpx.post(
+        answer = LOOPBACK.post(
             f"{up.address}/v1/frames", data={"meta": parts["meta"]},
             files={"color": parts["color"], "depth": parts["depth"]}, timeout=30,
         )  # fmt: skip
         assert answer.status_code == 400, (wrong.keys(), answer.text)
         assert answer.headers["content-type"] == "application/problem+json"
-    refused = httpx.post(f"{up.address}/v1/frames", content=b"x" * 17_000_000, timeout=30)
+    refused = LOOPBACK.post(f"{up.address}/v1/frames", content=b"x" * 17_000_000, timeout=30)
     assert refused.status_code == 413
     assert post(up, tmp_path).status_code == 200
     assert {name: s["pid"] for name, s in up.services().items()} == before

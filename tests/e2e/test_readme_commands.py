@@ -20,7 +20,7 @@ import httpx
 import pytest
 
 from tests.browser import chromium
-from tests.support import free_port, wait_until
+from tests.support import LOOPBACK, free_port, wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
 BIN = Path(sys.executable).parent
@@ -81,12 +81,14 @@ class House:
 
     def ready(self) -> bool:
         try:
-            return httpx.get(f"http://127.0.0.1:{self.port}/readyz", timeout=5).status_code == 200
+            return (
+                LOOPBACK.get(f"http://127.0.0.1:{self.port}/readyz", timeout=5).status_code == 200
+            )
         except httpx.TransportError:
             return False
 
     def newest_task(self) -> dict:
-        return httpx.get(f"http://127.0.0.1:{self.port}/v1/tasks", timeout=10).json()["tasks"][0]
+        return LOOPBACK.get(f"http://127.0.0.1:{self.port}/v1/tasks", timeout=10).json()["tasks"][0]
 
 
 @pytest.fixture(scope="module")
