@@ -59,15 +59,13 @@ class RoomRobot(RobotDriver):
 
     def _do(self, action) -> str:
         """Why it failed; empty when it is done."""
-        if isinstance(action, Forward):
-            if action.distance_m < 0:
-                return "this robot does not drive back; turn, and drive ahead"
+        if isinstance(action, Forward) and action.distance_m >= 0:
             return self._move(action.distance_m, 0.0)
         if isinstance(action, Turn):
             return self._move(0.0, action.angle_rad)
         if isinstance(action, Tilt):
             self._tilt_rad = min(max(action.angle_rad, -0.3), 1.0)
-        return "" if isinstance(action, Tilt | Observe) else "this robot has no hand"
+        return "" if isinstance(action, Tilt | Observe) else "it has no hand and never drives back"
 
     def _move(self, ahead_m: float, left_rad: float) -> str:
         steps = math.ceil(max(abs(ahead_m) / STEP_M, abs(left_rad) / STEP_RAD, 1))
