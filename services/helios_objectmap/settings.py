@@ -46,7 +46,7 @@ class ObjectMapSettings(ServiceSettings):
     size_agreement: Literal["off", "large", "on"] = Field(
         default="off",
         description="on: the less a thing measures what its class usually does, the less of its "
-        "evidence counts in scores; large: only where it is too large.",
+        "evidence counts in scores; large: never for being seen to be small.",
     )
     floor_m: float | None = Field(
         default=0.0,
