@@ -91,6 +91,9 @@ class MapInfo(BaseModel):
     layers: list[MapLayer]
     robot: RobotPose | None
     trajectory_m: list[Vector2]
+    trajectory_starts: list[int] = Field(
+        default=[], description="points that the robot came to unseen: no line leads there"
+    )
 
 
 class LoadedMaps(BaseModel):

@@ -75,6 +75,7 @@ class Maps:
             ],
             robot=convert.pose(*view.robot_pose),
             trajectory_m=convert.pairs(view.trajectory_m.ravel().tolist()),
+            trajectory_starts=list(view.trajectory_starts),
         )  # fmt: skip
 
     def info_json(self) -> Encoded:

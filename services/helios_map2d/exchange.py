@@ -84,7 +84,7 @@ def decode_ros(about: bytes, picture: bytes, cell_m: float, version: int) -> Map
     nothing = np.zeros(grey.shape, np.float32)
     tall = np.where(occupancy == OCCUPIED, np.float32(1.5), nothing)
     ground = ground_of(grid, version + 1, occupancy, occupancy != UNKNOWN, nothing, tall)
-    return MapContent(None, 0, "", dict(ground), {}, None, np.empty((0, 2)), {}, 1)
+    return MapContent(None, 0, "", dict(ground), {}, None, np.empty((0, 2)), (), {}, 1)
 
 
 def flat_yaml(text: str) -> dict[str, list[str]]:
@@ -114,6 +114,6 @@ def decode_exported(data: bytes, cell_m: float, version: int) -> MapContent:
     return MapContent(
         snapshot.frame_id, snapshot.stamp_ns, snapshot.context_id,
         dict(snapshot.ground), {name: dict(tiles) for name, tiles in snapshot.layers.items()},
-        snapshot.robot_pose, snapshot.trajectory_m,
+        snapshot.robot_pose, snapshot.trajectory_m, snapshot.trajectory_starts,
         {f.id: f.cells.astype(np.int32) for f in snapshot.frontiers}, snapshot.next_frontier_id,
     )  # fmt: skip

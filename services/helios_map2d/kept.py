@@ -45,6 +45,7 @@ def encode_map(snapshot: MapSnapshot, views: tuple[SeenView, ...], epoch: EpochK
         map_id=snapshot.map_id, stamp_ns=snapshot.stamp_ns, version=snapshot.version,
         cell_m=snapshot.grid.cell_m, tile_cells=TILE, context_id=snapshot.context_id,
         layers=list(snapshot.layers), trajectory_m=snapshot.trajectory_m.ravel().tolist(),
+        trajectory_starts=snapshot.trajectory_starts,
         next_frontier_id=snapshot.next_frontier_id,
         frontiers=[pb.KeptFrontier(id=f.id, cells=f.cells.ravel().tolist())
                    for f in snapshot.frontiers],
@@ -102,6 +103,7 @@ def decode_map(
             robot_pose=(message.robot.x_m, message.robot.y_m, message.robot.yaw_rad)
             if message.HasField("robot") else None,
             trajectory_m=np.array(message.trajectory_m, np.float64).reshape(-1, 2),
+            trajectory_starts=tuple(message.trajectory_starts),
             frontiers={f.id: np.array(f.cells, np.int32).reshape(-1, 2)
                        for f in message.frontiers},
             next_frontier_id=message.next_frontier_id,
@@ -124,6 +126,7 @@ class MapContent:
     values: dict[str, dict[Tile, ValueTile]]
     robot_pose: tuple[float, float, float] | None
     trajectory_m: NDArray[np.float64]
+    trajectory_starts: tuple[int, ...]
     frontiers: dict[int, NDArray[np.int32]]
     next_frontier_id: int
 
@@ -146,7 +149,9 @@ def rebuilt(
     state.frame_id, state.stamp_ns = content.frame_id, content.stamp_ns
     state.order.newest = content.frame_id.seq if content.frame_id is not None else None
     state.robot_pose = content.robot_pose
-    state.trajectory = Trajectory(rules.trajectory_step_m, content.trajectory_m)
+    state.trajectory = Trajectory(
+        rules.trajectory_step_m, content.trajectory_m, content.trajectory_starts
+    )
     state.stack.frontiers.next_id = max(1, content.next_frontier_id)
     state.stack.frontiers.remember(
         tuple(Frontier(id, (0.0, 0.0), 0.0, False, {}, cells)

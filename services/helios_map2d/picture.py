@@ -86,7 +86,8 @@ def render(
     sheet.paint(cell_colours(snapshot, layer))
     for frontier in snapshot.frontiers:
         _draw_frontier_cells(sheet, snapshot, frontier.cells, frontier.reachable)
-    sheet.line(snapshot.trajectory_m, TRAIL_RGB, sheet.line_px)
+    for piece in np.split(snapshot.trajectory_m, snapshot.trajectory_starts):
+        sheet.line(piece, TRAIL_RGB, sheet.line_px)
     if path_m is not None:
         sheet.line(path_m, (255, 255, 255), 3 * sheet.line_px)
         sheet.line(path_m, PATH_RGB, 2 * sheet.line_px)

@@ -52,6 +52,7 @@ class MapSnapshot:
     robot_pose: tuple[float, float, float] | None
     trajectory_m: NDArray[np.float64]
     next_frontier_id: int = 1
+    trajectory_starts: tuple[int, ...] = ()  # points that the robot came to unseen
 
     @cached_property
     def occupancy(self) -> NDArray[np.int8]:
@@ -163,6 +164,7 @@ def encode_npz(snapshot: MapSnapshot) -> bytes:
         "z_low_m": snapshot.z_low_m,
         "z_high_m": snapshot.z_high_m,
         "trajectory_m": snapshot.trajectory_m,
+        "trajectory_starts": np.array(snapshot.trajectory_starts, np.uint32),
         "frontier_cells": np.concatenate([np.empty((0, 3)), *cells]).astype(np.int32),
     }
     for k, name in enumerate(snapshot.values):
@@ -231,6 +233,7 @@ def _decoded(arrays: dict[str, NDArray], meta: dict, version: int | None) -> Map
         robot_pose=None if pose is None else (pose[0], pose[1], pose[2]),
         trajectory_m=trajectory_m,
         next_frontier_id=int(meta["next_frontier_id"]),
+        trajectory_starts=tuple(arrays.get("trajectory_starts", np.empty(0)).astype(int).tolist()),
     )
 
 

@@ -164,6 +164,7 @@ class MapState:
         """
         self.frame_id, self.stamp_ns, self.robot_pose = None, 0, None
         self._told_pose = told_pose
+        self.trajectory.part()
         self.order = FrameOrder()
         if other is not None:
             self.frame_id, self.stamp_ns = other.frame_id, other.stamp_ns
@@ -194,6 +195,7 @@ class MapState:
             robot_pose=self.robot_pose or self._told_pose,
             trajectory_m=self.trajectory.points_m,
             next_frontier_id=self.stack.frontiers.next_id,
+            trajectory_starts=self.trajectory.starts,
         )
 
     def _prepared(self, frame: Frame) -> tuple[float, float, float]:

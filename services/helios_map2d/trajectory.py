@@ -2,41 +2,72 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
+from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
 MOST_POINTS = 20_000
 
 
 class Trajectory:
-    """Points are only appended; `points_m` is a read-only view [n, 2] that never changes."""
+    """Points are only appended; `points_m` is a read-only view [n, 2] that never changes.
 
-    def __init__(self, step_m: float, points_m: NDArray[np.float64] | None = None) -> None:
+    `starts` are the points with which a further piece of it begins: the robot came there unseen,
+    so no line leads to them. Raises InvalidInput for starts that are none.
+    """
+
+    def __init__(
+        self,
+        step_m: float,
+        points_m: NDArray[np.float64] | None = None,
+        starts: tuple[int, ...] = (),
+    ) -> None:
         self._step_m = step_m
-        given = np.empty((0, 2)) if points_m is None else points_m[-MOST_POINTS:]
-        self._n = len(given)
+        given = np.empty((0, 2)) if points_m is None else points_m
+        if any(b <= a for a, b in itertools.pairwise((0, *starts, len(given)))) and starts:
+            raise InvalidInput(f"the pieces of a way of {len(given)} points begin at {starts}")
+        left_out = max(0, len(given) - MOST_POINTS)
+        self.starts = tuple(start - left_out for start in starts if start > left_out)
+        self._parted = False
+        self._n = len(given) - left_out
         self._points = np.empty((max(1024, 2 * self._n), 2))
-        self._points[: self._n] = given
+        self._points[: self._n] = given[left_out:]
+
+    def part(self) -> None:
+        """The next place is where the robot came to unseen."""
+        self._parted = True
 
     def follow(self, x_m: float, y_m: float) -> None:
         """Add a place, unless the last one is near."""
-        if self._n:
+        if self._n and not self._parted:
             last_x, last_y = self._points[self._n - 1]
             if math.hypot(x_m - last_x, y_m - last_y) < self._step_m:
                 return
         if self._n == MOST_POINTS:
-            kept = self._points[: self._n : 2]
-            self._points = np.empty((MOST_POINTS, 2))
-            self._n = len(kept)
-            self._points[: self._n] = kept
+            self._thin()
         if self._n == len(self._points):
             grown = np.empty((min(MOST_POINTS, 2 * self._n), 2))
             grown[: self._n] = self._points
             self._points = grown
+        if self._parted and self._n:
+            self.starts = (*self.starts, self._n)
+        self._parted = False
         self._points[self._n] = x_m, y_m
         self._n += 1
+
+    def _thin(self) -> None:
+        """Keep every second point."""
+        kept = self._points[: self._n : 2]
+        self._points = np.empty((MOST_POINTS, 2))
+        self._n = len(kept)
+        self._points[: self._n] = kept
+        starts = sorted({(start + 1) // 2 for start in self.starts})
+        if starts and starts[-1] == self._n:  # the only point of the last piece is left out
+            self._parted = starts.pop() > 0
+        self.starts = tuple(starts)
 
     @property
     def points_m(self) -> NDArray[np.float64]:

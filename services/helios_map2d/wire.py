@@ -53,6 +53,7 @@ def snapshot_to_proto(snapshot: MapSnapshot, layers: bool) -> pb.MapSnapshot:
     out.frontiers.extend(frontier_messages(snapshot))
     out.robot.CopyFrom(pb.Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad))
     out.trajectory_m.extend(snapshot.trajectory_m.ravel().tolist())
+    out.trajectory_starts.extend(snapshot.trajectory_starts)
     cell_m2 = grid.cell_m**2
     out.explored_m2 = float(np.count_nonzero(snapshot.explored)) * cell_m2
     out.occupied_m2 = float(np.count_nonzero(snapshot.occupancy == OCCUPIED)) * cell_m2

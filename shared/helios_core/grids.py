@@ -40,6 +40,7 @@ class MapView:
     trajectory_m: NDArray[np.float32]  # [n, 2]
     explored_m2: float
     occupied_m2: float
+    trajectory_starts: tuple[int, ...] = ()  # points that no line leads to from the one before
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -79,6 +80,7 @@ def decode_snapshot(snapshot: pb.MapSnapshot) -> MapView:
         trajectory_m=np.array(snapshot.trajectory_m, np.float32).reshape(-1, 2),
         explored_m2=snapshot.explored_m2,
         occupied_m2=snapshot.occupied_m2,
+        trajectory_starts=tuple(snapshot.trajectory_starts),
     )
 
 

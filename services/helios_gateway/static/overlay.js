@@ -10,7 +10,11 @@ export function drawOverlay(context, view, colors) {
   labels.taken.push([0, 0, ruler, 26]);
   context.lineJoin = context.lineCap = "round";
   if ($("show-trajectory").checked) {
-    line(context, view, view.info.trajectory_m, colors.walked, 2, []);
+    const walked = view.info.trajectory_m;
+    const ends = [...view.info.trajectory_starts, walked.length];
+    ends.forEach((end, k) =>
+      line(context, view, walked.slice(ends[k - 1] ?? 0, end), colors.walked, 2, []),
+    );
   }
   if ($("show-path").checked && view.plan?.path_m.length) {
     line(context, view, view.plan.path_m, colors.path, 3.5, [7, 7]);

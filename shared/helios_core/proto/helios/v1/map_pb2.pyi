@@ -39,7 +39,7 @@ class Frontier(_message.Message):
     def __init__(self, id: _Optional[int] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., size_m: _Optional[float] = ..., values: _Optional[_Mapping[str, float]] = ..., reachable: bool = ...) -> None: ...
 
 class MapSnapshot(_message.Message):
-    __slots__ = ("id", "version", "cell_m", "origin_x_m", "origin_y_m", "width", "height", "occupancy", "explored", "top_mm", "values", "frontiers", "robot", "trajectory_m", "context_id", "unchanged", "explored_m2", "occupied_m2", "bottom_mm")
+    __slots__ = ("id", "version", "cell_m", "origin_x_m", "origin_y_m", "width", "height", "occupancy", "explored", "top_mm", "values", "frontiers", "robot", "trajectory_m", "context_id", "unchanged", "explored_m2", "occupied_m2", "bottom_mm", "trajectory_starts")
     class ValuesEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -66,6 +66,7 @@ class MapSnapshot(_message.Message):
     EXPLORED_M2_FIELD_NUMBER: _ClassVar[int]
     OCCUPIED_M2_FIELD_NUMBER: _ClassVar[int]
     BOTTOM_MM_FIELD_NUMBER: _ClassVar[int]
+    TRAJECTORY_STARTS_FIELD_NUMBER: _ClassVar[int]
     id: _common_pb2.FrameId
     version: int
     cell_m: float
@@ -85,7 +86,8 @@ class MapSnapshot(_message.Message):
     explored_m2: float
     occupied_m2: float
     bottom_mm: bytes
-    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., version: _Optional[int] = ..., cell_m: _Optional[float] = ..., origin_x_m: _Optional[float] = ..., origin_y_m: _Optional[float] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., occupancy: _Optional[bytes] = ..., explored: _Optional[bytes] = ..., top_mm: _Optional[bytes] = ..., values: _Optional[_Mapping[str, bytes]] = ..., frontiers: _Optional[_Iterable[_Union[Frontier, _Mapping]]] = ..., robot: _Optional[_Union[_common_pb2.Pose2, _Mapping]] = ..., trajectory_m: _Optional[_Iterable[float]] = ..., context_id: _Optional[str] = ..., unchanged: bool = ..., explored_m2: _Optional[float] = ..., occupied_m2: _Optional[float] = ..., bottom_mm: _Optional[bytes] = ...) -> None: ...
+    trajectory_starts: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., version: _Optional[int] = ..., cell_m: _Optional[float] = ..., origin_x_m: _Optional[float] = ..., origin_y_m: _Optional[float] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., occupancy: _Optional[bytes] = ..., explored: _Optional[bytes] = ..., top_mm: _Optional[bytes] = ..., values: _Optional[_Mapping[str, bytes]] = ..., frontiers: _Optional[_Iterable[_Union[Frontier, _Mapping]]] = ..., robot: _Optional[_Union[_common_pb2.Pose2, _Mapping]] = ..., trajectory_m: _Optional[_Iterable[float]] = ..., context_id: _Optional[str] = ..., unchanged: bool = ..., explored_m2: _Optional[float] = ..., occupied_m2: _Optional[float] = ..., bottom_mm: _Optional[bytes] = ..., trajectory_starts: _Optional[_Iterable[int]] = ...) -> None: ...
 
 class PictureRequest(_message.Message):
     __slots__ = ("layer", "size_px", "path_m", "objects")
@@ -422,7 +424,7 @@ class KeptView(_message.Message):
     def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., stamp_ns: _Optional[int] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., heading_x: _Optional[float] = ..., heading_y: _Optional[float] = ..., half_fov_rad: _Optional[float] = ..., bins: _Optional[int] = ..., first_bin: _Optional[int] = ..., reach_m: _Optional[bytes] = ..., embedding: _Optional[_Union[_frame_pb2.Embedding, _Mapping]] = ..., jpeg: _Optional[bytes] = ..., named: _Optional[_Iterable[_Union[KeptSighting, _Mapping]]] = ...) -> None: ...
 
 class KeptMap(_message.Message):
-    __slots__ = ("map_id", "id", "stamp_ns", "version", "cell_m", "tile_cells", "context_id", "layers", "robot", "trajectory_m", "next_frontier_id", "frontiers", "ground", "values", "views", "robot_boot_id", "world_epoch")
+    __slots__ = ("map_id", "id", "stamp_ns", "version", "cell_m", "tile_cells", "context_id", "layers", "robot", "trajectory_m", "next_frontier_id", "frontiers", "ground", "values", "views", "robot_boot_id", "world_epoch", "trajectory_starts")
     MAP_ID_FIELD_NUMBER: _ClassVar[int]
     ID_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
@@ -440,6 +442,7 @@ class KeptMap(_message.Message):
     VIEWS_FIELD_NUMBER: _ClassVar[int]
     ROBOT_BOOT_ID_FIELD_NUMBER: _ClassVar[int]
     WORLD_EPOCH_FIELD_NUMBER: _ClassVar[int]
+    TRAJECTORY_STARTS_FIELD_NUMBER: _ClassVar[int]
     map_id: str
     id: _common_pb2.FrameId
     stamp_ns: int
@@ -457,4 +460,5 @@ class KeptMap(_message.Message):
     views: _containers.RepeatedCompositeFieldContainer[KeptView]
     robot_boot_id: str
     world_epoch: int
-    def __init__(self, map_id: _Optional[str] = ..., id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., stamp_ns: _Optional[int] = ..., version: _Optional[int] = ..., cell_m: _Optional[float] = ..., tile_cells: _Optional[int] = ..., context_id: _Optional[str] = ..., layers: _Optional[_Iterable[str]] = ..., robot: _Optional[_Union[_common_pb2.Pose2, _Mapping]] = ..., trajectory_m: _Optional[_Iterable[float]] = ..., next_frontier_id: _Optional[int] = ..., frontiers: _Optional[_Iterable[_Union[KeptFrontier, _Mapping]]] = ..., ground: _Optional[_Iterable[_Union[KeptTile, _Mapping]]] = ..., values: _Optional[_Iterable[_Union[KeptValues, _Mapping]]] = ..., views: _Optional[_Iterable[_Union[KeptView, _Mapping]]] = ..., robot_boot_id: _Optional[str] = ..., world_epoch: _Optional[int] = ...) -> None: ...
+    trajectory_starts: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, map_id: _Optional[str] = ..., id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., stamp_ns: _Optional[int] = ..., version: _Optional[int] = ..., cell_m: _Optional[float] = ..., tile_cells: _Optional[int] = ..., context_id: _Optional[str] = ..., layers: _Optional[_Iterable[str]] = ..., robot: _Optional[_Union[_common_pb2.Pose2, _Mapping]] = ..., trajectory_m: _Optional[_Iterable[float]] = ..., next_frontier_id: _Optional[int] = ..., frontiers: _Optional[_Iterable[_Union[KeptFrontier, _Mapping]]] = ..., ground: _Optional[_Iterable[_Union[KeptTile, _Mapping]]] = ..., values: _Optional[_Iterable[_Union[KeptValues, _Mapping]]] = ..., views: _Optional[_Iterable[_Union[KeptView, _Mapping]]] = ..., robot_boot_id: _Optional[str] = ..., world_epoch: _Optional[int] = ..., trajectory_starts: _Optional[_Iterable[int]] = ...) -> None: ...

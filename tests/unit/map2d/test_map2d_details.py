@@ -1,0 +1,111 @@
+"""Small rules of the 2D map that nothing else would notice."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.types import FrameId
+from helios_map2d import fuse_kernels
+from helios_map2d.changes import changes_after
+from helios_map2d.fuse_kernels import MEMORY
+from helios_map2d.grid import GridSpec
+from helios_map2d.memory import SeenView, ViewMemory
+from helios_map2d.path import cost_along
+from helios_map2d.rules import MapRules
+from helios_map2d.state import MapState
+from helios_map2d.tiles import GroundTile
+from helios_map2d.value import Cone
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from map2d_scene import Block, Walk, room
+
+RULES = MapRules(size_cells=400)
+
+
+@pytest.mark.parametrize(
+    ("body_m", "holding", "stands"),
+    [(0.2, False, True), (0.2, True, False), (0.0, True, True), (0.0, False, True)],
+)
+def test_what_is_near_the_body_is_held_only_by_a_robot_with_a_body_that_holds_something(
+    body_m: float, holding: bool, stands: bool
+) -> None:
+    walk = Walk([*room(), Block((1.46, 1.3, 0), (1.52, 1.7, 1.0))])  # 0.46 m ahead of the robot
+    state = MapState(RULES, (1.0, 1.5), body_m)
+    for _ in range(3):
+        state.integrate_frame(walk.frame(1.0, 1.5, 0.0), holding=holding)
+    row, column = state.stack.grid.cell_of(1.47, 1.5)
+    near = state.stack.occupancy.occupancy[row - 2 : row + 3, column - 1 : column + 2]
+    assert (near == 100).any() == stands
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1).map(np.random.default_rng), st.floats(0.3, 0.7), st.floats(0, 0.4))
+def test_where_the_robot_stands_is_free_and_only_what_changed_by_it_is_told(
+    rng: np.random.Generator, x_m: float, radius_m: float
+) -> None:
+    grid, shape = GridSpec(0.05, 24, 20, (3, 2)), (24, 20)
+    evidence = rng.integers(0, 2, shape).astype(np.uint8)
+    floor_seen = rng.integers(0, 2, shape).astype(np.uint8)
+    occupancy = rng.choice([-1, 0, 100], shape).astype(np.int8)
+    before = (evidence != 0) | (floor_seen == 0) | (occupancy != 0)
+    came_of_it = np.zeros((22, 18), np.uint8)
+    kept = evidence.copy()
+    fuse_kernels.clear_disc(
+        (1, 23, 2, 20), grid.origin_m, 0.05, (x_m, 0.8, radius_m), evidence, floor_seen, occupancy,
+        (1, 2), came_of_it,
+    )  # fmt: skip
+    places = np.array([grid.centre_of(r, c) for r, c in np.ndindex(shape)]).reshape(*shape, 2)
+    disc = ((places - (x_m, 0.8)) ** 2).sum(axis=2) <= radius_m**2
+    disc[0], disc[23], disc[:, :2] = False, False, False
+    assert not evidence[disc].any()
+    assert (floor_seen[disc] == 1).all()
+    assert not occupancy[disc].any()
+    assert (evidence[~disc] == kept[~disc]).all()
+    told = np.zeros(shape, bool)
+    told[1:23, 2:20] = came_of_it == MEMORY
+    assert (told == (disc & before)).all()
+
+
+def test_a_viewer_of_another_map_gets_all_of_this_one() -> None:
+    walk, state = Walk(room()), MapState(RULES, (2.0, 1.5), 0.2)
+    for frame in walk.look_around(2.0, 1.5):
+        state.integrate_frame(frame)
+    snapshot = state.published
+    whole = changes_after(snapshot, pb.MapChangesRequest(most_tiles=1000))
+    assert whole.map_id == state.map_id
+    known = pb.MapChangesRequest(map_id=whole.map_id, after=whole.next, most_tiles=1000)
+    assert not changes_after(snapshot, known).tiles
+    foreign = pb.MapChangesRequest(map_id="another", after=whole.next, most_tiles=1000)
+    assert changes_after(snapshot, foreign) == whole
+
+
+def test_the_view_that_goes_is_the_one_whose_ground_is_best_covered_not_that_with_most() -> None:
+    def view(seq: int, *patches: int) -> SeenView:
+        cone = Cone(0.0, 0.0, (1.0, 0.0), 0.5, np.zeros(8, np.float32))
+        out = SeenView(FrameId("robot", 0, seq), 0, cone, None, b"")
+        out.__dict__["patches"] = frozenset((p, 0, 0) for p in patches)
+        return out
+
+    memory = ViewMemory(2)
+    # Half covered each of its squares: 1 of 1 against 5 of 10.
+    for one in (view(1, 0), view(2, *range(10)), view(3, 1, 2, 3, 4)):
+        memory.add(one)
+    assert [v.id.seq for v in memory] == [2, 3]
+
+
+def test_clearance_is_told_to_the_edge_of_an_obstacles_cell() -> None:
+    occupancy = np.zeros((64, 64), np.int8)
+    occupancy[10, 20] = 100
+    flat, blank = np.zeros((64, 64), np.float32), np.zeros((64, 64), np.uint8)
+    tile = GroundTile((0, 0), 1, 1, occupancy, blank, flat, flat, blank, blank)
+    snapshot = dataclasses.replace(
+        MapState(RULES, (0.5, 0.5), 0.0).published,
+        grid=GridSpec(0.025, 64, 64, (0, 0)), ground={(0, 0): tile},
+    )  # fmt: skip
+    way = np.array([[8.5, 10.5], [10.5, 10.5]]) * 0.025  # from cell to cell along a row
+    cost = cost_along(snapshot, way, 0.1, 5.0)
+    assert cost.clearance_m[0] == pytest.approx((12 - 0.5) * 0.025 - 0.1, abs=1e-6)
+    assert cost.clearance_m[-1] == pytest.approx((10 - 0.5) * 0.025 - 0.1, abs=1e-6)

@@ -1,0 +1,71 @@
+"""The way that the robot came, and where it parts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helios_core.errors import InvalidInput
+from helios_core.grids import decode_snapshot
+from helios_map2d import trajectory
+from helios_map2d.epochs import EpochKey, EpochMaps
+from helios_map2d.kept import decode_map, encode_map
+from helios_map2d.rules import MapRules
+from helios_map2d.snapshot import decode_npz, encode_npz
+from helios_map2d.trajectory import Trajectory
+from helios_map2d.wire import snapshot_to_proto
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from map2d_scene import Walk, room
+
+RULES = MapRules(size_cells=400)
+
+
+@settings(max_examples=60)
+@given(st.lists(st.booleans(), max_size=60), st.integers(4, 12))
+def test_pieces_are_never_joined_nor_mixed_however_often_the_way_is_thinned(
+    parted: list[bool], most: int
+) -> None:
+    way, piece = Trajectory(0.1), 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trajectory, "MOST_POINTS", most)
+        for x, part in enumerate(parted):
+            if part:
+                way.part()
+                piece += 1
+            way.follow(float(x), float(piece))  # y tells the piece that a point belongs to
+    assert len(way.points_m) <= most
+    for one in np.split(way.points_m, way.starts):
+        assert len(set(one[:, 1])) <= 1
+    assert len(np.unique(way.points_m[:, 1])) == len(way.starts) + (len(parted) > 0)
+    np.testing.assert_array_equal(way.points_m, way.points_m[np.argsort(way.points_m[:, 0])])
+
+
+@pytest.mark.parametrize("starts", [(0,), (3,), (2, 1), (1, 1), (-1,)])
+def test_pieces_that_a_way_cannot_have_are_refused(starts: tuple[int, ...]) -> None:
+    with pytest.raises(InvalidInput, match="begin at"):
+        Trajectory(0.1, np.zeros((3, 2)), starts)
+
+
+def test_no_line_leads_from_the_end_of_a_loaded_map_to_the_robot() -> None:
+    walk, maps = Walk(room()), EpochMaps(RULES, 0.2)
+    for x in (1.0, 1.3, 1.6):
+        frame = walk.frame(x, 1.5, 0.0)
+        maps.state_for(frame).integrate_frame(frame)
+    assert maps.current is not None
+    file = encode_map(maps.current.published, (), EpochKey.of(frame.id))
+    later = EpochMaps(RULES, 0.2)
+    frame = walk.frame(3.0, 2.5, 0.0)
+    later.state_for(frame).integrate_frame(frame)
+    later.replace(decode_map(file, RULES, 0.2, 0)[0])
+    for x in (3.0, 3.2):
+        frame = walk.frame(x, 2.5, 0.0)
+        later.state_for(frame).integrate_frame(frame)
+    assert later.current is not None
+    now = later.current.published
+    assert now.trajectory_m[:, 0].tolist() == pytest.approx([1.0, 1.3, 1.6, 3.0, 3.2])
+    assert now.trajectory_starts == (3,)
+    # It is told on the wire, and kept in both kinds of file.
+    assert decode_snapshot(snapshot_to_proto(now, False)).trajectory_starts == (3,)
+    assert decode_npz(encode_npz(now)).trajectory_starts == (3,)
+    again, _ = decode_map(encode_map(now, (), EpochKey.of(frame.id)), RULES, 0.2, 0)
+    assert again.published.trajectory_starts == (3,)
