@@ -53,7 +53,7 @@ class Course:
     """How one map went; the lists have one entry a frame."""
 
     gaussians: list[int] = field(default_factory=list)
-    psi: list[dict[str, float]] = field(default_factory=list)  # of a place, or "other " + class
+    psi: list[dict[str, float]] = field(default_factory=list)  # of a place or a class elsewhere
 
     def ended(self, name: str) -> float:
         return self.psi[-1].get(name, 0.0)
@@ -95,8 +95,9 @@ def _believed(built: ObjectMap, places: Sequence[Place]) -> dict[str, float]:
     """Highest Psi of each place and of each class elsewhere; those that there are."""
     best: dict[str, float] = {}
     for o in built.objects():
-        at = (p.name for p in places if o.class_name == p.class_name and _near(o.center_m, p))
-        name = next(at, f"other {o.class_name}")
+        alike = [p for p in places if p.class_name == o.class_name]
+        elsewhere = f"other {o.class_name}" if alike else o.class_name
+        name = next((p.name for p in alike if _near(o.center_m, p)), elsewhere)
         best[name] = max(best.get(name, -1.0), o.score)
     return best
 
