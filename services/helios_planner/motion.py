@@ -72,7 +72,7 @@ class Reach:
         """How far it can go straight back, coming no nearer to anything than it stands now; 0 if
         less than the smallest move."""
         here = least_clearance_m(self.clearance, self.ground, self.robot, self.robot.xy)
-        least_m = min(here, rules.footprint_m) - 0.5 * self.ground.cell_m
+        least_m = min(here, rules.footprint_m)
         distance_m = wanted_m
         while distance_m >= rules.min_forward_m - 1e-9:
             end = self.robot.ahead(-distance_m).xy

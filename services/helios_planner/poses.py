@@ -17,7 +17,7 @@ from helios_core.robot import Forward, Turn
 from numpy.typing import NDArray
 
 from helios_planner import pose_kernels
-from helios_planner.collision import clearance_m
+from helios_planner.collision import clearance_m, least_clearance_m
 from helios_planner.grid import GroundMap, Pose2
 from helios_planner.kernels import STEPS
 from helios_planner.motion import NONE, MotionRules, Reach
@@ -165,9 +165,14 @@ class PoseReach(Reach):
         return 0.0
 
     def free_back_m(self, wanted_m: float, rules: MotionRules) -> float:
+        """How far it can go straight back; 0 if less than the smallest move. The rear end alone
+        comes over new ground: it must stay clear of everything by what the cells' size hides."""
+        rear = self.robot.ahead(-self.capsule.half_m)
+        least_m = self.capsule.radius_m + 0.75 * self.ground.cell_m
         distance_m = wanted_m
         while distance_m >= rules.min_forward_m - 1e-9:
-            if self._slack_at(self.robot.ahead(-distance_m), distance_m) >= self.least_slack_m:
+            end = rear.ahead(-distance_m).xy
+            if least_clearance_m(self.clearance, self.ground, rear, end) >= least_m:
                 return distance_m
             distance_m -= self.ground.cell_m
         return 0.0
