@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import httpx
 import numpy as np
 import pytest
 from helios_bridge.service import BridgeService
@@ -42,7 +41,7 @@ from helios_replay.source import open_source
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.thread import WorldThread
 
-from tests.support import free_port, wait_until
+from tests.support import LOOPBACK, free_port, wait_until
 
 SEED = 1
 MOST_STEPS = 400
@@ -243,9 +242,8 @@ def test_what_a_killed_recorder_has_written_is_replayed(up: Up, tmp_path: Path) 
     before = up.services()["recorder"]
     assert before["state"] == "ready"
     assert "recording to" in before["reason"]
-    task = httpx.post(
-        f"http://127.0.0.1:{up.port}/v1/tasks", json={"instruction": "Find the sofa"}, timeout=20
-    )
+    tasks = f"http://127.0.0.1:{up.port}/v1/tasks"
+    task = LOOPBACK.post(tasks, json={"instruction": "Find the sofa"}, timeout=20)
     assert task.status_code == 202, task.text
     wait_until(lambda: keyframes_of(up.recordings[0]) >= 4, 60, "some keyframes are on the disk")
     os.kill(before["pid"], signal.SIGKILL)
@@ -256,6 +254,7 @@ def test_what_a_killed_recorder_has_written_is_replayed(up: Up, tmp_path: Path) 
 
     wait_until(is_back, 30, "the recorder is back")
     wait_until(lambda: len(up.recordings) == 2, 30, "it writes a new file")
+    LOOPBACK.post(f"{tasks}/{task.json()['id']}/cancel")  # its work would only slow the replays
     found: list[tuple[str, np.ndarray]] = []
     for name, rate in (("fast", "0"), ("paced", "1000")):
         out = tmp_path / name
