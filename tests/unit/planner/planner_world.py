@@ -79,6 +79,7 @@ class FakeWorld(Body):
         self.decisions: list[Decision] = []
         self.phases: list[Phase] = []
         self.picks, self.released = 0, None
+        self.retired: list[int] = []  # things, in the order in which the map was told
         self.cancel_after: int | None = None
         self.shares: set[tuple[bool, float]] = set()  # of what-ifs: joint, other_share
         self._reported: list[Sighting] = []
@@ -301,6 +302,7 @@ class FakeWorld(Body):
         return WhatIf(scores, gains)
 
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
+        self.retired.append(id)
         self.things[id].views.clear()
 
     def tell_phase(self, phase: Phase, seeking: str, message: str) -> None:

@@ -167,6 +167,7 @@ def test_a_gripper_that_says_it_holds_and_does_not_is_a_pick_missed() -> None:
         bring(world, rounds=1)
     assert failure.value.cause is Cause.PICK_FAILED
     assert world.picks == Settings().picks_per_object
+    assert world.retired == []  # what was not grasped stays in the map
 
 
 def falling(times: int, after: int = 4) -> Trouble:
@@ -190,6 +191,7 @@ def test_what_fell_on_the_way_is_picked_up_again() -> None:
     bring(world)
     assert world.picks == 2
     assert world.released is world.things[3]
+    assert world.retired == [3, 3]  # once for each time that it was grasped
 
 
 def test_a_gripper_that_is_mistaken_for_a_moment_drops_nothing() -> None:
