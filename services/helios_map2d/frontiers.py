@@ -68,7 +68,7 @@ class FrontierFinder:
         # Of the clusters of these cells, as the former frontiers are ordered; None: to be found.
         self._clusters: tuple[NDArray[np.int32], NDArray[np.int64]] | None = None
         self._centres = NO_CELLS  # world cells
-        self._reachable = np.empty(0, np.bool_)
+        self._described_as = (b"", b"")  # their centres, and which can be reached, as bytes
         self._values_of: tuple[str, ...] = ()  # the layers of the values that frontiers have
         self._stale: Box | None = EMPTY  # world cells near which values changed since; None: all
 
@@ -112,7 +112,9 @@ class FrontierFinder:
     ) -> None:
         """Look at the given tiles again; arrays are over the whole grid."""
         whole = self.grid.to_world(self.grid.whole)
-        wanted = [t for t in tiles if whole.holds(Box.of_tile(t))]
+        rows = range(-(-whole.row_lo // TILE), whole.row_hi // TILE)
+        columns = range(-(-whole.column_lo // TILE), whole.column_hi // TILE)
+        wanted = [t for t in tiles if t[0] in rows and t[1] in columns]
         if not wanted:
             return
         corner = _pair(self.grid.corner)
@@ -146,7 +148,7 @@ class FrontierFinder:
         before: Sequence[Frontier | None] = self._former
         if same:
             still = self._stale == EMPTY and tuple(values) == self._values_of
-            if still and self._as_before(centres, reachable):
+            if still and (centres.tobytes(), reachable.tobytes()) == self._described_as:
                 return self._former
             keys, numbers = list(self._by_cells), [f.id for f in self._former]
             parts = [f.cells for f in self._former]
@@ -155,7 +157,7 @@ class FrontierFinder:
             keys = [part.tobytes() for part in parts]
             numbers = self._numbers(parts, keys)
             before = [self._by_cells.get(key) for key in keys]
-        self._centres, self._reachable = centres, reachable
+        self._centres, self._described_as = centres, (centres.tobytes(), reachable.tobytes())
         cell_m = self.grid.cell_m
         places = [((c + 0.5) * cell_m, (r + 0.5) * cell_m) for r, c in centres.tolist()]
         near = self._values_near(centres, places, before, values)
@@ -222,13 +224,6 @@ class FrontierFinder:
             reached.near, reached.near_corner, centres, reachable,
         )  # fmt: skip
         return centres, reachable
-
-    def _as_before(self, centres: NDArray[np.int32], reachable: NDArray[np.bool_]) -> bool:
-        """Whether the frontiers found last have these centres, and are as well to be reached."""
-        return (
-            centres.tobytes() == self._centres.tobytes()
-            and reachable.tobytes() == self._reachable.tobytes()
-        )
 
     def _values_near(
         self,

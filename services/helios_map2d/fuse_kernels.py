@@ -66,11 +66,10 @@ def fold_floor(
         came_of_it[row, :] = 0
         first, end = spans[row, 0], spans[row, 1]
         n = end - first
-        # Rows of whole arrays lie without gaps, which SIMD needs.
-        at = corner[1] + first
-        e = evidence[corner[0] + row][at : at + n]
-        known = floor_seen[corner[0] + row][at : at + n]
-        state = occupancy[corner[0] + row][at : at + n]
+        # Rows of whole arrays lie without gaps, which SIMD needs, as it does indices above 0.
+        r, at = abs(corner[0] + row), abs(corner[1] + first)
+        e, known = evidence[r][at : at + n], floor_seen[r][at : at + n]
+        state = occupancy[r][at : at + n]
         hits, flags, spots = count[row][first:end], came_of_it[row][first:end], all_spots[:n]
         dy = np.float32(row) + half - pose[1, 3]
         left = np.float32(first) + half - pose[0, 3]

@@ -228,14 +228,14 @@ def floor_along_azimuths(marks, gap_cells, shadow_cells, seen):
             here[b] = far[b]
     far[:] = most
     line = np.zeros(bins + 2, np.uint8)
-    for k in range(ranges - 1, -1, -1):
+    inner, after = line[1 : bins + 1], line[2:]
+    for n in range(ranges):
+        k = abs(ranges - 1 - n)  # not below 0: what the compiler must know for SIMD
         obstacle, here, joined = marks[OBSTACLE, k], ahead[k], seen[k]
-        inner = line[1 : bins + 1]
         for b in range(bins):
             further = most if obstacle[b] != 0 else min(far[b] + one, most)
             far[b] = nought if here[b] == nought else further
             inner[b] = far[b] + here[b] < most
         line[0], line[bins + 1] = line[bins], line[1]
-        after = line[2:]
         for b in range(bins):
             joined[b] = line[b] | inner[b] | after[b]

@@ -97,8 +97,21 @@ def check_depth(depth_m: NDArray[np.float32], camera: Pinhole) -> NDArray[np.flo
 def measured(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
     """The image itself, or a copy with 0 in place of what is saturated: infinite, or at the end of
     16 bits of millimetres. It is no evidence that nothing stands before it."""
-    saturated = depth_m >= SATURATED_M
-    return np.where(saturated, np.float32(0), depth_m) if saturated.any() else depth_m
+    if not any_from(depth_m, np.float32(SATURATED_M)):
+        return depth_m
+    return np.where(depth_m >= SATURATED_M, np.float32(0), depth_m)
+
+
+@njit(cache=True, nogil=True)
+def any_from(depth_m, least_m):
+    """Whether anything in float32 [h, w] is at least so far."""
+    for v in range(depth_m.shape[0]):
+        row, found = depth_m[v], False
+        for u in range(row.size):  # without a way out, so that it runs in SIMD
+            found |= row[u] >= least_m
+        if found:
+            return True
+    return False
 
 
 def view_of(
