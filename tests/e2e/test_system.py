@@ -165,6 +165,15 @@ def test_a_language_task_succeeds_after_all_that(house: House) -> None:
         decisions = house.get(f"/v1/tasks/{task['id']}/decisions").json()["decisions"]
         assert decisions
         assert all(d["why"] for d in decisions)
+        for setting, flips in ("alpha_d=0.001", False), ("alpha_d=0.01", None):
+            why = subprocess.run(
+                [sys.executable, "-m", "helios_client", "why", task["id"], "--set", setting,
+                 "--port", str(house.port), "--json"],
+                capture_output=True, text=True, timeout=60, check=True,
+            )  # fmt: skip
+            again = [d["recomputed"] for d in json.loads(why.stdout)["decisions"]]
+            assert len(again) == len(decisions)
+            assert flips is None or not any(r["flips"] for r in again)
     finally:
         bus.close()
 
