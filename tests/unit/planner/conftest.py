@@ -1,4 +1,4 @@
-"""Makes the helpers beside the tests importable, and a planner among its peers theirs."""
+"""Makes the helpers beside the tests importable, and `start` a fixture of all."""
 
 import sys
 from pathlib import Path
