@@ -8,6 +8,7 @@ import pytest
 from helios_planner.flow import Mission
 from helios_planner.grid import Pose2
 from helios_planner.instruction import parse
+from helios_planner.legs import Legs
 from helios_planner.settings import Settings
 from planner_world import Box, FakeWorld, coffee_table, counter, flat, mug
 
@@ -35,9 +36,19 @@ def test_the_robot_stops_near_enough_for_object_navigation(agent: str, id: int, 
 
 
 @pytest.mark.parametrize("agent", ["helios", "trusting"])
-def test_what_no_way_leads_near_to_is_shown_from_as_near_as_one_does(agent: str) -> None:
-    """A mug in the middle of a wide table."""
+def test_what_no_way_leads_near_to_is_shown_from_as_near_as_one_does(
+    agent: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A mug in the middle of a wide table. Unknown ground in the way is looked at first."""
     wide = Box(1.0, 3.9, 4.2, 6.9, 0.5)
     world = flat([mug(4, x=2.6, y=5.4, z=0.55)], Pose2(1.5, 1.5, 1.2), [wide])
+    clear_way, asked = Legs.clear_way, []
+
+    def watched(legs: Legs, target: tuple[float, float], within_m: float) -> bool:
+        asked.append(target)
+        return clear_way(legs, target, within_m)
+
+    monkeypatch.setattr(Legs, "clear_way", watched)
     assert "found the mug at (2.60, 5.40" in run(world, "find the mug", agent)
+    assert asked[-1] == pytest.approx((2.6, 5.4), abs=0.05)
     assert NEAR_M < away_m(world, 4) < 2.2

@@ -66,6 +66,28 @@ def test_a_way_that_is_newly_blocked_is_left_for_another() -> None:
     assert world.contacts == 0
 
 
+def test_a_way_that_is_narrower_than_wished_is_taken_all_the_same() -> None:
+    """A door of 0.68 m: 0.04 m to each side, where 0.08 m are wished for."""
+    posts = [Box(4.3, 2.3, 4.6, 2.66, 2.5), Box(4.3, 3.34, 4.6, 3.7, 2.5)]
+    world = flat(start=Pose2(1.5, 3.0, 0.0), extra=posts)
+    assert legs_in(world).go_to(Pose2(6.0, 3.0, 0.0), "test") is Outcome.ARRIVED
+    assert world.contacts == 0
+
+
+def test_a_robot_that_never_comes_nearer_gives_the_goal_up() -> None:
+    """A slippery floor, on which it ends each move where it began it."""
+    world = flat(start=Pose2(1.5, 3.0, 0.0))
+    legs = legs_in(world)
+
+    def slips(_: FakeWorld, action: Action) -> ActionResult | None:
+        return ActionResult(True, moved_m=0.2) if isinstance(action, Forward) else None
+
+    troubled(world, slips)
+    before = world.steps
+    assert legs.go_to(Pose2(3.5, 3.0, 0.0), "test") is Outcome.UNREACHABLE
+    assert world.steps - before <= 80 + 10 * 2
+
+
 def test_a_goal_that_nothing_leads_to_is_called_unreachable_soon() -> None:
     world = flat(start=Pose2(1.5, 3.0, 0.0))
     legs = legs_in(world)
@@ -105,11 +127,15 @@ def test_a_robot_that_does_not_move_when_told_to_is_stuck(kind: type[Action]) ->
 def test_a_wedged_robot_looks_around_and_then_says_so() -> None:
     cell = [Box(1.0, 1.0, 2.0, 1.15, 1), Box(1.0, 1.85, 2.0, 2.0, 1),
             Box(1.0, 1.0, 1.15, 2.0, 1), Box(1.85, 1.0, 2.0, 2.0, 1)]  # fmt: skip
-    legs = legs_in(flat(start=Pose2(1.5, 1.5, 0.0), extra=cell))
+    world = flat(start=Pose2(1.5, 1.5, 0.0), extra=cell)
+    legs = legs_in(world)
+    before = len(world.log)
     with pytest.raises(TaskFailed, match=r"wedged at \(1.50, 1.50\)") as failure:
         legs.go_to(Pose2(3.0, 3.0, 0.0), "test")
     assert failure.value.cause is Cause.STUCK
     assert legs.mishaps.wedged == MOST_WEDGED + 1
+    turned = sum(abs(a.angle_rad) for a in world.log[before:] if isinstance(a, Turn))
+    assert turned >= MOST_WEDGED * 2 * math.pi - 0.01
 
 
 def test_what_was_felt_and_is_no_longer_there_does_not_wedge_the_robot_for_good() -> None:
