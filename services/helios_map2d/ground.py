@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_map2d import ground_kernels
-from helios_map2d.explored import near_ground
 from helios_map2d.grid import TILE, Box, GridSpec, carried_over
 
 
@@ -98,15 +97,11 @@ class OpenGround:
         row, column = cell
         reach = max(int(blind_cells), self.reach) + 1
         box = Box(row, row + 1, column, column + 1).grown(reach, self.grid.whole)
-        near = near_ground(occupancy, box, cell, blind_cells)
-        ground_kernels.crossable(
-            occupancy, self.crowd, (box.row_lo, box.column_lo), cell, self.radius_cells, near
-        )
         reached = np.zeros(self._components, np.uint8)
-        got = np.zeros(near.shape, np.uint8)
-        ground_kernels.walk(
-            self.labels, self.edges, self._offsets, near, (box.row_lo, box.column_lo), cell,
-            reached, got,
+        got = np.zeros((box.rows, box.columns), np.uint8)
+        ground_kernels.reach(
+            occupancy, self.crowd, self.labels, self.edges, self._offsets,
+            (box.row_lo, box.column_lo), cell, blind_cells, self.radius_cells, reached, got,
         )  # fmt: skip
         return Reached(self._offsets, reached, got, (box.row_lo, box.column_lo))
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from helios_map2d.flood_kernels import flood
+from helios_map2d.flood_kernels import flood, near_ground
 from helios_map2d.frontier_kernels import find_root
 from helios_map2d.grid import TILE
 
@@ -194,3 +194,16 @@ def walk(labels, edges, offsets, near, corner, cell, reached, got):
                 if reached[tile + here[r, c] - 1] != 0:
                     flood(near, r, c, got)
                     more = True
+
+
+@njit(cache=True, nogil=True)
+def reach(
+    occupancy, crowd, labels, edges, offsets,  # the whole map; see `ground.OpenGround`
+    corner, cell, blind_cells, radius_cells, reached, got,
+):  # fmt: skip
+    """What can be reached from a cell: `reached` uint8 by component, `got` uint8 by cell of a box
+    around it with its corner at `corner`."""
+    near = np.zeros(got.shape, np.uint8)
+    near_ground(occupancy, corner, cell, blind_cells, near)
+    crossable(occupancy, crowd, corner, cell, radius_cells, near)
+    walk(labels, edges, offsets, near, corner, cell, reached, got)

@@ -85,6 +85,13 @@ class OccupancyLayer:
         self.z_high_m = np.zeros(grid.shape, np.float32)
         self.evidence = np.zeros(grid.shape, np.uint8)
         self.floor_seen = np.zeros(grid.shape, np.uint8)
+        self._tolerance = np.array(
+            [rules.through_tolerance_m, rules.through_tolerance_ratio], np.float32
+        )
+        self._counts = np.array(
+            [rules.weak_pixels, rules.strong_pixels, rules.tail_ratio, rules.occupied_evidence,
+             rules.most_evidence, rules.hit_gain, rules.miss_loss]
+        )  # fmt: skip
         # Used again for each frame: fresh memory costs more than the work on it.
         self._active = np.empty((0, 2), np.int32)
         nothing = np.empty(0, np.int32)
@@ -149,11 +156,7 @@ class OccupancyLayer:
         fuse_kernels.fold_obstacles(
             view.depth_m, np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32), pose,
             np.float32(cell_m),
-            np.array([rules.through_tolerance_m, rules.through_tolerance_ratio], np.float32),
-            np.float32(view.max_depth_m),
-            np.array([rules.weak_pixels, rules.strong_pixels, rules.tail_ratio,
-                      rules.occupied_evidence, rules.most_evidence, rules.hit_gain,
-                      rules.miss_loss]),
+            self._tolerance, np.float32(view.max_depth_m), self._counts,
             count, low.view(np.float32), high.view(np.float32), self._active[:found],
             (window.row_lo, window.column_lo),
             self.evidence, self.floor_seen, self.z_low_m, self.z_high_m, self.occupancy, came_of_it,

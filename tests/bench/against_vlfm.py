@@ -190,6 +190,27 @@ def one_map(
             into.setdefault(name, []).append(ms)
 
 
+def by_size(frames: list[Frame], laps: int) -> dict[str, float]:
+    """Medians of a frame and its scores in to all published, ms, on maps of two sizes in turn."""
+    sizes = (2000, 8000)
+    rules = [MapRules(size_cells=size, frontiers=FrontierRules(robot_radius_m=RADIUS_M))
+             for size in sizes]  # fmt: skip
+    maps = [MapState(one, (0.0, 0.0), RADIUS_M) for one in rules]
+    times: list[list[float]] = [[] for _ in sizes]
+    for state in maps:
+        state.reset_search(SearchContext("bench", (), {}))
+    for i in range(laps * len(frames)):
+        frame = numbered(frames[i % len(frames)], i + 1)
+        seen = Observation(frame, "bench", (), SCORES, "bench")
+        for k, state in list(enumerate(maps))[:: 1 if i % 2 else -1]:  # each is first as often
+            ms = timed(lambda s=state, f=frame: s.integrate_frame(f))
+            times[k].append(ms + timed(lambda s=state, o=seen: s.integrate_values(o)))
+    ms = [statistics.median(taken[len(frames) :]) for taken in times]
+    named = {f"{size} x {size} cells, ms": round(took, 3)
+             for size, took in zip(sizes, ms, strict=True)}  # fmt: skip
+    return named | {"larger by": round(ms[1] / ms[0] - 1, 3)}
+
+
 def touched(ours: MapState) -> list[Tile]:
     """The tiles that the newest frame changed, and those beside them."""
     new = [t for t, tile in ours.published.ground.items() if tile.version == ours.version]
@@ -314,6 +335,7 @@ def main() -> None:
         "frames": f"{args.frames}: {len(frames)}",
         "agreement": agreement(frames, 1000, args.out),
         "speed": speed(frames, args.cells, args.laps, args.maps) if args.laps else {},
+        "by size": by_size(frames, args.laps) if args.laps > 1 else {},
     }
     print(json.dumps(result, indent=1))
 
