@@ -52,7 +52,11 @@ def run(folders: Sequence[Path]) -> dict[str, Any]:
     }
     limits = max((r.get("picks", []) for r in told), key=len, default=[])
     together = {"commands": [c for r in told for c in commands_of(r)], "picks": limits}
-    return shared | together | {"asked": [order for r in told for order in orders_of(r)]}
+    together |= {"asked": [order for r in told for order in orders_of(r)]}
+    ran: dict[str, Any] = {}
+    for r in told:
+        ran = r.get("ran_with", {}) | ran
+    return shared | together | ({"ran_with": ran} if ran else {})
 
 
 def commands_of(run: dict[str, Any]) -> list[list[str]]:

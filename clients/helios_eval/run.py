@@ -7,7 +7,7 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -18,7 +18,7 @@ from typing import Any
 from helios_core.errors import InvalidInput
 from rich.console import Console
 
-from helios_eval import folder, homes, keepsake, record, results
+from helios_eval import folder, homes, keepsake, record, results, service_settings
 from helios_eval.bench.run import commit, machine
 from helios_eval.gather import commands_of
 from helios_eval.pool import Outcome, play_all
@@ -83,7 +83,7 @@ def run(asked: Run, console: Console) -> list[EpisodeRecord]:
 def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
     specs = asked.specs()
     there = record.read(asked.out)
-    check_goes_on(asked, there)
+    check_goes_on(asked, there, run_of(asked.out))
     known = {r.key: r for r in there}
     missing = [spec for spec in specs if spec.key not in known]
     here = commit()
@@ -112,9 +112,19 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
     return [known[spec.key] for spec in specs]
 
 
-def check_goes_on(asked: Run, there: Sequence[EpisodeRecord]) -> None:
+def check_goes_on(asked: Run, there: Sequence[EpisodeRecord], former: Mapping[str, Any]) -> None:
     """Raises InvalidInput where what is there was played in homes, or under noise, that have the
-    same name and other contents. Another commit is no hindrance: every episode knows its own."""
+    same name and other contents, or by an agent that ran with other settings. Another commit is no
+    hindrance: every episode knows its own. Nor is a setting that is new since then."""
+    for agent in {r.agent for r in there} & set(asked.agents):
+        now, before = service_settings.ran_with(agent), former.get("ran_with", {}).get(agent, {})
+        for name in sorted(now.keys() & before.keys()):
+            if now[name] != before[name]:
+                raise InvalidInput(
+                    f"{asked.out} holds episodes that {agent} played with {name} = {before[name]}; "
+                    f"it is {now[name]} here, so this run cannot go on from them; take another "
+                    "folder"
+                )
     digest = homes.digest_of(asked.preset)
     for r in there:
         if r.preset == asked.preset and r.preset_hash != digest:
@@ -155,6 +165,8 @@ def note(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
     told: dict[str, Any] = plain | {
         "out": str(asked.out),
         "asked": [*(o for o in orders_of(former) if o != order), order],
+        "ran_with": former.get("ran_with", {})
+        | {agent: service_settings.ran_with(agent) for agent in asked.agents},
         "command": command,
         "commands": [*before, command],
         "commit": here,

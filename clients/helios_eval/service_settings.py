@@ -59,6 +59,18 @@ def _holds_anyway(agent: str, name: str, value: Setting) -> bool:
     return _value(service, field, str(value)) == settings_for(agent).get(name, default)
 
 
+def ran_with(agent: str) -> dict[str, str]:
+    """Every setting of every service that an agent's house runs with, where no `--set` says
+    otherwise, by "service.setting"."""
+    out = {
+        f"{service}.{name}": str(info.get_default(call_default_factory=True))
+        for service, settings in SERVICES.items()
+        for name, info in settings.model_fields.items()
+        if name not in _OURS
+    }
+    return out | {name: str(value) for name, value in settings_for(agent).items()}
+
+
 def of_service(service: str, settings: Mapping[str, Setting]) -> dict[str, Any]:
     """The settings of one service, by its own names and of its own types."""
     prefix = f"{service}."

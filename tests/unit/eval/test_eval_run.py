@@ -14,7 +14,7 @@ import pytest
 from eval_constructed_records import record
 from helios_client.wrong_use import WrongUse
 from helios_core.errors import Conflict, InvalidInput, Unavailable
-from helios_eval import folder, gather, results
+from helios_eval import folder, gather, results, service_settings
 from helios_eval import record as records
 from helios_eval import run as runs
 from helios_eval.play import Played
@@ -147,6 +147,27 @@ def test_a_run_never_goes_on_from_other_homes_or_noise_of_the_same_name(
     with pytest.raises(InvalidInput, match=f"another {what}"):
         run(asked(tmp_path), quiet())
     assert not stage.played
+
+
+def test_a_run_never_goes_on_from_an_agent_with_other_settings(
+    stage: Stage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(asked(tmp_path, 1), quiet())
+    stage.played.clear()
+    now = service_settings.ran_with("helios")
+    assert now["planner.tau_g"] == "0.5"
+    assert service_settings.ran_with("helios-next") != now
+
+    def changed(_: str) -> dict[str, str]:
+        return now | {"planner.is_new": "1"}
+
+    monkeypatch.setattr(service_settings, "ran_with", changed)
+    run(asked(tmp_path, 2), quiet())
+    assert len(stage.played) == 2
+    monkeypatch.setattr(service_settings, "ran_with", lambda _: now | {"planner.tau_g": "0.4"})
+    with pytest.raises(InvalidInput, match=r"played with planner\.tau_g = 0\.5; it is 0\.4 here"):
+        run(asked(tmp_path, 3), quiet())
+    assert len(stage.played) == 2
 
 
 def test_a_run_goes_on_from_another_commit_and_the_report_says_who_played_what(
