@@ -290,9 +290,14 @@ def test_after_a_jump_of_the_localisation_it_looks_around_and_goes_on() -> None:
     world = flat(start=Pose2(1.0, 1.2, 0.0))
     legs = legs_in(world)
     troubled(world, jumping(1))
+    legs.felt.append((6.0, 1.0, 0.08))
+    before = len(world.log)
     assert legs.go_to(Pose2(3.5, 1.5, 0.0), "test") is Outcome.ARRIVED
     assert legs.mishaps.jumps == 1
     assert not legs.mishaps.jumped
+    assert legs.felt == []  # who knows where that is now
+    turned = sum(abs(a.angle_rad) for a in world.log[before:] if isinstance(a, Turn))
+    assert turned >= 2 * math.pi - 0.01
 
 
 def test_a_jump_of_the_heading_alone_is_one_too() -> None:
