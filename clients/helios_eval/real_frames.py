@@ -8,9 +8,14 @@
         --with size_agreement=on --with "prior_classes=8 size_agreement=on"
 
 The detector is asked once; its detections go into one map with the default settings, and into one
-for each `--with`. Prints Psi at the end and, in brackets, the highest at any frame: of the instance
-at each place, and of the best one of each class that is at none of the places. Leaves the same for
-every frame in `beliefs.json`, and pictures of it and of the number of Gaussians.
+for each `--with`. A map takes no more frames once it is full (`max_gaussians`).
+
+Prints Psi at the end and, in brackets, the highest at any frame: of the instance at each place, and
+of the best one of each class that is at none of the places. Leaves the same for every frame in
+`beliefs.json`, and two pictures. `psi.png` has Psi of the things at the places over the frames (if
+no place is given, of the best one of each class that was believed at some frame), and dotted the
+probability of each class that claims such a thing besides its own. `gaussians.png` has the number
+of Gaussians of all maps.
 """
 
 from __future__ import annotations
@@ -18,129 +23,49 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from helios_client.watch_list import watch_list
 from helios_client.wrong_use import WrongUse
 from helios_core.errors import HeliosError, InvalidInput
-from helios_core.types import Frame, FrameId, Observation, Role, SearchContext
-from helios_detector.backend import DetectorBackend, DetectorOptions, open_detector
-from helios_objectmap.object_map import ObjectMap
+from helios_core.types import Role, SearchContext
+from helios_detector.backend import DetectorOptions, open_detector
 from helios_objectmap.settings import ObjectMapSettings
-from helios_replay.dataset import Dataset, read_dataset, read_image
-from numpy.typing import NDArray
+from helios_replay.dataset import read_dataset
 
 from helios_eval import service_settings
+from helios_eval.real_frames_courses import Course, Place, courses, names_in
+from helios_eval.real_frames_pictures import draw_beliefs, draw_counts
 
 DEFAULT = "default"
-NEAR_M = 0.15  # an instance whose centre is this near to a place is the thing there
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where a thing really is."""
-
-    name: str
-    class_name: str
-    center_m: NDArray[np.float64]  # [3] world
-
-
-@dataclass
-class Course:
-    """How one map went; the lists have one entry a frame."""
-
-    gaussians: list[int] = field(default_factory=list)
-    psi: list[dict[str, float]] = field(default_factory=list)  # of a place or a class elsewhere
-
-    def ended(self, name: str) -> float:
-        return self.psi[-1].get(name, 0.0)
-
-    def highest(self, name: str) -> float:
-        return max(row.get(name, 0.0) for row in self.psi)
-
-
-def frames_of(data: Dataset) -> Iterator[Frame]:
-    """All images, as keyframes of a robot whose base is at the origin."""
-    for index, image in enumerate(data.images):
-        color, depth_m = read_image(data, index)
-        yield Frame(
-            FrameId("dataset", 0, index), image.stamp_ns, True, color, depth_m, data.camera,
-            image.T_world_cam, np.eye(4),
-        )  # fmt: skip
-
-
-def courses(
-    data: Dataset,
-    detector: DetectorBackend,
-    context: SearchContext,
-    places: Sequence[Place],
-    arms: dict[str, ObjectMapSettings],
-) -> dict[str, Course]:
-    """Each arm's map after each frame. Raises HeliosError."""
-    maps = {name: ObjectMap(chosen) for name, chosen in arms.items()}
-    out = {name: Course() for name in arms}
-    for frame in frames_of(data):
-        found = detector.detect(frame, context).detections
-        for name, built in maps.items():
-            built.update(Observation(frame, context.id, found, {}, "detector"), context)
-            out[name].gaussians.append(len(built))
-            out[name].psi.append(_believed(built, places))
-    return out
-
-
-def _believed(built: ObjectMap, places: Sequence[Place]) -> dict[str, float]:
-    """Highest Psi of each place and of each class elsewhere; those that there are."""
-    best: dict[str, float] = {}
-    for o in built.objects():
-        alike = [p for p in places if p.class_name == o.class_name]
-        elsewhere = f"other {o.class_name}" if alike else o.class_name
-        name = next((p.name for p in alike if _near(o.center_m, p)), elsewhere)
-        best[name] = max(best.get(name, -1.0), o.score)
-    return best
-
-
-def _near(center_m: NDArray[np.float64], place: Place) -> bool:
-    return float(np.linalg.norm(center_m - place.center_m)) < NEAR_M
 
 
 def table(found: dict[str, Course]) -> str:
     """Markdown: a row for each arm, a column for each place and class."""
-    names = sorted({name for course in found.values() for row in course.psi for name in row})
+    names = names_in(found)
     lines = [f"| | {' | '.join(names)} |", "|---|" + "--:|" * len(names)]
     for arm, course in found.items():
         cells = (f"{course.ended(n):.2f} ({course.highest(n):.2f})" for n in names)
-        lines.append(f"| {arm} | {' | '.join(cells)} |")
+        lines.append(f"| {course.title(arm)} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
-def pictures(found: dict[str, Course], folder: Path) -> None:
-    """Psi over the frames for each arm, and Gaussians of all of them."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
-
-    names = sorted({name for course in found.values() for row in course.psi for name in row})
-    figure, axes = plt.subplots(
-        len(found), 1, figsize=(9, 3.4 * len(found)), dpi=110, layout="constrained", squeeze=False
-    )
-    for (arm, course), axis in zip(found.items(), axes[:, 0], strict=True):
-        for name in names:
-            axis.plot([row.get(name, np.nan) for row in course.psi], label=name)
-        axis.axhline(0.5, color="0.5", lw=0.8, ls="--")
-        axis.set(title=arm, xlabel="frame", ylabel="Ψ", ylim=(0, 1))
-    axes[0, 0].legend(frameon=False, ncol=3, fontsize=8)
-    figure.savefig(folder / "psi.png")
-    figure, axis = plt.subplots(figsize=(9, 3.4), dpi=110, layout="constrained")
-    for arm, course in found.items():
-        axis.plot(np.array(course.gaussians) / 1e3, label=arm)
-    axis.set(xlabel="frame", ylabel="thousand Gaussians", ylim=(0, None))
-    axis.legend(frameon=False, fontsize=8)
-    figure.savefig(folder / "gaussians.png")
-    plt.close("all")
+def figures(found: dict[str, Course]) -> dict:
+    """For JSON: all of each map, a list with one entry a frame for each figure."""
+    return {
+        arm: {
+            "frames": c.frames,
+            "gaussians": c.gaussians,
+            "psi": [{name: seen.psi for name, seen in row.items()} for row in c.seen],
+            "probabilities": [
+                {name: seen.probabilities for name, seen in row.items()} for row in c.seen
+            ],
+        }
+        for arm, c in found.items()
+    }
 
 
 def place(text: str) -> Place:
@@ -192,7 +117,7 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--receptacles", default="", help="which of the classes are receptacles")
     parser.add_argument(
         "--place", type=place, action="append", default=[], metavar="NAME=CLASS@X,Y,Z",
-        help="where a thing really is, world, metres; may be repeated",
+        help="where a thing is, or is said to be, world, metres; may be repeated",
     )  # fmt: skip
     parser.add_argument(
         "--with", dest="arms", action="append", default=[], metavar="SETTING=VALUE …",
@@ -214,9 +139,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"real_frames: {error.message}", file=sys.stderr)
         return 2 if isinstance(error, InvalidInput | WrongUse) else 1
     given.out.mkdir(parents=True, exist_ok=True)
-    rows = {arm: {"gaussians": c.gaussians, "psi": c.psi} for arm, c in found.items()}
-    (given.out / "beliefs.json").write_text(json.dumps(rows, indent=1) + "\n")
-    pictures(found, given.out)
+    (given.out / "beliefs.json").write_text(json.dumps(figures(found), indent=1) + "\n")
+    draw_beliefs(found, [p.name for p in given.place], given.out / "psi.png")
+    draw_counts(found, given.out / "gaussians.png")
     print(table(found))
     return 0
 

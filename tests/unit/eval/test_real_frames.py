@@ -13,7 +13,15 @@ from helios_client.wrong_use import WrongUse
 from helios_core.types import Detection, Frame, Role, SearchContext
 from helios_detector.backend import DetectorBackend, Findings
 from helios_eval import real_frames
-from helios_eval.real_frames import Course, arms_of, context_of, courses, frames_of, place, table
+from helios_eval.real_frames import arms_of, context_of, figures, place, table
+from helios_eval.real_frames_courses import Course, Seen, courses, frames_of
+from helios_eval.real_frames_pictures import (
+    belief_curves,
+    count_curves,
+    draw_beliefs,
+    draw_counts,
+    drawn,
+)
 from helios_replay.dataset import read_dataset
 
 SHAPE = (48, 64)
@@ -66,7 +74,8 @@ def test_the_thing_at_a_place_is_told_by_its_name_in_every_arm(folder):
     arms = arms_of(["size_agreement=on"])
     found = courses(read_dataset(folder), Painter(), context_of("cup", "", ""), places, arms)
     plain, by_size = found["default"], found["size_agreement=on"]
-    assert len(plain.psi) == len(plain.gaussians) == 3
+    assert len(plain.seen) == len(plain.gaussians) == 3
+    assert plain.frames == [0, 1, 2]
     assert plain.highest("mine") >= plain.ended("mine") > 0.5
     assert 0 < by_size.ended("mine") < 0.7 * plain.ended("mine")  # 0.27 m is much for a cup
     assert plain.gaussians == by_size.gaussians
@@ -79,9 +88,78 @@ def test_frames_carry_what_the_folder_says(folder):
     assert last.T_world_cam[2, 3] == pytest.approx(-0.2)
 
 
+def test_a_map_that_is_full_takes_no_more_frames(folder):
+    fine = arms_of(["stride_px=1"])["stride_px=1"]
+    arms = {"fine": fine, "small": fine.model_copy(update={"max_gaussians": 100})}
+    found = courses(read_dataset(folder), Painter(), context_of("cup", "", ""), [], arms)
+    assert (found["fine"].is_full, found["fine"].frames) == (False, [0, 1, 2])
+    assert (found["small"].is_full, found["small"].frames) == (True, [0])
+    assert found["small"].gaussians == found["fine"].gaussians[:1]
+
+
+def cup(psi: float, **probabilities: float) -> Seen:
+    return Seen("cup", psi, {"cup": psi, "other": 0.1, **probabilities})
+
+
+FOUND = {
+    "a": Course(
+        [0, 4, 8],
+        [1000, 2000, 2500],
+        [
+            {"mine": cup(0.4, bowl=0.1, tv=0.1)},
+            {"mine": cup(0.7, bowl=0.09, tv=0.03), "other cup": cup(0.1, bowl=0.05, tv=0.05)},
+            {"mine": cup(0.5, bowl=0.05, tv=0.03)},
+        ],
+    ),
+    "b": Course([0, 4], [1000, 9000], [{}, {"table": Seen("table", 0.2, {"cup": 0.1})}], True),
+}
+
+
 def test_a_table_has_the_end_and_the_highest_of_each_name():
-    text = table({"a": Course([1, 1], [{"x": 0.7}, {"x": 0.5, "other cup": 0.1}])})
-    assert "| a | 0.10 (0.10) | 0.50 (0.70) |" in text
+    text = table(FOUND)
+    assert "| | mine | other cup | table |" in text
+    assert "| a | 0.50 (0.70) | 0.00 (0.10) | 0.00 (0.00) |" in text
+    assert "| b (full at frame 4) | 0.00 (0.00) | 0.00 (0.00) | 0.20 (0.20) |" in text
+
+
+def test_a_thing_has_a_curve_of_psi_and_one_of_each_class_that_claims_it_too():
+    psi, rival, other = belief_curves(FOUND["a"], ["mine", "other cup", "table"])
+    assert (psi.label, rival.label) == ("mine as cup: Ψ", "mine as bowl: mean probability")
+    assert psi.thing == rival.thing == "mine"
+    assert (psi.rival, rival.rival) == (0, 1)
+    np.testing.assert_array_equal(psi.frames, [0, 4, 8])
+    np.testing.assert_array_equal(psi.values, [0.4, 0.7, 0.5])
+    np.testing.assert_array_equal(rival.values, [0.1, 0.09, 0.05])
+    assert other.label == "other cup: Ψ"  # nobody named another class there
+    np.testing.assert_array_equal(other.values, [np.nan, 0.1, np.nan])
+
+
+def test_each_map_has_a_curve_of_its_gaussians_up_to_its_last_frame():
+    a, b = count_curves(FOUND)
+    np.testing.assert_array_equal(a.values, [1, 2, 2.5])
+    np.testing.assert_array_equal(b.values, [1, 9])
+    np.testing.assert_array_equal(b.frames, [0, 4])
+    assert b.label == "b (full at frame 4)"
+
+
+def test_what_is_drawn_are_the_named_things_or_those_that_were_believed():
+    assert drawn(FOUND, ["table", "nowhere", "mine"]) == ["table", "mine"]
+    assert drawn(FOUND, []) == ["mine"]
+    assert drawn({"b": FOUND["b"]}, []) == ["table"]
+
+
+def test_the_figures_and_both_pictures_are_left_as_files(tmp_path):
+    told = json.loads(json.dumps(figures(FOUND)))
+    assert told["b"]["frames"] == [0, 4]
+    assert told["a"]["psi"][1] == {"mine": 0.7, "other cup": 0.1}
+    assert told["a"]["probabilities"][2]["mine"]["bowl"] == 0.05
+    draw_beliefs(FOUND, [], tmp_path / "psi.png")
+    draw_counts(FOUND, tmp_path / "gaussians.png")
+    for name, panels in (("psi.png", 2), ("gaussians.png", 1)):
+        image = cv2.imread(str(tmp_path / name))
+        assert image is not None
+        assert image.shape[0] > 300 * panels
+        assert (image[0, 0] == 255).all()
 
 
 def test_classes_that_are_receptacles_are_searched_as_such():
