@@ -12,10 +12,10 @@ for each `--with`. A map takes no more frames once it is full (`max_gaussians`).
 
 Prints Psi at the end and, in brackets, the highest at any frame: of the instance at each place, and
 of the best one of each class that is at none of the places. Leaves the same for every frame in
-`beliefs.json`, and two pictures. `psi.png` has Psi of the things at the places over the frames (if
-no place is given, of the best one of each class that was believed at some frame), and dotted the
-probability of each class that claims such a thing besides its own. `gaussians.png` has the number
-of Gaussians of all maps.
+`beliefs.json`, with probabilities and centres, and two pictures. `psi.png` has Psi of the things at
+the places over the frames (if no place is given, of the best one of each class that was believed at
+some frame), and dotted the probability of each class that claims such a thing besides its own.
+`gaussians.png` has the number of Gaussians of all maps.
 """
 
 from __future__ import annotations
@@ -63,6 +63,7 @@ def figures(found: dict[str, Course]) -> dict:
             "probabilities": [
                 {name: seen.probabilities for name, seen in row.items()} for row in c.seen
             ],
+            "center_m": [{name: seen.center_m for name, seen in row.items()} for row in c.seen],
         }
         for arm, c in found.items()
     }

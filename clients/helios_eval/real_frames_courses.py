@@ -32,6 +32,7 @@ class Seen:
     class_name: str
     psi: float
     probabilities: dict[str, float]  # class -> mean over its Gaussians, "other" too
+    center_m: tuple[float, ...]  # [3] world
 
 
 @dataclass
@@ -106,7 +107,7 @@ def _believed(built: ObjectMap, places: Sequence[Place]) -> dict[str, Seen]:
         elsewhere = f"other {o.class_name}" if alike else o.class_name
         name = next((p.name for p in alike if _near(o.center_m, p)), elsewhere)
         if name not in best or o.score > best[name].psi:
-            best[name] = Seen(o.class_name, o.score, o.probabilities)
+            best[name] = Seen(o.class_name, o.score, o.probabilities, tuple(o.center_m.tolist()))
     return best
 
 

@@ -77,6 +77,7 @@ def test_the_thing_at_a_place_is_told_by_its_name_in_every_arm(folder):
     assert len(plain.seen) == len(plain.gaussians) == 3
     assert plain.frames == [0, 1, 2]
     assert plain.highest("mine") >= plain.ended("mine") > 0.5
+    np.testing.assert_allclose(plain.seen[-1]["mine"].center_m, [0, 0, 1], atol=0.05)
     assert 0 < by_size.ended("mine") < 0.7 * plain.ended("mine")  # 0.27 m is much for a cup
     assert plain.gaussians == by_size.gaussians
 
@@ -98,7 +99,7 @@ def test_a_map_that_is_full_takes_no_more_frames(folder):
 
 
 def cup(psi: float, **probabilities: float) -> Seen:
-    return Seen("cup", psi, {"cup": psi, "other": 0.1, **probabilities})
+    return Seen("cup", psi, {"cup": psi, "other": 0.1, **probabilities}, (1.0, 2.0, 3.0))
 
 
 FOUND = {
@@ -111,7 +112,9 @@ FOUND = {
             {"mine": cup(0.5, bowl=0.05, tv=0.03)},
         ],
     ),
-    "b": Course([0, 4], [1000, 9000], [{}, {"table": Seen("table", 0.2, {"cup": 0.1})}], True),
+    "b": Course(
+        [0, 4], [1000, 9000], [{}, {"table": Seen("table", 0.2, {"cup": 0.1}, (0, 0, 0))}], True
+    ),
 }
 
 
@@ -153,6 +156,7 @@ def test_the_figures_and_both_pictures_are_left_as_files(tmp_path):
     assert told["b"]["frames"] == [0, 4]
     assert told["a"]["psi"][1] == {"mine": 0.7, "other cup": 0.1}
     assert told["a"]["probabilities"][2]["mine"]["bowl"] == 0.05
+    assert told["a"]["center_m"][0] == {"mine": [1, 2, 3]}
     draw_beliefs(FOUND, [], tmp_path / "psi.png")
     draw_counts(FOUND, tmp_path / "gaussians.png")
     for name, panels in (("psi.png", 2), ("gaussians.png", 1)):
