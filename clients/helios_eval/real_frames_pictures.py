@@ -102,7 +102,7 @@ def draw_beliefs(found: dict[str, Course], named: Sequence[str], path: Path) -> 
             )  # fmt: skip
         axis.axhline(BELIEVED, color=GREY, lw=0.8, ls="--")
         axis.text(
-            1.0, BELIEVED + 0.01, "τ", color=GREY, ha="right", transform=axis.get_yaxis_transform()
+            1.005, BELIEVED, "τ", color=GREY, va="center", transform=axis.get_yaxis_transform()
         )
         axis.set_title(course.title(arm), loc="left", fontsize=10)
         axis.set(ylabel="belief", ylim=(0, 1))
