@@ -67,7 +67,8 @@ def rivals_of(course: Course, thing: str) -> list[str]:
     """The classes that claim a thing besides its own, in order.
 
     A class that nobody named at a thing is as likely as any other such one, so what is at some
-    frame likelier than the least likely one was named there. It takes two other classes to tell.
+    frame `CLAIMED` times as likely as the least likely one was named there. It takes two other
+    classes to tell.
     """
     rivals: set[str] = set()
     for seen in (row[thing] for row in course.seen if thing in row):
