@@ -44,6 +44,9 @@ class WorldBody(Body):
         ))  # fmt: skip
         return result
 
+    def budget_used(self) -> float:
+        return min(self.steps / MOST_STEPS, 1.0)
+
     def pose(self) -> Pose2:
         return Pose2.of(self._world.state().T_world_base)
 

@@ -67,7 +67,8 @@ def test_half_for_something_else_expects_less_than_the_optimist():
 
 
 def test_no_views_change_nothing():
-    member = Member(*(np.ones(s, np.float32) for s in ((3, 3), 3, 3, (3, 2), 3)))
+    three = np.ones(3, np.float32)
+    member = Member(np.ones((3, 3), np.float32), three, three, np.ones((3, 2), np.float32), three)
     alone, together = what_if(splat.project, member, 0, [], Rates(1.0, 3.0, 1.0), 8.0)
     assert alone == []
     assert together.information_gain == 0
