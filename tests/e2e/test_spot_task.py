@@ -118,8 +118,11 @@ class House:
         assert self.ended.wait(TASK_S), "the task did not end"
         return self.task(id)
 
-    def clear_stop(self) -> None:
+    def goes_on(self, id: str) -> bool:
+        """Whether it does, after the stop is cleared: once more where the driver had not yet heard
+        that the lease is free, and stopped again."""
         self._bus.call(CLEAR_STOP, pb.Empty(), 10)
+        return self.task(id).state != "paused"
 
     def close(self) -> None:
         self._planner.close()
@@ -158,7 +161,7 @@ def episode(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Episode]:
         wait_until(lambda: house.task(id).state == "paused", 60, "the task pauses")
         then = house.task(id), world.moving, world.lease_owner
         house.fake.leases.free()
-        house.clear_stop()
+        wait_until(lambda: house.goes_on(id), 60, "the task goes on")
         yield Episode(world, *then, house.end(id))
     finally:
         house.close()
