@@ -39,6 +39,7 @@ class PastView:
     labels: NDArray[np.uint8]  # [h, w], 0 = other, 1 + i = names[i]
     names: tuple[str, ...]  # of the classes that it asked for; "" for one that no longer counts
     weights: NDArray[np.float32]  # [names] share in [0, 1] that it counts for each
+    half_angles: tuple[float, float]  # from the axis to its widest edges, across and down
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,7 @@ class PastViews:
                 reading.labels[grid].astype(np.uint8),
                 tuple(names),
                 weights.astype(np.float32),
+                _half_angles(view),
             )
         )
 
@@ -108,7 +110,7 @@ class PastViews:
         T_world_cam = np.stack([p.view.T_world_cam for p in self._views])
         in_cam = np.einsum("kji,kj->ki", T_world_cam[:, :3, :3], middle - T_world_cam[:, :3, 3])
         x, y, z = np.abs(in_cam[:, 0]), np.abs(in_cam[:, 1]), in_cam[:, 2]
-        wide, high = np.array([_half_angles(p.view) for p in self._views]).T
+        wide, high = np.array([p.half_angles for p in self._views]).T
         # The distance of the ball's middle from the two planes that bound the view on its side.
         outside = np.maximum(
             x * np.cos(wide) - z * np.sin(wide), y * np.cos(high) - z * np.sin(high)

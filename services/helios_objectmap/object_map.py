@@ -98,10 +98,10 @@ class ObjectMap(Knowledge):
         )
         labels = np.where(seen, reading.labels, -1).astype(np.int32)
         eye_m = reading.view.T_world_cam[:3, 3]
-        first_time = self._viewpoints.weights(look, self._names, np.array([NEVER]))[0]
+        weights = self._weights_of_all_before(look)
         fused = self._fuse(projection, labels, look, eye_m, observation.frame.stamp_ns)
-        if s.evidence == "hindsight":
-            self._past.note(reading, self._names, first_time)
+        if weights is not None:
+            self._past.note(reading, self._names, weights)
         self._updates += 1
         store.remove(gone)
         self._remove(surplus(store.believed, store.seen, s.max_gaussians))
@@ -188,6 +188,12 @@ class ObjectMap(Knowledge):
             means, radius_m, self._settings.opacity, reading.color[mask], self._updates
         )
         return len(means)
+
+    def _weights_of_all_before(self, look: Look) -> NDArray[np.float32] | None:
+        """What a look counts for things older than every view [names]; None without hindsight."""
+        if self._settings.evidence != "hindsight":
+            return None
+        return self._viewpoints.weights(look, self._names, np.array([NEVER]))[0]
 
     def _look_back(self, rows: NDArray[np.int32]) -> None:
         """Tell new Gaussians what past views said of the places where they are."""
