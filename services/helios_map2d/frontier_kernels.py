@@ -1,4 +1,4 @@
-"""Numba kernels of the frontiers: their cells and clusters, identities, sight.
+"""Numba kernels of the frontiers: their cells, what can be reached of them, sight.
 
 Reached through `frontiers.py` and `sight.py`; readable twins stand in the tests.
 """
@@ -10,42 +10,79 @@ from numba import njit
 
 from helios_map2d.grid import TILE
 
+VALUES = 1  # what is to be done about a frontier, as flags
+OTHER = 2
+
 
 @njit(cache=True, nogil=True)
-def cells_of_tiles(occupancy, explored, tiles, side, cells, counts):
-    """Frontier cells by tile: free explored cells beside one that is neither explored nor occupied.
+def look_again(occupancy, explored, corner, stale, first_tile, side, old):
+    """Frontier cells of the whole map where some tiles are to be looked at again.
 
-    4 neighbours; one outside the arrays counts as unexplored. `tiles` int32 [n, 2] are the first
-    row and column of each tile of `side` cells; `cells` int32 [n * side², 2] gets the rows and
-    columns, tile after tile in row order, `counts` int32 [n] how many each has. Returns their sum.
+    Frontier cells are free explored cells beside one that is neither explored nor occupied (4
+    neighbours; one outside the arrays counts as unexplored). `corner` is the world cell of the
+    arrays' first; `stale` uint8 [tile rows, tile columns] is 1 for the tiles of `side` cells that
+    are to be looked at, the first being `first_tile` of the world; those that do not lie within the
+    arrays are left alone. `old` int32 [n, 2] are the cells as they were: world cells, tile after
+    tile in row order, and so within a tile. Returns the cells as they are, and whether any is other
+    than before.
     """
     rows, columns = occupancy.shape
     above, here, below = np.empty((3, side + 2), np.uint8)  # whether a cell is to be explored
     wanted = np.empty(side, np.uint8)
-    n = 0
-    for t in range(tiles.shape[0]):
-        start, first, left = n, tiles[t, 0], tiles[t, 1]
-        end = min(columns, left + side)
+    out = np.empty((old.shape[0] + side, 2), np.int32)
+    n = before = 0
+    other = False
+    for t in range(stale.size):
+        if stale[t // stale.shape[1], t % stale.shape[1]] == 0:
+            continue
+        tile_row = first_tile[0] + t // stale.shape[1]
+        tile_column = first_tile[1] + t % stale.shape[1]
+        first, left = tile_row * side - corner[0], tile_column * side - corner[1]
+        if first < 0 or left < 0 or first + side > rows or left + side > columns:
+            continue
+        while before < old.shape[0] and tile_order(old[before], side, tile_row, tile_column) < 0:
+            out[n, 0], out[n, 1] = old[before, 0], old[before, 1]
+            before += 1
+            n += 1
         to_be_explored(occupancy, explored, first - 1, left - 1, here)
         to_be_explored(occupancy, explored, first, left - 1, below)
-        for r in range(first, min(rows, first + side)):
+        for r in range(first, first + side):
             above, here, below = here, below, above
             to_be_explored(occupancy, explored, r + 1, left - 1, below)
-            state, seen = occupancy[r][left:end], explored[r][left:end]
+            state, seen = occupancy[r][left : left + side], explored[r][left : left + side]
             found = np.uint8(0)
-            for i in range(state.size):
+            for i in range(side):
                 beside = here[i] | here[i + 2] | above[i + 1] | below[i + 1]
                 wanted[i] = (state[i] == 0) & (seen[i] != 0) & (beside != 0)
                 found |= wanted[i]
             if found == 0:
                 continue
-            for i in range(state.size):
-                if wanted[i] != 0:
-                    cells[n, 0] = r
-                    cells[n, 1] = left + i
-                    n += 1
-        counts[t] = n - start
-    return n
+            if n + side + old.shape[0] - before > out.shape[0]:
+                out = np.concatenate((out, np.empty((out.shape[0] + side, 2), np.int32)))
+            row = r + corner[0]
+            for i in range(side):
+                if wanted[i] == 0:
+                    continue
+                column = left + i + corner[1]
+                if before < old.shape[0] and old[before, 0] == row and old[before, 1] == column:
+                    before += 1
+                else:
+                    other = True
+                out[n, 0], out[n, 1] = row, column
+                n += 1
+        while before < old.shape[0] and tile_order(old[before], side, tile_row, tile_column) == 0:
+            other = True
+            before += 1
+    rest = old.shape[0] - before
+    out[n : n + rest] = old[before:]
+    return out[: n + rest], other
+
+
+@njit(cache=True, nogil=True, inline="always")
+def tile_order(cell, side, row, column):
+    """Below 0, 0 or above: a cell's tile comes before a tile, is it, or comes after."""
+    down = cell[0] // side - row
+    return down if down != 0 else cell[1] // side - column
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -64,133 +101,60 @@ def to_be_explored(occupancy, explored, row, left, out):
             there[i] = (seen[i] == 0) & (state[i] != 100)
 
 
-@njit(cache=True, nogil=True, inline="always")
-def find_root(parent, i):
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
-
-
-@njit(cache=True, nogil=True)
-def cluster(cells, scratch, labels, sizes):
-    """Number the 8-connected clusters of cells by their first cell; how many there are.
-
-    `cells` int32 [n, 2]; `labels` int32 [n] gets the cluster of each, `sizes` int32 [n] the number
-    of cells by cluster. `scratch` int32 over the grid is all zeros, and is again afterwards.
-    """
-    n = cells.shape[0]
-    columns = scratch.shape[1]
-    parent = np.arange(n).astype(np.int32)
-    for i in range(n):
-        scratch[cells[i, 0], cells[i, 1]] = i + 1
-    for i in range(n):
-        r, c = cells[i, 0], cells[i, 1]
-        # Half of the neighbours: each pair is met once.
-        for dr, dc in ((-1, -1), (-1, 0), (-1, 1), (0, -1)):
-            y, x = r + dr, c + dc
-            if y < 0 or x < 0 or x >= columns or scratch[y, x] == 0:
-                continue
-            a, b = find_root(parent, scratch[y, x] - 1), find_root(parent, i)
-            if a < b:
-                parent[b] = a
-            else:
-                parent[a] = b
-    found = 0
-    for i in range(n):
-        root = find_root(parent, i)  # the smallest of its cluster
-        if root == i:
-            labels[i] = found
-            sizes[found] = 0
-            found += 1
-        else:
-            labels[i] = labels[root]
-        sizes[labels[i]] += 1
-    for i in range(n):
-        scratch[cells[i, 0], cells[i, 1]] = 0
-    return found
-
-
-@njit(cache=True, nogil=True)
-def gather(cells, labels, place, starts, out):
-    """Sort the cells of the wanted clusters: `out` int32 [m, 2] cluster after cluster.
-
-    `place` int32 [clusters] is the position of a cluster, -1 where it is not wanted; `starts`
-    int64 [wanted + 1] where each begins.
-    """
-    filled = starts[:-1].copy()
-    for i in range(cells.shape[0]):
-        k = place[labels[i]]
-        if k >= 0:
-            out[filled[k], 0] = cells[i, 0]
-            out[filled[k], 1] = cells[i, 1]
-            filled[k] += 1
-
-
 @njit(cache=True, nogil=True)
 def describe(
-    cells, starts, corner, labels, offsets, reached, near, near_corner, centres, reachable
+    cells, starts,  # clusters: world cells int32 [m, 2], and int64 [clusters + 1] where each begins
+    corner,  # the world cell of the grid's first
+    labels, offsets, reached, near, near_corner,  # a `ground.Reached` and its labels
+    same,  # int64 [clusters]: the place of a former with the very same cells, -1 for none
+    former_centres, former_reachable,  # of the former: as `centres` and `reachable`
+    stale,  # box of world cells near which values have changed: row_lo, row_hi, column_lo, ...
 ):  # fmt: skip
-    """Whether each cluster can be reached, and the cell nearest to the mean of what can be (or of
-    all its cells where nothing can): the first of equals.
+    """Of each cluster the centre (a world cell, int32 [clusters, 2]), whether it can be reached
+    (uint8), and what is to be done about it (uint8, flags): VALUES where its values must be found,
+    OTHER where it is not as its former was.
 
-    `cells`, `starts` are those of `gather`, in world cells, and so are `centres`; `corner` is the
-    world cell of the grid's first. The rest is a `ground.Reached` and its labels.
+    The centre is the cell nearest to the mean of those that can be reached (of all its cells where
+    none can), the first of equals.
     """
-    n = cells.shape[0]
+    n, count = cells.shape[0], starts.size - 1
     can, of_tile = np.empty(n, np.uint8), np.empty(n, np.uint16)
-    rows, columns = np.empty((2, n), np.int64)
-    for i in range(n):
-        rows[i], columns[i] = cells[i, 0] - corner[0], cells[i, 1] - corner[1]
+    centres, reachable = np.empty((count, 2), np.int32), np.empty(count, np.uint8)
+    flags = np.zeros(count, np.uint8)
     for i in range(n):  # far apart in memory: nothing else here, so that many are on their way
-        of_tile[i] = labels[np.uint64(rows[i]), np.uint64(columns[i])]
+        r, c = cells[i, 0] - corner[0], cells[i, 1] - corner[1]
+        of_tile[i] = labels[np.uint64(r), np.uint64(c)]
     for i in range(n):
-        r, c = rows[i], columns[i]
+        r, c = cells[i, 0] - corner[0], cells[i, 1] - corner[1]
         y, x = r - near_corner[0], c - near_corner[1]
         beside = 0 <= y < near.shape[0] and 0 <= x < near.shape[1] and near[y, x] != 0
         component = offsets[r // TILE, c // TILE] + of_tile[i] - 1
         can[i] = beside or (of_tile[i] != 0 and reached[component] != 0)
-    for k in range(starts.size - 1):
+    for k in range(count):
         any_reached = np.any(can[starts[k] : starts[k + 1]])
         counted = 0
         total_r = total_c = 0.0
         for i in range(starts[k], starts[k + 1]):
             if not any_reached or can[i] != 0:
-                total_r += rows[i]
-                total_c += columns[i]
+                total_r += cells[i, 0] - corner[0]
+                total_c += cells[i, 1] - corner[1]
                 counted += 1
         mean_r, mean_c, best = total_r / counted, total_c / counted, np.inf
+        row = column = np.int32(0)
         for i in range(starts[k], starts[k + 1]):
-            off = (rows[i] - mean_r) ** 2 + (columns[i] - mean_c) ** 2
+            r, c = cells[i, 0] - corner[0], cells[i, 1] - corner[1]
+            off = (r - mean_r) ** 2 + (c - mean_c) ** 2
             if off < best and (not any_reached or can[i] != 0):
-                best = off
-                centres[k, 0] = cells[i, 0]
-                centres[k, 1] = cells[i, 1]
-        reachable[k] = any_reached
-
-
-@njit(cache=True, nogil=True)
-def shared_ground(cells, labels, former_cells, former_labels, reach, scratch, votes):
-    """How many cells of each cluster lie within `reach` cells (a square) of each former cluster.
-
-    `cells` int32 [n, 2], `labels` int32 [n] 0..k-1; `former_*` alike; adds to `votes` int32 [k, m].
-    `scratch` int32 over the grid is all zeros, and is again afterwards.
-    """
-    rows, columns = scratch.shape
-    for i in range(former_cells.shape[0]):
-        scratch[former_cells[i, 0], former_cells[i, 1]] = former_labels[i] + 1
-    found = np.zeros(votes.shape[1], np.bool_)
-    for i in range(cells.shape[0]):
-        found[:] = False
-        r, c = cells[i, 0], cells[i, 1]
-        for y in range(max(0, r - reach), min(rows, r + reach + 1)):
-            for x in range(max(0, c - reach), min(columns, c + reach + 1)):
-                k = scratch[y, x] - 1
-                if k >= 0 and not found[k]:
-                    found[k] = True
-                    votes[labels[i], k] += 1
-    for i in range(former_cells.shape[0]):
-        scratch[former_cells[i, 0], former_cells[i, 1]] = 0
+                best, row, column = off, cells[i, 0], cells[i, 1]
+        centres[k, 0], centres[k, 1], reachable[k] = row, column, any_reached
+        j = same[k]
+        if j < 0 or former_centres[j, 0] != row or former_centres[j, 1] != column:
+            flags[k] = VALUES | OTHER
+        elif stale[0] <= row < stale[1] and stale[2] <= column < stale[3]:
+            flags[k] = VALUES
+        if j >= 0 and former_reachable[j] != reachable[k]:
+            flags[k] |= OTHER
+    return centres, reachable, flags
 
 
 @njit(cache=True, nogil=True)

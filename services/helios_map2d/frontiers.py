@@ -1,25 +1,26 @@
 """Frontiers: boundaries between searched free ground and what was not searched (paper 3.1.1).
 
-The cells of frontiers are kept by tile, and only tiles that changed are looked at again. Where no
-cell is other than before, so are no clusters and numbers; a frontier is made anew where its centre,
-its values or whether it can be reached are other than before.
+The cells of frontiers lie tile after tile, and only tiles that changed are looked at again. Where
+no cell is other than before, so are no clusters and numbers; a frontier is made anew where its
+centre, its values or whether it can be reached are other than before.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_map2d import frontier_kernels
-from helios_map2d.grid import EMPTY, TILE, Box, GridSpec, Tile
-from helios_map2d.ground import OpenGround
+from helios_map2d import cluster_kernels, frontier_kernels, identity_kernels
+from helios_map2d.frontier_kernels import VALUES
+from helios_map2d.grid import EMPTY, TILE, Box, GridSpec, TileMask
+from helios_map2d.ground import OpenGround, Reached
 from helios_map2d.value import values_near
 
 NO_CELLS = np.empty((0, 2), np.int32)
+EVERYWHERE = (-(2**31), 2**31, -(2**31), 2**31)
 
 
 @dataclass(frozen=True)
@@ -61,25 +62,18 @@ class FrontierFinder:
         self.grid = grid
         self.rules = rules
         self.next_id = next_id
-        self._cells: dict[Tile, NDArray[np.int32]] = {}  # world cells
-        self._scratch = np.zeros(grid.shape, np.int32)
-        self._former: tuple[Frontier, ...] = ()
-        self._by_cells: dict[bytes, Frontier] = {}
-        # Of the clusters of these cells, as the former frontiers are ordered; None: to be found.
-        self._clusters: tuple[NDArray[np.int32], NDArray[np.int64]] | None = None
-        self._centres = NO_CELLS  # world cells
-        self._described_as = (b"", b"")  # their centres, and which can be reached, as bytes
+        self._cells = NO_CELLS  # of all frontiers, large enough or not, tile after tile
         self._values_of: tuple[str, ...] = ()  # the layers of the values that frontiers have
         self._stale: Box | None = EMPTY  # world cells near which values changed since; None: all
+        self.remember(())
 
     def grow(self, grid: GridSpec) -> None:
         """Go on over a larger grid."""
         self.grid = grid
-        self._scratch = np.zeros(grid.shape, np.int32)
 
     def reset(self) -> None:
         """Nothing is searched any more."""
-        self._cells.clear()
+        self._cells = NO_CELLS
         self.remember(())
 
     def values_changed(self, box: Box) -> None:
@@ -94,45 +88,23 @@ class FrontierFinder:
 
     def remember(self, former: tuple[Frontier, ...]) -> None:
         """Frontiers by whose cells those found next are recognised."""
-        self._keep(former, [f.cells.tobytes() for f in former])
+        self._former = former
+        self._same = False  # whether the clusters of all cells are those of the former
+        self._own = np.concatenate([NO_CELLS, *(f.cells for f in former)])
+        self._starts = np.cumsum([0, *(len(f.cells) for f in former)], dtype=np.int64)
+        self._ids = np.array([f.id for f in former], np.int64)
         cells = [self.grid.cell_of(*f.centre_m) for f in former]
         self._centres = np.array(cells, np.int32).reshape(-1, 2) + _pair(self.grid.corner)
-        self._clusters = None
-
-    def _keep(self, found: Iterable[Frontier], keys: list[bytes]) -> None:
-        """These are the frontiers now; `keys` are their cells as bytes."""
-        self._former = tuple(found)
-        self._by_cells = dict(zip(keys, self._former, strict=True))
+        self._reachable = np.full(len(former), 2, np.uint8)  # 0 or 1; 2: to be found out
 
     def update(
-        self,
-        occupancy: NDArray[np.int8],
-        explored: NDArray[np.uint8],
-        tiles: Iterable[Tile],
+        self, occupancy: NDArray[np.int8], explored: NDArray[np.uint8], tiles: TileMask
     ) -> None:
         """Look at the given tiles again; arrays are over the whole grid."""
-        whole = self.grid.to_world(self.grid.whole)
-        rows = range(-(-whole.row_lo // TILE), whole.row_hi // TILE)
-        columns = range(-(-whole.column_lo // TILE), whole.column_hi // TILE)
-        wanted = [t for t in tiles if t[0] in rows and t[1] in columns]
-        if not wanted:
-            return
-        corner = _pair(self.grid.corner)
-        first = np.array(wanted, np.int32) * TILE - corner
-        cells = np.empty((len(wanted) * TILE**2, 2), np.int32)
-        counts = np.empty(len(wanted), np.int32)
-        n = frontier_kernels.cells_of_tiles(occupancy, explored, first, TILE, cells, counts)
-        found, start = cells[:n] + corner, 0
-        for tile, count in zip(wanted, counts.tolist(), strict=True):
-            part, old = found[start : start + count], self._cells.get(tile, NO_CELLS)
-            start += count
-            if len(old) == count and old.tobytes() == part.tobytes():
-                continue
-            self._clusters = None
-            if count:
-                self._cells[tile] = part
-            else:
-                del self._cells[tile]
+        self._cells, other = frontier_kernels.look_again(
+            occupancy, explored, self.grid.corner, tiles.mask, tiles.first, TILE, self._cells
+        )
+        self._same = self._same and not other
 
     def find(
         self,
@@ -142,32 +114,21 @@ class FrontierFinder:
         values: Mapping[str, NDArray[np.float32]],
     ) -> tuple[Frontier, ...]:
         """The frontiers as they are now, largest first (all arrays are over the whole grid)."""
-        same = self._clusters is not None
-        own, starts = self._clusters = self._clusters or self._clustered()
-        centres, reachable = self._described(own, starts, occupancy, ground, robot_xy_m)
-        before: Sequence[Frontier | None] = self._former
-        if same:
-            still = self._stale == EMPTY and tuple(values) == self._values_of
-            if still and (centres.tobytes(), reachable.tobytes()) == self._described_as:
-                return self._former
-            keys, numbers = list(self._by_cells), [f.id for f in self._former]
-            parts = [f.cells for f in self._former]
-        else:
-            parts = [own[a:b] for a, b in itertools.pairwise(starts.tolist())]
-            keys = [part.tobytes() for part in parts]
-            numbers = self._numbers(parts, keys)
-            before = [self._by_cells.get(key) for key in keys]
-        self._centres, self._described_as = centres, (centres.tobytes(), reachable.tobytes())
-        cell_m = self.grid.cell_m
-        places = [((c + 0.5) * cell_m, (r + 0.5) * cell_m) for r, c in centres.tolist()]
-        near = self._values_near(centres, places, before, values)
-        found_now = []
-        for k, (id, can) in enumerate(zip(numbers, reachable.tolist(), strict=True)):
-            old, now = before[k], (places[k], can, near[k])
-            if old is None or (old.centre_m, old.reachable, old.values) != now:
-                old = Frontier(id, places[k], len(parts[k]) * cell_m, can, near[k], parts[k])
-            found_now.append(old)
-        self._keep(found_now, keys)
+        own, starts, ids, same = self._clustered()
+        reached = self._reached(occupancy, ground, robot_xy_m)
+        centres, reachable, flags = frontier_kernels.describe(
+            own, starts, self.grid.corner, ground.labels, reached.offsets, reached.reached,
+            reached.near, reached.near_corner, same, self._centres, self._reachable,
+            self._stale_for(values),
+        )  # fmt: skip
+        before = self._former
+        if not self._same or flags.any():
+            self._former = self._renewed(
+                [before[j] if j >= 0 else None for j in same.tolist()],
+                own, starts, ids, centres, reachable, flags, values,
+            )  # fmt: skip
+        self._own, self._starts, self._ids, self._same = own, starts, ids, True
+        self._centres, self._reachable = centres, reachable
         return self._former
 
     def revalued(self, values: Mapping[str, NDArray[np.float32]]) -> tuple[Frontier, ...]:
@@ -175,128 +136,89 @@ class FrontierFinder:
 
         What `find` gives when nothing else has changed, at a fraction of its cost.
         """
-        places = [f.centre_m for f in self._former]
-        near = self._values_near(self._centres, places, self._former, values)
-        found = [
-            f if f.values == now else replace(f, values=now)
-            for f, now in zip(self._former, near, strict=True)
-        ]
-        self._keep(found, list(self._by_cells))
+        row_lo, row_hi, column_lo, column_hi = self._stale_for(values)
+        rows, columns = self._centres.T
+        stale = (rows >= row_lo) & (rows < row_hi) & (columns >= column_lo) & (columns < column_hi)
+        which = np.flatnonzero(stale)
+        found = list(self._former)
+        for k, near in zip(which.tolist(), self._values_at(self._centres[which], values),
+                           strict=True):  # fmt: skip
+            if found[k].values != near:
+                found[k] = replace(found[k], values=near)
+        self._former = tuple(found)
         return self._former
 
-    def _clustered(self) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-        """The cells of each cluster that is large enough, largest first: world cells [m, 2], and
-        where in them each begins, and the last ends."""
-        corner = _pair(self.grid.corner)
-        found = [self._cells[t] for t in sorted(self._cells)]
-        cells = (np.concatenate(found) if found else NO_CELLS) - corner
-        labels, sizes = np.empty((2, len(cells)), np.int32)
-        clusters = frontier_kernels.cluster(cells, self._scratch, labels, sizes)
-        sizes = sizes[:clusters]
-        least = self.rules.min_size_m / self.grid.cell_m - 1e-9
-        kept = np.argsort(-sizes, kind="stable")[: int(np.count_nonzero(sizes >= least))]
-        place = np.full(clusters, -1, np.int32)
-        place[kept] = np.arange(len(kept))
-        starts = np.zeros(len(kept) + 1, np.int64)
-        np.cumsum(sizes[kept], out=starts[1:])
-        own = np.empty((int(starts[-1]), 2), np.int32)
-        frontier_kernels.gather(cells, labels, place, starts, own)
-        own += corner
-        return own, starts
-
-    def _described(
+    def _clustered(
         self,
-        own: NDArray[np.int32],
-        starts: NDArray[np.int64],
-        occupancy: NDArray[np.int8],
-        ground: OpenGround,
-        robot_xy_m: tuple[float, float],
-    ) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-        """The centre (world cell) of each cluster, and whether it can be reached."""
+    ) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """The cells of each cluster that is large enough, largest first: world cells [m, 2], and
+        where in them each begins, and the last ends; their numbers, and their places among the
+        former where those have the very same cells, else -1."""
+        if self._same:
+            return self._own, self._starts, self._ids, np.arange(len(self._ids))
+        cell_m = self.grid.cell_m
+        least = self.rules.min_size_m / cell_m - 1e-9
+        own, starts = cluster_kernels.clusters_of(self._cells, TILE, least)
+        ids, same, self.next_id = identity_kernels.recognise(
+            own, starts, self._own, self._starts, self._ids,
+            int(self.rules.same_within_m / cell_m), self.next_id,
+        )  # fmt: skip
+        return own, starts, ids, same
+
+    def _reached(
+        self, occupancy: NDArray[np.int8], ground: OpenGround, robot_xy_m: tuple[float, float]
+    ) -> Reached:
+        """What can be reached by the robot."""
         row, column = self.grid.cell_of(*robot_xy_m)
         robot = (min(max(row, 0), self.grid.rows - 1), min(max(column, 0), self.grid.columns - 1))
-        blind_cells = self.rules.blind_radius_m / self.grid.cell_m
-        reached = ground.reached_from(occupancy, robot, blind_cells)
-        centres = np.empty((len(starts) - 1, 2), np.int32)
-        reachable = np.empty(len(starts) - 1, np.bool_)
-        frontier_kernels.describe(
-            own, starts, self.grid.corner, ground.labels, reached.offsets, reached.reached,
-            reached.near, reached.near_corner, centres, reachable,
-        )  # fmt: skip
-        return centres, reachable
+        return ground.reached_from(occupancy, robot, self.rules.blind_radius_m / self.grid.cell_m)
 
-    def _values_near(
+    def _renewed(
         self,
+        before: list[Frontier | None],
+        own: NDArray[np.int32],
+        starts: NDArray[np.int64],
+        ids: NDArray[np.int64],
         centres: NDArray[np.int32],
-        places: Sequence[tuple[float, float]],
-        before: Sequence[Frontier | None],
+        reachable: NDArray[np.uint8],
+        flags: NDArray[np.uint8],
         values: Mapping[str, NDArray[np.float32]],
-    ) -> list[Mapping[str, float]]:
-        """Each layer's value near each centre (world cells [n, 2], and the same in metres): that of
-        the frontier `before` where it had the same centre and no layer has changed near it since.
-        """
-        names, stale = tuple(values), self._stale
-        out: list[Mapping[str, float]] = [{}] * len(places)
-        fresh = []
-        for k, (row, column) in enumerate(centres.tolist()):
-            old = before[k]
-            if (
-                old is not None and old.centre_m == places[k] and names == self._values_of
-                and stale is not None
-                and not (stale.row_lo <= row < stale.row_hi
-                         and stale.column_lo <= column < stale.column_hi)
-            ):  # fmt: skip
-                out[k] = old.values
-            else:
-                fresh.append(k)
+    ) -> tuple[Frontier, ...]:
+        """Each frontier as it is now: the one before where nothing is other; see `describe`."""
+        cell_m, ends = self.grid.cell_m, starts.tolist()
+        near = iter(self._values_at(centres[(flags & VALUES) != 0], values))
+        out = []
+        for k, (old, flag) in enumerate(zip(before, flags.tolist(), strict=True)):
+            if old is None or flag:
+                row, column = centres[k].tolist()
+                place = (column + 0.5) * cell_m, (row + 0.5) * cell_m
+                now = next(near) if flag & VALUES or old is None else old.values
+                can = bool(reachable[k])
+                if old is None or (old.centre_m, old.reachable, old.values) != (place, can, now):
+                    cells = own[ends[k] : ends[k + 1]] if old is None else old.cells
+                    old = Frontier(int(ids[k]), place, len(cells) * cell_m, can, now, cells)
+            out.append(old)
+        return tuple(out)
+
+    def _stale_for(self, values: Mapping[str, NDArray[np.float32]]) -> tuple[int, int, int, int]:
+        """The box of world cells near which these layers may be other than frontiers have them:
+        row_lo, row_hi, column_lo, column_hi. From now on frontiers have them as they are."""
+        box, names = self._stale, tuple(values)
+        known = box is not None and names == self._values_of
         self._values_of, self._stale = names, EMPTY
-        if not fresh:
-            return out
+        return box.bounds if known and box is not None else EVERYWHERE
+
+    def _values_at(
+        self, centres: NDArray[np.int32], values: Mapping[str, NDArray[np.float32]]
+    ) -> list[Mapping[str, float]]:
+        """Each layer's value near each of some world cells [n, 2]."""
+        if not len(centres) or not values:
+            return [{} for _ in centres]
         radius_cells = self.rules.value_radius_m / self.grid.cell_m
-        cells = centres[fresh] - _pair(self.grid.corner)
+        cells = centres - _pair(self.grid.corner)
         found = [values_near(layer, cells, radius_cells).tolist() for layer in values.values()]
-        for i, k in enumerate(fresh):
-            out[k] = {name: near[i] for name, near in zip(names, found, strict=True)}
-        return out
-
-    def _numbers(self, found: list[NDArray[np.int32]], keys: list[bytes]) -> list[int]:
-        """The number of each cluster: that of a former frontier, or a new one."""
-        same = [self._by_cells.get(key) for key in keys]
-        ids = [0 if f is None else f.id for f in same]
-        taken = set(ids)
-        new = [k for k, id in enumerate(ids) if id == 0]
-        old = [f for f in self._former if f.id not in taken]
-        if new and old:
-            votes = self._votes([found[k] for k in new], [f.cells for f in old])
-            for flat in np.argsort(-votes, axis=None, kind="stable").tolist():
-                k, j = divmod(flat, len(old))
-                if votes[k, j] == 0:
-                    break
-                if ids[new[k]] == 0 and old[j].id not in taken:
-                    ids[new[k]] = old[j].id
-                    taken.add(old[j].id)
-        for k in new:
-            if ids[k] == 0:
-                ids[k] = self.next_id
-                self.next_id += 1
-        return ids
-
-    def _votes(
-        self, new: list[NDArray[np.int32]], old: list[NDArray[np.int32]]
-    ) -> NDArray[np.int32]:
-        """How many cells of each new cluster lie close to each old one, [new, old]."""
-        corner = _pair(self.grid.corner)
-        votes = np.zeros((len(new), len(old)), np.int32)
-        frontier_kernels.shared_ground(
-            np.concatenate(new) - corner, _numbered(new), np.concatenate(old) - corner,
-            _numbered(old), int(self.rules.same_within_m / self.grid.cell_m), self._scratch, votes,
-        )  # fmt: skip
-        return votes
+        return [dict(zip(values, near, strict=True)) for near in zip(*found, strict=True)]
 
 
 def _pair(cell: tuple[int, int]) -> NDArray[np.int32]:
     return np.array(cell, np.int32)
-
-
-def _numbered(parts: list[NDArray[np.int32]]) -> NDArray[np.int32]:
-    return np.repeat(np.arange(len(parts), dtype=np.int32), [len(part) for part in parts])

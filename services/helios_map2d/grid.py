@@ -9,7 +9,7 @@ place of a cell never depends on where a map began or how far it has grown. Tile
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,6 +119,10 @@ class Box:
         return self.rows <= 0 or self.columns <= 0
 
     @property
+    def bounds(self) -> tuple[int, int, int, int]:
+        return self.row_lo, self.row_hi, self.column_lo, self.column_hi
+
+    @property
     def slices(self) -> tuple[slice, slice]:
         return slice(self.row_lo, self.row_hi), slice(self.column_lo, self.column_hi)
 
@@ -183,6 +187,25 @@ class Box:
 
 
 EMPTY = Box(0, 0, 0, 0)
+
+
+@dataclass(frozen=True)
+class TileMask:
+    """Some tiles: `mask` uint8 [tile rows, tile columns] is 1 for those, `first` is its corner."""
+
+    mask: NDArray[np.uint8]
+    first: Tile
+
+    @staticmethod
+    def of(tiles: Iterable[Tile]) -> TileMask:
+        """These tiles."""
+        places = np.array(list(tiles), np.int64).reshape(-1, 2)
+        if not len(places):
+            return TileMask(np.zeros((0, 0), np.uint8), (0, 0))
+        first, last = places.min(axis=0), places.max(axis=0)
+        mask = np.zeros(last - first + 1, np.uint8)
+        mask[tuple((places - first).T)] = 1
+        return TileMask(mask, (int(first[0]), int(first[1])))
 
 
 def carried_over(

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from helios_map2d.cluster_kernels import find_root
 from helios_map2d.flood_kernels import flood, near_ground
-from helios_map2d.frontier_kernels import find_root
 from helios_map2d.grid import TILE
 
 BOTTOM, TOP, LEFT, RIGHT = range(4)  # sides of a tile: that of the neighbour is `side ^ 1`

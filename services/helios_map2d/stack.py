@@ -16,7 +16,7 @@ from helios_map2d.explored import SearchArea
 from helios_map2d.exploring import ByDepth, Exploring
 from helios_map2d.frontiers import Frontier, FrontierFinder
 from helios_map2d.fuse_kernels import HEIGHTS, SEEN_NOW
-from helios_map2d.grid import EMPTY, TILE, Box, GridSpec, Tile
+from helios_map2d.grid import EMPTY, TILE, Box, GridSpec, Tile, TileMask
 from helios_map2d.ground import OpenGround
 from helios_map2d.occupancy import UNKNOWN, OccupancyLayer
 from helios_map2d.reveal import ByCone
@@ -139,7 +139,7 @@ class LayerStack:
         if not everything.empty:
             nothing = np.full((everything.rows, everything.columns), UNKNOWN, np.int8)
             self.ground.update(layer.occupancy, nothing, everything)
-            self.frontiers.update(layer.occupancy, self.search.explored, tiles)
+            self.frontiers.update(layer.occupancy, self.search.explored, TileMask.of(tiles))
             self._note_known(everything)
         for name, values in layers.items():
             self.values.restore(name, values.values())
@@ -196,7 +196,7 @@ class LayerStack:
             )
         world = self.grid.to_world(box)
         row, column = world.row_lo // TILE, world.column_lo // TILE
-        edges = [(r + row - 1, c + column - 1) for r, c in np.argwhere(border).tolist()]
+        edges = TileMask(border, (row - 1, column - 1))
         self.frontiers.update(self.occupancy.occupancy, self.search.explored, edges)
         return [
             ((r + row, c + column), bool(flags & (SEEN_NOW | HEIGHTS)), bool(flags & HEIGHTS))

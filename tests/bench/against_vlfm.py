@@ -31,7 +31,7 @@ from helios_core.geometry import Pinhole, se2_to_se3
 from helios_core.types import Frame, FrameId, Observation, SearchContext
 from helios_eval.bench.scene import frames as bench_frames
 from helios_map2d.frontiers import FrontierFinder, FrontierRules
-from helios_map2d.grid import Tile
+from helios_map2d.grid import TileMask
 from helios_map2d.occupancy import OccupancyRules
 from helios_map2d.rules import MapRules
 from helios_map2d.settings import vlfm_compatible
@@ -211,15 +211,15 @@ def by_size(frames: list[Frame], laps: int) -> dict[str, float]:
     return named | {"larger by": round(ms[1] / ms[0] - 1, 3)}
 
 
-def touched(ours: MapState) -> list[Tile]:
+def touched(ours: MapState) -> TileMask:
     """The tiles that the newest frame changed, and those beside them."""
     new = [t for t, tile in ours.published.ground.items() if tile.version == ours.version]
-    return sorted({(r + dr, c + dc) for r, c in new
-                   for dr, dc in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))})  # fmt: skip
+    return TileMask.of((r + dr, c + dc) for r, c in new
+                       for dr, dc in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)))  # fmt: skip
 
 
 def frontiers_of(
-    stack: LayerStack, finder: FrontierFinder, tiles: list[Tile], robot_m: tuple[float, float]
+    stack: LayerStack, finder: FrontierFinder, tiles: TileMask, robot_m: tuple[float, float]
 ) -> None:
     """What a frame makes of the frontiers: their cells in the tiles that it touched, clusters,
     centres, what can be reached, and numbers."""

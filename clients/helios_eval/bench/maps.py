@@ -9,7 +9,7 @@ import numpy as np
 from helios_core.types import Frame
 from helios_map2d.explored import SearchArea
 from helios_map2d.frontiers import FrontierFinder, FrontierRules
-from helios_map2d.grid import GridSpec, Tile
+from helios_map2d.grid import GridSpec, TileMask
 from helios_map2d.ground import OpenGround
 from helios_map2d.occupancy import OccupancyLayer, OccupancyRules
 from helios_map2d.value import ValueLayers, ValueRules, cone_of
@@ -108,7 +108,7 @@ class OurMaps:
         self.ground = OpenGround(self.grid, rules.robot_radius_m / CELL_M)
         self.finder = FrontierFinder(self.grid, rules)
 
-    def occupancy(self, frame: Frame) -> list[Tile]:
+    def occupancy(self, frame: Frame) -> TileMask:
         """Fold a frame in; the tiles where frontiers may run differently."""
         view = lay(frame, self.grid)
         box = self.grid.to_local(self.grid.to_world(view.window).tiled)
@@ -116,7 +116,7 @@ class OurMaps:
         before = self.layer.occupancy[at].copy()
         self.search.add(self.layer.integrate(view, (0.0, 0.0), 0.3), view.window)
         self.ground.update(self.layer.occupancy, before, box)
-        tiles = list(self.grid.to_world(box.grown(1)).tiles)
+        tiles = TileMask.of(self.grid.to_world(box.grown(1)).tiles)
         self.finder.update(self.layer.occupancy, self.search.explored, tiles)
         return tiles
 

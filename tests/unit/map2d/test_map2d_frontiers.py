@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
-from helios_map2d import frontier_kernels
+from helios_map2d import cluster_kernels, frontier_kernels, identity_kernels
 from helios_map2d.explored import SearchArea, near_ground
-from helios_map2d.frontiers import Frontier, FrontierFinder, FrontierRules
-from helios_map2d.grid import Box, GridSpec
+from helios_map2d.frontiers import NO_CELLS, Frontier, FrontierFinder, FrontierRules
+from helios_map2d.grid import Box, GridSpec, TileMask
 from helios_map2d.ground import OpenGround
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,7 +17,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from scipy import ndimage
 
-SHAPE = (17, 23)
+SHAPE = (16, 24)
 OCCUPANCIES = arrays(np.int8, SHAPE, elements=st.sampled_from([-1, 0, 0, 0, 100]))
 EXPLOREDS = arrays(np.uint8, SHAPE, elements=st.sampled_from([0, 1, 1]))
 GRID = GridSpec(0.025, 256, 256, (-128, -128))
@@ -35,32 +37,109 @@ def brute_mask(occupancy: NDArray[np.int8], explored: NDArray[np.uint8]) -> NDAr
 
 
 @settings(max_examples=60, deadline=None)
-@given(OCCUPANCIES, EXPLOREDS)
+@given(OCCUPANCIES, EXPLOREDS, EXPLOREDS, st.integers(1, 6))
 def test_frontier_cells_and_clusters_equal_brute_force(
-    occupancy: NDArray[np.int8], explored: NDArray[np.uint8]
+    occupancy: NDArray[np.int8],
+    before: NDArray[np.uint8],
+    explored: NDArray[np.uint8],
+    least: int,
 ) -> None:
-    tiles = np.array([(r, c) for r in range(0, 17, 8) for c in range(0, 23, 8)], np.int32)
-    cells, counts = np.empty((len(tiles) * 64, 2), np.int32), np.empty(len(tiles), np.int32)
-    n = frontier_kernels.cells_of_tiles(occupancy, explored, tiles, 8, cells, counts)
-    cells, labels, sizes = cells[:n], np.empty(n, np.int32), np.empty(n, np.int32)
-    scratch = np.zeros(SHAPE, np.int32)
-    clusters = frontier_kernels.cluster(cells, scratch, labels, sizes)
-    assert not scratch.any()
-    assert counts.sum() == n
-    assert sizes[:clusters].tolist() == np.bincount(labels, minlength=clusters).tolist()
+    corner, side = (-8, -16), 8  # the tiles of the arrays begin at (-1, -2) of the world
+    tiles = TileMask(np.ones((5, 6), np.uint8), (-2, -3))  # some lie beyond the arrays
+    cells, other = look_again(occupancy, before, corner, tiles, side, NO_CELLS)
+    assert other == brute_mask(occupancy, before).any()
+    known = cells
+    cells, other = look_again(occupancy, explored, corner, tiles, side, known)
     mask = brute_mask(occupancy, explored)
-    found = np.zeros(SHAPE, int)
-    found[cells[:, 0], cells[:, 1]] = labels + 1
-    assert ((found > 0) == mask).all()
-    expected, n = labelled(mask, 8)
-    assert len(np.unique(labels)) == n
-    pairs = set(zip(found[mask].tolist(), expected[mask].tolist(), strict=True))
-    assert len(pairs) == n  # one to one
-    assert (np.diff([np.flatnonzero(labels == k)[0] for k in range(n)]) > 0).all()
+    assert cells.tolist() == by_tile(mask, corner, side)
+    assert other == (cells.tolist() != known.tolist())
+
+    own, starts = cluster_kernels.clusters_of(cells, side, least)
+    expected, count = labelled(mask, 8)
+    parts = [by_tile(expected == k, corner, side) for k in range(1, count + 1)]
+    wanted = sorted((p for p in parts if len(p) >= least),
+                    key=lambda p: (-len(p), cells.tolist().index(p[0])))  # fmt: skip
+    assert [own[a:b].tolist() for a, b in itertools.pairwise(starts)] == wanted
+
+
+def look_again(
+    occupancy: NDArray[np.int8],
+    explored: NDArray[np.uint8],
+    corner: tuple[int, int],
+    tiles: TileMask,
+    side: int,
+    old: NDArray[np.int32],
+) -> tuple[NDArray[np.int32], bool]:
+    return frontier_kernels.look_again(
+        occupancy, explored, corner, tiles.mask, tiles.first, side, old
+    )
+
+
+def test_only_the_tiles_that_are_asked_for_are_looked_at_again() -> None:
+    occupancy, explored = np.zeros((24, 24), np.int8), np.zeros((24, 24), np.uint8)
+    explored[4, 4] = explored[12, 12] = explored[20, 20] = 1
+    everywhere = TileMask.of(itertools.product(range(3), range(3)))
+    cells, _ = look_again(occupancy, explored, (0, 0), everywhere, 8, NO_CELLS)
+    explored[4, 4] = explored[20, 20] = 0
+    explored[12, 13] = 1
+    cells, other = look_again(occupancy, explored, (0, 0), TileMask.of([(2, 2)]), 8, cells)
+    assert (cells.tolist(), other) == ([[4, 4], [12, 12]], True)
+    cells, other = look_again(occupancy, explored, (0, 0), TileMask.of([(2, 2)]), 8, cells)
+    assert (cells.tolist(), other) == ([[4, 4], [12, 12]], False)
+
+
+def by_tile(mask: NDArray[np.bool_], corner: tuple[int, int], side: int) -> list[list[int]]:
+    """The cells of a mask in world cells, tile after tile in row order."""
+    cells = (np.argwhere(mask) + corner).tolist()
+    return sorted(cells, key=lambda cell: ([v // side for v in cell], cell))
+
+
+CLUSTERS = arrays(np.int8, (9, 40), elements=st.sampled_from([0, 0, 0, 1, 2, 3, 4, 5]))
 
 
 @settings(max_examples=60, deadline=None)
-@given(OCCUPANCIES, st.integers(0, 16), st.integers(0, 22), st.floats(0, 12))
+@given(CLUSTERS, CLUSTERS, st.integers(0, 3), st.booleans())
+def test_frontiers_are_recognised_as_by_brute_force(
+    former: NDArray[np.int8], now: NDArray[np.int8], reach: int, alike: bool
+) -> None:
+    """Clusters here are the cells of a colour; some are the same as before."""
+    if alike:
+        now = np.where(former > 2, former, np.where(now > 2, 0, now)).astype(np.int8)
+    old, new = by_colour(former), by_colour(now)
+    numbers = [7 + 3 * k for k in range(len(old))]
+    ids, same, next_id = identity_kernels.recognise(
+        *packed(new), *packed(old), np.array(numbers, np.int64), reach, 100
+    )
+    twins = [next((j for j, b in enumerate(old) if a.tolist() == b.tolist()), -1) for a in new]
+    assert same.tolist() == twins
+    wanted = {k: j for k, j in enumerate(twins) if j >= 0}
+    votes = {
+        (k, j): int((np.abs(a[:, None] - b).max(axis=2) <= reach).any(axis=1).sum())
+        for k, a in enumerate(new) if k not in wanted
+        for j, b in enumerate(old) if j not in wanted.values()
+    }  # fmt: skip
+    for k, j in sorted(votes, key=lambda pair: -votes[pair]):
+        if votes[k, j] and k not in wanted and j not in wanted.values():
+            wanted[k] = j
+    fresh = iter(range(100, 200))
+    assert ids.tolist() == [numbers[wanted[k]] if k in wanted else next(fresh)
+                            for k in range(len(new))]  # fmt: skip
+    assert next_id == next(fresh)
+
+
+def by_colour(picture: NDArray[np.int8]) -> list[NDArray[np.int32]]:
+    found = [np.argwhere(picture == k).astype(np.int32) for k in range(1, 6)]
+    return [cells for cells in found if len(cells)]
+
+
+def packed(parts: list[NDArray[np.int32]]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Clusters as the kernels take them."""
+    starts = np.cumsum([0, *(len(part) for part in parts)], dtype=np.int64)
+    return np.concatenate([NO_CELLS, *parts]), starts
+
+
+@settings(max_examples=60, deadline=None)
+@given(OCCUPANCIES, st.integers(0, 15), st.integers(0, 23), st.floats(0, 12))
 def test_near_ground_is_the_flood_of_open_cells_in_the_disc(
     occupancy: NDArray[np.int8], row: int, column: int, radius: float
 ) -> None:
@@ -105,7 +184,7 @@ class World:
     def find(self, x_m: float = 0.0, y_m: float = 0.0) -> tuple[Frontier, ...]:
         self.ground.update(self.occupancy, self._before, GRID.whole)
         self._before = self.occupancy.copy()
-        everywhere = GRID.to_world(GRID.whole).tiles
+        everywhere = TileMask.of(GRID.to_world(GRID.whole).tiles)
         self.finder.update(self.occupancy, self.area.explored, everywhere)
         return self.finder.find(self.occupancy, self.ground, (x_m, y_m), self.values)
 
