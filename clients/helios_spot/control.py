@@ -3,14 +3,17 @@ back at the end.
 
 The lease is renewed by a thread of the SDK. When somebody takes it, presses an e-stop or switches
 the motors off while we move, what runs is cut short and the stop is latched: a person stepped in,
-and a person clears it. Then everything is asked for again before the next action.
+and a person clears it. Clearing gets back what was lost, or says who still has it. What is heard
+late of a lease that was given back is of no account.
 """
 
 from __future__ import annotations
 
+import functools
 import logging
 import threading
 import time
+from dataclasses import dataclass
 from typing import Any
 
 from helios_core.errors import Conflict, HeliosError
@@ -27,37 +30,48 @@ log = logging.getLogger(__name__)
 RENEW_LEASE_S = 0.5
 
 
+@dataclass(eq=False)
+class Tenure:
+    """One time that the robot is ours: from the grant of its lease until it is given back."""
+
+    keep_alive: Any = None
+    lost: HeliosError | None = None  # to whom, and then the stop is latched
+    over: bool = False  # given back: what is still heard of it is stale
+
+
 class Control:
-    """Used by the thread that acts; `release` by whoever ends the driver."""
+    """`take` and `lost` are for the thread that acts, `clear` and `release` for any."""
 
     def __init__(self, link: Link, motion: Motion, halt: Halt) -> None:
         self._link, self._motion, self._halt, self._s = link, motion, halt, link.settings
-        self._lease: Any = None
+        self._tenure: Tenure | None = None
+        self._acting = Tenure(over=True)  # under which the present action was begun
         self._estop: Any = None
         self._standing = False
-        self._lost: HeliosError | None = None
-        self._lock = threading.Lock()
+        self._lock = threading.Lock()  # what is lost and the latched stop change together
+        # Held while the lease is got or given back, which waits for the SDK's thread: that one
+        # must never want this lock.
+        self._changing = threading.Lock()
 
     @property
     def held(self) -> bool:
         """Whether the robot is under our control, as far as we know."""
-        return self._lease is not None and self._lost is None
+        tenure = self._tenure
+        return tenure is not None and tenure.lost is None
 
     def take(self, reading: Reading) -> bool:
         """Be ready to move; whether the robot had to stand up. Raises Conflict and others, each
         with what to do, and then nothing has moved."""
-        if self._lost is not None:
-            self._give_back()
         if self._s.estop == "endpoint" and self._estop is None:
             self._estop = self._endpoint()
             reading = self._once_released()
-        if reading.estops:
-            raise Conflict(
-                f"cannot move: {', '.join(reading.estops)} is pressed; release it (tablet, motor "
-                "button, or whoever else holds an e-stop), or set HELIOS_SPOT_ESTOP=endpoint"
-            )
-        if self._lease is None:
-            self._acquire()
+        _check_estops(reading, "move")
+        with self._changing:
+            self._halt.check()  # it may have been lost since the action began
+            if self._tenure is None:
+                self._acquire("get the robot's lease")
+            assert self._tenure is not None
+            self._acting = self._tenure
         if not reading.motors_on:
             if self._standing:  # somebody switched them off; they do not come back by themselves
                 gone = Conflict(
@@ -73,47 +87,100 @@ class Control:
         self._standing = True
         return True
 
+    def lost(self, error: HeliosError) -> None:
+        """Somebody took the robot from the action that runs: a person, who alone lets us go on."""
+        with self._lock:
+            self._lose(self._acting, error)
+
+    def clear(self) -> None:
+        """Lift the stop. What was lost is got back first, so that no late news of it can latch the
+        stop again; otherwise the stop stays.
+
+        Raises Conflict, which says who or what still holds the robot, and Unavailable.
+        """
+        with self._changing:
+            if self.held:
+                self._retain()
+            if self._tenure is not None and self._tenure.lost is not None:
+                self._regain(self._tenure)
+            with self._lock:
+                if self._tenure is not None and self._tenure.lost is not None:
+                    raise self._tenure.lost  # at this very moment, once more
+                self._halt.clear()
+
     def release(self) -> None:
         """Give the lease back and end our e-stop endpoint; the robot stands as it stands."""
-        with self._lock:
-            self._give_back()
+        with self._changing:
+            if self._tenure is not None:
+                self._give_back(self._tenure)
+            self._tenure = None
             estop, self._estop = self._estop, None
         if estop is not None:
             estop.shutdown()
 
-    def _acquire(self) -> None:
-        client = self._link.client("lease")
-        with doing("get the robot's lease", self._link.host):
+    # --- the lease ----------------------------------------------------------------------------
+    def _acquire(self, what: str) -> None:
+        """A new tenure; the one before, if any, stays when this raises."""
+        client, tenure = self._link.client("lease"), Tenure()
+        with doing(what, self._link.host):
             if self._s.lease == "take":
                 client.take(timeout=self._s.rpc_timeout_s)
-            self._lost = None
-            self._lease = api.lease.LeaseKeepAlive(
+            tenure.keep_alive = api.lease.LeaseKeepAlive(
                 client, rpc_interval_seconds=RENEW_LEASE_S, must_acquire=True,
-                return_at_exit=True, warnings=False, on_failure_callback=self._on_failure,
+                return_at_exit=True, warnings=False,
+                on_failure_callback=functools.partial(self._on_failure, tenure),
             )  # fmt: skip
-        self._standing = False
+        self._tenure, self._standing = tenure, False
 
-    def _on_failure(self, error: Exception) -> None:
+    def _retain(self) -> None:
+        """Hear now of a loss that the SDK's thread would tell of later."""
+        client, tenure = self._link.client("lease"), self._tenure
+        assert tenure is not None
+        try:
+            client.retain_lease(client.lease_wallet.get_lease(), timeout=self._s.rpc_timeout_s)
+        except (api.exceptions.Error, api.lease.Error) as error:
+            self._on_failure(tenure, error)
+
+    def _regain(self, lost: Tenure) -> None:
+        reading = self._link.read()
+        _check_estops(reading, "clear the stop")
+        if self._s.power == "expect" and not reading.motors_on:
+            raise Conflict(
+                "cannot clear the stop: the motors are off; switch them on at the tablet"
+            )
+        self._give_back(lost)
+        self._acquire("clear the stop")
+
+    def _give_back(self, tenure: Tenure) -> None:
+        with self._lock:
+            tenure.over = True
+            keep_alive, tenure.keep_alive = tenure.keep_alive, None
+        if keep_alive is None:
+            return
+        try:
+            keep_alive.shutdown()
+        except Exception as error:  # gone with the link; the robot notices by itself
+            log.warning("the lease could not be returned: %s", error)
+
+    def _on_failure(self, tenure: Tenure, error: Exception) -> None:
         """From the SDK's thread. A lost lease ends what runs; a lost link shows by itself."""
-        gone = (api.exceptions.ResponseError, api.lease.Error)
-        if not isinstance(error, gone):
+        if not isinstance(error, (api.exceptions.ResponseError, api.lease.Error)):
             log.warning("the lease was not renewed: %s", error)
             return
-        if self._lost is None:
-            lost = translate(error, self._link.host, "go on")
-            self._halt.cut(lost.message, lost)
-            self.lost(lost)
+        lost = translate(error, self._link.host, "go on")
+        with self._lock:
+            if not tenure.over and tenure.lost is None:
+                self._halt.cut(lost.message, lost)
+                self._lose(tenure, lost)
 
-    def lost(self, error: HeliosError) -> None:
-        """Somebody took the robot from us in the middle of it: a person, who alone lets us go on.
-
-        From any thread.
-        """
-        if self._lost is None:
-            self._lost = error
+    def _lose(self, tenure: Tenure, error: HeliosError) -> None:
+        """Under `_lock`."""
+        if not tenure.over and tenure.lost is None:
+            tenure.lost = error
             log.error("%s", error.message)
             self._halt.stop(f"{error.message}; then clear the stop")
 
+    # --- motors and e-stop --------------------------------------------------------------------
     def _power_on(self) -> None:
         if self._s.power == "expect":
             raise Conflict(
@@ -140,12 +207,11 @@ class Control:
             self._halt.rest(POLL_S)
         return reading
 
-    def _give_back(self) -> None:
-        lease, self._lease, self._lost = self._lease, None, None
-        self._standing = False
-        if lease is None:
-            return
-        try:
-            lease.shutdown()
-        except Exception as error:  # gone with the link; the robot notices by itself
-            log.warning("the lease could not be returned: %s", error)
+
+def _check_estops(reading: Reading, what: str) -> None:
+    """Raises Conflict when one is pressed."""
+    if reading.estops:
+        raise Conflict(
+            f"cannot {what}: {', '.join(reading.estops)} is pressed; release it (tablet, motor "
+            "button, or whoever else holds an e-stop), or set HELIOS_SPOT_ESTOP=endpoint"
+        )

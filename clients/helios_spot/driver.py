@@ -149,7 +149,8 @@ class SpotDriver(RobotDriver):
             self._motion.stop()
 
     def clear_stop(self) -> None:
-        self._halt.clear()
+        """Raises Conflict, which says who or what still holds the robot; then the stop stays."""
+        self._control.clear()
         self._trouble = ""
 
     def close(self) -> None:

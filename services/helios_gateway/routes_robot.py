@@ -7,13 +7,12 @@ import functools
 import anyio.to_thread
 from anyio import CapacityLimiter
 from fastapi import APIRouter
-from google.protobuf.message import Message
 from helios_core import proto as pb
-from helios_core.topics import CLEAR_STOP, STOP, Method
+from helios_core.topics import CLEAR_STOP, STOP
 
 from helios_gateway import models
 from helios_gateway.access import secured
-from helios_gateway.fleet import At, Served
+from helios_gateway.fleet import At
 from helios_gateway.keys import Scope
 from helios_gateway.problems import problems
 from helios_gateway.settings import Settings
@@ -24,13 +23,6 @@ def robot_routes(prefix: str, settings: Settings) -> APIRouter:
     routes = APIRouter(prefix=f"{prefix}/robot", tags=["robot"], dependencies=secured(Scope.READ))
     own_threads = CapacityLimiter(8)  # stop-now never waits behind other requests' threads
 
-    async def told(at: Served, method: Method, message: Message) -> models.Robot:
-        await anyio.to_thread.run_sync(
-            functools.partial(at.bus.call, method, message, settings.stop_timeout_s),
-            limiter=own_threads,
-        )
-        return at.live.robot()
-
     @routes.get("", summary="How the robot is, and what it is", responses=problems())
     async def robot(at: At) -> models.Robot:
         return at.live.robot()
@@ -39,8 +31,12 @@ def robot_routes(prefix: str, settings: Settings) -> APIRouter:
     async def stop(at: At, request: models.StopRequest | None = None) -> models.Robot:
         """Goes to the bridge directly, latches, and refuses every motion until it is cleared.
         Any key may stop; requests are not counted."""
-        reason = (request or models.StopRequest()).reason
-        return await told(at, STOP, pb.StopRequest(reason=reason))
+        message = pb.StopRequest(reason=(request or models.StopRequest()).reason)
+        await anyio.to_thread.run_sync(
+            functools.partial(at.bus.call, STOP, message, settings.stop_timeout_s),
+            limiter=own_threads,
+        )
+        return at.live.robot()
 
     @routes.post(
         "/clear-stop",
@@ -48,7 +44,9 @@ def robot_routes(prefix: str, settings: Settings) -> APIRouter:
         responses=problems(409, body=True),
         dependencies=secured(Scope.OPERATE),
     )
-    async def clear_stop(at: At) -> models.Robot:
-        return await told(at, CLEAR_STOP, pb.Empty())
+    def clear_stop(at: At) -> models.Robot:
+        """A robot that somebody took must be free again: the answer says who or what holds it."""
+        at.bus.call(CLEAR_STOP, pb.Empty(), settings.call_timeout_s)
+        return at.live.robot()
 
     return routes

@@ -118,7 +118,9 @@ class RobotDriver(ABC):
 
     @abstractmethod
     def clear_stop(self) -> None:
-        """Allow actions again. From any thread."""
+        """Allow actions again, for good: what was before never brings the stop back. Raises
+        Conflict, which says who or what still holds the robot; then it stays stopped. From any
+        thread."""
 
     def close(self) -> None:
         """Let go of the robot."""

@@ -16,7 +16,7 @@ pytest.importorskip("bosdyn.client", reason="pip install 'helios-ovmm[spot]'")
 from helios_bridge.service import BridgeService
 from helios_bridge.settings import Settings as BridgeSettings
 from helios_core import proto as pb
-from helios_core.errors import InvalidInput
+from helios_core.errors import Conflict, InvalidInput
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CLEAR_STOP, GET_TASK, SUBMIT, TASK
@@ -118,11 +118,9 @@ class House:
         assert self.ended.wait(TASK_S), "the task did not end"
         return self.task(id)
 
-    def goes_on(self, id: str) -> bool:
-        """Whether it does, after the stop is cleared: once more where the driver had not yet heard
-        that the lease is free, and stopped again."""
+    def clear_stop(self) -> None:
+        """Raises Conflict."""
         self._bus.call(CLEAR_STOP, pb.Empty(), 10)
-        return self.task(id).state != "paused"
 
     def close(self) -> None:
         self._planner.close()
@@ -146,12 +144,14 @@ class Episode:
     paused: pb.Task
     moving: bool
     lease_owner: str
+    refused: str  # what clearing the stop too early was answered
     ended: pb.Task
 
 
 @pytest.fixture(scope="module")
 def episode(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Episode]:
-    """A person takes the robot once it moves, gives it back, and clears the stop."""
+    """A person takes the robot once it moves, clears the stop too early, gives the robot back, and
+    clears the stop: once, and at once."""
     house = House(tmp_path_factory.mktemp("spot"))
     world = house.fake.world
     try:
@@ -160,9 +160,11 @@ def episode(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Episode]:
         house.fake.leases.give_to("the tablet")
         wait_until(lambda: house.task(id).state == "paused", 60, "the task pauses")
         then = house.task(id), world.moving, world.lease_owner
+        with pytest.raises(Conflict) as refused:
+            house.clear_stop()
         house.fake.leases.free()
-        wait_until(lambda: house.goes_on(id), 60, "the task goes on")
-        yield Episode(world, *then, house.end(id))
+        house.clear_stop()
+        yield Episode(world, *then, refused.value.message, house.end(id))
     finally:
         house.close()
 
@@ -172,6 +174,7 @@ def test_a_task_pauses_while_the_tablet_has_the_robot(episode: Episode) -> None:
     assert "the tablet has taken the robot's lease" in episode.paused.message
     assert not episode.moving
     assert episode.lease_owner == "the tablet"
+    assert "cannot clear the stop: the tablet holds the robot's lease" in episode.refused
 
 
 def test_it_goes_on_when_a_person_says_so_and_carries_the_mug_from_the_table_to_the_bench(
