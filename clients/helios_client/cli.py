@@ -57,8 +57,9 @@ def run(args: Sequence[str]) -> int:
 
 def _tell(error: Exception) -> int:
     """One sentence on stderr; faults of ours keep their traceback."""
-    if hasattr(error, "format_message"):  # of the command-line parser, whichever it is built on
-        sentence = error.format_message().rstrip(".")  # pyright: ignore[reportAttributeAccessIssue]
+    format_message = getattr(error, "format_message", None)
+    if format_message is not None:  # of the command-line parser, whichever it is built on
+        sentence = format_message().rstrip(".")
         if sentence.startswith("Usage:"):  # a group without a command
             print(sentence, file=sys.stderr)
         elif sentence:

@@ -29,7 +29,7 @@ from helios_core.types import ObjectInstance
 from helios_planner.belief import MapBelief
 from helios_planner.gaze import outline_of, tilt_towards
 from helios_planner.legs import Legs
-from helios_planner.settings import Settings
+from helios_planner.settings import PlaceRule, Settings
 from helios_planner.skills import Skills
 from helios_planner.task import TaskFailed
 from helios_sim.episode import reachable
@@ -43,7 +43,7 @@ from helios_eval.homes import home_of
 from helios_eval.placing_body import WorldBody
 from helios_eval.report.stats import paired_difference, sign_test, wilson
 
-RULES = ("paper", "flat")
+RULES: tuple[PlaceRule, ...] = ("paper", "flat")
 LAST_SEED = 999  # later ones are of published results
 BEFORE_M = 0.5  # the thing lies so far ahead of the robot
 AWAY_M = (0.5, 1.2)  # of the start from the furniture's outline
@@ -67,7 +67,7 @@ class Outcome:
     receptacle: str
     receptacle_class: str
     thing_class: str
-    rule: str
+    rule: PlaceRule
     succeeded: bool
     how: str  # succeeded, rolled off, fell beside, refused, not reached
     message: str
@@ -128,14 +128,14 @@ def _start_near(
     return None
 
 
-def play(kind: str, trial: Trial, rule: str) -> Outcome | None:
+def play(kind: str, trial: Trial, rule: PlaceRule) -> Outcome | None:
     """One placement by one rule; None where the thing could not be picked up to begin with."""
     home = home_of(kind, trial.seed)
     item = home.receptacle(trial.receptacle)
     world = World(*_prepared(home, trial, item))
     try:
         body = WorldBody(world)
-        settings = Settings(place_rule=rule)  # pyright: ignore[reportArgumentType]
+        settings = Settings(place_rule=rule)
         legs = Legs(body, settings)
         skills = Skills(body, legs, settings, MapBelief(body, settings), attempts=1)
         if not _hold(world, body, trial.thing):
@@ -229,8 +229,8 @@ def run(kind: str, seed0: int, count: int, per_home: int, folder: Path) -> str:
         for trial in trials(kind, seed0, per_home):
             if done >= count:
                 break
-            missing = [r for r in RULES if (trial.seed, trial.receptacle, r) not in known]
-            played = [play(kind, trial, rule) for rule in missing]
+            at = (trial.seed, trial.receptacle)
+            played = [play(kind, trial, rule) for rule in RULES if (*at, rule) not in known]
             if None in played:
                 continue
             done += 1

@@ -40,7 +40,7 @@ def check(connection: HTTPConnection, needed: Scope) -> None:
         )
     if key.scope < needed:
         raise Forbidden(
-            f"the key {key.name!r} may {key.scope.name.lower()}; this needs one that may "
+            f"the key {key.name!r} may {key.scope.spoken}; this needs one that may "
             f"{needed.name.lower()}"
         )
 
@@ -93,5 +93,5 @@ def _session(request: Request, key: Key | None) -> models.Session:
     return models.Session(
         required=request.app.state.keys.required,
         name=key.name if key else "",
-        scope=key.scope.name.lower() if key else None,  # pyright: ignore[reportArgumentType]
+        scope=key.scope.spoken if key else None,
     )

@@ -11,7 +11,7 @@ import contextlib
 import threading
 import uuid
 from collections import deque
-from collections.abc import AsyncGenerator, AsyncIterator
+from collections.abc import AsyncGenerator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -175,7 +175,7 @@ class _Viewer:
         self.queue.put_nowait(event)
 
 
-async def as_sse(events: AsyncGenerator[Event | None]) -> AsyncIterator[bytes]:
+async def as_sse(events: AsyncGenerator[Event | None]) -> AsyncGenerator[bytes]:
     """The bytes of a stream of server-sent events."""
     async with contextlib.aclosing(events):
         if await anext(events, None) is None:

@@ -17,11 +17,15 @@ import threading
 import tomllib
 from enum import IntEnum
 from pathlib import Path
+from typing import Literal
 
 from helios_core.errors import InvalidInput
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 log = logging.getLogger(__name__)
+
+
+ScopeName = Literal["read", "operate", "admin"]
 
 
 class Scope(IntEnum):
@@ -30,6 +34,18 @@ class Scope(IntEnum):
     READ = 1  # look, and stop the robot
     OPERATE = 2  # tasks, frames, lift stop-now
     ADMIN = 3  # settings of the services
+
+    @property
+    def spoken(self) -> ScopeName:
+        """As files and answers name it."""
+        return _NAMES[self]
+
+
+_NAMES: dict[Scope, ScopeName] = {
+    Scope.READ: "read",
+    Scope.OPERATE: "operate",
+    Scope.ADMIN: "admin",
+}
 
 
 class Key(BaseModel):
@@ -44,7 +60,7 @@ class Key(BaseModel):
     @field_validator("scope", mode="before")
     @classmethod
     def _by_name(cls, value: object) -> object:
-        names = {scope.name.lower(): scope for scope in Scope}
+        names = {name: scope for scope, name in _NAMES.items()}
         if value not in names:
             raise ValueError(f"no scope is called {value!r}; wanted {', '.join(names)}")
         return names[str(value)]

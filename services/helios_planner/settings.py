@@ -8,6 +8,20 @@ from typing import Literal
 from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field, SecretStr
 
+AgentName = Literal[
+    "helios",
+    "helios-next",
+    "helios-5050",
+    "no-global-objective",
+    "trusting",
+    "random-frontier",
+    "homerobot-heuristic",
+    "vlfm",
+    "vlfm-unfiltered",
+    "vlfm-helios-stop",
+]
+PlaceRule = Literal["flat", "paper"]
+
 
 class Settings(ServiceSettings):
     """Flags of `python -m helios_planner`."""
@@ -35,18 +49,7 @@ class Settings(ServiceSettings):
         default=1250, ge=1, description="actions a task may take, unless it says so"
     )
 
-    agent: Literal[
-        "helios",
-        "helios-next",
-        "helios-5050",
-        "no-global-objective",
-        "trusting",
-        "random-frontier",
-        "homerobot-heuristic",
-        "vlfm",
-        "vlfm-unfiltered",
-        "vlfm-helios-stop",
-    ] = Field(default="helios", description="who decides, unless a task says so")
+    agent: AgentName = Field(default="helios", description="who decides, unless a task says so")
     agent_seed: int = Field(default=0, ge=0, description="seed of an agent that draws frontiers")
 
     llm_url: str = Field(
@@ -167,7 +170,7 @@ class Settings(ServiceSettings):
 
     # --- pick and place ---
     reach_spare_m: float = Field(default=0.06, ge=0, description="kept of the robot's reach")
-    place_rule: Literal["flat", "paper"] = Field(
+    place_rule: PlaceRule = Field(
         default="flat",
         description="flat: lowered onto a flat free area; paper: dropped above the highest point "
         "ahead",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import Any
 
 from helios_planner.instruction import Instruction
 
@@ -81,6 +82,6 @@ class Task:
     priority: int = 0  # a higher one is begun first
     settings: Mapping[str, str] = field(default_factory=dict)  # of the planner, for it alone
 
-    def with_(self, **changes: object) -> Task:
+    def with_(self, **changes: Any) -> Task:
         """A copy with some fields changed."""
-        return replace(self, **changes)  # pyright: ignore[reportArgumentType]
+        return replace(self, **changes)

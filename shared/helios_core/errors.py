@@ -20,7 +20,7 @@ from helios_core import proto as pb
 class HeliosError(Exception):
     """Base of all errors that cross a process boundary."""
 
-    kind: ClassVar[int] = pb.ERROR_KIND_INTERNAL
+    kind: ClassVar[pb.ErrorKind] = pb.ERROR_KIND_INTERNAL
 
     def __init__(self, message: str) -> None:
         super().__init__(message)
@@ -65,7 +65,7 @@ _BY_KIND: dict[int, type[HeliosError]] = {
 def error_to_proto(error: Exception) -> pb.Error:
     """The wire form of any exception; what is not a HeliosError is internal."""
     if isinstance(error, HeliosError):
-        return pb.Error(kind=error.kind, message=error.message)  # pyright: ignore[reportArgumentType]
+        return pb.Error(kind=error.kind, message=error.message)
     return pb.Error(kind=pb.ERROR_KIND_INTERNAL, message=f"{type(error).__name__}: {error}")
 
 

@@ -22,6 +22,7 @@ from pydantic import AfterValidator, Field, ValidationError
 from pydantic_core import to_jsonable_python
 from pydantic_settings import (
     BaseSettings,
+    CliApp,
     InitSettingsSource,
     PydanticBaseSettingsSource,
     SettingsConfigDict,
@@ -102,7 +103,7 @@ class ServiceSettings(BaseSettings):
         """From the command line, the environment and the file. Exits 2 with a sentence if wrong."""
         args = list(sys.argv[1:] if argv is None else argv)
         try:
-            return cls(_cli_parse_args=args)  # pyright: ignore[reportCallIssue]
+            return CliApp.run(cls, cli_args=args)
         except ValidationError as error:
             wrong = "; ".join(
                 f"{'.'.join(map(str, e['loc']))}: {e['msg']} (got {e.get('input')!r})"

@@ -9,6 +9,7 @@ import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 import cv2
@@ -45,19 +46,18 @@ def house() -> Iterator[Served]:
 
 @pytest.fixture
 def page(browser: Browser, house: Served) -> Iterator[Page]:
-    page = opened(browser, house.url)
+    faults: list[str] = []
+    page = opened(browser, house.url, faults)
     yield page
-    assert page.faults == []  # pyright: ignore[reportAttributeAccessIssue]
+    assert faults == []
     page.close()
 
 
-def opened(browser: Browser, url: str, **options: object) -> Page:
-    """The page, once it has heard of the robot."""
-    page = browser.new_page(**options)  # pyright: ignore[reportArgumentType]
+def opened(browser: Browser, url: str, faults: list[str], **options: Any) -> Page:
+    """The page, once it has heard of the robot. Scripts that fail say so in `faults`."""
+    page = browser.new_page(**options)
     page.set_default_timeout(DEADLINE_MS)
-    faults: list[str] = []
     page.on("pageerror", lambda error: faults.append(str(error)))
-    page.faults = faults  # pyright: ignore[reportAttributeAccessIssue]
     page.goto(url)
     expect(page.locator("#ready")).not_to_have_text("connecting")
     return page
@@ -130,7 +130,7 @@ def test_a_service_that_dies_is_said(page: Page, house: Served) -> None:
 
 def test_a_lost_connection_is_said_and_comes_back(browser: Browser) -> None:
     with served() as first:
-        page = opened(browser, first.url)
+        page = opened(browser, first.url, [])
         submit(page)
     expect(page.locator("#lost")).to_be_visible()
     first.backend.change_task("t1", "succeeded")
@@ -312,7 +312,8 @@ def test_everybody_can_read_and_use_it(
     """No finding of axe, WCAG 2.1 A and AA, with a task, a decision and an object on show."""
     width, height = SIZES[kind]
     page = opened(
-        browser, house.url, viewport={"width": width, "height": height}, has_touch=kind == "tablet",
+        browser, house.url, [],
+        viewport={"width": width, "height": height}, has_touch=kind == "tablet",
         color_scheme="dark" if kind == "dark" else "light", reduced_motion="reduce",
     )  # fmt: skip
     submit(page)

@@ -6,6 +6,7 @@ import math
 import threading
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from helios_core import proto as pb
@@ -103,9 +104,9 @@ class Watcher:
             self._seq = state.last_seq
             self._on_scene(self.now())
 
-    def _change(self, **changes: object) -> None:
+    def _change(self, **changes: Any) -> None:
         with self._lock:
-            self._scene = replace(self._scene, **changes)  # pyright: ignore[reportArgumentType]
+            self._scene = replace(self._scene, **changes)
 
 
 def glides(before: Scene | None, after: Scene) -> list[Scene]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from typing import Any
 
 import numpy as np
 from helios_bridge.service import BridgeService
@@ -78,13 +79,13 @@ class LineRobot(RobotDriver):
 class Stage:
     """A bridge with its robot, and somebody who drives."""
 
-    def __init__(self, robot: LineRobot | None = None, **settings: object) -> None:
+    def __init__(self, robot: LineRobot | None = None, **settings: Any) -> None:
         hub = MemoryHub()
         self.robot = robot or LineRobot()
         self.bus, self.other = MemoryBus(hub), MemoryBus(hub)
         self.health = Health()
-        values = {"stream_hz": 0.0, **settings}
-        self.bridge = BridgeService(self.bus, self.robot, Settings(**values), self.health, 0)  # pyright: ignore[reportArgumentType]
+        values: dict[str, Any] = {"stream_hz": 0.0, **settings}
+        self.bridge = BridgeService(self.bus, self.robot, Settings(**values), self.health, 0)
         self.keyframes: list[pb.Frame] = []
         self.other.subscribe(KEYFRAME, self.keyframes.append)
         self.token = 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import pytest
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
@@ -56,14 +58,14 @@ class BlindRobot(RobotDriver):
 class House:
     """A bridge that asks for depth, and whoever makes it."""
 
-    def __init__(self, depth: str = "estimated") -> None:
+    def __init__(self, depth: Literal["sensor", "estimated"] = "estimated") -> None:
         hub = MemoryHub()
         self.bus = MemoryBus(hub)
         self.frames: list[pb.Frame] = []
         self.asked: list[pb.DepthRequest] = []
         self.focal_px, self.shape = 8.0, (12, 16)
         self.bus.subscribe(KEYFRAME, self.frames.append)
-        settings = Settings(depth=depth, depth_timeout_s=1.0)  # pyright: ignore[reportArgumentType]
+        settings = Settings(depth=depth, depth_timeout_s=1.0)
         self.bridge = BridgeService(MemoryBus(hub), BlindRobot(), settings, Health(), 1)
 
     def serve(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from typing import Any
 
 import cv2
 import numpy as np
@@ -39,7 +40,7 @@ T_WORLD_CAM = camera_on_base(se2_to_se3(1.0, 2.0, 0.3), 1.1, 0.4)
 ALL = {"map2d/occupancy", "map2d/value", "objectmap/objects"}
 
 
-def pushed(**id_: object) -> pb.Frame:
+def pushed(**id_: Any) -> pb.Frame:
     """A frame as an outsider sends it: without T_world_base."""
     frame = frame_to_proto(
         Frame(
@@ -48,20 +49,20 @@ def pushed(**id_: object) -> pb.Frame:
         )
     )  # fmt: skip
     frame.ClearField("T_world_base")
-    frame.id.CopyFrom(pb.FrameId(**id_))  # pyright: ignore[reportArgumentType]
+    frame.id.CopyFrom(pb.FrameId(**id_))
     return frame
 
 
 class House:
     """A bridge that takes frames, and maps that answer what `parts` says."""
 
-    def __init__(self, driver: RobotDriver | None = None, **settings: object) -> None:
+    def __init__(self, driver: RobotDriver | None = None, **settings: Any) -> None:
         hub = MemoryHub()
         self.bus, self.other = MemoryBus(hub), MemoryBus(hub)
         self.health = Health()
-        values = {"stream_hz": 0.0, **settings}
+        values: dict[str, Any] = {"stream_hz": 0.0, **settings}
         self.bridge = BridgeService(
-            self.bus, driver or PushDriver(), Settings(**values), self.health, 0  # pyright: ignore[reportArgumentType]
+            self.bus, driver or PushDriver(), Settings(**values), self.health, 0
         )  # fmt: skip
         self.parts = set(ALL)
         self.refusal = ""

@@ -48,7 +48,7 @@ def test_the_watchdog_outlives_a_robot_that_does_not_answer() -> None:
         raise Unavailable("the robot is away")
 
     stage.bridge.start()
-    stage.robot.stop = deaf  # pyright: ignore[reportAttributeAccessIssue]
+    stage.robot.stop = deaf
     for action_id in ("a", "b"):
         stage.robot.hold.clear()
         assert "outlived" in stage.drive(action_id, left_s=0.2).reason

@@ -52,7 +52,7 @@ def refused(stage: Stage, meanwhile: Callable[[], object], left_s: float = 5) ->
 def test_a_stop_reaches_an_action_that_waits_for_its_turn() -> None:
     stage = Stage()
     # The robot forgets the stop itself: the bridge must not rely on it.
-    stage.robot.stop = lambda reason: None  # pyright: ignore[reportAttributeAccessIssue]
+    stage.robot.stop = lambda reason: None
     why = refused(stage, lambda: stage.other.call(STOP, pb.StopRequest(reason="a child"), 1))
     assert isinstance(why, Conflict)
     assert "a child" in str(why)

@@ -12,6 +12,7 @@ from helios_client.mcp_server import build
 from helios_client.sdk_async import AsyncHelios
 from helios_core.errors import Unavailable
 from mcp import Client
+from mcp.types import ImageContent, TextContent
 
 from tests.gateway_process import Served, served
 
@@ -29,10 +30,15 @@ def used(act: Callable[[Served, Client], Awaitable[None]]) -> None:
     asyncio.run(run())
 
 
+def text_of(content: object) -> str:
+    assert isinstance(content, TextContent)
+    return content.text
+
+
 async def said(client: Client, tool: str, **arguments: Any) -> Any:
     """What a tool answers: each content as JSON."""
     result = await client.call_tool(tool, arguments)
-    texts = [content.text for content in result.content]  # pyright: ignore[reportAttributeAccessIssue]
+    texts = [text_of(content) for content in result.content]
     assert not result.is_error, texts
     values = [json.loads(text) for text in texts]
     return values[0] if len(values) == 1 else values
@@ -62,7 +68,8 @@ def test_an_agent_gives_a_task_watches_it_and_asks_why() -> None:
         mugs = await said(client, "objects", class_name="mug")
         assert [mug["id"] for mug in mugs] == [1, 4]
         picture = await client.call_tool("map_picture", {"layer": "pick"})
-        assert picture.content[0].mime_type == "image/png"  # pyright: ignore[reportAttributeAccessIssue]
+        assert isinstance(picture.content[0], ImageContent)
+        assert picture.content[0].mime_type == "image/png"
         assert (await said(client, "stop_robot", reason="test"))["state"]["stopped"]
 
     used(act)
@@ -72,11 +79,11 @@ def test_an_agent_asks_where_something_was_seen_and_sees_it() -> None:
     async def act(_: Served, client: Client) -> None:
         answer = await client.call_tool("where_seen", {"prompt": "a mug", "limit": 2})
         told, *pictures = answer.content
-        found = json.loads(told.text)  # pyright: ignore[reportAttributeAccessIssue]
+        found = json.loads(text_of(told))
         assert [mug["id"] for mug in found["objects"]] == [1, 4]
         assert [view["score"] for view in found["views"]] == [0.82, 0.64]
         assert "jpeg_base64" not in found["views"][0]
-        assert [p.mime_type for p in pictures] == ["image/jpeg"] * 2  # pyright: ignore[reportAttributeAccessIssue]
+        assert [p.mime_type for p in pictures if isinstance(p, ImageContent)] == ["image/jpeg"] * 2
 
     used(act)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import pytest
 from helios_client import replay as module
@@ -11,7 +12,7 @@ from helios_client.board import Board
 from helios_client.replay import ReplayJob
 from helios_client.replay_results import unreadable_frames
 from helios_client.replay_tally import PARTS, Tally
-from helios_client.supervisor import ProcessInfo, State
+from helios_client.supervisor import ProcessInfo, State, Supervisor
 from helios_core import proto as pb
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from rich.console import Console
@@ -42,7 +43,7 @@ def board_of(*statuses: pb.ServiceStatus) -> Board:
 
 def play(job: ReplayJob, board: Board, tally: Tally) -> None:
     quiet = Console(quiet=True)
-    module._play(job, 4, Processes(), board, tally, quiet)  # pyright: ignore[reportArgumentType]
+    module._play(job, 4, cast(Supervisor, Processes()), board, tally, quiet)
 
 
 def job(tmp_path: Path, **values: float) -> ReplayJob:

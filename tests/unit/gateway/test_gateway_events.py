@@ -126,7 +126,7 @@ def test_silence_is_broken_and_viewers_are_counted_and_bounded() -> None:
         assert await anext(stream) == KEEPALIVE
         with pytest.raises(Unavailable, match="max-viewers"):
             hub.watch(None)
-        await stream.aclose()  # pyright: ignore[reportAttributeAccessIssue]
+        await stream.aclose()
         assert hub.viewers == 0
 
     asyncio.run(run())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -40,8 +41,9 @@ def front_door(house: House) -> Iterator[TestClient]:
 
 
 def occupancy(door: TestClient) -> NDArray:
-    call = arrays("occupancy")
-    return call.answer(door.get(f"/v1{call.path}"))["occupancy"]  # pyright: ignore[reportArgumentType]
+    answer = door.get(f"/v1{arrays('occupancy').path}")
+    assert answer.status_code == 200, answer.text
+    return np.load(io.BytesIO(answer.content))["occupancy"]
 
 
 def test_a_home_that_was_seen_is_known_to_new_processes_by_a_file() -> None:

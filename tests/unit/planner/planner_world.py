@@ -63,7 +63,7 @@ class Thing:
 class FakeWorld(Body):
     """See the module. Contacts are counted in `contacts`."""
 
-    description = ROBOT
+    description: RobotDescription = ROBOT
 
     def __init__(
         self,

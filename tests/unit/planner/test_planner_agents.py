@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NoReturn, get_args
+from typing import Any, NoReturn, get_args
 
 import pytest
 from helios_core.errors import InvalidInput
@@ -15,7 +15,8 @@ from helios_planner.decide import Do
 from helios_planner.flow import Mission
 from helios_planner.grid import Pose2
 from helios_planner.instruction import parse
-from helios_planner.settings import Settings
+from helios_planner.object_search import ObjectSearch
+from helios_planner.settings import AgentName, Settings
 from helios_planner.sightings import Sighting
 from helios_planner.skills import Done
 from helios_planner.task import Cause, TaskFailed
@@ -50,8 +51,8 @@ def without_map(world: FakeWorld) -> FakeWorld:
     return world
 
 
-def run(world: FakeWorld, agent: str, text: str = MOVE, **settings: object) -> str:
-    chosen = Settings(agent=agent, **settings)  # pyright: ignore[reportArgumentType]
+def run(world: FakeWorld, agent: AgentName, text: str = MOVE, **settings: Any) -> str:
+    chosen = Settings(agent=agent, **settings)
     return Mission(world, parse(text), chosen).run()
 
 
@@ -73,7 +74,7 @@ def test_an_agent_that_there_is_not_is_refused_with_the_names() -> None:
 
 
 @pytest.mark.parametrize("agent", [name for name in AGENTS if "vlfm" not in name])
-def test_every_agent_brings_a_mug_that_is_always_detected(agent: str) -> None:
+def test_every_agent_brings_a_mug_that_is_always_detected(agent: AgentName) -> None:
     """Who trusts the detector does so without the object map."""
     world = flat([coffee_table(), counter(), mug()])
     run(without_map(world) if agent in DETECTOR_AGENTS else world, agent)
@@ -84,7 +85,7 @@ def test_every_agent_brings_a_mug_that_is_always_detected(agent: str) -> None:
 # --- trusting ------------------------------------------------------------------------------------
 @pytest.mark.parametrize("agent", DETECTOR_AGENTS)
 @pytest.mark.parametrize("text", ["find the mug", "go to the counter"])
-def test_who_trusts_the_detector_never_asks_the_object_map(agent: str, text: str) -> None:
+def test_who_trusts_the_detector_never_asks_the_object_map(agent: AgentName, text: str) -> None:
     run(without_map(flat([coffee_table(), counter(), mug()])), agent, text)
 
 
@@ -92,7 +93,7 @@ def test_the_trusting_agent_picks_what_is_reported_first_even_if_it_is_wrong() -
     """A false mug on the counter is seen from the start; HELIOS, that has not found the coffee
     table yet, leaves it alone."""
 
-    def first_pick(agent: str) -> float:
+    def first_pick(agent: AgentName) -> float:
         world = flat([coffee_table(), counter(), mug(), false_mug()], Pose2(1.5, 1.5, 1.2))
         run(world, agent)
         return next(a.point_world_m[0] for a in world.log if isinstance(a, Pick))
@@ -122,7 +123,8 @@ def test_helios_leaves_alone_what_it_could_not_pick_and_takes_another() -> None:
     assert mission.skills.pick(wrong, "mug") is Done.FAILED
     assert world.picks == Settings().picks_per_object
     search.leave(wrong, out_of_reach=False)
-    assert [o.id for o in search.candidates()] == [3]  # pyright: ignore[reportAttributeAccessIssue]
+    assert isinstance(search, ObjectSearch)
+    assert [o.id for o in search.candidates()] == [3]
     search.next_round()
     again = mission.agent.seek_object(mission.kit, "mug", "coffee table")
     again.recall(search.memory())
@@ -153,7 +155,7 @@ def test_a_thing_that_is_no_longer_detected_from_near_is_picked_all_the_same() -
 
 
 # --- frontiers -----------------------------------------------------------------------------------
-def walk(agent: str, seed: int) -> list[tuple[float, float]]:
+def walk(agent: AgentName, seed: int) -> list[tuple[float, float]]:
     world = flat([coffee_table(), counter()])
     world.max_steps = 90
     with pytest.raises(TaskFailed):
@@ -183,7 +185,7 @@ def test_without_the_objective_no_frontier_is_chosen_while_a_receptacle_is_left(
 
 # --- the start receptacle ------------------------------------------------------------------------
 @pytest.mark.parametrize("agent", ["helios", "no-global-objective"])
-def test_a_mug_elsewhere_is_picked_only_when_everything_was_searched(agent: str) -> None:
+def test_a_mug_elsewhere_is_picked_only_when_everything_was_searched(agent: AgentName) -> None:
     """The only mug stands on the counter, not on the coffee table it was said to be on."""
     world = flat([coffee_table(), counter(), mug(x=2.9, y=6.5, z=0.95)])
     with pytest.raises(TaskFailed) as failure:

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import pytest
+from helios_core.types import RobotDescription
 from helios_planner.blind_ring import SEEN_M, BlindRing, blind_m
 from helios_planner.grid import Pose2
 from helios_planner.legs import Legs, Outcome
@@ -21,8 +22,8 @@ LEVEL = replace(ROBOT, camera_height_m=0.5, tilt_range_rad=(0.0, 0.0))  # blind 
 TALL = replace(LEVEL, camera_height_m=1.3)  # blind for 3.0 m
 
 
-def blind(world: FakeWorld, robot: object = LEVEL) -> Legs:
-    world.description = robot  # pyright: ignore[reportAttributeAccessIssue]
+def blind(world: FakeWorld, robot: RobotDescription = LEVEL) -> Legs:
+    world.description = robot
     world._known[:] = False  # what was seen before its camera was fixed
     world.look()
     legs = legs_of(world, Settings())

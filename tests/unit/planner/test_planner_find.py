@@ -9,14 +9,14 @@ from helios_planner.flow import Mission
 from helios_planner.grid import Pose2
 from helios_planner.instruction import parse
 from helios_planner.legs import Legs
-from helios_planner.settings import Settings
+from helios_planner.settings import AgentName, Settings
 from planner_world import Box, FakeWorld, coffee_table, counter, flat, mug
 
 NEAR_M = 1.0  # from the box, where object navigation counts
 
 
-def run(world: FakeWorld, text: str, agent: str = "helios") -> str:
-    return Mission(world, parse(text), Settings(agent=agent)).run()  # pyright: ignore[reportArgumentType]
+def run(world: FakeWorld, text: str, agent: AgentName = "helios") -> str:
+    return Mission(world, parse(text), Settings(agent=agent)).run()
 
 
 def away_m(world: FakeWorld, id: int) -> float:
@@ -28,7 +28,9 @@ def away_m(world: FakeWorld, id: int) -> float:
 
 @pytest.mark.parametrize("agent", ["helios", "trusting"])
 @pytest.mark.parametrize(("id", "name"), [(1, "coffee table"), (2, "counter"), (3, "mug")])
-def test_the_robot_stops_near_enough_for_object_navigation(agent: str, id: int, name: str) -> None:
+def test_the_robot_stops_near_enough_for_object_navigation(
+    agent: AgentName, id: int, name: str
+) -> None:
     world = flat([coffee_table(), counter(), mug()])
     assert f"found the {name}" in run(world, f"find the {name}", agent)
     assert away_m(world, id) <= NEAR_M
@@ -37,7 +39,7 @@ def test_the_robot_stops_near_enough_for_object_navigation(agent: str, id: int, 
 
 @pytest.mark.parametrize("agent", ["helios", "trusting"])
 def test_what_no_way_leads_near_to_is_shown_from_as_near_as_one_does(
-    agent: str, monkeypatch: pytest.MonkeyPatch
+    agent: AgentName, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A mug in the middle of a wide table. Unknown ground in the way is looked at first."""
     wide = Box(1.0, 3.9, 4.2, 6.9, 0.5)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from helios_planner.decide import Do
 from helios_planner.flow import Mission
@@ -24,8 +26,8 @@ def test_a_mug_in_another_room_is_brought_to_the_counter_without_contact() -> No
     assert 6.3 < y < 6.95
 
 
-def run(world: FakeWorld, text: str = MOVE, **settings: object) -> str:
-    return Mission(world, parse(text), Settings(**settings)).run()  # pyright: ignore[reportArgumentType]
+def run(world: FakeWorld, text: str = MOVE, **settings: Any) -> str:
+    return Mission(world, parse(text), Settings(**settings)).run()
 
 
 def test_phases_come_in_order_and_every_decision_says_why() -> None:

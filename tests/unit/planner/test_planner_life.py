@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helios_core import proto as pb
@@ -71,11 +72,11 @@ class House:
     def peers(self, world: FakeWorld, robot: str = "robot") -> Peers:
         return Peers(self.hub, world, robot=robot)
 
-    def planner(self, robot: str = "robot", **settings: float) -> MemoryBus:
+    def planner(self, robot: str = "robot", **settings: Any) -> MemoryBus:
         """A planner, and a bus to ask it."""
         given = Settings(
             state_dir=self.state_dir / robot, ack_timeout_s=0.4, away_s=0.4,
-            **settings,  # pyright: ignore[reportArgumentType]
+            **settings,
         )  # fmt: skip
         self.planners.append(PlannerService(MemoryBus(self.hub, robot), given, Health()))
         return MemoryBus(self.hub, robot)

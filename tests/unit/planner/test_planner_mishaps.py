@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -34,8 +35,8 @@ def troubled(world: FakeWorld, trouble: Trouble) -> FakeWorld:
     return world
 
 
-def bring(world: FakeWorld, **settings: object) -> None:
-    Mission(world, parse(MOVE), Settings(**settings)).run()  # pyright: ignore[reportArgumentType]
+def bring(world: FakeWorld, **settings: Any) -> None:
+    Mission(world, parse(MOVE), Settings(**settings)).run()
 
 
 def legs_in(world: FakeWorld) -> Legs:

@@ -69,7 +69,7 @@ def run(rolls: bool) -> str:
             world.released.center_m = np.array([*(ahead + at.xy), 0.05])
         return result
 
-    world._do = roll  # pyright: ignore[reportAttributeAccessIssue]
+    world._do = roll
     return Mission(world, parse("Move the mug from the coffee table to the counter"),
                    Settings()).run()  # fmt: skip
 

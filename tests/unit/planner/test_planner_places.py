@@ -13,7 +13,7 @@ from helios_planner.gaze import eye_of, in_sight
 from helios_planner.grid import GroundMap, Pose2
 from helios_planner.instruction import parse
 from helios_planner.motion import MotionRules, reach
-from helios_planner.settings import Settings
+from helios_planner.settings import PlaceRule, Settings
 from helios_planner.skills import Done
 from helios_planner.stand import AheadRules, PlaceRules, highest_ahead, place_spots, stand_for
 from planner_world import CELL_M, ROBOT, Box, coffee_table, counter, flat, mug
@@ -91,9 +91,9 @@ def test_what_lies_at_the_back_of_a_lower_shelf_is_picked() -> None:
 
 
 @pytest.mark.parametrize("rule", ["flat", "paper"])
-def test_each_rule_brings_the_mug_onto_the_counter_from_its_own_height(rule: str) -> None:
+def test_each_rule_brings_the_mug_onto_the_counter_from_its_own_height(rule: PlaceRule) -> None:
     world = flat([coffee_table(), counter(), mug()])
-    settings = Settings(place_rule=rule)  # pyright: ignore[reportArgumentType]
+    settings = Settings(place_rule=rule)
     Mission(world, parse("Move the mug from the coffee table to the counter"), settings).run()
     assert world.released is not None
     placed = next(a for a in world.log if isinstance(a, Place))

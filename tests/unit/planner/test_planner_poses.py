@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helios_core.robot import ActionResult, Forward, Turn
+from helios_core.robot import Action, ActionResult, Forward, Turn
 from helios_planner.grid import GroundMap, Pose2
 from helios_planner.legs import Legs, Outcome
 from helios_planner.motion import MotionRules, reach
@@ -144,9 +144,9 @@ class BoxWorld(FakeWorld):
         rows, columns = (points[:, 1] / CELL_M).astype(int), (points[:, 0] / CELL_M).astype(int)
         return bool((self.truth_top[rows, columns] > 0).any())
 
-    def _do(self, action: object) -> ActionResult:
+    def _do(self, action: Action) -> ActionResult:
         if not isinstance(action, Forward | Turn):
-            return super()._do(action)  # pyright: ignore[reportArgumentType]
+            return super()._do(action)
         for share in np.linspace(0, 1, 12):
             if self._touches(after(self._pose, action, float(share))):
                 self.contacts += 1

@@ -73,7 +73,7 @@ def test_what_was_searched_is_not_searched_again() -> None:
             steps.append(whole.steps)
         tell(decision)
 
-    whole.tell_decision = tell_and_count  # pyright: ignore[reportAttributeAccessIssue]
+    whole.tell_decision = tell_and_count
     with pytest.raises(TaskFailed):
         mission(whole).run()
     first, second = searched(whole)[:2]
@@ -143,7 +143,7 @@ def until(world: FakeWorld, kind: type) -> dict:
             raise TaskCancelled
         return result
 
-    world.act = watched  # pyright: ignore[reportAttributeAccessIssue]
+    world.act = watched
     with pytest.raises(TaskCancelled):
         first.run()
     world.act = act

@@ -13,7 +13,7 @@ from helios_planner.frontier_rules import kept
 from helios_planner.grid import Pose2
 from helios_planner.instruction import parse
 from helios_planner.objective import ChosenFrontier
-from helios_planner.settings import Settings
+from helios_planner.settings import AgentName, Settings
 from helios_planner.sightings import Sighting, lies_at_side, sighting_of
 from helios_planner.task import TaskFailed
 from helios_planner.vlfm_belief import UnfilteredBelief, VlfmBelief
@@ -181,9 +181,9 @@ def test_a_search_that_was_cut_off_keeps_its_frontier() -> None:
 
 # --- finding -------------------------------------------------------------------------------------
 @pytest.mark.parametrize("agent", ["vlfm", "vlfm-unfiltered", "vlfm-helios-stop"])
-def test_a_mug_that_is_always_detected_is_found(agent: str) -> None:
+def test_a_mug_that_is_always_detected_is_found(agent: AgentName) -> None:
     world = flat([coffee_table(), counter(), mug()])
-    Mission(world, parse(FIND), Settings(agent=agent)).run()  # pyright: ignore[reportArgumentType]
+    Mission(world, parse(FIND), Settings(agent=agent)).run()
     assert world.pose().distance_m((7.2, 5.35)) < 1.0
     assert world.contacts == 0
 
@@ -194,9 +194,9 @@ def seldom() -> Thing:
 
 
 def test_vlfm_stops_at_what_is_taken_for_a_mug_and_with_the_stop_decision_it_goes_on() -> None:
-    def found_at(agent: str) -> float:
+    def found_at(agent: AgentName) -> float:
         world = flat([counter(), mug(), seldom()], Pose2(1.5, 4.0, 1.2))
-        Mission(world, parse(FIND), Settings(agent=agent)).run()  # pyright: ignore[reportArgumentType]
+        Mission(world, parse(FIND), Settings(agent=agent)).run()
         return world.pose().x_m
 
     assert found_at("vlfm") < 4.4
@@ -213,11 +213,11 @@ def test_the_stop_decision_never_stops_at_a_score_that_is_too_low() -> None:
 # --- 50-50 ---------------------------------------------------------------------------------------
 @pytest.mark.parametrize(("agent", "share"), [("helios", 0.0), ("helios-5050", 0.5)])
 def test_half_of_what_a_local_search_may_see_is_something_else_and_no_single_view(
-    agent: str, share: float
+    agent: AgentName, share: float
 ) -> None:
     """The gain (eq. 12) is asked for jointly; the score after one more view (eq. 11) stays."""
     world = flat([counter()], Pose2(2.2, 5.0, 1.57))
-    kit = Mission(world, parse(FIND), Settings(agent=agent)).kit  # pyright: ignore[reportArgumentType]
+    kit = Mission(world, parse(FIND), Settings(agent=agent)).kit
     kit.legs.look_around()
     (thing,) = world.objects("counter")
     assert kit.looking.information_gain_nats(thing, "counter") is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from helios_core import proto as pb
@@ -59,14 +60,14 @@ def description() -> pb.RobotDescription:
 class Recorded:
     """A bus with a recorder on it."""
 
-    def __init__(self, out: Path, **settings: float | str) -> None:
+    def __init__(self, out: Path, **settings: Any) -> None:
         self.hub = MemoryHub()
         self.bus = MemoryBus(self.hub)
         self.health = Health()
-        chosen = {"min_free_mb": 0.0} | settings
+        chosen: dict[str, Any] = {"min_free_mb": 0.0} | settings
         self.service = RecorderService(
             MemoryBus(self.hub),
-            Settings(out=out, **chosen),  # pyright: ignore[reportArgumentType]
+            Settings(out=out, **chosen),
             self.health,
         )
 

@@ -7,6 +7,7 @@ import itertools
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helios_core import proto as pb
@@ -51,9 +52,9 @@ def test_what_is_dropped_is_counted_and_shown(
     gate_is_shut = True
     step = Recording._step
 
-    def slow(self: Recording, item: object) -> None:
+    def slow(self: Recording, item: Any) -> None:
         wait_until(lambda: not gate_is_shut, 20, "the disk wakes up")
-        step(self, item)  # pyright: ignore[reportArgumentType]
+        step(self, item)
 
     monkeypatch.setattr(Recording, "_step", slow)
     recorded = Recorded(tmp_path, queue_mb=10 * frame(0).ByteSize() / 1e6)
@@ -92,10 +93,10 @@ def test_a_full_disk_is_said_and_the_recording_goes_on_when_there_is_room(
     full = False
     check = file_module._check_room
 
-    def room(*args: object) -> None:
+    def room(*args: Any) -> None:
         if full:
             raise OSError(errno.ENOSPC, "No space left on device")
-        check(*args)  # pyright: ignore[reportArgumentType]
+        check(*args)
 
     monkeypatch.setattr(file_module, "_check_room", room)
     recorded = Recorded(tmp_path, flush_s=0.01, retry_s=0.1)
@@ -176,11 +177,11 @@ def test_a_disk_that_takes_nothing_leaves_no_empty_files(
     """/dev/full takes no byte, as a full disk does."""
     opened = Path.open
 
-    def full(path: Path, mode: str = "r", *args: object) -> object:
+    def full(path: Path, mode: str = "r", *args: Any) -> Any:
         if path.suffix == ".mcap" and "b" in mode:
             path.touch()
             return opened(Path("/dev/full"), "wb")
-        return opened(path, mode, *args)  # pyright: ignore[reportCallIssue, reportArgumentType]
+        return opened(path, mode, *args)
 
     monkeypatch.setattr(Path, "open", full)
     recorded = Recorded(tmp_path, retry_s=0.05)

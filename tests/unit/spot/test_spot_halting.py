@@ -9,6 +9,7 @@ import pytest
 from helios_core.errors import Conflict, HeliosError, Unavailable
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Forward, Observe, Tilt, Turn
+from helios_spot.driver import SpotDriver
 from helios_spot.halt import Halt, Halted
 
 from tests.support import wait_until
@@ -98,9 +99,9 @@ def test_the_link_cut_in_the_middle_of_a_walk_stops_the_robot_within_the_leash(
     wait_until(lambda: connected(stage, driver), 15, "the driver finds the robot again")
 
 
-def connected(stage: Stage, driver: object) -> bool:
+def connected(stage: Stage, driver: SpotDriver) -> bool:
     try:
-        return stage.act(driver, Turn(0.3)).succeeded  # pyright: ignore[reportArgumentType]
+        return stage.act(driver, Turn(0.3)).succeeded
     except HeliosError:
         return False
 
