@@ -24,7 +24,7 @@ def merge_seen(came_of_it, explored):
 def note_changes(
     before, searched_before,  # int8, uint8 [rows, columns]: a box of whole tiles as it was
     occupancy, explored,  # int8, uint8: the whole map as it is
-    corner,  # (row, column) of the box on the map
+    corner,  # (row, column) of the box on the map: whole tiles
     came_of_it,  # uint8 [rows, columns]
     changed,  # uint8 [tile rows, tile columns] out: flags of what changed in each tile
     border,  # uint8 [tile rows + 2, tile columns + 2] out: a frontier may run differently there
@@ -39,37 +39,45 @@ def note_changes(
     rows, columns = before.shape
     row_lo, row_hi, column_lo, column_hi = rows, 0, columns, 0
     remembered = HEIGHTS | MEMORY
+    # By row, tile and cell: an index into a tile is never below 0, which SIMD needs.
+    box = rows, columns // tile, tile
+    was, sought, flags = before.reshape(box), searched_before.reshape(box), came_of_it.reshape(box)
+    whole = occupancy.shape[0], occupancy.shape[1] // tile, tile
+    is_now, seeks = occupancy.reshape(whole), explored.reshape(whole)
     for r in range(rows):
-        row = corner[0] + r
+        row, tr = abs(corner[0] + r), r // tile
         for tc in range(columns // tile):
-            first = tc * tile
-            was, is_now = before[r][first : first + tile], occupancy[row][corner[1] + first :]
-            sought, seeks = (
-                searched_before[r][first : first + tile],
-                explored[row][corner[1] + first :],
-            )
-            flags = came_of_it[r][first : first + tile]
-            found = np.uint8(0)
-            for c in range(tile):  # mostly nothing; in SIMD
-                found |= was[c] ^ is_now[c]
+            at = abs(corner[1] // tile + tc)
+            found = kept = np.uint8(0)
+            for c in range(tile):  # mostly nothing
+                found |= was[r, tc, c] ^ is_now[row, at, c]
             for c in range(tile):
-                found |= (sought[c] ^ seeks[c]) | (flags[c] & remembered)
+                found |= (sought[r, tc, c] ^ seeks[row, at, c]) | (flags[r, tc, c] & remembered)
             if found == 0:
                 continue
-            tr = r // tile
             for c in range(tile):
-                changed[tr, tc] |= flags[c] & remembered
-                if was[c] == is_now[c] and sought[c] == seeks[c]:
-                    continue
-                changed[tr, tc] |= SEEN_NOW
-                column = first + c
-                border[tr + 1, tc + 1] = 1
-                border[(r - 1 + tile) // tile, tc + 1] = 1
-                border[(r + 1 + tile) // tile, tc + 1] = 1
-                border[tr + 1, (column - 1 + tile) // tile] = 1
-                border[tr + 1, (column + 1 + tile) // tile] = 1
-                row_lo, row_hi = min(row_lo, r), r + 1
-                column_lo, column_hi = min(column_lo, column), max(column_hi, column + 1)
+                kept |= flags[r, tc, c] & remembered
+            changed[tr, tc] |= kept
+            lo, hi = 0, tile  # of the cells that are other than before
+            while lo < tile and (was[r, tc, lo] == is_now[row, at, lo]
+                                 and sought[r, tc, lo] == seeks[row, at, lo]):  # fmt: skip
+                lo += 1
+            if lo == tile:
+                continue
+            while (was[r, tc, hi - 1] == is_now[row, at, hi - 1]
+                   and sought[r, tc, hi - 1] == seeks[row, at, hi - 1]):  # fmt: skip
+                hi -= 1
+            changed[tr, tc] |= SEEN_NOW
+            border[tr + 1, tc + 1] = 1
+            border[(r - 1 + tile) // tile, tc + 1] = 1
+            border[(r + 1 + tile) // tile, tc + 1] = 1
+            if lo == 0:
+                border[tr + 1, tc] = 1
+            if hi == tile:
+                border[tr + 1, tc + 2] = 1
+            row_lo, row_hi = min(row_lo, r), r + 1
+            column_lo = min(column_lo, tc * tile + lo)
+            column_hi = max(column_hi, tc * tile + hi)
     return row_lo, row_hi, column_lo, column_hi
 
 

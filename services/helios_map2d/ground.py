@@ -54,12 +54,7 @@ class OpenGround:
         tiles = grid.rows // TILE, grid.columns // TILE
         self.counts = np.zeros(tiles, np.int32)
         self.edges = np.zeros((*tiles, 4, TILE), np.uint16)
-        self._number()
-
-    def _number(self) -> None:
-        """Count the components before each tile's, so that all can be told apart."""
-        ends = np.cumsum(self.counts).reshape(self.counts.shape)
-        self._offsets, self._components = ends - self.counts, int(ends[-1, -1])
+        self._offsets, self._components = np.zeros(tiles, np.int64), 0
 
     def grow(self, grid: GridSpec, known: Box) -> None:
         """Go on over a larger grid; `known` (world cells) holds all open ground and obstacles."""
@@ -72,19 +67,15 @@ class OpenGround:
         column = (self.grid.corner[1] - grid.corner[1]) // TILE
         at = slice(row, row + len(counts)), slice(column, column + counts.shape[1])
         self.counts[at], self.edges[at] = counts, edges
-        self._number()
+        self._components = ground_kernels.number_components(self.counts, self._offsets)
         self.grid = grid
 
     def update(self, occupancy: NDArray[np.int8], before: NDArray[np.int8], box: Box) -> None:
         """Follow a change of `occupancy` (over the whole grid) from `before` within `box`."""
-        stale = np.zeros(self.counts.shape, np.uint8)
-        ground_kernels.follow_obstacles(
-            before, occupancy, box.row_lo, box.column_lo, self._half_widths, self.crowd, stale,
+        self._components = ground_kernels.follow(
+            before, occupancy, box.row_lo, box.column_lo, self._half_widths,
+            self.crowd, self.labels, self.counts, self.edges, self._offsets,
         )  # fmt: skip
-        if ground_kernels.label_tiles(
-            occupancy, self.crowd, stale, self.labels, self.counts, self.edges
-        ):
-            self._number()
 
     def reached_from(
         self, occupancy: NDArray[np.int8], cell: tuple[int, int], blind_cells: float

@@ -17,6 +17,28 @@ STEPS = ((-1, 0), (1, 0), (0, -1), (0, 1))  # rows, columns to the tile beyond e
 
 
 @njit(cache=True, nogil=True)
+def follow(
+    before, occupancy, row_lo, column_lo, half_widths,  # see `follow_obstacles`
+    crowd, labels, counts, edges, offsets,  # see `ground.OpenGround`
+):  # fmt: skip
+    """Keep the open ground up to date with a change of occupancy; how many components it has."""
+    stale = np.zeros(counts.shape, np.uint8)
+    follow_obstacles(before, occupancy, row_lo, column_lo, half_widths, crowd, stale)
+    label_tiles(occupancy, crowd, stale, labels, counts, edges)
+    return number_components(counts, offsets)
+
+
+@njit(cache=True, nogil=True)
+def number_components(counts, offsets):
+    """Count the components before each tile's, so that all can be told apart; how many."""
+    total, flat, before = np.int64(0), counts.ravel(), offsets.ravel()
+    for i in range(flat.size):
+        before[i] = total
+        total += flat[i]
+    return total
+
+
+@njit(cache=True, nogil=True)
 def follow_obstacles(before, occupancy, row_lo, column_lo, half_widths, crowd, stale):
     """Count new obstacles into the discs around them, and vanished ones out of them.
 
@@ -66,55 +88,82 @@ def count_disc(row, column, step, half_widths, crowd):
 
 @njit(cache=True, nogil=True)
 def label_tiles(occupancy, crowd, stale, labels, counts, edges):
-    """Label the open ground of the stale tiles anew, 4-connected within the tile, from 1; whether
-    there were any. `edges` uint16 [tile rows, tile columns, 4, TILE] gets the labels along their
-    sides.
-    """
-    any_stale = False
+    """Label the open ground of the stale tiles anew, 4-connected within the tile, from 1. `edges`
+    uint16 [tile rows, tile columns, 4, TILE] gets the labels along their sides."""
     parent = np.empty(TILE * TILE + 1, np.int32)
-    number = np.empty(TILE * TILE + 1, np.int32)
+    open_ground = np.empty((TILE, TILE), np.uint8)
     for tr in range(stale.shape[0]):
         for tc in range(stale.shape[1]):
-            if stale[tr, tc] == 0:
-                continue
-            any_stale = True
             r0, c0 = tr * TILE, tc * TILE
-            n = 0
-            for r in range(r0, r0 + TILE):
-                for c in range(c0, c0 + TILE):
-                    if occupancy[r, c] != 0 or crowd[r, c] != 0:
-                        labels[r, c] = 0
-                        continue
-                    above = labels[r - 1, c] if r > r0 else 0
-                    left = labels[r, c - 1] if c > c0 else 0
-                    if above == 0 and left == 0:
-                        n += 1
-                        parent[n] = n
-                        labels[r, c] = n
-                    elif above == 0 or left == 0 or above == left:
-                        labels[r, c] = max(above, left)
-                    else:
-                        a, b = find_root(parent, above), find_root(parent, left)
-                        parent[max(a, b)] = min(a, b)
-                        labels[r, c] = min(a, b)
+            if stale[tr, tc] == 0 or not open_anew(occupancy, crowd, labels, r0, c0, open_ground):
+                continue
+            n = label_runs(open_ground, parent, labels[r0 : r0 + TILE, c0 : c0 + TILE])
             found = 0
-            for i in range(1, n + 1):
-                root = find_root(parent, i)
-                if root == i:
+            for i in range(1, n + 1):  # a root is smaller than what hangs on it
+                if parent[i] == i:
                     found += 1
-                    number[i] = found
+                    parent[i] = found
                 else:
-                    number[i] = number[root]  # a root is smaller than what hangs on it
-            for r in range(r0, r0 + TILE):
-                for c in range(c0, c0 + TILE):
-                    if labels[r, c] != 0:
-                        labels[r, c] = number[labels[r, c]]
+                    parent[i] = parent[parent[i]]
+            if found < n:
+                for r in range(r0, r0 + TILE):
+                    for c in range(c0, c0 + TILE):
+                        if labels[r, c] != 0:
+                            labels[r, c] = parent[labels[r, c]]
             counts[tr, tc] = found
             edges[tr, tc, TOP, :] = labels[r0 + TILE - 1, c0 : c0 + TILE]
             edges[tr, tc, BOTTOM, :] = labels[r0, c0 : c0 + TILE]
             edges[tr, tc, RIGHT, :] = labels[r0 : r0 + TILE, c0 + TILE - 1]
             edges[tr, tc, LEFT, :] = labels[r0 : r0 + TILE, c0]
-    return any_stale
+
+
+@njit(cache=True, nogil=True)
+def open_anew(occupancy, crowd, labels, r0, c0, open_ground):
+    """Say in `open_ground` uint8 [TILE, TILE] where a tile is open; whether that is elsewhere than
+    its labels are."""
+    other = np.uint8(0)
+    for y in range(TILE):
+        state, crowded = occupancy[r0 + y][c0 : c0 + TILE], crowd[r0 + y][c0 : c0 + TILE]
+        label, line = labels[r0 + y][c0 : c0 + TILE], open_ground[y]
+        for x in range(TILE):
+            line[x] = (state[x] == 0) & (crowded[x] == 0)
+        for x in range(TILE):
+            other |= line[x] ^ np.uint8(label[x] != 0)
+    return other != 0
+
+
+@njit(cache=True, nogil=True)
+def label_runs(open_ground, parent, labels):
+    """Number the runs of open cells along the rows of a tile; those that touch a run of the row
+    below have its number, or in `parent` hang on the smallest. How many numbers there are."""
+    below, here = np.zeros(TILE, np.int32), np.zeros(TILE, np.int32)
+    n = 0
+    for y in range(TILE):
+        line = open_ground[y]
+        here[:] = 0
+        x = 0
+        while x < TILE:
+            if line[x] == 0:
+                x += 1
+                continue
+            start, label, last = x, 0, 0
+            while x < TILE and line[x] != 0:
+                if below[x] != last and below[x] != 0:
+                    if label == 0:
+                        label = find_root(parent, below[x])
+                    else:
+                        other = find_root(parent, below[x])
+                        parent[max(label, other)] = min(label, other)
+                        label = min(label, other)
+                last = below[x]
+                x += 1
+            if label == 0:
+                n += 1
+                label = parent[n] = n
+            here[start:x] = label
+        labels[y, :] = here
+        below, here = here, below
+    return n
 
 
 @njit(cache=True, nogil=True)
