@@ -10,6 +10,7 @@ from helios_core import proto as pb
 from helios_core.codec import (
     action_from_proto,
     description_to_proto,
+    frame_id_to_proto,
     object_to_proto,
     observation_to_proto,
     result_to_proto,
@@ -74,6 +75,7 @@ class Peers:
     ) -> None:
         self.world, self.bus = world, MemoryBus(hub, robot)
         self.boot, self.contexts = "boot", list[str]()  # ids of searches, each once in a row
+        self.world_epoch = 1  # another one after a jump of the localisation
         self.names = names
         self.context = pb.SearchContext()
         self.token, self.seq, self.stopped = 0, 0, False
@@ -108,7 +110,8 @@ class Peers:
         w = self.world
         return RobotState(
             w.pose().T_world_base, w.tilt_rad(), w.held(), stopped=self.stopped,
-            robot_boot_id=self.boot, world_epoch=1, message="a person" if self.stopped else "",
+            robot_boot_id=self.boot, world_epoch=self.world_epoch,
+            message="a person" if self.stopped else "",
         )  # fmt: skip
 
     def _act(self, request: pb.ActionRequest) -> pb.ActionResult:
@@ -123,7 +126,8 @@ class Peers:
             self.gate.wait(5)
         out = result_to_proto(self.world.act(action_from_proto(request.action)), request.action_id)
         self.seq += 1
-        out.keyframe.CopyFrom(pb.FrameId(robot_boot_id=self.boot, world_epoch=1, seq=self.seq))
+        id = FrameId(self.boot, self.world_epoch, self.seq)
+        out.keyframe.CopyFrom(frame_id_to_proto(id))
         out.T_world_base.CopyFrom(transform_to_proto(self.world.pose().T_world_base))
         self.done[request.action_id] = out
         if "detections" not in self.silent:
@@ -138,7 +142,7 @@ class Peers:
     def _observe(self) -> None:
         seen = self.world.sightings()
         news, self._told = seen[self._told :], len(seen)
-        id = FrameId(self.boot, 1, self.seq)
+        id = FrameId(self.boot, self.world_epoch, self.seq)
         told = observation(id, self.context.id, news)
         self.bus.publish(OBSERVATION, observation_to_proto(told))
 

@@ -169,6 +169,16 @@ def test_its_legs_go_through_an_unknown_home_without_contact() -> None:
     assert isinstance(legs.reach(), PoseReach)
 
 
+def test_a_box_that_never_comes_nearer_gives_the_goal_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slippery floor, on which it ends each move where it began it, and sees nothing new."""
+    world = BoxWorld((7, 4), [], [], Pose2(1.5, 2.0, 0.0))
+    world._known[:] = True
+    monkeypatch.setattr(world, "look", lambda: None)
+    monkeypatch.setattr(world, "_do", lambda _: ActionResult(True, moved_m=0.2))
+    assert legs_of(world, Settings()).go_to(Pose2(3.5, 2.0, 0.0), "test") is Outcome.UNREACHABLE
+    assert 80 <= world.steps <= 80 + 20 * 2 + 1  # one tilts the head
+
+
 def test_a_disc_keeps_its_own_legs() -> None:
     world = FakeWorld((7, 4), [], [], Pose2(1.5, 2.0, 0.4))
     assert type(legs_of(world, Settings())) is Legs

@@ -1,0 +1,96 @@
+"""The keyframe after each action: of the same world, there, and in every map; else it is said."""
+
+from __future__ import annotations
+
+import threading
+from typing import cast
+from unittest.mock import create_autospec
+
+import pytest
+from helios_core import proto as pb
+from helios_core.codec import description_to_proto
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.robot import Observe, Turn
+from helios_core.topics import ACT, MAP2D_ACK, OBJECTMAP_ACK
+from helios_planner import bus_body
+from helios_planner.acks import AckBook
+from helios_planner.bus_body import BusBody, Listener
+from helios_planner.driving import Line
+from helios_planner.journal import Entry, Journal
+from helios_planner.recovery import last_action
+from helios_planner.settings import Settings
+from helios_planner.store import Store
+from helios_planner.task import Cause, TaskFailed
+from planner_peers import Peers
+from planner_world import flat
+
+IN_PARTS = ("occupancy", "value", "objects")
+IMPATIENT = Settings(ack_timeout_s=0.1, away_s=0.1)
+
+
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bus_body, "ACK_PATIENCE_S", 0.05)
+
+
+class Scene:
+    """One task's hold on a robot of arrays; everybody answers before a call comes back."""
+
+    def __init__(self) -> None:
+        hub, acks = MemoryHub(), AckBook()
+        self.peers, self.bus = Peers(hub, flat()), MemoryBus(hub)
+        self.bus.subscribe(MAP2D_ACK, acks.add)
+        self.bus.subscribe(OBJECTMAP_ACK, acks.add)
+        self.listener = create_autospec(Listener, instance=True)
+        self.body = BusBody(
+            self.bus, IMPATIENT, description_to_proto(self.peers.world.description), acks, "task",
+            "", 100, self.listener, threading.Event(), IN_PARTS,
+        )  # fmt: skip
+        self.body.begin()
+
+    def done(self) -> list[type]:
+        return [type(action) for action in self.peers.world.log]
+
+
+@pytest.mark.parametrize(("what", "new"), [("boot", "another"), ("world_epoch", 2)])
+def test_poses_of_another_world_end_the_task(what: str, new: object) -> None:
+    scene = Scene()
+    scene.body.act(Turn(0.3))
+    setattr(scene.peers, what, new)
+    with pytest.raises(TaskFailed, match="restarted or its localisation jumped") as failure:
+        scene.body.act(Turn(0.3))
+    assert failure.value.cause is Cause.SYSTEM_ERROR
+
+
+@pytest.mark.parametrize(("what", "new"), [("boot", "another"), ("world_epoch", 2)])
+def test_a_task_of_another_world_is_not_taken_up_again(what: str, new: object) -> None:
+    peers = Peers(hub := MemoryHub(), flat())
+    setattr(peers, what, new)
+    line = Line(MemoryBus(hub), IMPATIENT, threading.Event(), lambda _: None)
+    journal = Journal(create_autospec(Store, instance=True), "task", Entry(epoch=("boot", 1)))
+    with pytest.raises(TaskFailed, match="jumped while the planner was away"):
+        last_action(line, IMPATIENT, journal)
+
+
+def test_a_robot_that_sends_no_keyframe_is_named() -> None:
+    scene = Scene()
+    scene.peers.bus.serve(ACT, lambda request: pb.ActionResult(action_id=request.action_id))
+    with pytest.raises(TaskFailed, match="sent no keyframe") as failure:
+        scene.body.act(Turn(0.3))
+    assert failure.value.cause is Cause.SYSTEM_ERROR
+
+
+@pytest.mark.parametrize("part", IN_PARTS)
+def test_a_keyframe_that_a_map_lost_is_taken_anew_and_the_action_is_not_done_twice(
+    part: str,
+) -> None:
+    scene = Scene()
+    scene.peers.silent.add(part)
+    scene.listener.on_wait.side_effect = lambda _: scene.peers.silent.clear()  # it is back
+    result = scene.body.act(Turn(0.3))
+    assert result.turned_rad == pytest.approx(0.3)
+    assert scene.done()[-2:] == [Turn, Observe]
+    assert scene.done().count(Turn) == 1
+    told = [cast("str | None", call.args[0]) for call in scene.listener.on_wait.call_args_list]
+    assert "to answer keyframe" in (told[0] or "")
+    assert told[-1] is None
