@@ -93,8 +93,11 @@ def hang_together(cells, side, parent):
         near[0, :] = below[c0 + 1 - left : c0 + 3 - left + side]
         near[1:, 0] = beside
         end = i
-        while end < n and cells[end, 0] // side == row and cells[end, 1] // side == column:
-            near[cells[end, 0] - r0, cells[end, 1] - c0] = end + 1
+        while end < n:
+            y, x = cells[end, 0] - r0, cells[end, 1] - c0
+            if y > side or x < 1 or x > side:
+                break
+            near[y, x] = end + 1
             end += 1
         for k in range(i, end):
             y, x = cells[k, 0] - r0, cells[k, 1] - c0

@@ -27,78 +27,106 @@ def look_again(occupancy, explored, corner, stale, first_tile, side, old):
     than before.
     """
     rows, columns = occupancy.shape
-    above, here, below = np.empty((3, side + 2), np.uint8)  # whether a cell is to be explored
-    wanted = np.empty(side, np.uint8)
-    out = np.empty((old.shape[0] + side, 2), np.int32)
+    shape = rows, columns // side, side
+    state, seen = occupancy.reshape(shape), explored.reshape(shape)
+    near = np.empty((side + 2, side + 2), np.uint8)
+    wanted = np.empty((side, side), np.uint8)
+    out = np.empty((old.shape[0] + side * side, 2), np.int32)
     n = before = 0
     other = False
     for t in range(stale.size):
         if stale[t // stale.shape[1], t % stale.shape[1]] == 0:
             continue
-        tile_row = first_tile[0] + t // stale.shape[1]
-        tile_column = first_tile[1] + t % stale.shape[1]
-        first, left = tile_row * side - corner[0], tile_column * side - corner[1]
-        if first < 0 or left < 0 or first + side > rows or left + side > columns:
+        row = (first_tile[0] + t // stale.shape[1]) * side  # the tile's first cell of the world
+        column = (first_tile[1] + t % stale.shape[1]) * side
+        top, left = row - corner[0], column - corner[1]
+        if top < 0 or left < 0 or top + side > rows or left + side > columns:
             continue
-        while before < old.shape[0] and tile_order(old[before], side, tile_row, tile_column) < 0:
-            out[n, 0], out[n, 1] = old[before, 0], old[before, 1]
+        edge_cells(state, seen, top, left // side, near, wanted)
+        kept = before
+        while kept < old.shape[0] and tile_order(old, kept, side, row, column) < 0:
+            kept += 1
+        out[n : n + kept - before] = old[before:kept]
+        n += kept - before
+        before = kept
+        while before < old.shape[0] and tile_order(old, before, side, row, column) == 0:
             before += 1
-            n += 1
-        to_be_explored(occupancy, explored, first - 1, left - 1, here)
-        to_be_explored(occupancy, explored, first, left - 1, below)
-        for r in range(first, first + side):
-            above, here, below = here, below, above
-            to_be_explored(occupancy, explored, r + 1, left - 1, below)
-            state, seen = occupancy[r][left : left + side], explored[r][left : left + side]
-            found = np.uint8(0)
-            for i in range(side):
-                beside = here[i] | here[i + 2] | above[i + 1] | below[i + 1]
-                wanted[i] = (state[i] == 0) & (seen[i] != 0) & (beside != 0)
-                found |= wanted[i]
-            if found == 0:
-                continue
-            if n + side + old.shape[0] - before > out.shape[0]:
-                out = np.concatenate((out, np.empty((out.shape[0] + side, 2), np.int32)))
-            row = r + corner[0]
-            for i in range(side):
-                if wanted[i] == 0:
-                    continue
-                column = left + i + corner[1]
-                if before < old.shape[0] and old[before, 0] == row and old[before, 1] == column:
-                    before += 1
-                else:
-                    other = True
-                out[n, 0], out[n, 1] = row, column
-                n += 1
-        while before < old.shape[0] and tile_order(old[before], side, tile_row, tile_column) == 0:
-            other = True
-            before += 1
+        room = n + side * side + old.shape[0] - before
+        if room > out.shape[0]:
+            out = np.concatenate((out[:n], np.empty((2 * room - n, 2), np.int32)))
+        found = list_cells(wanted, row, column, out[n:])
+        other |= not equal(out[n : n + found], old[kept:before])
+        n += found
     rest = old.shape[0] - before
     out[n : n + rest] = old[before:]
     return out[: n + rest], other
 
 
 @njit(cache=True, nogil=True, inline="always")
-def tile_order(cell, side, row, column):
-    """Below 0, 0 or above: a cell's tile comes before a tile, is it, or comes after."""
-    down = cell[0] // side - row
-    return down if down != 0 else cell[1] // side - column
+def tile_order(cells, i, side, row, column):
+    """-1, 0 or 1: the tile of cell `i` comes before the tile whose first cell is at (row, column),
+    is it, or comes after."""
+    if cells[i, 0] < row or cells[i, 0] >= row + side:
+        return -1 if cells[i, 0] < row else 1
+    if cells[i, 1] < column or cells[i, 1] >= column + side:
+        return -1 if cells[i, 1] < column else 1
+    return 0
 
 
-@njit(cache=True, nogil=True, inline="always")
-def to_be_explored(occupancy, explored, row, left, out):
-    """Say in `out` uint8 [n] which cells of a row from column `left` are neither explored nor
-    occupied; all that is outside the arrays."""
-    out[:] = 1
-    if 0 <= row < occupancy.shape[0]:
-        first = max(0, left)
-        state, seen = (
-            occupancy[row][first : left + out.size],
-            explored[row][first : left + out.size],
-        )
-        there = out[first - left :]
-        for i in range(state.size):
-            there[i] = (seen[i] == 0) & (state[i] != 100)
+@njit(cache=True, nogil=True)
+def list_cells(wanted, row, column, out):
+    """Write the cells of a tile that are wanted to `out` int32 [n, 2]; how many. The tile's first
+    cell is at (row, column)."""
+    side, n = wanted.shape[0], 0
+    eights = wanted.view(np.uint64)
+    for y in range(side):
+        for i in range(eights.shape[1]):
+            if eights[y, i] == 0:  # mostly so
+                continue
+            for x in range(8 * i, 8 * i + 8):
+                out[n, 0], out[n, 1] = row + y, column + x
+                n += wanted[y, x]
+    return n
+
+
+@njit(cache=True, nogil=True)
+def equal(a, b):
+    """Whether two lists of cells are the same."""
+    same, i = a.shape[0] == b.shape[0], 0
+    while same and i < a.shape[0]:
+        same = a[i, 0] == b[i, 0] and a[i, 1] == b[i, 1]
+        i += 1
+    return same
+
+
+@njit(cache=True, nogil=True)
+def edge_cells(state, seen, top, at, near, wanted):
+    """Say in `wanted` uint8 [side, side] which cells of a tile are free, explored and beside one
+    that is neither explored nor occupied.
+
+    `state`, `seen` are occupancy and what is explored by row, tile and cell [rows, tiles, side];
+    the tile's first row is `top`, its place in rows `at`. `near` uint8 [side + 2, side + 2] is of
+    use inside.
+    """
+    # No slices and no index below 0, so that all runs in SIMD, and nothing is counted in between.
+    side, last = wanted.shape[0], state.shape[1] - 1
+    for y in range(side + 2):
+        if top + y == 0 or top + y > state.shape[0]:
+            near[y, :] = 1
+            continue
+        r = abs(top + y - 1)
+        for x in range(side):
+            near[y, x + 1] = (seen[r, at, x] == 0) & (state[r, at, x] != 100)
+        near[y, 0] = near[y, side + 1] = 1
+        if at > 0:
+            near[y, 0] = (seen[r, at - 1, side - 1] == 0) & (state[r, at - 1, side - 1] != 100)
+        if at < last:
+            near[y, side + 1] = (seen[r, at + 1, 0] == 0) & (state[r, at + 1, 0] != 100)
+    for y in range(side):
+        r = abs(top + y)
+        for x in range(side):
+            beside = near[y, x + 1] | near[y + 2, x + 1] | near[y + 1, x] | near[y + 1, x + 2]
+            wanted[y, x] = (state[r, at, x] == 0) & (seen[r, at, x] != 0) & (beside != 0)
 
 
 @njit(cache=True, nogil=True)

@@ -121,12 +121,8 @@ class FrontierFinder:
             reached.near, reached.near_corner, same, self._centres, self._reachable,
             self._stale_for(values),
         )  # fmt: skip
-        before = self._former
         if not self._same or flags.any():
-            self._former = self._renewed(
-                [before[j] if j >= 0 else None for j in same.tolist()],
-                own, starts, ids, centres, reachable, flags, values,
-            )  # fmt: skip
+            self._former = self._renewed(own, starts, ids, same, centres, reachable, flags, values)
         self._own, self._starts, self._ids, self._same = own, starts, ids, True
         self._centres, self._reachable = centres, reachable
         return self._former
@@ -175,30 +171,30 @@ class FrontierFinder:
 
     def _renewed(
         self,
-        before: list[Frontier | None],
         own: NDArray[np.int32],
         starts: NDArray[np.int64],
         ids: NDArray[np.int64],
+        same: NDArray[np.int64],
         centres: NDArray[np.int32],
         reachable: NDArray[np.uint8],
         flags: NDArray[np.uint8],
         values: Mapping[str, NDArray[np.float32]],
     ) -> tuple[Frontier, ...]:
-        """Each frontier as it is now: the one before where nothing is other; see `describe`."""
+        """Each frontier as it is now, the former itself where nothing is other; see `describe`."""
         cell_m, ends = self.grid.cell_m, starts.tolist()
+        numbers, places, can = ids.tolist(), centres.tolist(), reachable.tolist()
         near = iter(self._values_at(centres[(flags & VALUES) != 0], values))
-        out = []
-        for k, (old, flag) in enumerate(zip(before, flags.tolist(), strict=True)):
-            if old is None or flag:
-                row, column = centres[k].tolist()
-                place = (column + 0.5) * cell_m, (row + 0.5) * cell_m
-                now = next(near) if flag & VALUES or old is None else old.values
-                can = bool(reachable[k])
-                if old is None or (old.centre_m, old.reachable, old.values) != (place, can, now):
-                    cells = own[ends[k] : ends[k + 1]] if old is None else old.cells
-                    old = Frontier(int(ids[k]), place, len(cells) * cell_m, can, now, cells)
-            out.append(old)
-        return tuple(out)
+        out = [self._former[j] if j >= 0 else None for j in same.tolist()]
+        for k, flag in enumerate(flags.tolist()):
+            if not flag:
+                continue
+            old, (row, column) = out[k], places[k]
+            now = next(near) if flag & VALUES or old is None else old.values
+            new = (column + 0.5) * cell_m, (row + 0.5) * cell_m
+            if old is None or (old.centre_m, old.reachable, old.values) != (new, can[k], now):
+                cells = own[ends[k] : ends[k + 1]] if old is None else old.cells
+                out[k] = Frontier(numbers[k], new, len(cells) * cell_m, bool(can[k]), now, cells)
+        return tuple(f for f in out if f is not None)
 
     def _stale_for(self, values: Mapping[str, NDArray[np.float32]]) -> tuple[int, int, int, int]:
         """The box of world cells near which these layers may be other than frontiers have them:

@@ -85,16 +85,11 @@ class OpenGround:
         The robot may cross unknown ground within `blind_cells`, which its camera cannot see, and
         leave the cells of its own disc even where they are beside an obstacle.
         """
-        row, column = cell
-        reach = max(int(blind_cells), self.reach) + 1
-        box = Box(row, row + 1, column, column + 1).grown(reach, self.grid.whole)
-        reached = np.zeros(self._components, np.uint8)
-        got = np.zeros((box.rows, box.columns), np.uint8)
-        ground_kernels.reach(
-            occupancy, self.crowd, self.labels, self.edges, self._offsets,
-            (box.row_lo, box.column_lo), cell, blind_cells, self.radius_cells, reached, got,
+        reached, near, corner = ground_kernels.reach(
+            occupancy, self.crowd, self.labels, self.edges, self._offsets, self._components,
+            cell, blind_cells, self.radius_cells,
         )  # fmt: skip
-        return Reached(self._offsets, reached, got, (box.row_lo, box.column_lo))
+        return Reached(self._offsets, reached, near, corner)
 
     def mask_of(self, reached: Reached) -> NDArray[np.bool_]:
         """The cells that can be reached, over the whole grid: for tests and pictures."""

@@ -197,6 +197,29 @@ def enter(offsets, tr, tc, label, reached, queue, n):
 
 
 @njit(cache=True, nogil=True)
+def enter_row(labels, got, row, left, offsets, reached, queue, n):
+    """Enter the components of a row's cells, from column `left` on, that were reached; the queue's
+    new length. Most cells are like the one before."""
+    before = 0
+    for c in range(labels.size):
+        label = np.int64(labels[c]) if got[c] != 0 else 0
+        if label != before or (c + left) % TILE == 0:
+            if label != 0:
+                n = enter(offsets, row // TILE, (c + left) // TILE, label, reached, queue, n)
+            before = label
+    return n
+
+
+@njit(cache=True, nogil=True)
+def any_left(labels, near, got):
+    """Whether a row has open ground near the robot that was not reached."""
+    found = np.uint8(0)
+    for c in range(labels.size):  # without a way out, so that it runs in SIMD
+        found |= (labels[c] != 0) & (near[c] != 0) & (got[c] == 0)
+    return found != 0
+
+
+@njit(cache=True, nogil=True)
 def walk(labels, edges, offsets, near, corner, cell, reached, got):
     """Flood the ground `near` the robot from its cell, and the components of open ground from it.
 
@@ -212,13 +235,7 @@ def walk(labels, edges, offsets, near, corner, cell, reached, got):
     more = True
     while more:
         for r in range(near.shape[0]):
-            row, before = r + corner[0], 0
-            for c in range(near.shape[1]):
-                column = c + corner[1]
-                label = np.int64(here[r, c]) if got[r, c] != 0 else 0
-                if label != 0 and (label != before or column % TILE == 0):
-                    n = enter(offsets, row // TILE, column // TILE, label, reached, queue, n)
-                before = label
+            n = enter_row(here[r], got[r], r + corner[0], corner[1], offsets, reached, queue, n)
         while head < n:
             tr, tc, label = queue[head, 0], queue[head, 1], queue[head, 2]
             head += 1
@@ -236,6 +253,8 @@ def walk(labels, edges, offsets, near, corner, cell, reached, got):
         # From outside, ground near the robot may be reached that was cut off from it.
         more = False
         for r in range(near.shape[0]):
+            if not any_left(here[r], near[r], got[r]):
+                continue
             for c in range(near.shape[1]):
                 if here[r, c] == 0 or got[r, c] != 0 or near[r, c] == 0:
                     continue
@@ -247,12 +266,18 @@ def walk(labels, edges, offsets, near, corner, cell, reached, got):
 
 @njit(cache=True, nogil=True)
 def reach(
-    occupancy, crowd, labels, edges, offsets,  # the whole map; see `ground.OpenGround`
-    corner, cell, blind_cells, radius_cells, reached, got,
+    occupancy, crowd, labels, edges, offsets, components,  # the whole map; see `ground.OpenGround`
+    cell, blind_cells, radius_cells,
 ):  # fmt: skip
-    """What can be reached from a cell: `reached` uint8 by component, `got` uint8 by cell of a box
-    around it with its corner at `corner`."""
-    near = np.zeros(got.shape, np.uint8)
+    """What can be reached from a cell: uint8 by component, uint8 by cell of a box around it, and
+    the box's corner (row, column)."""
+    size = int(max(blind_cells, radius_cells)) + 1
+    corner = max(0, cell[0] - size), max(0, cell[1] - size)
+    rows = min(occupancy.shape[0], cell[0] + size + 1) - corner[0]
+    columns = min(occupancy.shape[1], cell[1] + size + 1) - corner[1]
+    near, got = np.zeros((rows, columns), np.uint8), np.zeros((rows, columns), np.uint8)
+    reached = np.zeros(components, np.uint8)
     near_ground(occupancy, corner, cell, blind_cells, near)
     crossable(occupancy, crowd, corner, cell, radius_cells, near)
     walk(labels, edges, offsets, near, corner, cell, reached, got)
+    return reached, got, corner

@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from helios_map2d.frontier_kernels import equal
+
 CHUNK = 16  # cells that are compared by the box around them first
 
 
@@ -39,17 +41,6 @@ def recognise(cells, starts, former, former_starts, former_ids, reach, next_id):
             ids[k] = next_id
             next_id += 1
     return ids, same, next_id
-
-
-@njit(cache=True, nogil=True)
-def equal(a, b):
-    """Whether two clusters are the same cells."""
-    same = a.shape[0] == b.shape[0]
-    i = 0
-    while same and i < a.shape[0]:
-        same = a[i, 0] == b[i, 0] and a[i, 1] == b[i, 1]
-        i += 1
-    return same
 
 
 @njit(cache=True, nogil=True)
