@@ -257,6 +257,18 @@ def test_a_robot_that_is_taken_again_is_stopped_again(scene: Scene) -> None:
         scene.act()
 
 
+def test_a_lease_that_is_lost_in_an_action_ends_it_before_it_moves_on(scene: Scene) -> None:
+    scene.act()
+    scene.halt.begin()
+    scene.take_by_hand()
+    check = scene.robot.keep_alives[-1]
+    check.ask()
+    check.hear()
+    with pytest.raises(Halted, match="the tablet has taken") as ended:
+        scene.control.take(scene.robot.read())
+    assert isinstance(ended.value.error, Conflict)
+
+
 class AnyOrder(RuleBasedStateMachine):
     """Every order of a person's hands, the SDK's checks, actions and clears."""
 
