@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
-import time
 from collections.abc import Iterator
 
 import pytest
 from helios_core import proto as pb
+from helios_core.bus import Bus
 from helios_core.topics import CONTEXT, TRUTH_EPISODE
 from helios_core.zenoh_bus import ZenohBus
 
 from tests.house import House
+from tests.restarts import Restart, restarted
 from tests.support import wait_until
 
 pytestmark = pytest.mark.timeout(420)
@@ -36,9 +34,14 @@ def test_a_killed_planner_goes_on_where_it_was(house: House) -> None:
     try:
         instruction = bus.call(TRUTH_EPISODE, pb.Empty(), 10).instruction
         id = house.post("/v1/tasks", {"instruction": instruction})["id"]
+        restarts: list[Restart] = []
         for steps in (20, 45):  # while it looks around, and while it searches
             wait_until(lambda steps=steps: house.task(id)["steps"] >= steps, 150, "it works")
-            killed(house, id)
+            restarts.append(killed(house, bus, id))
+        # Five seconds on a quiet machine, in words that hold on a busy one: `tests/bench/
+        # planner_restart.py` prints them as they are. What is slow by itself is slow both times.
+        assert max(r.cpu_s for r in restarts) < 5
+        assert min(r.of_imports for r in restarts) < 5
         assert set(contexts) == {id}, "another search context forgets what was searched"
         indices = [d["index"] for d in house.get(f"/v1/tasks/{id}/decisions")["decisions"]]
         assert indices == list(range(len(indices)))
@@ -49,19 +52,14 @@ def test_a_killed_planner_goes_on_where_it_was(house: House) -> None:
         bus.close()
 
 
-def killed(house: House, id: str) -> None:
+def killed(house: House, bus: Bus, id: str) -> Restart:
     """Kill the planner, and wait until it goes on; what was explored is never less."""
-    before, explored_m2 = house.task(id), house.get("/v1/map")["explored_m2"]
-    shrunk = threading.Event()
-    os.kill(house.pid("planner"), signal.SIGKILL)
-    began = time.monotonic()
-
-    def goes_on() -> bool:
-        if house.get("/v1/map")["explored_m2"] < explored_m2 - 0.1:
-            shrunk.set()
-        return house.task(id)["steps"] > before["steps"] + 1
-
-    wait_until(goes_on, 60, "it goes on")  # loaded machines are slow: 5 s are measured apart
-    print(f"went on after {time.monotonic() - began:.1f} s")
-    assert not shrunk.is_set()
+    explored_m2 = house.get("/v1/map")["explored_m2"]
+    least_m2 = [explored_m2]
+    restart = restarted(
+        house, bus, id, 150, lambda: least_m2.append(house.get("/v1/map")["explored_m2"])
+    )
+    print(restart)
+    assert min(least_m2) > explored_m2 - 0.1
     assert house.task(id)["state"] == "running"
+    return restart

@@ -1,0 +1,67 @@
+"""How soon a planner that is killed in mid-task acts again, and where the time goes.
+
+    python -m tests.bench.planner_restart [--kills 5]
+
+A whole house runs with the simulated robot. The planner's process gets SIGKILL while it searches,
+again and again; the first restart after 20 steady seconds comes at once, so the task is paused for
+so long in between.
+The figures are seconds after the kill, on the wall's clock: quote them from a machine that is quiet
+otherwise. Processor time of the new process is beside them, and holds on a busy one, too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import tempfile
+import time
+from dataclasses import fields
+from pathlib import Path
+
+from helios_core import proto as pb
+from helios_core.topics import TRUTH_EPISODE
+from helios_core.zenoh_bus import ZenohBus
+
+from tests.house import House
+from tests.restarts import Restart, restarted
+from tests.support import wait_until
+
+STEADY_S = 21.0  # after so long the supervisor starts a process again at once
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--kills", type=int, default=5)
+    kills = parser.parse_args().kills
+    with tempfile.TemporaryDirectory() as folder:
+        house = House(Path(folder))
+        bus = None
+        try:
+            wait_until(house.ready, 180, "all services are ready")
+            bus = ZenohBus(f"tcp/127.0.0.1:{house.router_port}")
+            instruction = bus.call(TRUTH_EPISODE, pb.Empty(), 10).instruction
+            id = house.post("/v1/tasks", {"instruction": instruction})["id"]
+            wait_until(lambda: house.task(id)["steps"] >= 20, 150, "it searches")
+            found: list[Restart] = []
+            for _ in range(kills):
+                house.post(f"/v1/tasks/{id}/pause")  # else it would be done before the last kill
+                time.sleep(STEADY_S)
+                house.post(f"/v1/tasks/{id}/resume")
+                steps = house.task(id)["steps"]
+                wait_until(lambda n=steps: house.task(id)["steps"] > n + 1, 60, "it acts")
+                found.append(restarted(house, bus, id, 60))
+        finally:
+            if bus is not None:
+                bus.close()
+            house.close()
+    print("seconds after SIGKILL, and of processor time:")
+    for name in (field.name for field in fields(Restart)):
+        values = [getattr(restart, name) for restart in found]
+        each = " ".join(f"{v:.2f}" for v in values)
+        print(f"{name:>14}: {statistics.median(values):6.2f}  ({each})")
+
+
+if __name__ == "__main__":
+    main()

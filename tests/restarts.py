@@ -1,0 +1,108 @@
+"""What a planner that was killed needs until it acts again, as the bus tells it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import psutil
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.topics import TASK, status_topic
+
+from tests.house import House
+
+
+@dataclass(frozen=True)
+class Restart:
+    """Seconds on the wall after SIGKILL; `cpu_s`: processor time of the new process until it had
+    acted, and `imports_cpu_s` of that until its first word."""
+
+    started_s: float  # the supervisor has started it again
+    imported_s: float  # its first word: all is imported, and the router is there
+    ready_s: float  # its kernels are loaded, and it knows the robot
+    acted_s: float  # its first action is done
+    imports_cpu_s: float
+    cpu_s: float
+
+    @property
+    def of_imports(self) -> float:
+        """How many times what its imports took the new process took until it had acted. Imports
+        take a second where nothing else runs, and are as slow as all else on a busy machine."""
+        return (self.acted_s - self.started_s) / (self.imported_s - self.started_s)
+
+
+class _Witness:
+    """Notes when the planner of a new process says what, and when the task has a new step."""
+
+    def __init__(self, bus: Bus, task_id: str, old_pid: int) -> None:
+        self._task_id, self._old_pid = task_id, old_pid
+        self._steps: int | None = None  # with which the new process took the task up
+        self.at_s: dict[str, float] = {}
+        self.cpu_s: dict[str, float] = {}
+        self.acted = threading.Event()
+        self._process: psutil.Process | None = None
+        self._heard = (
+            bus.subscribe(status_topic("planner"), self._on_status),
+            bus.subscribe(TASK, self._on_task),
+        )
+
+    def close(self) -> None:
+        for heard in self._heard:
+            heard.close()
+
+    def _on_status(self, status: pb.ServiceStatus) -> None:
+        if status.pid == self._old_pid:
+            return
+        if self._process is None:
+            self._process = psutil.Process(status.pid)
+            self._note("imported")
+        if status.state == "ready" and "ready" not in self.at_s:
+            self._note("ready")
+
+    def _on_task(self, task: pb.Task) -> None:
+        if task.id != self._task_id or self._process is None or self.acted.is_set():
+            return
+        if self._steps is None:
+            self._steps = task.steps
+        elif task.steps > self._steps:
+            self._note("acted")
+            self.acted.set()
+
+    def _note(self, what: str) -> None:
+        assert self._process is not None
+        used = self._process.cpu_times()
+        self.at_s[what], self.cpu_s[what] = time.time(), used.user + used.system
+
+
+def restarted(
+    house: House,
+    bus: Bus,
+    task_id: str,
+    within_s: float,
+    meanwhile: Callable[[], object] = lambda: None,
+) -> Restart:
+    """Kill the planner in the middle of a task, and wait until it has acted again."""
+    pid = house.pid("planner")
+    witness = _Witness(bus, task_id, pid)
+    started_s = None
+    try:
+        killed_s = time.time()
+        os.kill(pid, signal.SIGKILL)
+        while not witness.acted.wait(0.02):
+            if started_s is None and house.pid("planner") not in (pid, 0):
+                started_s = time.time()
+            meanwhile()
+            assert time.time() - killed_s < within_s, f"it did not go on within {within_s:g} s"
+    finally:
+        witness.close()
+    assert started_s is not None
+    at_s = {what: t - killed_s for what, t in witness.at_s.items()}
+    return Restart(
+        started_s - killed_s, at_s["imported"], at_s.get("ready", at_s["acted"]), at_s["acted"],
+        witness.cpu_s["imported"], witness.cpu_s["acted"],
+    )  # fmt: skip
