@@ -50,8 +50,8 @@ def main() -> None:
                 time.sleep(STEADY_S)
                 house.post(f"/v1/tasks/{id}/resume")
                 steps = house.task(id)["steps"]
-                wait_until(lambda n=steps: house.task(id)["steps"] > n + 1, 60, "it acts")
-                found.append(restarted(house, bus, id, 60))
+                wait_until(lambda n=steps: house.task(id)["steps"] > n + 1, 300, "it acts")
+                found.append(restarted(house, bus, id, 300))
         finally:
             if bus is not None:
                 bus.close()

@@ -41,7 +41,7 @@ def test_a_killed_planner_goes_on_where_it_was(house: House) -> None:
         # Five seconds on a quiet machine, in words that hold on a busy one: `tests/bench/
         # planner_restart.py` prints them as they are. What is slow by itself is slow both times.
         assert max(r.cpu_s for r in restarts) < 5
-        assert min(r.of_imports for r in restarts) < 5
+        assert min(r.of_first_word for r in restarts) < 5
         assert set(contexts) == {id}, "another search context forgets what was searched"
         indices = [d["index"] for d in house.get(f"/v1/tasks/{id}/decisions")["decisions"]]
         assert indices == list(range(len(indices)))
