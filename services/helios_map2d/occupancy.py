@@ -96,6 +96,7 @@ class OccupancyLayer:
         self._active = np.empty((0, 2), np.int32)
         nothing = np.empty(0, np.int32)
         self._pixels: Pixels = nothing, nothing, nothing
+        self._marks = np.empty(0, np.uint8)
 
     def grow(self, grid: GridSpec, known: Box) -> None:
         """Go on over a larger grid; `known` (world cells) holds all that is not unknown."""
@@ -121,8 +122,9 @@ class OccupancyLayer:
         first_bin, bins_end = view.seen_bins
         ranges, bins = view.range_cells, bins_end - first_bin
         pixels = self._room_for(window)
-        marks = np.zeros((3, ranges, bins), np.uint8)
-        floor = np.zeros((ranges + 1, bins), np.uint8)
+        marks = self._marks_for(ranges, bins)
+        floor = np.empty((ranges + 1, bins), np.uint8)
+        floor[-1] = 0
         azimuths = np.array([first_bin, view.azimuth_bins], np.int32)
         heading = np.array(view.heading, np.float32)
         pose = pose_in_window(view)
@@ -172,6 +174,13 @@ class OccupancyLayer:
             count, high = np.zeros((2, cells), np.int32)
             self._pixels = count, np.full(cells, project_kernels.NO_LOW, np.int32), high
         return self._pixels
+
+    def _marks_for(self, ranges: int, bins: int) -> NDArray[np.uint8]:
+        """Where this frame's pixels are marked by kind, range and azimuth: none yet."""
+        needed = 3 * ranges * bins
+        if needed > len(self._marks):
+            self._marks = np.zeros(needed, np.uint8)
+        return self._marks[:needed].reshape(3, ranges, bins)
 
     def clear_disc(
         self,

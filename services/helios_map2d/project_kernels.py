@@ -207,8 +207,8 @@ def floor_along_azimuths(marks, gap_cells, shadow_cells, seen):
 
     Floor within `shadow_cells` behind an obstacle is not believed: it is the foot of that
     obstacle, thrown behind it by depth noise. Further behind it was seen under or beside it.
-    `marks` is that of `project_depth`; `seen` uint8 [ranges, bins] gets 1 where the bin itself or
-    one beside it sees floor, 0 elsewhere.
+    `marks` is that of `project_depth`, zeros again afterwards but for [0]; `seen` uint8 [ranges,
+    bins] gets 1 where the bin itself or one beside it sees floor, 0 elsewhere.
     """
     ranges, bins = marks.shape[1:]
     # Both ways along all azimuths at once: how far it is to believed floor, `most` where an
@@ -226,6 +226,7 @@ def floor_along_azimuths(marks, gap_cells, shadow_cells, seen):
             further = most if obstacle[b] != 0 else min(far[b] + one, most)
             far[b] = min(here[b], further)
             here[b] = far[b]
+        floor[:] = 0
     far[:] = most
     line = np.zeros(bins + 2, np.uint8)
     inner, after = line[1 : bins + 1], line[2:]
@@ -239,3 +240,4 @@ def floor_along_azimuths(marks, gap_cells, shadow_cells, seen):
         line[0], line[bins + 1] = line[bins], line[1]
         for b in range(bins):
             joined[b] = line[b] | inner[b] | after[b]
+        obstacle[:] = 0

@@ -46,8 +46,9 @@ class PublishedTiles:
         old = self._ground.get(place)
         seen_version = version if shown or old is None else old.version
         self._ground[place] = ground_tile(
-            occupancy, search.explored, place, seen_version, version, None if heights else old
-        )
+            occupancy, search.explored, place, seen_version, version,
+            None if shown else old, None if heights else old,
+        )  # fmt: skip
 
     def retile_known(
         self, box: Box, occupancy: OccupancyLayer, search: SearchArea, version: int

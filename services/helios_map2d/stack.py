@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from helios_core.geometry import Pinhole
 from helios_core.types import Frame
 from numpy.typing import NDArray
 
@@ -24,7 +25,7 @@ from helios_map2d.room import grown_for
 from helios_map2d.rules import MapRules
 from helios_map2d.tiles import GroundTile, ValueTile
 from helios_map2d.value import Cone, ValueLayers
-from helios_map2d.view import View, reach_of, view_of
+from helios_map2d.view import Reach, View, laid, reach_of
 
 
 class LayerStack:
@@ -52,22 +53,24 @@ class LayerStack:
             else ByDepth()
         )
 
-    def view_of(self, frame: Frame) -> View:
-        """A frame laid over the grid. Raises InvalidInput as `view.view_of` does."""
-        return view_of(frame.depth_m, frame.camera, frame.T_world_cam, self.grid,
-                       self.rules.min_depth_m, self.rules.max_depth_m,
-                       self.rules.rays_per_cell)  # fmt: skip
+    def reach_of(self, frame: Frame) -> Reach:
+        """What a frame may touch. Raises InvalidInput for a pose that is none."""
+        return reach_of(frame.camera, frame.T_world_cam, self.rules.cell_m, self.rules.max_depth_m)
+
+    def view_of(self, depth_m: NDArray[np.float32], camera: Pinhole, reach: Reach) -> View:
+        """A checked depth image laid over the grid."""
+        return laid(depth_m, camera, reach, self.grid, self.rules.min_depth_m,
+                    self.rules.max_depth_m, self.rules.rays_per_cell)  # fmt: skip
 
     def cone(self, view: View) -> Cone:
         """What a score of a view is spread over."""
         return self._exploring.cone(view)
 
-    def make_room_for(self, frame: Frame, robot_m: tuple[float, float]) -> None:
+    def make_room_for(self, reach: Reach, robot_m: tuple[float, float]) -> None:
         """Grow the grid where a frame, or the robot at `robot_m` (world x, y), may change what it
         does not hold. Raises InvalidInput when it would be larger than the rules allow."""
-        reach = reach_of(frame.camera, frame.T_world_cam, self.rules.cell_m, self.rules.max_depth_m)
         row, column = self.grid.cell_of(*robot_m)
-        self.make_room(reach.union(self.grid.to_world(self._around(row, column))))
+        self.make_room(reach.box.union(self.grid.to_world(self._around(row, column))))
 
     def make_room(self, needed: Box) -> None:
         """Grow the grid where it does not hold a box of world cells with a margin.

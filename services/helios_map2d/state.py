@@ -22,7 +22,7 @@ from helios_map2d.stack import LayerStack
 from helios_map2d.tiles import GroundTile, ValueTile
 from helios_map2d.trajectory import Trajectory
 from helios_map2d.value import Cone
-from helios_map2d.view import check_depth, check_pose
+from helios_map2d.view import View, check_depth, check_pose
 
 
 class MapState:
@@ -66,14 +66,14 @@ class MapState:
         """
         if self.order.has(frame.id.seq):
             return False
-        x_m, y_m, yaw_rad = self._prepared(frame)
+        view, (x_m, y_m, yaw_rad) = self._prepared(frame)
         newest = self.order.is_newest(frame.id.seq)
         if not frame.keyframe and not newest:
             raise Conflict(
                 f"stream frame {frame.id.seq} is older than frame {self.order.newest}, which is in "
                 "the map: send frames in order, or as keyframes"
             )
-        changed = self.stack.fold(self.stack.view_of(frame), (x_m, y_m), holding=holding)
+        changed = self.stack.fold(view, (x_m, y_m), holding=holding)
         self.order.take(frame.id.seq)
         if newest:
             self.frame_id, self.stamp_ns = frame.id, frame.stamp_ns
@@ -103,8 +103,8 @@ class MapState:
         key = (observation.context_id, frame.id.seq)
         if key in self._observations_seen:
             return False
-        self._prepared(frame)
-        cone = self.stack.cone(self.stack.view_of(frame))
+        view, _ = self._prepared(frame)
+        cone = self.stack.cone(view)
         changed = self.stack.values.integrate(cone, observation.layer_scores)
         self.version += 1
         self._publish_values(observation.layer_scores, changed)
@@ -198,16 +198,19 @@ class MapState:
             trajectory_starts=self.trajectory.starts,
         )
 
-    def _prepared(self, frame: Frame) -> tuple[float, float, float]:
-        """Check a frame and make room for it; the robot's x, y (m) and yaw (rad)."""
+    def _prepared(self, frame: Frame) -> tuple[View, tuple[float, float, float]]:
+        """Check a frame and make room for it; the frame over the grid, and the robot's x, y (m) and
+        yaw (rad)."""
         T_world_base = check_pose(frame.T_world_base, "T_world_base")
-        check_depth(frame.depth_m, frame.camera)
-        x_m, y_m = float(T_world_base[0, 3]), float(T_world_base[1, 3])
-        camera_x, camera_y = (float(v) for v in check_pose(frame.T_world_cam, "T_world_cam")[:2, 3])
+        depth_m = check_depth(frame.depth_m, frame.camera)
+        x_m, y_m = T_world_base[:2, 3].tolist()
+        reach = self.stack.reach_of(frame)
+        camera_x, camera_y = reach.T_world_cam[:2, 3].tolist()
         last_m = None if self.robot_pose is None else self.robot_pose[:2]
         refuse_a_leap((x_m, y_m), (camera_x, camera_y), last_m, self.rules.most_leap_m)
-        self.stack.make_room_for(frame, (x_m, y_m))
-        return x_m, y_m, float(yaw_of(T_world_base))
+        self.stack.make_room_for(reach, (x_m, y_m))
+        view = self.stack.view_of(depth_m, frame.camera, reach)
+        return view, (x_m, y_m, float(yaw_of(T_world_base)))
 
     def _publish_values(self, names: Iterable[str], changed: Box) -> None:
         """New tiles of the layers within a box of world cells."""

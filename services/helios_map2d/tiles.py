@@ -102,16 +102,23 @@ def ground_tile(
     place: Tile,
     version: int,
     revision: int,
+    same_view: GroundTile | None = None,
     same_heights: GroundTile | None = None,
 ) -> GroundTile:
-    """The present state of a tile; `same_heights`: an earlier one whose heights still hold."""
-    at = layer.grid.to_local(Box.of_tile(place)).slices
+    """The present state of a tile; `same_view`, `same_heights`: an earlier one whose occupancy and
+    searched ground, or whose heights, still hold."""
+    row, column = place[0] * TILE - layer.grid.corner[0], place[1] * TILE - layer.grid.corner[1]
+    at = slice(row, row + TILE), slice(column, column + TILE)
+    if same_view is None:
+        occupancy, looked = frozen(layer.occupancy[at]), frozen(searched[at])
+    else:
+        occupancy, looked = same_view.occupancy, same_view.searched
     if same_heights is None:
         low_m, high_m = frozen(layer.z_low_m[at]), frozen(layer.z_high_m[at])
     else:
         low_m, high_m = same_heights.z_low_m, same_heights.z_high_m
     return GroundTile(
-        place, version, revision, frozen(layer.occupancy[at]), frozen(searched[at]), low_m, high_m,
+        place, version, revision, occupancy, looked, low_m, high_m,
         frozen(layer.evidence[at]), frozen(layer.floor_seen[at]),
     )  # fmt: skip
 
@@ -201,6 +208,6 @@ def unpacked(data: bytes, dtype: str) -> NDArray:
 
 def frozen(array: NDArray) -> NDArray:
     """A contiguous copy that cannot be written."""
-    copy = np.array(array, order="C")
-    copy.flags.writeable = False
+    copy = array.copy()
+    copy.setflags(write=False)
     return copy

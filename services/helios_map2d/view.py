@@ -114,6 +114,16 @@ def any_from(depth_m, least_m):
     return False
 
 
+@dataclass(frozen=True)
+class Reach:
+    """What a camera may see: its checked pose, its rays to the image's corners at the largest
+    depth, in world axes (m), and the world cells that it may touch."""
+
+    T_world_cam: NDArray[np.float64]
+    rays_m: list[Ray]
+    box: Box
+
+
 def view_of(
     depth_m: NDArray[np.float32],
     camera: Pinhole,
@@ -123,15 +133,31 @@ def view_of(
     max_depth_m: float,
     rays_per_cell: float = RAYS_PER_CELL,
 ) -> View:
-    """Check an image and its pose, and lay it over the grid.
+    """Check an image and its pose, and lay it over the grid: see `laid`.
 
-    What it may touch beyond the grid is left out (see `reach_of`). `rays_per_cell`: see
-    `pixel_step`. Raises InvalidInput when sizes disagree or the pose is not a rigid motion.
+    Raises InvalidInput when sizes disagree or the pose is not a rigid motion.
     """
-    depth = measured(check_depth(depth_m, camera))
-    pose = check_pose(T_world_cam, "T_world_cam")
-    rays = corner_rays(camera, pose, max_depth_m)
-    window = grid.to_local(box_of(rays, pose, grid.cell_m)).cut(grid.whole)
+    reach = reach_of(camera, T_world_cam, grid.cell_m, max_depth_m)
+    depth = check_depth(depth_m, camera)
+    return laid(depth, camera, reach, grid, min_depth_m, max_depth_m, rays_per_cell)
+
+
+def laid(
+    depth_m: NDArray[np.float32],
+    camera: Pinhole,
+    reach: Reach,
+    grid: GridSpec,
+    min_depth_m: float,
+    max_depth_m: float,
+    rays_per_cell: float,
+) -> View:
+    """Lay a checked image over the grid; `reach` is that of the same largest depth.
+
+    What it may touch beyond the grid is left out. `rays_per_cell`: see `pixel_step`.
+    """
+    depth = measured(depth_m)
+    pose, rays = reach.T_world_cam, reach.rays_m
+    window = grid.to_local(reach.box).cut(grid.whole)
     bins = min(max(int(2.6 * camera.fx), MIN_AZIMUTH_BINS), MAX_AZIMUTH_BINS)
     half_fov_rad = max(math.atan(camera.cx / camera.fx),
                        math.atan((camera.width - camera.cx) / camera.fx))  # fmt: skip
@@ -156,10 +182,11 @@ def view_of(
 
 def reach_of(
     camera: Pinhole, T_world_cam: NDArray[np.float64], cell_m: float, max_depth_m: float
-) -> Box:
-    """The world cells that a view may touch. Raises InvalidInput for a pose that is none."""
+) -> Reach:
+    """What a view may touch. Raises InvalidInput for a pose that is none."""
     pose = check_pose(T_world_cam, "T_world_cam")
-    return box_of(corner_rays(camera, pose, max_depth_m), pose, cell_m)
+    rays = corner_rays(camera, pose, max_depth_m)
+    return Reach(pose, rays, box_of(rays, pose, cell_m))
 
 
 def pixel_step(camera: Pinhole, cell_m: float, max_depth_m: float, rays_per_cell: float) -> int:

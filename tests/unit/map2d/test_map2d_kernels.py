@@ -142,5 +142,7 @@ def test_floor_along_azimuths_equals_its_twin(
     # Each azimuth is seen with both its neighbours; the last one lies beside the first.
     expected |= np.roll(expected, 1, axis=1) | np.roll(expected, -1, axis=1)
     seen = np.empty((30, 4), np.uint8)
-    project_kernels.floor_along_azimuths(np.ascontiguousarray(found), gap, shadow, seen)
+    marks = np.ascontiguousarray(found)
+    project_kernels.floor_along_azimuths(marks, gap, shadow, seen)
     assert (seen == expected).all()
+    assert not marks.any()  # ready for the next frame
