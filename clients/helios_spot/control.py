@@ -3,8 +3,8 @@ back at the end.
 
 The lease is renewed by a thread of the SDK. When somebody takes it, presses an e-stop or switches
 the motors off while we move, what runs is cut short and the stop is latched: a person stepped in,
-and a person clears it. Clearing gets back what was lost, or says who still has it. What is heard
-late of a lease that was given back is of no account.
+and a person clears it. Clearing gets back what was lost, or says who still has it. Each lease is
+lost once: what is heard late of an earlier one is of no account.
 """
 
 from __future__ import annotations
@@ -35,8 +35,7 @@ class Tenure:
     """One time that the robot is ours: from the grant of its lease until it is given back."""
 
     keep_alive: Any = None
-    lost: HeliosError | None = None  # to whom, and then the stop is latched
-    over: bool = False  # given back: what is still heard of it is stale
+    lost: HeliosError | None = None  # to whom; the stop was latched for it, and is not again
 
 
 class Control:
@@ -45,7 +44,7 @@ class Control:
     def __init__(self, link: Link, motion: Motion, halt: Halt) -> None:
         self._link, self._motion, self._halt, self._s = link, motion, halt, link.settings
         self._tenure: Tenure | None = None
-        self._acting = Tenure(over=True)  # under which the present action was begun
+        self._acting = Tenure()  # under which the present action was begun
         self._estop: Any = None
         self._standing = False
         self._lock = threading.Lock()  # what is lost and the latched stop change together
@@ -152,9 +151,7 @@ class Control:
         self._acquire("clear the stop")
 
     def _give_back(self, tenure: Tenure) -> None:
-        with self._lock:
-            tenure.over = True
-            keep_alive, tenure.keep_alive = tenure.keep_alive, None
+        keep_alive, tenure.keep_alive = tenure.keep_alive, None
         if keep_alive is None:
             return
         try:
@@ -169,13 +166,13 @@ class Control:
             return
         lost = translate(error, self._link.host, "go on")
         with self._lock:
-            if not tenure.over and tenure.lost is None:
+            if tenure.lost is None:
                 self._halt.cut(lost.message, lost)
                 self._lose(tenure, lost)
 
     def _lose(self, tenure: Tenure, error: HeliosError) -> None:
         """Under `_lock`."""
-        if not tenure.over and tenure.lost is None:
+        if tenure.lost is None:
             tenure.lost = error
             log.error("%s", error.message)
             self._halt.stop(f"{error.message}; then clear the stop")
