@@ -92,13 +92,13 @@ class KeepAlive:
         if robot.owner == TABLET:
             raise claimed(TABLET)
         self._robot, self._tell = robot, on_failure_callback
-        self.number, self._ended = robot.grant(US), False
+        self.number, self.ended = robot.grant(US), False
         self._under_way: list[Exception | None] = []
         robot.keep_alives.append(self)
 
     def ask(self) -> None:
         """The robot answers a check of the lease; nobody has heard the answer yet."""
-        if not self._ended:
+        if not self.ended:
             self._under_way.append(self._robot.refused(self.number))
 
     def hear(self) -> None:
@@ -108,7 +108,7 @@ class KeepAlive:
                 self._tell(error)
 
     def shutdown(self) -> None:
-        self._ended = True
+        self.ended = True
         self.hear()
         if self._robot.refused(self.number) is None:
             self._robot.owner = ""
@@ -255,6 +255,7 @@ def test_a_robot_that_is_taken_again_is_stopped_again(scene: Scene) -> None:
     assert "the tablet has taken the robot's lease" in scene.halt.stopped
     with pytest.raises(Conflict, match="clear the stop"):
         scene.act()
+    assert [k.ended for k in scene.robot.keep_alives] == [True, False]  # one thread for one lease
 
 
 def test_a_lease_that_is_lost_in_an_action_ends_it_before_it_moves_on(scene: Scene) -> None:
