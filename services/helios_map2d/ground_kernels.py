@@ -80,10 +80,8 @@ def count_disc(row, column, step, half_widths, crowd):
     height, width = crowd.shape
     for y in range(max(0, row - reach), min(height - 1, row + reach) + 1):
         half = half_widths[y - row + reach]
-        first, end = max(0, column - half), min(width, column + half + 1)
-        cells = crowd[y][first:end]
-        for i in range(cells.size):
-            cells[i] += np.uint16(step)
+        for x in range(max(0, column - half), min(width, column + half + 1)):
+            crowd[np.uint64(y), np.uint64(x)] += np.uint16(step)  # unsigned: needs no check
 
 
 @njit(cache=True, nogil=True)
