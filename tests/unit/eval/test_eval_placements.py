@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 from helios_core.errors import InvalidInput
 from helios_eval.placements import Outcome, play, report, trials
+from helios_planner.settings import PlaceRule
 
 
-def outcome(seed: int, rule: str, how: str) -> Outcome:
+def outcome(seed: int, rule: PlaceRule, how: str) -> Outcome:
     return Outcome(seed, "table_0", "table", "mug", rule, how == "succeeded", how, "", 9)
 
 
