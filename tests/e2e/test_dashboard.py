@@ -287,7 +287,7 @@ def turn(page: Page) -> list[str]:
     """Turns the view by hand; the positions of its camera from then on, as viser tells them."""
     said: list[str] = []
     page.on("console", lambda one: said.extend(CAMERA.findall(one.text)))
-    box = page.locator("#view-3d").bounding_box()
+    box = page.locator("#frame-3d").bounding_box()  # which stays when a newer scene comes
     assert box is not None
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)
