@@ -202,4 +202,5 @@ class Tracker:
         self.events.append(tried)
 
     def _class_of(self, name: str) -> str:
-        return self._home.class_of(name) if name else ""
+        """Empty for no body, and for the robot's own: a thing may fall onto its base."""
+        return self._home.class_of(name) if name in self._home.body_names() else ""
