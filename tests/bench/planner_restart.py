@@ -3,8 +3,8 @@
     python -m tests.bench.planner_restart [--kills 5]
 
 A whole house runs with the simulated robot. The planner's process gets SIGKILL while it searches,
-again and again; the first restart after 20 steady seconds comes at once, so the task is paused for
-so long in between.
+again and again. After some steady seconds the supervisor restarts a process at once; for so
+long the task is paused in between.
 The figures are seconds after the kill, on the wall's clock: quote them from a machine that is quiet
 otherwise. Processor time of the new process is beside them, and holds on a busy one, too.
 """
@@ -18,6 +18,7 @@ import time
 from dataclasses import fields
 from pathlib import Path
 
+from helios_client.supervisor import STEADY_S
 from helios_core import proto as pb
 from helios_core.topics import TRUTH_EPISODE
 from helios_core.zenoh_bus import ZenohBus
@@ -25,8 +26,6 @@ from helios_core.zenoh_bus import ZenohBus
 from tests.house import House
 from tests.restarts import Restart, restarted
 from tests.support import wait_until
-
-STEADY_S = 21.0  # after so long the supervisor starts a process again at once
 
 
 def main() -> None:
@@ -47,7 +46,7 @@ def main() -> None:
             found: list[Restart] = []
             for _ in range(kills):
                 house.post(f"/v1/tasks/{id}/pause")  # else it would be done before the last kill
-                time.sleep(STEADY_S)
+                time.sleep(STEADY_S + 1)
                 house.post(f"/v1/tasks/{id}/resume")
                 steps = house.task(id)["steps"]
                 wait_until(lambda n=steps: house.task(id)["steps"] > n + 1, 300, "it acts")
