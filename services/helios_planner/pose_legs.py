@@ -31,6 +31,7 @@ class PoseLegs(Legs):
         self.capsule = capsule
         self.rules = replace(self.rules, footprint_m=capsule.reach_m)
         self.blind_ring = BlindRing(body.description, capsule.reach_m, settings.blind_m)
+        self._lattice_xy: tuple[float, float] | None = None
 
     def reach(self, level: int = 0) -> PoseReach:
         reached = super().reach(level)
@@ -39,9 +40,17 @@ class PoseLegs(Legs):
 
     def _reach_on(self, ground: GroundMap, level: int) -> Reach:
         rules = replace(self.rules, margin_m=self.settings.margins_m[level])
-        return pose_reach(
-            self._covering(ground), self.body.pose(), self.capsule, rules, *self._discs()
-        )
+        reached = pose_reach(
+            self._covering(ground), self.body.pose(), self.capsule, rules, *self._discs(),
+            lattice_xy=self._lattice_xy,
+        )  # fmt: skip
+        self._lattice_xy = reached.node_xy
+        return reached
+
+    def _new_lattice(self) -> None:
+        """From where it stands: what one lattice misses another may have."""
+        self._lattice_xy = None
+        self._cached.clear()
 
     def _drive(self, goal: Pose2, purpose: str, stop: Callable[[], bool], slip_m: float) -> Outcome:
         level, looked = 0, False
@@ -61,7 +70,9 @@ class PoseLegs(Legs):
             if move is None:
                 if end is not None and pose.distance_m(goal.xy) < ARRIVED_M:
                     return Outcome.ARRIVED
-                if level + 1 < len(self.settings.margins_m):
+                if reached.kept:
+                    self._new_lattice()
+                elif level + 1 < len(self.settings.margins_m):
                     level += 1
                 elif not looked and self.look_down_around():
                     looked, level = True, 0

@@ -1,9 +1,10 @@
 """Ways of a robot that is no disc: a lattice of poses, every intermediate one checked.
 
 Its box is taken for a capsule that contains it: a straight move sweeps one longer capsule, whose
-clearance is the least along one line. The lattice has nodes 0.1 m apart, anchored where the robot
+clearance is the least along one line. The lattice has nodes 0.1 m apart, one where the robot
 stands, and the 32 headings of the steps between them, so each step ahead (0.10 to 0.36 m) and each
-turn to the next heading (7 to 18 degrees) is a motion that the robot can be told.
+turn to the next heading (7 to 18 degrees) is a motion that the robot can be told. A robot that
+comes where it wanted keeps its lattice, and with it a way through a gap that another may miss.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from helios_planner.kernels import STEPS
 from helios_planner.motion import NONE, MotionRules, Reach
 
 NODE_M = 0.1
+KEPT_M = 0.025  # this far from a node it still stands on it
 TURN_COST_M = 0.3  # a radian of turning costs as much as so many metres at full speed
 ALIGNED_RAD = math.radians(1.5)  # a heading this near to the wanted one is not corrected
 
@@ -64,6 +66,17 @@ class PoseReach(Reach):
     came: NDArray[np.int8]
     first: tuple[float, float]
     node: tuple[int, int]
+
+    @property
+    def node_xy(self) -> tuple[float, float]:
+        """Where in the world the robot's node lies: what keeps this lattice for the next plan."""
+        x, y = self._xy_of(np.array([self.node]))[0]
+        return float(x), float(y)
+
+    @property
+    def kept(self) -> bool:
+        """Whether the lattice is an earlier one, and one of where it stands would differ."""
+        return self.robot.distance_m(self.node_xy) > 1e-6
 
     def fits(self, pose: Pose2) -> bool:
         """Whether it can get there and face so, or nearly so."""
@@ -129,8 +142,7 @@ class PoseReach(Reach):
                 k = kk
         error = wrap_angle(float(_HEADINGS[k]) - self.robot.yaw_rad)
         if abs(error) >= rules.min_turn_rad:
-            turn = self.free_turn_rad(float(np.clip(error, -rules.max_turn_rad,
-                                                    rules.max_turn_rad)))  # fmt: skip
+            turn = self.free_turn_rad(_first_turn(error, rules))
             if abs(turn) < rules.min_turn_rad:
                 turn = self.free_turn_rad(-math.copysign(rules.max_turn_rad, error))
             return Turn(turn) if abs(turn) >= rules.min_turn_rad else None
@@ -140,8 +152,9 @@ class PoseReach(Reach):
             over = error + math.copysign(rules.min_turn_rad + 1e-3, error)
             if abs(self.free_turn_rad(over)) >= abs(over):
                 return Turn(over)  # and back by the smallest turn
-        _, di, dj = way[ahead][0], way[ahead][1] - i, way[ahead][2] - j
-        distance_m = min(NODE_M * math.hypot(di, dj), rules.max_forward_m)
+        step_m = NODE_M * math.hypot(*_STEPS[k])
+        whole = min(ahead, int(rules.max_forward_m / step_m + 1e-9))  # to end it on a node
+        distance_m = min(max(whole, 1) * step_m, rules.max_forward_m)
         free_m = self.free_ahead_m(distance_m, rules)
         return Forward(free_m) if free_m >= rules.min_forward_m else None
 
@@ -207,16 +220,17 @@ def pose_reach(
     rules: MotionRules,
     marks_m: NDArray[np.float64] = NONE,
     trusted_m: NDArray[np.float64] = NONE,
+    lattice_xy: tuple[float, float] | None = None,
 ) -> PoseReach:
     """Everything that such a robot can reach now, keeping the margin of the rules. It may leave the
     place where it stands although it is narrow there, never towards narrower ones. marks_m,
-    trusted_m: as `clearance_m`."""
+    trusted_m: as `clearance_m`; lattice_xy: a node of the lattice to keep if it stands on it."""
     ground = ground.padded(robot.x_m, robot.y_m, capsule.reach_m + 0.3)
     clear = clearance_m(
         ground, robot, capsule.reach_m, rules.margin_m, rules.speck_m2, marks_m, trusted_m
     )
     cell, spacing = ground.cell_m, NODE_M / ground.cell_m
-    row, column = ground.exact_cells_of(np.array([robot.xy]))[0]
+    row, column = _node_under(ground, robot, lattice_xy)
     i0, j0 = int(row / spacing), int(column / spacing)
     first = float(row - i0 * spacing), float(column - j0 * spacing)
     h, w = clear.shape
@@ -253,6 +267,20 @@ def pose_reach(
     return reached
 
 
+def _node_under(
+    ground: GroundMap, robot: Pose2, lattice_xy: tuple[float, float] | None
+) -> tuple[float, float]:
+    """Exact row and column of the node that it stands on: of that lattice, else of a new one."""
+    here = ground.exact_cells_of(np.array([robot.xy]))[0]
+    if lattice_xy is not None:
+        spacing = NODE_M / ground.cell_m
+        other = ground.exact_cells_of(np.array([lattice_xy]))[0]
+        node = other + np.rint((here - other) / spacing) * spacing
+        if math.dist(node, here) * ground.cell_m <= KEPT_M:
+            here = node
+    return float(here[0]), float(here[1])
+
+
 def _spread(reached: PoseReach, soonest: NDArray[np.float32], spacing: float) -> None:
     """Give each cell the time of its nearest node, where the robot's middle may be."""
     h, w = reached.arrival.shape
@@ -261,6 +289,14 @@ def _spread(reached: PoseReach, soonest: NDArray[np.float32], spacing: float) ->
     i, j = np.clip(i, 0, soonest.shape[0] - 1), np.clip(j, 0, soonest.shape[1] - 1)
     reached.arrival[:] = soonest[np.ix_(i, j)]
     reached.arrival[reached.slack < 0] = np.inf
+
+
+def _first_turn(error_rad: float, rules: MotionRules) -> float:
+    """As far as one turn goes, but never so far that what is left is too little for another."""
+    least = rules.min_turn_rad + 1e-6
+    left = abs(error_rad) - rules.max_turn_rad
+    most = abs(error_rad) if left <= 0 else min(rules.max_turn_rad, abs(error_rad) - least)
+    return math.copysign(most, error_rad)
 
 
 def _nearest_heading(yaw_rad: float) -> int:

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helios_core.robot import Place
+from helios_core.robot import ActionResult, Place
 from helios_core.types import ObjectInstance
 from helios_planner.flow import Mission
-from helios_planner.gaze import eye_of, in_sight
+from helios_planner.gaze import eye_of, in_sight, tilt_towards
 from helios_planner.grid import GroundMap, Pose2
 from helios_planner.instruction import parse
 from helios_planner.motion import MotionRules, reach
@@ -88,6 +88,41 @@ def test_what_lies_at_the_back_of_a_lower_shelf_is_picked() -> None:
     assert mission.skills.pick(thing, "mug") is Done.SUCCEEDED
     assert low.views == []  # the object map was told that it is no longer there
     assert world.contacts == 0
+
+
+def test_a_robot_that_drifts_faces_what_it_picks_and_looks_at_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Every move ends 6 cm to the left, so where it stands it does not face as it planned to."""
+    world = flat([mug(x=2.5, y=6.62, z=0.4)], Pose2(3.3, 5.5, -1.0), [Box(2.0, 6.25, 3.0, 6.95, 1)])
+    drive, seen = world._drive, []
+
+    def drift(distance_m: float) -> ActionResult:
+        result, pose = drive(distance_m), world.pose()
+        aside = Pose2(pose.x_m, pose.y_m, pose.yaw_rad + np.pi / 2).ahead(0.06)
+        if world._clear(*aside.xy):
+            world._pose = Pose2(*aside.xy, pose.yaw_rad)
+        return result
+
+    def pick(point_m: np.ndarray, class_name: str) -> ActionResult:
+        away_m = world.pose().distance_m(point_m)
+        aside_rad, aim_rad = (
+            world.pose().bearing_rad(point_m),
+            tilt_towards(away_m, point_m[2], ROBOT),
+        )
+        seen.append((aside_rad, world.tilt_rad() - aim_rad))
+        return ActionResult(False, "this world only watches")
+
+    monkeypatch.setattr(world, "_drive", drift)
+    monkeypatch.setattr(world, "_pick", pick)
+    mission = Mission(world, parse("find the mug"), Settings())
+    mission.kit.legs.look_around()
+    (thing,) = world.objects("mug")
+    assert mission.skills.pick(thing, "mug") is Done.FAILED
+    assert len(seen) == mission.skills.attempts
+    for aside_rad, off_rad in seen:
+        assert abs(aside_rad) < np.radians(5)  # the least that it can turn
+        assert abs(off_rad) < np.radians(2)
 
 
 @pytest.mark.parametrize("rule", ["flat", "paper"])

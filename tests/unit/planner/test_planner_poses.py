@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from planner_world import CELL_M, ROBOT, Box, FakeWorld
 
 BOX_M = (1.1, 0.5)
 SPOT = Capsule.around(*BOX_M)
+NOWHERE = Pose2(0.0, 0.0, 0.0)
 RULES = MotionRules(footprint_m=SPOT.reach_m, margin_m=0.05)
 
 
@@ -93,23 +95,30 @@ def test_a_box_with_room_behind_it_moves_back_and_one_without_does_not() -> None
     assert free == [0.3, 0.0]
 
 
-def drive(ground: GroundMap, pose: Pose2, goal: Pose2) -> Pose2:
+def drive(
+    ground: GroundMap, pose: Pose2, goal: Pose2, slip: Callable[[], Pose2] = lambda: NOWHERE
+) -> Pose2:
     """Follow the plan, made anew before every motion, to where it ends or is lost; no intermediate
-    pose may touch anything."""
-    for _ in range(120):
-        reached = pose_reach(ground, pose, SPOT, RULES)
+    pose may touch anything. slip: how far it ends a motion from where it should, in m and rad."""
+    lattice_xy = None
+    for _ in range(160):
+        reached = pose_reach(ground, pose, SPOT, RULES, lattice_xy=lattice_xy)
         end = reached.best_near(goal, 0.2)
-        if end is None:
-            return pose
-        move = reached.next_move(reached.way_to(end), RULES)
+        move = None if end is None else reached.next_move(reached.way_to(end), RULES)
         if move is None:
-            return pose
+            if not reached.kept:
+                return pose
+            lattice_xy = None
+            continue
+        lattice_xy = reached.node_xy
         if isinstance(move, Turn):
             assert RULES.min_turn_rad - 1e-9 <= abs(move.angle_rad) <= RULES.max_turn_rad + 1e-9
         else:
             assert RULES.min_forward_m - 1e-9 <= move.distance_m <= RULES.max_forward_m
         assert not any(touches(ground, after(pose, move, s)) for s in np.linspace(0, 1, 12))
-        pose = after(pose, move)
+        pose, off = after(pose, move), slip()
+        slipped = Pose2(pose.x_m + off.x_m, pose.y_m + off.y_m, pose.yaw_rad + off.yaw_rad)
+        pose = pose if touches(ground, slipped) else slipped
     return pose
 
 
@@ -137,16 +146,18 @@ THERE = Pose2(5.8, 2.0, 0.0)
 @settings(max_examples=6, deadline=None)
 @given(st.integers(0, 10_000))
 def test_no_pose_on_its_way_touches_anything(seed: int) -> None:
-    """Wherever it gets to: in a gap as wide as itself the plan may be lost, see below."""
+    """Wherever it gets to, also when it slips."""
     ground, start = cluttered(seed)
-    if pose_reach(ground, start, SPOT, RULES).least_slack_m >= 0:
-        drive(ground, start, THERE)
+    if pose_reach(ground, start, SPOT, RULES).least_slack_m < 0:
+        return
+    rng = np.random.default_rng(seed)
+    drive(ground, start, THERE, lambda: Pose2(*rng.normal(0, 0.008, 3)))
 
 
-@pytest.mark.parametrize("seed", [2, 3, 4, 7, 8])
-def test_among_a_few_things_it_arrives(seed: int) -> None:
-    """Of the 97 of seeds 0 to 149 that have a way, 9 and 33 lose it: the lattice begins at the
-    robot, and a gap that one lattice passes may be too narrow for the next."""
+@pytest.mark.parametrize("seed", [2, 3, 9, 33, 145])
+def test_a_way_that_it_had_is_not_lost(seed: int) -> None:
+    """A gap lies right for the first lattice and wrong for one of halfway (9, 33), or for a heading
+    that one turn of the most and one of the least overshoot (145)."""
     ground, start = cluttered(seed)
     assert drive(ground, start, THERE).distance_m(THERE.xy) < 0.25
 
