@@ -71,6 +71,11 @@ class Search(ABC):
             self.tell(decision.why)
         return decision
 
+    @property
+    def threshold(self) -> float:
+        """The score from which something is acted on now."""
+        return self.settings.tau_g
+
     def settle_for_less(self) -> bool:
         """With nothing left to explore: drop a condition, if there is one to drop."""
         return False

@@ -225,6 +225,7 @@ class Mission:
         from there."""
         looking, near_m = self.kit.looking, max(self.settings.stop_distances_m)
         while True:
+            used = self.body.budget_used()
             found = search.find()
             stood = self._stand(found, looking.stops_at(found))
             if stood is Outcome.UNREACHABLE:
@@ -233,10 +234,12 @@ class Mission:
                     continue
                 self._stand(found, looking.views_of(found))
             seen = self.kit.belief.from_near(found, search.name, 0.3)
-            if seen is not None and seen.score >= self.settings.tau_g:
+            if seen is not None and seen.score >= search.threshold:
                 x, y, z = seen.center_m
                 return f"found the {search.name} at ({x:.2f}, {y:.2f}, {z:.2f}) m"
             search.tell(f"from near it does not look like a {search.name}; searching on")
+            if self.body.budget_used() == used:  # nothing was done, and nothing else would be
+                search.leave(found, out_of_reach=stood is Outcome.UNREACHABLE)
 
     def _stand(self, found: ObjectInstance, points: Sequence[GazePoint]) -> Outcome:
         """Go to the first of these that can be got to, for as long as it is worth to."""

@@ -13,6 +13,7 @@ from helios_planner.instruction import parse
 from helios_planner.legs import Legs
 from helios_planner.look import Looking
 from helios_planner.settings import AgentName, Settings
+from helios_planner.task import TaskFailed
 from planner_world import Box, FakeWorld, coffee_table, counter, flat, mug
 
 NEAR_M = 1.0  # from the box, where object navigation counts
@@ -66,3 +67,17 @@ def test_what_no_way_leads_near_to_is_shown_from_as_near_as_one_does(
     assert asked[-1] == pytest.approx((2.6, 5.4), abs=0.05)
     assert len(sought) >= 2
     assert NEAR_M < away_m(world, 4) < 2.2
+
+
+@pytest.mark.parametrize(("agent", "shown"), [("helios", False), ("helios-next", True)])
+def test_the_best_there_is_is_shown_by_the_patient_agent_alone(
+    agent: AgentName, shown: bool
+) -> None:
+    """Something that is taken for a mug in half of its views; no other is there."""
+    world = flat([counter(), mug(4, 2.9, 6.5, 0.95, rate=0.5)], Pose2(1.5, 4.0, 1.2))
+    if shown:
+        assert "found the mug" in run(world, "find the mug", agent)
+    else:
+        with pytest.raises(TaskFailed, match="no mug was found"):
+            run(world, "find the mug", agent)
+    assert world.steps < world.max_steps / 2

@@ -15,7 +15,7 @@ from helios_planner.instruction import parse
 from helios_planner.objective import ChosenFrontier
 from helios_planner.settings import AgentName, Settings
 from helios_planner.sightings import Sighting, lies_at_side, sighting_of
-from helios_planner.task import TaskFailed
+from helios_planner.task import Phase, TaskFailed
 from helios_planner.vlfm_belief import UnfilteredBelief, VlfmBelief
 from planner_world import FakeWorld, Thing, coffee_table, counter, flat, mug
 
@@ -183,6 +183,26 @@ def test_a_search_that_was_cut_off_keeps_its_frontier() -> None:
 @pytest.mark.parametrize("agent", ["vlfm", "vlfm-unfiltered", "vlfm-helios-stop"])
 def test_a_mug_that_is_always_detected_is_found(agent: AgentName) -> None:
     world = flat([coffee_table(), counter(), mug()])
+    Mission(world, parse(FIND), Settings(agent=agent)).run()
+    assert world.pose().distance_m((7.2, 5.35)) < 1.0
+    assert world.contacts == 0
+
+
+@pytest.mark.parametrize("agent", ["vlfm", "vlfm-unfiltered"])
+def test_what_is_seen_where_no_way_leads_is_left_for_what_can_be_gone_to(
+    agent: AgentName, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Through a window, too far away to be seen well."""
+    world = flat([coffee_table(), counter(), mug()])
+    real, beyond = world.sightings, seen(12.0, away_m=4.9)
+    monkeypatch.setattr(world, "sightings", lambda: [*real(), beyond])
+    told: list[str] = []
+
+    def tell(_phase: Phase, _seeking: str, message: str) -> None:
+        told.append(message)
+        assert len(told) < 1000, f"it says for ever: {message}"
+
+    monkeypatch.setattr(world, "tell_phase", tell)
     Mission(world, parse(FIND), Settings(agent=agent)).run()
     assert world.pose().distance_m((7.2, 5.35)) < 1.0
     assert world.contacts == 0
