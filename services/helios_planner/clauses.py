@@ -4,7 +4,7 @@
     clause      = verb thing { preposition place }
     thing       = { determiner } words [ relative ]         "the red mug that is on the desk"
 
-A clause knows its verb and its phrases; what they mean together is decided in `instruction`.
+A clause knows its verb and its phrases; `roles` and `instruction` decide what they mean together.
 """
 
 from __future__ import annotations

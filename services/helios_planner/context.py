@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Sequence
 from dataclasses import replace
 
 from helios_core import proto as pb
@@ -9,7 +11,7 @@ from helios_core.errors import InvalidInput
 from helios_core.types import Role, SearchClass, SearchContext
 
 from helios_planner.explore import PICK_LAYER, PLACE_LAYER
-from helios_planner.instruction import Instruction, Kind, closest
+from helios_planner.instruction import Instruction, Kind
 from helios_planner.settings import Settings
 
 
@@ -42,6 +44,14 @@ def in_vocabulary(instruction: Instruction, vocabulary: pb.VocabularyReply) -> I
         start=_known("start", instruction.start, known, vocabulary.detector),
         goal=_known("goal", instruction.goal, known, vocabulary.detector),
     )
+
+
+def closest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
+    """Known names most like `name`: by letters, then by shared words."""
+    words = set(name.split())
+    sharing = [k for k in known if words & set(k.replace("_", " ").split())]
+    like = difflib.get_close_matches(name, known, n=count, cutoff=0.5)
+    return list(dict.fromkeys([*like, *sharing]))[:count]
 
 
 def check_able(instruction: Instruction, robot: pb.RobotDescription) -> None:

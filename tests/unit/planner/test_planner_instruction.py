@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 from helios_core.errors import InvalidInput
-from helios_planner.instruction import closest, parse
+from helios_planner.context import closest
+from helios_planner.instruction import parse
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
