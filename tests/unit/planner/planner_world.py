@@ -1,14 +1,13 @@
-"""A flat of plain arrays: boxes on a floor, a disc for a robot, things seen from near enough."""
+"""A made-up world of plain arrays: a disc drives between boxes and handles things that it sees."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from helios_core.geometry import Matrix, Pinhole, wrap_angle, yaw_of
+from helios_core.geometry import Matrix, wrap_angle, yaw_of
 from helios_core.robot import Action, ActionResult, Forward, Observe, Pick, Place, Tilt, Turn
 from helios_core.types import ObjectInstance, RobotDescription
 from helios_planner.body import Body, Frontier, WhatIf
@@ -17,47 +16,8 @@ from helios_planner.grid import GroundMap, Pose2
 from helios_planner.sightings import Sighting, sighting_of
 from helios_planner.task import Cause, Phase, TaskCancelled, TaskFailed
 from numpy.typing import NDArray
-
-CELL_M = 0.025
-TALL_M = 1.3
-CAMERA = Pinhole(fx=554.0, fy=554.0, cx=320.0, cy=240.0, width=640, height=480)
-ROBOT = RobotDescription(
-    name="fake", footprint_radius_m=0.3, height_m=1.4, camera=CAMERA, camera_height_m=1.31,
-    reach_m=0.8, max_depth_m=5.0, tilt_range_rad=(-0.5, 1.2), simulated=True,
-)  # fmt: skip
-
-
-@dataclass
-class Box:
-    """A box on the floor: x0, y0, x1, y1, height; hidden ones are never seen, only felt."""
-
-    x0: float
-    y0: float
-    x1: float
-    y1: float
-    top_m: float
-    hidden: bool = False
-
-
-@dataclass
-class Thing:
-    """Something that a detector can see. rate: share of views in which it is detected."""
-
-    id: int
-    class_name: str
-    center_m: NDArray[np.float64]
-    size_m: NDArray[np.float64]
-    rate: float = 1.0
-    views: list[tuple[float, float, float]] = field(default_factory=list)
-    graspable: bool = True
-    slippery: int = 0  # picks that fail first
-
-    def score_at(self, views: int) -> tuple[float, float, float]:
-        """(Psi, S, U) after that many views (eq. 4, 7), four classes, alpha_cpa 3."""
-        total = 4.0 + 3.0 * views
-        s = (1.0 + 3.0 * views * self.rate) / total
-        u = math.sqrt(s * (1 - s) / (1 + total))
-        return s - u, s, u
+from planner_eye import CAMERA, CELL_M, ROBOT, floor_seen, frontiers_of, sees, under_robot
+from planner_things import Box, Thing, corners_of
 
 
 class FakeWorld(Body):
@@ -184,33 +144,13 @@ class FakeWorld(Body):
     # --- seeing --------------------------------------------------------------------------------
     def look(self) -> None:
         self._version += 1
-        p, half = self._pose, CAMERA.hfov_rad / 2
-        lowest = self._tilt + CAMERA.vfov_rad / 2
-        highest = self._tilt - CAMERA.vfov_rad / 2
-        height_m = self.description.camera_height_m
-        near_m = height_m / math.tan(lowest) if lowest < math.pi / 2 else 0.0
-        far_m = ROBOT.max_depth_m
-        if highest > 0.01:
-            far_m = min(far_m, height_m / math.tan(highest))
-        angles = p.yaw_rad + np.linspace(-half, half, 400)
-        ranges = np.arange(0, far_m, CELL_M * 0.5)
-        x = p.x_m + np.cos(angles)[:, None] * ranges
-        y = p.y_m + np.sin(angles)[:, None] * ranges
-        rows, columns = self.seen_top.shape
-        r = np.clip((y / CELL_M).astype(np.int32), 0, rows - 1)
-        c = np.clip((x / CELL_M).astype(np.int32), 0, columns - 1)
-        at = r * columns + c
-        blocked = np.logical_or.accumulate((self.seen_top >= TALL_M).ravel()[at], axis=1)
-        behind = np.zeros_like(blocked)
-        behind[:, 4:] = blocked[:, :-4]  # a wall's own thickness shows
-        self._known.ravel()[at[~behind & (ranges >= near_m)]] = True
-        own = np.hypot(np.arange(columns)[None] * CELL_M - p.x_m,
-                       np.arange(rows)[:, None] * CELL_M - p.y_m) < 0.35  # fmt: skip
-        self._known |= own
+        p, height_m = self._pose, self.description.camera_height_m
+        self._known |= floor_seen(self.seen_top, p, self._tilt, height_m)
+        self._known |= under_robot(self._known.shape, p)
         for t in self.things.values():
-            if t is not self._held and self._sees(p, t.center_m):
+            if t is not self._held and sees(self.seen_top, p, t.center_m):
                 eye_m = np.array([p.x_m, p.y_m, height_m])
-                aside = abs(p.bearing_rad(t.center_m)) > 0.9 * half
+                aside = abs(p.bearing_rad(t.center_m)) > 0.9 * CAMERA.hfov_rad / 2
                 self._reported.append(
                     sighting_of(t.class_name, 0.6, corners_of(t), eye_m, aside)
                 )  # fmt: skip
@@ -218,16 +158,6 @@ class FakeWorld(Body):
                 if all(math.dist(v[:2], here[:2]) > 0.08 or abs(wrap_angle(v[2] - here[2])) > 0.07
                        for v in t.views):  # fmt: skip
                     t.views.append(here)
-
-    def _sees(self, p: Pose2, point: NDArray[np.float64]) -> bool:
-        d = p.distance_m(point)
-        if d > 4.0 or abs(p.bearing_rad(point)) > CAMERA.hfov_rad / 2:
-            return False
-        n = max(2, int(d / (CELL_M * 0.5)))
-        s = np.linspace(0, 0.97, n)
-        x, y = p.x_m + (point[0] - p.x_m) * s, p.y_m + (point[1] - p.y_m) * s
-        return not (self.seen_top[(y / CELL_M).astype(int), (x / CELL_M).astype(int)]
-                    >= TALL_M).any()  # fmt: skip
 
     # --- the Body ------------------------------------------------------------------------------
     def budget_used(self) -> float:
@@ -248,21 +178,7 @@ class FakeWorld(Body):
         return GroundMap(occupancy, top, CELL_M, (0.0, 0.0), self._version)
 
     def frontiers(self) -> list[Frontier]:
-        unknown = (~self._known).astype(np.uint8)
-        edge = (cv2.dilate(unknown, np.ones((3, 3), np.uint8)) > 0) & self._known
-        edge &= self.seen_top == 0
-        count, labels, stats, middles = cv2.connectedComponentsWithStats(edge.astype(np.uint8))
-        out = []
-        for k in range(1, count):
-            if stats[k, cv2.CC_STAT_AREA] * CELL_M < 0.4:
-                continue
-            cells = np.argwhere(labels == k)
-            r, c = cells[np.argmin(np.hypot(cells[:, 1] - middles[k][0],
-                                            cells[:, 0] - middles[k][1]))]  # fmt: skip
-            xy = ((c + 0.5) * CELL_M, (r + 0.5) * CELL_M)
-            size = float(stats[k, cv2.CC_STAT_AREA] * CELL_M)
-            out.append(Frontier(k, xy, size, {"pick": 0.2, "place": 0.2}))
-        return out
+        return frontiers_of(self._known, self.seen_top)
 
     def objects(self, class_name: str) -> list[ObjectInstance]:
         out = []
@@ -289,10 +205,7 @@ class FakeWorld(Body):
         other_share: float = 0.0,
     ) -> WhatIf:
         t = self.things[id]
-        seen = []
-        for T in T_world_cam:
-            yaw = yaw_of(T[:, [2, 0, 1, 3]])
-            seen.append(self._sees(Pose2(float(T[0, 3]), float(T[1, 3]), yaw), t.center_m))
+        seen = [self._sees_from(T, t) for T in T_world_cam]
         now = len(t.views)
         optimistic = Thing(0, "", t.center_m, t.size_m, 1.0)
         self.shares.add((joint, other_share))
@@ -300,6 +213,11 @@ class FakeWorld(Body):
         scores = tuple(max(t.score_at(v)[0], optimistic.score_at(v)[0] - 0.4) for v in views)
         gains = tuple(200 * math.log((1 + v) / (1 + now)) for v in views)
         return WhatIf(scores, gains)
+
+    def _sees_from(self, T_world_cam: Matrix, thing: Thing) -> bool:
+        yaw = yaw_of(T_world_cam[:, [2, 0, 1, 3]])
+        pose = Pose2(float(T_world_cam[0, 3]), float(T_world_cam[1, 3]), yaw)
+        return sees(self.seen_top, pose, thing.center_m)
 
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
         self.retired.append(id)
@@ -317,37 +235,3 @@ class FakeWorld(Body):
 
     def tell_picks(self, picks: int) -> None:
         self.picks = picks
-
-
-def corners_of(thing: Thing) -> NDArray[np.float64]:
-    """Points [8, 3] of a thing's box."""
-    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    return thing.center_m + signs * thing.size_m / 2
-
-
-def flat(
-    things: Sequence[Thing] = (), start: Pose2 | None = None, extra: Sequence[Box] = ()
-) -> FakeWorld:
-    """Three rooms, 9 x 7 m, doors 1 m wide; a coffee table, a counter, a bed as boxes."""
-    walls = [
-        Box(4.4, 0, 4.5, 2.5, 2.5), Box(4.4, 3.5, 4.5, 7, 2.5), Box(4.5, 4.0, 6.5, 4.1, 2.5),
-        Box(7.5, 4.0, 9, 4.1, 2.5),
-    ]  # fmt: skip
-    furniture = [
-        Box(6.5, 5.2, 7.5, 5.8, 0.45), Box(1.2, 6.3, 3.2, 6.95, 0.9), Box(6.8, 0.05, 8.8, 1.9, 0.5)
-    ]  # fmt: skip
-    return FakeWorld((9, 7), [*walls, *furniture, *extra], things, start or Pose2(1.5, 1.5, 0.3))
-
-
-def coffee_table(id: int = 1) -> Thing:
-    return Thing(id, "coffee table", np.array([7.0, 5.5, 0.4]), np.array([1.0, 0.6, 0.1]),
-                 graspable=False)  # fmt: skip
-
-
-def counter(id: int = 2) -> Thing:
-    return Thing(id, "counter", np.array([2.2, 6.62, 0.85]), np.array([2.0, 0.65, 0.1]),
-                 graspable=False)  # fmt: skip
-
-
-def mug(id: int = 3, x: float = 7.2, y: float = 5.35, z: float = 0.5, rate: float = 1.0) -> Thing:
-    return Thing(id, "mug", np.array([x, y, z]), np.array([0.08, 0.08, 0.1]), rate)

@@ -14,7 +14,10 @@ from helios_planner.mishaps import MOST_WEDGED
 from helios_planner.pose_legs import legs_of
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
-from planner_world import ROBOT, Box, FakeWorld, flat
+from planner_eye import ROBOT
+from planner_flat import flat
+from planner_things import Box
+from planner_world import FakeWorld
 from test_planner_poses import BoxWorld
 
 START = Pose2(2.0, 3.0, 0.0)

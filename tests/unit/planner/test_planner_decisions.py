@@ -26,7 +26,7 @@ from helios_planner.objective import (
 )
 from helios_planner.stand import PlaceRules, place_spots, stand_for
 from helios_planner.store import Store
-from planner_world import ROBOT
+from planner_eye import ROBOT
 
 ALPHA_D = 0.001
 

@@ -14,7 +14,9 @@ from helios_planner.legs import Legs
 from helios_planner.look import Looking
 from helios_planner.settings import AgentName, Settings
 from helios_planner.task import TaskFailed
-from planner_world import Box, FakeWorld, coffee_table, counter, flat, mug
+from planner_flat import coffee_table, counter, flat, mug
+from planner_things import Box
+from planner_world import FakeWorld
 
 NEAR_M = 1.0  # from the box, where object navigation counts
 

@@ -11,7 +11,9 @@ from helios_planner.grid import Pose2
 from helios_planner.instruction import parse
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed
-from planner_world import Box, FakeWorld, coffee_table, counter, flat, mug
+from planner_flat import coffee_table, counter, flat, mug
+from planner_things import Box
+from planner_world import FakeWorld
 
 MOVE = "Move the mug from the coffee table to the counter"
 

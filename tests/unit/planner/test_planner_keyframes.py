@@ -21,8 +21,8 @@ from helios_planner.recovery import last_action
 from helios_planner.settings import Settings
 from helios_planner.store import Store
 from helios_planner.task import Cause, TaskFailed
+from planner_flat import flat
 from planner_peers import Peers
-from planner_world import flat
 
 IN_PARTS = ("occupancy", "value", "objects")
 IMPATIENT = Settings(ack_timeout_s=0.1, away_s=0.1)

@@ -29,8 +29,9 @@ from helios_core.topics import (
 from helios_planner import bus_body, calls, driving, recovery
 from helios_planner.service import PlannerService
 from helios_planner.settings import Settings
+from planner_flat import coffee_table, counter, flat, mug
 from planner_peers import Peers
-from planner_world import FakeWorld, coffee_table, counter, flat, mug
+from planner_world import FakeWorld
 
 from tests.support import wait_until
 

@@ -9,7 +9,9 @@ from helios_planner.grid import Pose2
 from helios_planner.legs import Legs, Outcome
 from helios_planner.pose_legs import legs_of
 from helios_planner.settings import Settings
-from planner_world import CELL_M, FakeWorld, flat
+from planner_eye import CELL_M
+from planner_flat import flat
+from planner_world import FakeWorld
 from test_planner_poses import BoxWorld
 
 

@@ -22,7 +22,10 @@ from helios_planner.legs import Legs, Outcome
 from helios_planner.mishaps import MOST_BLOCKS, MOST_JUMPS, MOST_WEDGED
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
-from planner_world import ROBOT, Box, FakeWorld, coffee_table, counter, flat, mug
+from planner_eye import ROBOT
+from planner_flat import coffee_table, counter, flat, mug
+from planner_things import Box
+from planner_world import FakeWorld
 
 MOVE = "Move the mug from the coffee table to the counter"
 Trouble = Callable[[FakeWorld, Action], ActionResult | None]

@@ -11,7 +11,7 @@ from helios_planner.instruction import parse
 from helios_planner.placed import Seen, seen_after
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
-from planner_world import coffee_table, counter, flat, mug
+from planner_flat import coffee_table, counter, flat, mug
 
 
 def thing(name: str, center: tuple[float, float, float], size: tuple[float, float, float],

@@ -16,7 +16,9 @@ from helios_planner.motion import MotionRules, reach
 from helios_planner.settings import PlaceRule, Settings
 from helios_planner.skills import Done
 from helios_planner.stand import AheadRules, PlaceRules, highest_ahead, place_spots, stand_for
-from planner_world import CELL_M, ROBOT, Box, coffee_table, counter, flat, mug
+from planner_eye import CELL_M, ROBOT
+from planner_flat import coffee_table, counter, flat, mug
+from planner_things import Box
 
 TABLE_TOP_M = 0.7
 

@@ -17,7 +17,9 @@ from helios_planner.poses import Capsule, PoseReach, pose_reach
 from helios_planner.settings import Settings
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from planner_world import CELL_M, ROBOT, Box, FakeWorld
+from planner_eye import CELL_M, ROBOT
+from planner_things import Box
+from planner_world import FakeWorld
 
 BOX_M = (1.1, 0.5)
 SPOT = Capsule.around(*BOX_M)

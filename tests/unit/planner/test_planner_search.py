@@ -27,7 +27,9 @@ from helios_planner.objective import ChosenFrontier
 from helios_planner.receptacle_search import ReceptacleSearch
 from helios_planner.settings import Settings
 from helios_planner.standards import paper, patient
-from planner_world import FakeWorld, Thing, coffee_table, counter, flat
+from planner_flat import coffee_table, counter, flat
+from planner_things import Thing
+from planner_world import FakeWorld
 
 TABLE_XY = (7.0, 5.5)
 

@@ -11,7 +11,8 @@ from helios_planner.settings import Settings
 from helios_planner.sightings import Sighting, sighting_of, sightings_of
 from hypothesis import given
 from hypothesis import strategies as st
-from planner_world import FakeWorld, coffee_table, flat
+from planner_flat import coffee_table, flat
+from planner_world import FakeWorld
 
 CAMERA = Pinhole(fx=554.0, fy=554.0, cx=320.0, cy=240.0, width=640, height=480)
 

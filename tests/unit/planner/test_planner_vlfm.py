@@ -17,7 +17,9 @@ from helios_planner.settings import AgentName, Settings
 from helios_planner.sightings import Sighting, lies_at_side, sighting_of
 from helios_planner.task import Phase, TaskFailed
 from helios_planner.vlfm_belief import UnfilteredBelief, VlfmBelief
-from planner_world import FakeWorld, Thing, coffee_table, counter, flat, mug
+from planner_flat import coffee_table, counter, flat, mug
+from planner_things import Thing
+from planner_world import FakeWorld
 
 FIND = "find the mug"
 

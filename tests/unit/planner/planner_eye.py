@@ -1,0 +1,86 @@
+"""What a made-up robot sees of a made-up floor: the ground up to what is tall, and points."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+from helios_core.geometry import Pinhole
+from helios_core.types import RobotDescription
+from helios_planner.body import Frontier
+from helios_planner.grid import Pose2
+from numpy.typing import NDArray
+
+CELL_M = 0.025
+TALL_M = 1.3  # from here on it hides what is behind it
+CAMERA = Pinhole(fx=554.0, fy=554.0, cx=320.0, cy=240.0, width=640, height=480)
+ROBOT = RobotDescription(
+    name="fake", footprint_radius_m=0.3, height_m=1.4, camera=CAMERA, camera_height_m=1.31,
+    reach_m=0.8, max_depth_m=5.0, tilt_range_rad=(-0.5, 1.2), simulated=True,
+)  # fmt: skip
+
+
+def floor_seen(
+    top_m: NDArray[np.float32], pose: Pose2, tilt_rad: float, height_m: float
+) -> NDArray[np.bool_]:
+    """Cells [rows, columns] that a camera at that height and tilt sees; top_m: [rows, columns]."""
+    half = CAMERA.hfov_rad / 2
+    lowest = tilt_rad + CAMERA.vfov_rad / 2
+    highest = tilt_rad - CAMERA.vfov_rad / 2
+    near_m = height_m / math.tan(lowest) if lowest < math.pi / 2 else 0.0
+    far_m = ROBOT.max_depth_m
+    if highest > 0.01:
+        far_m = min(far_m, height_m / math.tan(highest))
+    angles = pose.yaw_rad + np.linspace(-half, half, 400)
+    ranges = np.arange(0, far_m, CELL_M * 0.5)
+    x = pose.x_m + np.cos(angles)[:, None] * ranges
+    y = pose.y_m + np.sin(angles)[:, None] * ranges
+    rows, columns = top_m.shape
+    r = np.clip((y / CELL_M).astype(np.int32), 0, rows - 1)
+    c = np.clip((x / CELL_M).astype(np.int32), 0, columns - 1)
+    at = r * columns + c
+    blocked = np.logical_or.accumulate((top_m >= TALL_M).ravel()[at], axis=1)
+    behind = np.zeros_like(blocked)
+    behind[:, 4:] = blocked[:, :-4]  # a wall's own thickness shows
+    seen = np.zeros((rows, columns), bool)
+    seen.ravel()[at[~behind & (ranges >= near_m)]] = True
+    return seen
+
+
+def under_robot(shape: tuple[int, int], pose: Pose2) -> NDArray[np.bool_]:
+    """Cells that a robot stands on, and a little around."""
+    rows, columns = shape
+    return np.hypot(np.arange(columns)[None] * CELL_M - pose.x_m,
+                    np.arange(rows)[:, None] * CELL_M - pose.y_m) < 0.35  # fmt: skip
+
+
+def sees(top_m: NDArray[np.float32], pose: Pose2, point: NDArray[np.float64]) -> bool:
+    """Whether a point is in the picture, near enough, and nothing tall stands before it."""
+    d = pose.distance_m(point)
+    if d > 4.0 or abs(pose.bearing_rad(point)) > CAMERA.hfov_rad / 2:
+        return False
+    n = max(2, int(d / (CELL_M * 0.5)))
+    s = np.linspace(0, 0.97, n)
+    x, y = pose.x_m + (point[0] - pose.x_m) * s, pose.y_m + (point[1] - pose.y_m) * s
+    return not (top_m[(y / CELL_M).astype(int), (x / CELL_M).astype(int)]
+                >= TALL_M).any()  # fmt: skip
+
+
+def frontiers_of(known: NDArray[np.bool_], top_m: NDArray[np.float32]) -> list[Frontier]:
+    """Edges of the known free ground that are long enough."""
+    unknown = (~known).astype(np.uint8)
+    edge = (cv2.dilate(unknown, np.ones((3, 3), np.uint8)) > 0) & known
+    edge &= top_m == 0
+    count, labels, stats, middles = cv2.connectedComponentsWithStats(edge.astype(np.uint8))
+    out = []
+    for k in range(1, count):
+        if stats[k, cv2.CC_STAT_AREA] * CELL_M < 0.4:
+            continue
+        cells = np.argwhere(labels == k)
+        r, c = cells[np.argmin(np.hypot(cells[:, 1] - middles[k][0],
+                                        cells[:, 0] - middles[k][1]))]  # fmt: skip
+        xy = ((c + 0.5) * CELL_M, (r + 0.5) * CELL_M)
+        size = float(stats[k, cv2.CC_STAT_AREA] * CELL_M)
+        out.append(Frontier(k, xy, size, {"pick": 0.2, "place": 0.2}))
+    return out
