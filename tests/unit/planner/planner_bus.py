@@ -13,13 +13,12 @@ from helios_core.topics import GET_TASK, SUBMIT
 from helios_planner import bus_body, calls, driving
 from helios_planner.service import PlannerService
 from helios_planner.settings import Settings
-from planner_flat import coffee_table, counter, flat, mug
+from planner_flat import MOVE, coffee_table, counter, flat, mug
 from planner_peers import Peers
 from planner_world import FakeWorld
 
 from tests.support import wait_until
 
-MOVE = "Move the mug from the coffee table to the counter"
 Start = Callable[..., tuple[PlannerService, MemoryBus, Peers]]
 
 

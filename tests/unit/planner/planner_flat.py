@@ -1,4 +1,4 @@
-"""A ready-made flat, and what may stand in it."""
+"""A ready-made flat, what may stand in it, and what may be asked for there."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 from helios_planner.grid import Pose2
 from planner_things import Box, Thing
 from planner_world import FakeWorld
+
+MOVE = "Move the mug from the coffee table to the counter"
 
 
 def flat(

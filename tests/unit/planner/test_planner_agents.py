@@ -20,11 +20,10 @@ from helios_planner.settings import AgentName, Settings
 from helios_planner.sightings import Sighting
 from helios_planner.skills import Done
 from helios_planner.task import Cause, TaskFailed
-from planner_flat import coffee_table, counter, flat, mug
+from planner_flat import MOVE, coffee_table, counter, flat, mug
 from planner_things import Thing
 from planner_world import FakeWorld
 
-MOVE = "Move the mug from the coffee table to the counter"
 DETECTOR_AGENTS = ("trusting", "random-frontier", "homerobot-heuristic")
 
 

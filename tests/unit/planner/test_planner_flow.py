@@ -11,11 +11,9 @@ from helios_planner.grid import Pose2
 from helios_planner.instruction import parse
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed
-from planner_flat import coffee_table, counter, flat, mug
+from planner_flat import MOVE, coffee_table, counter, flat, mug
 from planner_things import Box
 from planner_world import FakeWorld
-
-MOVE = "Move the mug from the coffee table to the counter"
 
 
 def test_a_mug_in_another_room_is_brought_to_the_counter_without_contact() -> None:

@@ -14,7 +14,8 @@ from helios_core.topics import CANCEL, LIST_TASKS, SUBMIT, TASK
 from helios_planner.instruction import parse
 from helios_planner.service import PlannerService
 from helios_planner.task import State, Task
-from planner_bus import MOVE, Start, ended, submit, task
+from planner_bus import Start, ended, submit, task
+from planner_flat import MOVE
 
 from tests.support import wait_until
 

@@ -12,10 +12,8 @@ from helios_planner.instruction import parse
 from helios_planner.recovery import LastAction
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskCancelled, TaskFailed
-from planner_flat import coffee_table, counter, flat, mug
+from planner_flat import MOVE, coffee_table, counter, flat, mug
 from planner_world import FakeWorld
-
-MOVE = "Move the mug from the coffee table to the counter"
 
 
 def mission(world: FakeWorld, agent: str = "helios") -> Mission:

@@ -8,7 +8,8 @@ import pytest
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.topics import CANCEL, DECISIONS, LIST_TASKS, OBJECTS, RETIRE, SUBMIT, WHAT_IF
-from planner_bus import MOVE, Start, ended, submit, task
+from planner_bus import Start, ended, submit, task
+from planner_flat import MOVE
 
 
 def test_a_task_may_name_its_agent_and_one_that_trusts_the_detector_needs_no_object_map(

@@ -1,0 +1,103 @@
+"""A thing that is not grasped, or falls while carried or put down: tried again, a few times."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from helios_core.robot import Action, ActionResult, Forward, Pick, Place, Turn
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, TaskFailed
+from planner_flat import coffee_table, counter, flat, mug
+from planner_trouble import Trouble, bring, troubled
+from planner_world import FakeWorld
+
+
+def test_a_gripper_that_says_it_holds_and_does_not_is_a_pick_missed() -> None:
+    world = troubled(
+        flat([coffee_table(), counter(), mug()]),
+        lambda _, action: ActionResult(True) if isinstance(action, Pick) else None,
+    )
+    with pytest.raises(TaskFailed, match="holds nothing") as failure:
+        bring(world, rounds=1)
+    assert failure.value.cause is Cause.PICK_FAILED
+    assert world.picks == Settings().picks_per_object
+    assert world.retired == []  # what was not grasped stays in the map
+
+
+def falling(times: int, after: int = 4) -> Trouble:
+    """What is carried falls to the floor beside the robot, so many actions after each pick."""
+    left, carried = [times], [0]
+
+    def trouble(world: FakeWorld, action: Action) -> None:
+        carried[0] = carried[0] + 1 if world.held() else 0
+        if carried[0] > after and left[0] and isinstance(action, Turn | Forward):
+            left[0] -= 1
+            thing, pose = world.things[3], world.pose()
+            thing.center_m = np.array([pose.x_m, pose.y_m - 0.7, 0.05])
+            thing.views.clear()
+            world._held = None
+
+    return trouble
+
+
+def test_what_fell_on_the_way_is_picked_up_again() -> None:
+    world = troubled(flat([coffee_table(), counter(), mug()]), falling(1))
+    bring(world)
+    hands = [type(a) for a in world.log if isinstance(a, Pick | Place)]
+    assert hands == [Pick, Pick, Place]  # noticed at once, not at the counter
+    assert world.released is world.things[3]
+    assert world.retired == [3, 3]  # once for each time that it was grasped
+
+
+def test_a_gripper_that_is_mistaken_for_a_moment_drops_nothing() -> None:
+    world = flat([coffee_table(), counter(), mug()])
+    honest, asked = world.held, [0]
+
+    def mistaken() -> str:
+        asked[0] += bool(honest())
+        return "" if asked[0] == 6 else honest()
+
+    world.held = mistaken
+    bring(world)
+    assert asked[0] > 6
+    assert world.picks == 1
+
+
+def test_what_falls_again_and_again_is_given_up() -> None:
+    world = troubled(flat([coffee_table(), counter(), mug()]), falling(99))
+    with pytest.raises(TaskFailed, match="fell 3 times") as failure:
+        bring(world)
+    assert failure.value.cause is Cause.PLACE_MISSED
+
+
+def test_a_place_that_let_it_fall_is_made_good() -> None:
+    left = [1]
+
+    def slips(world: FakeWorld, action: Action) -> ActionResult | None:
+        if not isinstance(action, Place) or not left[0]:
+            return None
+        left[0] -= 1
+        world.things[3].center_m = np.array([world.pose().x_m, world.pose().y_m - 0.7, 0.05])
+        world.things[3].views.clear()
+        world._held = None
+        return ActionResult(False, "it slipped out of the gripper")
+
+    world = troubled(flat([coffee_table(), counter(), mug()]), slips)
+    bring(world)
+    assert world.picks == 2
+    assert world.released is not None
+
+
+def test_a_place_that_is_refused_is_tried_elsewhere_and_then_given_up() -> None:
+    def refusing(world: FakeWorld, action: Action) -> ActionResult | None:
+        return ActionResult(False, "no room") if isinstance(action, Place) else None
+
+    world = troubled(flat([coffee_table(), counter(), mug()]), refusing)
+    with pytest.raises(TaskFailed, match="no room") as failure:
+        bring(world, rounds=1)
+    assert failure.value.cause is Cause.PLACE_MISSED
+    asked = [a.point_world_m[:2] for a in world.log if isinstance(a, Place)]
+    assert 2 <= len(asked) <= Settings().places_per_receptacle
+    assert min(math.dist(a, b) for a in asked for b in asked if a is not b) > 0.1
