@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helios_core import proto as pb
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import GET_TASK, SUBMIT
-from helios_planner import bus_body, calls, driving
+from helios_planner import bus_body, calls, driving, recovery
 from helios_planner.service import PlannerService
 from helios_planner.settings import Settings
-from planner_flat import MOVE, coffee_table, counter, flat, mug
+from planner_flat import MOVE, flat_with_mug
 from planner_peers import Peers
 from planner_world import FakeWorld
 
@@ -22,21 +23,29 @@ from tests.support import wait_until
 Start = Callable[..., tuple[PlannerService, MemoryBus, Peers]]
 
 
+def lose_patience_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bus_body, "ACK_PATIENCE_S", 0.2)
+    for module in (bus_body, calls, driving, recovery):
+        monkeypatch.setattr(module, "RETRY_S", 0.02)
+
+
+def hasty(state_dir: Path, **settings: Any) -> Settings:
+    """Settings of a planner that waits for nobody for long."""
+    return Settings(state_dir=state_dir, ack_timeout_s=0.4, away_s=0.4, **settings)
+
+
 @pytest.fixture
 def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
     """Starts a planner among peers; quick to lose patience."""
-    monkeypatch.setattr(bus_body, "ACK_PATIENCE_S", 0.2)
-    for module in (bus_body, calls, driving):
-        monkeypatch.setattr(module, "RETRY_S", 0.02)
+    lose_patience_soon(monkeypatch)
     running: list[PlannerService] = []
 
     def go(
         world: FakeWorld | None = None, names: tuple[str, ...] = ()
     ) -> tuple[PlannerService, MemoryBus, Peers]:
         hub = MemoryHub()
-        peers = Peers(hub, world or flat([coffee_table(), counter(), mug()]), names)
-        settings = Settings(state_dir=tmp_path, ack_timeout_s=0.4, away_s=0.4)
-        running.append(PlannerService(MemoryBus(hub), settings, Health()))
+        peers = Peers(hub, world or flat_with_mug(), names)
+        running.append(PlannerService(MemoryBus(hub), hasty(tmp_path), Health()))
         return running[-1], MemoryBus(hub), peers
 
     yield go
@@ -44,8 +53,12 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
         service.close()
 
 
-def submit(bus: MemoryBus, text: str = MOVE, max_steps: int = 0, agent: str = "") -> pb.Task:
-    request = pb.SubmitRequest(instruction=text, max_steps=max_steps, agent=agent)
+def submit(
+    bus: MemoryBus, text: str = MOVE, max_steps: int = 0, agent: str = "", time_limit_s: float = 0.0
+) -> pb.Task:
+    request = pb.SubmitRequest(
+        instruction=text, max_steps=max_steps, agent=agent, time_limit_s=time_limit_s
+    )
     return bus.call(SUBMIT, request, 5)
 
 
@@ -54,5 +67,5 @@ def task(bus: MemoryBus, id: str) -> pb.Task:
 
 
 def ended(bus: MemoryBus, id: str) -> pb.Task:
-    wait_until(lambda: task(bus, id).state in ("succeeded", "failed", "cancelled"), 60, "it ended")
+    wait_until(lambda: task(bus, id).state in ("succeeded", "failed", "cancelled"), 120, "it ended")
     return task(bus, id)

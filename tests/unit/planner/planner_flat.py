@@ -10,6 +10,7 @@ from planner_things import Box, Thing
 from planner_world import FakeWorld
 
 MOVE = "Move the mug from the coffee table to the counter"
+GO = "go to the counter"
 
 
 def flat(
@@ -38,3 +39,8 @@ def counter(id: int = 2) -> Thing:
 
 def mug(id: int = 3, x: float = 7.2, y: float = 5.35, z: float = 0.5, rate: float = 1.0) -> Thing:
     return Thing(id, "mug", np.array([x, y, z]), np.array([0.08, 0.08, 0.1]), rate)
+
+
+def flat_with_mug() -> FakeWorld:
+    """In which `MOVE` can be done."""
+    return flat([coffee_table(), counter(), mug()])
