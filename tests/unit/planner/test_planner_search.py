@@ -1,110 +1,26 @@
-"""One step of a search at a time: what is offered, what is remembered, what is not done twice.
-
-Nobody drives here: going somewhere is written down instead.
-"""
+"""One step of a search at a time: what is offered, what is remembered, what is not done twice."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import pytest
-from helios_core.types import ObjectInstance
-from helios_planner import global_search
-from helios_planner.body import Frontier, WhatIf
-from helios_planner.decide import Do, FrontierOption, ViewOption, act_or_look
+from helios_planner.body import Frontier
+from helios_planner.decide import Do, FrontierOption
 from helios_planner.explore import MOST_WAITS
-from helios_planner.flow import Mission
-from helios_planner.gaze import GazePoint
 from helios_planner.grid import Pose2
-from helios_planner.instruction import parse
 from helios_planner.legs import Outcome
-from helios_planner.look import BestView, Looking
-from helios_planner.object_search import ObjectSearch
 from helios_planner.objective import ChosenFrontier
 from helios_planner.receptacle_search import ReceptacleSearch
-from helios_planner.settings import Settings
-from helios_planner.standards import paper, patient
-from planner_flat import coffee_table, counter, flat
+from helios_planner.standards import paper
+from planner_flat import coffee_table
+from planner_rig import TABLE_XY, Looks, Rig, instance
 from planner_things import Thing
-from planner_world import FakeWorld
-
-TABLE_XY = (7.0, 5.5)
 
 
-def instance(thing: Thing, id: int = 0, class_score: float = 0.6, score: float = 0.4) -> Any:
-    return ObjectInstance(
-        id or thing.id, thing.class_name, thing.center_m, thing.size_m, score, class_score, 0.1, 3,
-        100, {}, 0.5, np.empty((0, 2)), 1.0,
-    )  # fmt: skip
-
-
-class Looks:
-    """Gaze points around a receptacle by how far the way is; each is gone to once."""
-
-    def __init__(self, ways: Sequence[float], interrupted_after: int = 99) -> None:
-        self.left = sorted(ways)
-        self.gone_to: list[float] = []
-        self.interrupted_after = interrupted_after
-        self.then: Callable[[], None] = lambda: None  # after each look
-        self.stop: Callable[[], bool] = lambda: False  # what would end the newest one
-
-    def around(self, _: ObjectInstance) -> list[GazePoint]:
-        return [GazePoint(Pose2(0.0, 0.0, 0.0), 0.0, way) for way in self.left]
-
-    def information_gain_nats(self, *_: object) -> float | None:
-        return 100.0 if self.left else None
-
-    def go_and_look(
-        self, _: ObjectInstance, gaze: GazePoint, purpose: str, stop: Callable[[], bool]
-    ) -> Outcome:
-        self.stop = stop
-        if len(self.gone_to) == self.interrupted_after:
-            self.interrupted_after = 99
-            return Outcome.INTERRUPTED
-        self.gone_to.append(gaze.arrival)
-        self.then()
-        self.left.remove(gaze.arrival)
-        return Outcome.ARRIVED
-
-    def option(
-        self, thing: ObjectInstance, *_: object, in_place: bool, **__: object
-    ) -> tuple[ViewOption, None]:
-        return ViewOption(thing, thing.score, None, 1.0, in_place), None
-
-    def forget(self) -> None:
-        return
-
-
-class Rig:
-    """A search for a mug on the coffee table, in a world in which `known` is what is believed."""
-
-    def __init__(self, looks: Looks | None = None, **settings: Any) -> None:
-        self.world = flat()
-        self.known: list[ObjectInstance] = []
-        self.world.objects = lambda class_name: [
-            o for o in self.known if o.class_name == class_name
-        ]
-        self.settings = Settings(**settings)
-        self.kit = Mission(self.world, parse("find the mug"), self.settings).kit
-        if looks is not None:
-            self.kit.looking = cast(Looking, looks)
-        self.search = ObjectSearch(
-            self.kit, "mug", "coffee table", global_search.by_objective, paper
-        )
-        self.frontiers: list[FrontierOption] = []
-        self.visited: list[tuple[float, float]] = []
-        self.search.frontier_options = lambda layer: self.frontiers
-        self.search.visit_frontier = lambda xy_m, found: self.visited.append(xy_m)
-
-    def offered(self) -> list[int]:
-        """Ids of the receptacles of the newest decision."""
-        return [c.id for c in self.world.decisions[-1].candidates if c.kind == "receptacle"]
-
-
-# --- local search --------------------------------------------------------------------------------
 def test_a_local_search_looks_from_every_gaze_point_nearest_first_and_only_once() -> None:
     looks = Looks([3.0, 1.0, 2.0])
     rig = Rig(looks)
@@ -165,7 +81,6 @@ def test_in_the_next_round_every_receptacle_is_searched_again(
     assert rig.offered() == [1]
 
 
-# --- what eq. 8 and 9 remember -------------------------------------------------------------------
 def test_a_frontier_is_remembered_with_its_value_when_it_was_chosen() -> None:
     rig = Rig()
     rig.frontiers = [
@@ -193,7 +108,6 @@ def test_a_receptacle_is_remembered_as_it_was_first_seen_and_weighed_as_it_is() 
     assert table.terms["class_score"] == 0.8
 
 
-# --- class scores --------------------------------------------------------------------------------
 @pytest.mark.parametrize(("score", "counts"), [(0.29, False), (0.30, True)])
 def test_what_is_believed_less_than_a_candidate_is_none(score: float, counts: bool) -> None:
     rig = Rig(Looks([1.0]))
@@ -205,7 +119,6 @@ def test_what_is_believed_less_than_a_candidate_is_none(score: float, counts: bo
     assert rig.search.explore() is counts
 
 
-# --- the goal ------------------------------------------------------------------------------------
 def test_the_goal_is_sought_by_the_place_layer() -> None:
     rig = Rig()
     rig.world.frontiers = lambda: [
@@ -226,56 +139,6 @@ def test_a_thing_is_not_put_back_where_it_was_taken_from() -> None:
     assert not ReceptacleSearch(rig.kit, "coffee table", taken_at, paper).candidates()
 
 
-# --- extra views ---------------------------------------------------------------------------------
-def seen_counter(**settings: Any) -> tuple[FakeWorld, Looking, ObjectInstance]:
-    world = flat([counter()], Pose2(2.2, 5.0, 1.57))
-    kit = Mission(world, parse("find the counter"), Settings(**settings)).kit
-    kit.legs.look_around()
-    (thing,) = world.objects("counter")
-    return world, kit.looking, thing
-
-
-def test_the_extra_view_is_the_one_that_would_raise_the_score_most() -> None:
-    world, looking, thing = seen_counter()
-    n = len(looking.views_of(thing)[: Settings().gaze_poses])
-    scores = tuple(0.3 + 0.1 * (k == 1) for k in range(n))
-    world.what_if = lambda *args, **kwargs: WhatIf(scores, ())
-    best = looking.best_view(thing, "counter")
-    assert best is not None
-    assert best.gaze == looking.views_of(thing)[1]
-    assert best.score == pytest.approx(0.4)
-
-
-def test_no_view_is_gone_to_twice_and_so_many_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
-    _, looking, thing = seen_counter(extra_views=2)
-    monkeypatch.setattr(looking.legs, "go_to", lambda *_: Outcome.UNREACHABLE)
-    for _ in range(2):
-        best = looking.best_view(thing, "counter")
-        assert best is not None
-        looking.go_and_look(thing, best.gaze, "test")
-        apart = [best.gaze.pose.distance_m(g.pose.xy) for g in looking.views_of(thing)]
-        assert min(apart) >= 0.6 * Settings().view_spacing_m
-    assert looking.views_of(thing)
-    assert looking.best_view(thing, "counter") is None
-
-
-def test_a_sure_mug_elsewhere_ends_no_look_at_the_one_in_its_place() -> None:
-    looks = Looks([1.0])
-    rig = Rig(looks)
-    size = np.array([0.1, 0.1, 0.1])
-    here = instance(Thing(3, "mug", np.array([*TABLE_XY, 0.5]), size))
-    elsewhere = instance(Thing(4, "mug", np.array([1.0, 1.0, 0.5]), size), score=0.9)
-    rig.known = [instance(coffee_table()), here, elsewhere]
-    (gaze,) = looks.around(here)
-    rig.search._views = {3: BestView(gaze, 0.6)}
-    look = act_or_look([ViewOption(here, 0.4, 0.6, 1.0)], 0.5, 0.05, "object", "pick")
-    rig.search._look_again(look)
-    assert not looks.stop()
-    rig.search.settle_for_less()
-    assert looks.stop()
-
-
-# --- limits --------------------------------------------------------------------------------------
 def test_what_is_out_of_reach_again_and_again_is_left_for_good(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -312,58 +175,3 @@ def test_a_frontier_that_stays_one_is_given_up_until_the_next_round(
     assert rig.world.decisions[-1].do is Do.NOTHING_LEFT
     search.next_round()
     assert search.explore()
-
-
-# --- patience ------------------------------------------------------------------------------------
-def test_a_patient_search_goes_on_past_a_doubtful_thing_and_takes_it_when_nothing_is_left() -> None:
-    rig = Rig(Looks([]))
-    rig.known = [instance(counter(), score=0.4)]
-    search = ReceptacleSearch(rig.kit, "counter", None, patient)  # tau_b is 0.5
-    assert search.decide().do is Do.SEARCH_ON
-    while search.settle_for_less():
-        pass
-    decision = search.decide()
-    assert decision.do is Do.ACT
-    assert decision.settings["threshold"] < 0.4
-    rig.known.append(instance(counter(), id=9, score=0.45))
-    assert search.decide().chosen.id == 9  # the better of two, now that both will do
-
-
-def test_a_patient_search_settles_for_less_as_its_steps_run_out_also_after_a_restart() -> None:
-    rig = Rig(Looks([]))
-    rig.known = [instance(counter(), score=0.4)]
-    search = ReceptacleSearch(rig.kit, "counter", None, patient)
-    rig.world.steps = int(0.5 * rig.world.max_steps)
-    assert search.decide().do is Do.ACT
-    rig.world.steps = 0
-    again = ReceptacleSearch(rig.kit, "counter", None, patient)
-    again.recall(search.memory())
-    assert again.decide().do is Do.ACT
-
-
-def test_a_mug_on_the_likely_table_counts_more_than_a_likelier_mug_elsewhere() -> None:
-    rig = Rig(Looks([]))
-    search = ObjectSearch(rig.kit, "mug", "coffee table", global_search.by_objective, patient)
-    size = np.array([0.1, 0.1, 0.1])
-    here = instance(Thing(3, "mug", np.array([*TABLE_XY, 0.5]), size), score=0.5)
-    elsewhere = instance(Thing(4, "mug", np.array([1.0, 1.0, 0.5]), size), score=0.6)
-    rig.known = [instance(coffee_table(), score=0.6), here, elsewhere]
-    while search.settle_for_less():
-        pass
-    decision = search.decide()
-    assert decision.chosen.id == 3
-    assert search.place_of(here) == 1.0
-    assert search.place_of(elsewhere) == pytest.approx(0.2 / 0.8)
-    assert decision.candidates[1].terms["total"] == pytest.approx(0.6 * 0.25)
-    rig.known = [here, elsewhere]  # no start receptacle is known: a place says nothing
-    assert search.decide().chosen.id == 4
-
-
-def test_the_paper_counts_no_place() -> None:
-    rig = Rig(Looks([]))
-    thing = Thing(4, "mug", np.array([1.0, 1.0, 0.5]), np.array([0.1, 0.1, 0.1]))
-    rig.known = [instance(coffee_table(), score=0.6), instance(thing, score=0.9)]
-    rig.search.settle_for_less()
-    decision = rig.search.decide()
-    assert decision.do is Do.ACT
-    assert "place" not in decision.candidates[0].terms

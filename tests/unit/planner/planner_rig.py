@@ -1,0 +1,97 @@
+"""A search that is asked for one step at a time, in a world that believes what a test says.
+
+Nobody drives here: going somewhere is written down instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, cast
+
+import numpy as np
+from helios_core.types import ObjectInstance
+from helios_planner import global_search
+from helios_planner.decide import FrontierOption, ViewOption
+from helios_planner.flow import Mission
+from helios_planner.gaze import GazePoint
+from helios_planner.grid import Pose2
+from helios_planner.instruction import parse
+from helios_planner.legs import Outcome
+from helios_planner.look import Looking
+from helios_planner.object_search import ObjectSearch
+from helios_planner.settings import Settings
+from helios_planner.standards import paper
+from planner_flat import flat
+from planner_things import Thing
+
+TABLE_XY = (7.0, 5.5)
+
+
+def instance(thing: Thing, id: int = 0, class_score: float = 0.6, score: float = 0.4) -> Any:
+    return ObjectInstance(
+        id or thing.id, thing.class_name, thing.center_m, thing.size_m, score, class_score, 0.1, 3,
+        100, {}, 0.5, np.empty((0, 2)), 1.0,
+    )  # fmt: skip
+
+
+class Looks:
+    """Gaze points around a receptacle by how far the way is; each is gone to once."""
+
+    def __init__(self, ways: Sequence[float], interrupted_after: int = 99) -> None:
+        self.left = sorted(ways)
+        self.gone_to: list[float] = []
+        self.interrupted_after = interrupted_after
+        self.then: Callable[[], None] = lambda: None  # after each look
+        self.stop: Callable[[], bool] = lambda: False  # what would end the newest one
+
+    def around(self, _: ObjectInstance) -> list[GazePoint]:
+        return [GazePoint(Pose2(0.0, 0.0, 0.0), 0.0, way) for way in self.left]
+
+    def information_gain_nats(self, *_: object) -> float | None:
+        return 100.0 if self.left else None
+
+    def go_and_look(
+        self, _: ObjectInstance, gaze: GazePoint, purpose: str, stop: Callable[[], bool]
+    ) -> Outcome:
+        self.stop = stop
+        if len(self.gone_to) == self.interrupted_after:
+            self.interrupted_after = 99
+            return Outcome.INTERRUPTED
+        self.gone_to.append(gaze.arrival)
+        self.then()
+        self.left.remove(gaze.arrival)
+        return Outcome.ARRIVED
+
+    def option(
+        self, thing: ObjectInstance, *_: object, in_place: bool, **__: object
+    ) -> tuple[ViewOption, None]:
+        return ViewOption(thing, thing.score, None, 1.0, in_place), None
+
+    def forget(self) -> None:
+        return
+
+
+class Rig:
+    """A search for a mug on the coffee table, in a world in which `known` is what is believed."""
+
+    def __init__(self, looks: Looks | None = None, **settings: Any) -> None:
+        self.world = flat()
+        self.known: list[ObjectInstance] = []
+        self.world.objects = lambda class_name: [
+            o for o in self.known if o.class_name == class_name
+        ]
+        self.settings = Settings(**settings)
+        self.kit = Mission(self.world, parse("find the mug"), self.settings).kit
+        if looks is not None:
+            self.kit.looking = cast(Looking, looks)
+        self.search = ObjectSearch(
+            self.kit, "mug", "coffee table", global_search.by_objective, paper
+        )
+        self.frontiers: list[FrontierOption] = []
+        self.visited: list[tuple[float, float]] = []
+        self.search.frontier_options = lambda layer: self.frontiers
+        self.search.visit_frontier = lambda xy_m, found: self.visited.append(xy_m)
+
+    def offered(self) -> list[int]:
+        """Ids of the receptacles of the newest decision."""
+        return [c.id for c in self.world.decisions[-1].candidates if c.kind == "receptacle"]

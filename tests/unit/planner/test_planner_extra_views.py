@@ -1,0 +1,69 @@
+"""Extra views of one candidate: which one is taken, how many, and what ends a look."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from helios_core.types import ObjectInstance
+from helios_planner.body import WhatIf
+from helios_planner.decide import ViewOption, act_or_look
+from helios_planner.flow import Mission
+from helios_planner.grid import Pose2
+from helios_planner.instruction import parse
+from helios_planner.legs import Outcome
+from helios_planner.look import BestView, Looking
+from helios_planner.settings import Settings
+from planner_flat import coffee_table, counter, flat
+from planner_rig import TABLE_XY, Looks, Rig, instance
+from planner_things import Thing
+from planner_world import FakeWorld
+
+
+def seen_counter(**settings: Any) -> tuple[FakeWorld, Looking, ObjectInstance]:
+    world = flat([counter()], Pose2(2.2, 5.0, 1.57))
+    kit = Mission(world, parse("find the counter"), Settings(**settings)).kit
+    kit.legs.look_around()
+    (thing,) = world.objects("counter")
+    return world, kit.looking, thing
+
+
+def test_the_extra_view_is_the_one_that_would_raise_the_score_most() -> None:
+    world, looking, thing = seen_counter()
+    n = len(looking.views_of(thing)[: Settings().gaze_poses])
+    scores = tuple(0.3 + 0.1 * (k == 1) for k in range(n))
+    world.what_if = lambda *args, **kwargs: WhatIf(scores, ())
+    best = looking.best_view(thing, "counter")
+    assert best is not None
+    assert best.gaze == looking.views_of(thing)[1]
+    assert best.score == pytest.approx(0.4)
+
+
+def test_no_view_is_gone_to_twice_and_so_many_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, looking, thing = seen_counter(extra_views=2)
+    monkeypatch.setattr(looking.legs, "go_to", lambda *_: Outcome.UNREACHABLE)
+    for _ in range(2):
+        best = looking.best_view(thing, "counter")
+        assert best is not None
+        looking.go_and_look(thing, best.gaze, "test")
+        apart = [best.gaze.pose.distance_m(g.pose.xy) for g in looking.views_of(thing)]
+        assert min(apart) >= 0.6 * Settings().view_spacing_m
+    assert looking.views_of(thing)
+    assert looking.best_view(thing, "counter") is None
+
+
+def test_a_sure_mug_elsewhere_ends_no_look_at_the_one_in_its_place() -> None:
+    looks = Looks([1.0])
+    rig = Rig(looks)
+    size = np.array([0.1, 0.1, 0.1])
+    here = instance(Thing(3, "mug", np.array([*TABLE_XY, 0.5]), size))
+    elsewhere = instance(Thing(4, "mug", np.array([1.0, 1.0, 0.5]), size), score=0.9)
+    rig.known = [instance(coffee_table()), here, elsewhere]
+    (gaze,) = looks.around(here)
+    rig.search._views = {3: BestView(gaze, 0.6)}
+    look = act_or_look([ViewOption(here, 0.4, 0.6, 1.0)], 0.5, 0.05, "object", "pick")
+    rig.search._look_again(look)
+    assert not looks.stop()
+    rig.search.settle_for_less()
+    assert looks.stop()
