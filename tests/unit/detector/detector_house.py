@@ -1,0 +1,65 @@
+"""A detector service on a bus in memory, its truth, and what it publishes."""
+
+from detector_scene import SceneTruth, context_of
+from helios_core import proto as pb
+from helios_core.codec import context_to_proto, frame_to_proto
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import CONTEXT, OBSERVATION, PREVIEW
+from helios_core.types import SearchContext
+from helios_detector.backend import DetectorBackend, Findings
+from helios_detector.coco import COCO_NAMES
+from helios_detector.ground_truth import GroundTruthDetector
+from helios_detector.scorer import LexicalScorer
+from helios_detector.service import DetectorService
+from helios_detector.vocabulary import fixed_wanted
+
+CONTEXT_1 = SearchContext(
+    "c1", context_of("mug", "dining table").classes, {"pick": "a mug", "place": "a bed"}
+)
+
+
+class House:
+    """A detector service, its truth, and what it publishes."""
+
+    def __init__(self, detector: DetectorBackend | None = None) -> None:
+        self.truth = SceneTruth()
+        hub = MemoryHub()
+        self.health = Health()
+        self.bus = MemoryBus(hub)
+        self.observations: list[pb.Observation] = []
+        self.previews: list[pb.Preview] = []
+        self.bus.subscribe(OBSERVATION, self.observations.append)
+        self.bus.subscribe(PREVIEW, self.previews.append)
+        backend = detector or GroundTruthDetector(self.truth)
+        self.service = DetectorService(MemoryBus(hub), backend, LexicalScorer(), self.health)
+
+    def frame(self, seq: int = 1) -> pb.Frame:
+        return frame_to_proto(self.truth.frame(seq=seq))
+
+    def look_for(self, context: SearchContext = CONTEXT_1) -> None:
+        self.bus.publish(CONTEXT, context_to_proto(context))
+
+    def count(self, name: str) -> float:
+        return self.health.metrics().get(name, 0)
+
+
+class Faulty(DetectorBackend):
+    """Raises what no back end should."""
+
+    name = "faulty"
+
+    def vocabulary(self) -> tuple[str, ...]:
+        return COCO_NAMES
+
+    def refused(self, context):
+        return fixed_wanted(context, COCO_NAMES)[1]
+
+    def detect(self, frame, context) -> Findings:
+        raise ZeroDivisionError("model")
+
+    def warm_up(self) -> None:
+        """Always warm."""
+
+    def close(self) -> None:
+        """Holds nothing."""
