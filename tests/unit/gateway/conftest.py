@@ -12,6 +12,9 @@ from helios_gateway.live import Live
 from helios_gateway.settings import Settings
 
 from tests.gateway_backend import Backend
+from tests.unit.gateway.gateway_frames import bridge
+
+__all__ = ["bridge"]
 
 # Made-up services report once, and tests ask as often as they like.
 PATIENT = Settings.load(["--silent-after-s", "3600", "--requests-per-s", "1000000"])

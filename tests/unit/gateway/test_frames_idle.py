@@ -20,7 +20,7 @@ from websockets.sync.connection import Connection
 
 from tests.gateway_process import Served, served
 from tests.support import wait_until
-from tests.unit.gateway.test_frames import COLOR, DEPTH, META
+from tests.unit.gateway.gateway_frames import COLOR, DEPTH, META
 
 IDLE_S = 0.4
 

@@ -12,7 +12,7 @@ from helios_core.grids import FREE, OCCUPIED, UNKNOWN, decode_snapshot
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.gateway_backend import snapshot
+from tests.gateway_home import snapshot
 
 
 @given(

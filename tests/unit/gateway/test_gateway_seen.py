@@ -9,7 +9,8 @@ from fastapi.testclient import TestClient
 from helios_core.errors import Unavailable
 from helios_core.naming import names
 
-from tests.gateway_backend import Backend, picture_jpeg
+from tests.gateway_backend import Backend
+from tests.gateway_home import picture_jpeg
 
 
 def test_objects_of_that_name_and_past_views_are_told(client: TestClient, backend: Backend) -> None:

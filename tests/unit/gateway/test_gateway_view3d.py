@@ -23,7 +23,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.gateway_backend import Backend
-from tests.gateway_backend import gaussians as reply_of
+from tests.gateway_home import gaussians as reply_of
 
 
 def some(concentration: list[list[float]]) -> Gaussians:

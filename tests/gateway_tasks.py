@@ -1,0 +1,99 @@
+"""A made-up planner: tasks that are submitted, go on when a test says so, and end."""
+
+from __future__ import annotations
+
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.errors import Conflict, InvalidInput
+from helios_core.topics import (
+    CANCEL,
+    DECISION,
+    DECISIONS,
+    GET_TASK,
+    LIST_TASKS,
+    PAUSE,
+    RESUME,
+    SUBMIT,
+    TASK,
+)
+
+from tests.gateway_home import decision
+
+
+class MadeUpTasks:
+    """The planner's part of a made-up backend. `calls`: what was asked, of any part of it."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.bus = bus
+        self.calls: list[str] = []
+        self.tasks: dict[str, pb.Task] = {}
+        self.decided: list[pb.Decision] = []
+
+    def serve_tasks(self) -> None:
+        serve = self.bus.serve
+        serve(SUBMIT, self._submit)
+        serve(GET_TASK, self._get)
+        serve(LIST_TASKS, lambda _: pb.TaskList(tasks=self.tasks.values()))
+        serve(CANCEL, self._cancel)
+        serve(PAUSE, lambda request: self._go(request, "running", "paused"))
+        serve(RESUME, lambda request: self._go(request, "paused", "running"))
+        serve(DECISIONS, self._decisions)
+
+    def submit(self, instruction: str) -> pb.Task:
+        """As if it had come from elsewhere."""
+        return self._submit(pb.SubmitRequest(instruction=instruction))
+
+    def change_task(self, id: str, state: str, **changes: object) -> None:
+        """The task goes on, and everybody is told."""
+        task = self.tasks[id]
+        task.state = state
+        for name, value in changes.items():
+            setattr(task, name, value)
+        self.bus.publish(TASK, task)
+
+    def decide(self) -> None:
+        made = decision(len(self.decided))
+        self.decided.append(made)
+        self.bus.publish(DECISION, made)
+
+    def _submit(self, request: pb.SubmitRequest) -> pb.Task:
+        self.calls.append("submit")
+        words = request.instruction.lower().split()
+        if "move" not in words:
+            raise InvalidInput(
+                f"{request.instruction[:60]!r} names no action; understood: nothing; say for "
+                "example: move the mug from the coffee table to the kitchen counter"
+            )
+        task = pb.Task(
+            id=f"t{len(self.tasks) + 1}", instruction=request.instruction, state="queued",
+            kind="move", object="mug", start="coffee table", goal="kitchen counter",
+            created_s=1.8e9 + len(self.tasks), max_steps=request.max_steps or 500,
+            agent=request.agent or "helios", priority=request.priority, settings=request.settings,
+        )  # fmt: skip
+        self.tasks[task.id] = task
+        self.bus.publish(TASK, task)
+        return task
+
+    def _get(self, request: pb.TaskRequest) -> pb.Task:
+        if request.id not in self.tasks:
+            raise InvalidInput(f"there is no task {request.id!r}; list them with GET /v1/tasks")
+        return self.tasks[request.id]
+
+    def _cancel(self, request: pb.TaskRequest) -> pb.Task:
+        task = self._get(request)
+        if task.state in ("succeeded", "failed", "cancelled"):
+            raise Conflict(f"task {task.id} has ended ({task.state})")
+        task.state = "cancelled"
+        self.bus.publish(TASK, task)
+        return task
+
+    def _go(self, request: pb.TaskRequest, before: str, after: str) -> pb.Task:
+        task = self._get(request)
+        if task.state != before:
+            raise Conflict(f"task {task.id} is {task.state}, not {before}")
+        self.change_task(task.id, after)
+        return task
+
+    def _decisions(self, request: pb.TaskRequest) -> pb.DecisionList:
+        self._get(request)
+        return pb.DecisionList(decisions=self.decided)

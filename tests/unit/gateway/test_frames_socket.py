@@ -1,0 +1,82 @@
+"""Frames over a socket: each one answered, and what is wrong ends neither it nor the next."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+from helios_gateway.routes_frames import MOST_SENDERS
+from starlette.testclient import WebSocketDenialResponse
+
+from tests.unit.gateway.gateway_frames import (
+    COLOR,
+    META,
+    SOCKET,
+    Bridge,
+    send,
+)
+
+
+def test_a_socket_answers_each_frame(client: TestClient, bridge: Bridge) -> None:
+    with client.websocket_connect(SOCKET) as socket:
+        for _ in range(3):
+            send(socket)
+            assert socket.receive_json()["integrated"]
+        send(socket, depth=b"")
+        assert socket.receive_json()["integrated"]
+    depths = [request.frame.WhichOneof("depth") for request in bridge.requests]
+    assert depths == ["compressed_depth"] * 3 + [None]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda s: send(s, "{"), "meta is wrong"),
+        (lambda s: send(s, color=b"no image"), "no JPEG or PNG"),
+        (lambda s: s.send_bytes(COLOR), "where a frame's meta was due"),
+    ],
+)
+def test_a_wrong_frame_is_answered_by_a_problem_and_the_socket_goes_on(
+    client: TestClient, bridge: Bridge, spoil: Callable[[Any], None], said: str
+) -> None:
+    with client.websocket_connect(SOCKET) as socket:
+        spoil(socket)
+        problem = socket.receive_json()
+        assert problem["status"] == 400
+        assert said in problem["detail"]
+        send(socket)
+        assert socket.receive_json()["integrated"]
+
+
+def test_a_frame_cut_short_by_the_next_is_told_and_the_next_taken(
+    client: TestClient, bridge: Bridge
+) -> None:
+    with client.websocket_connect(SOCKET) as socket:
+        socket.send_text(json.dumps(META))
+        socket.send_bytes(COLOR)
+        send(socket)
+        assert "depth was due" in socket.receive_json()["detail"]
+        assert socket.receive_json()["integrated"]
+
+
+def test_so_many_sockets_and_no_more_until_one_is_closed(
+    client: TestClient, bridge: Bridge
+) -> None:
+    open_ones = [client.websocket_connect(SOCKET) for _ in range(MOST_SENDERS)]
+    for one in open_ones:
+        one.__enter__()
+    with (
+        pytest.raises(WebSocketDenialResponse) as denied,
+        client.websocket_connect(SOCKET),
+    ):
+        pass
+    assert denied.value.status_code == 503
+    assert "close one" in denied.value.json()["detail"]
+    for one in open_ones:
+        one.__exit__(None, None, None)
+    with client.websocket_connect(SOCKET) as socket:
+        send(socket)
+        assert socket.receive_json()["integrated"]
