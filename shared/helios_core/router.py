@@ -13,7 +13,7 @@ import threading
 import zenoh
 
 from helios_core.service import stop_on_signals
-from helios_core.zenoh_bus import router_config
+from helios_core.zenoh_config import router_config
 
 
 def main() -> int:

@@ -10,8 +10,6 @@ How the qualities of service map (why: `docs/decisions/0002-bus.md`):
 
 from __future__ import annotations
 
-import hashlib
-import json
 import logging
 import threading
 import time
@@ -20,56 +18,23 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 import zenoh
-from google.protobuf.message import DecodeError
 from zenoh import ext
 
-from helios_core import proto as pb
 from helios_core.bus import Bus, LivelinessHandler, Registration
-from helios_core.errors import (
-    DeadlineExceeded,
-    HeliosError,
-    Internal,
-    InvalidInput,
-    Unavailable,
-    error_from_proto,
-    error_to_proto,
-)
+from helios_core.errors import DeadlineExceeded, HeliosError, Unavailable, error_to_proto
 from helios_core.topics import M, Method, QoS, Rep, Req, Topic, alive_key
+from helios_core.zenoh_config import client_config
+from helios_core.zenoh_messages import ERROR_ENCODING, assembled, pieces_of, request_of
 
 T = TypeVar("T")
 
 log = logging.getLogger(__name__)
 
-CHUNK_BYTES = 512 * 1024  # larger replies are cut: one 30 MB reply closed a slow transport
 QUEUE_DEPTH = 256
 SERVE_THREADS = 4  # of each method, started when needed
-ERROR_ENCODING = "application/protobuf;helios.v1.Error"
 RETAINED_HEARTBEAT_S = 0.5  # a late joiner that missed the last message learns of it by then
 DISCOVERY_S = 0.25  # how long a method that nobody serves is looked for
 READERS_END_WITHIN_S = 0.3
-LEASE_MS = 2000  # a frozen peer is given up after this
-
-
-def client_config(router: str) -> zenoh.Config:
-    """Configuration of a client of one router, e.g. `tcp/127.0.0.1:7447`."""
-    return _config({"mode": "client", "connect": {
-        "endpoints": [router], "timeout_ms": 1000, "exit_on_failure": True,
-        "retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
-    }})  # fmt: skip
-
-
-def router_config(listen: str) -> zenoh.Config:
-    """Configuration of the router, listening on `listen` only."""
-    return _config({"mode": "router", "listen": {"endpoints": [listen], "exit_on_failure": True}})
-
-
-def _config(specific: dict) -> zenoh.Config:
-    common = {
-        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-        "timestamping": {"enabled": True},  # the retained topics need it
-        "transport": {"link": {"tx": {"lease": LEASE_MS}}},
-    }
-    return zenoh.Config.from_json5(json.dumps(common | specific))
 
 
 class ZenohBus(Bus):
@@ -134,7 +99,7 @@ class ZenohBus(Bus):
             with query:
                 try:
                     data = query.payload.to_bytes() if query.payload is not None else b""
-                    reply = handler(_request(method, data)).SerializeToString()
+                    reply = handler(request_of(method, data)).SerializeToString()
                 except Exception as error:
                     if not isinstance(error, HeliosError):
                         log.exception("the handler of %s failed", method.name)
@@ -142,7 +107,7 @@ class ZenohBus(Bus):
                         error_to_proto(error).SerializeToString(), encoding=ERROR_ENCODING
                     )
                     return
-                for chunk, head in _chunks(reply):
+                for chunk, head in pieces_of(reply):
                     query.reply(key, chunk, attachment=head)
 
         queryable = self._session.declare_queryable(key, zenoh.handlers.FifoChannel(QUEUE_DEPTH))
@@ -179,7 +144,7 @@ class ZenohBus(Bus):
                 consolidation=zenoh.ConsolidationMode.NONE,
                 congestion_control=zenoh.CongestionControl.BLOCK,
             )
-            data = _assemble(method, replies)
+            data = assembled(method, replies)
         except zenoh.ZError as error:
             raise Unavailable(f"{method.name} could not be asked: {error}") from error
         except TimeoutError as error:
@@ -288,53 +253,3 @@ def _received(channel: zenoh.Handler[T]) -> Iterator[T]:
             yield channel.recv()
         except zenoh.ZError:  # undeclared or closed
             return
-
-
-def _request(method: Method[Req, Rep], data: bytes) -> Req:
-    try:
-        return method.request.FromString(data)
-    except DecodeError as error:
-        raise InvalidInput(
-            f"the {len(data)} bytes sent to {method.name} are no "
-            f"{method.request.DESCRIPTOR.full_name}; send that message"
-        ) from error
-
-
-def _chunks(data: bytes) -> Iterator[tuple[bytes, str]]:
-    """Pieces of at most CHUNK_BYTES with `index/count/hash of the whole`."""
-    count = max(1, -(-len(data) // CHUNK_BYTES))
-    digest = hashlib.blake2b(data, digest_size=8).hexdigest() if count > 1 else "-"
-    for i in range(count):
-        yield data[i * CHUNK_BYTES : (i + 1) * CHUNK_BYTES], f"{i}/{count}/{digest}"
-
-
-def _assemble(method: Method, replies: zenoh.Handler[zenoh.Reply]) -> bytes | None:
-    """The whole reply; None when nothing came.
-
-    Raises the typed error that was answered, and TimeoutError.
-    """
-    parts: dict[int, bytes] = {}
-    count, digest = 0, "-"
-    for reply in replies:
-        if reply.err is not None:
-            payload = reply.err.payload.to_bytes()
-            if str(reply.err.encoding) == ERROR_ENCODING:
-                raise error_from_proto(pb.Error.FromString(payload))
-            raise TimeoutError  # the one error of Zenoh's own: its word "Timeout"
-        sample = reply.ok
-        if sample is None:
-            continue
-        head = sample.attachment.to_string() if sample.attachment is not None else "0/1/-"
-        index, total, digest = head.split("/")
-        count = int(total)
-        parts[int(index)] = sample.payload.to_bytes()
-    if not parts:
-        return None
-    data = b"".join(parts[i] for i in sorted(parts))
-    whole = digest == "-" or hashlib.blake2b(data, digest_size=8).hexdigest() == digest
-    if len(parts) != count or not whole:
-        raise Internal(
-            f"{method.name} answered {len(parts)} of {count} pieces; ask again, and if it happens "
-            "again, the link loses data"
-        )
-    return data

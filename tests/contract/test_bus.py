@@ -33,7 +33,8 @@ from helios_core.topics import (
     STOP,
     status_topic,
 )
-from helios_core.zenoh_bus import SERVE_THREADS, ZenohBus, client_config
+from helios_core.zenoh_bus import SERVE_THREADS, ZenohBus
+from helios_core.zenoh_config import client_config
 
 from tests.support import free_port, wait_until
 
