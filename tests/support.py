@@ -21,6 +21,9 @@ def free_port() -> int:
         return int(s.getsockname()[1])
 
 
+ENDS_WITHIN_S = 30.0  # a process that was asked to; more than that hangs, on a busy machine too
+
+
 def wait_until(condition: Callable[[], object], timeout_s: float, what: str) -> None:
     """Ask until the condition holds; fail after the deadline with what was waited for."""
     deadline = time.monotonic() + timeout_s

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from helios_core.errors import Unavailable
 from helios_core.geometry import Matrix, lift_pixels
-from helios_core.robot import Action, ActionResult, Capture, RobotDriver
+from helios_core.robot import Action, ActionResult, Capture, Observe, RobotDriver, Turn
 from helios_core.types import RobotDescription
 
-BACK_WITHIN_S = 15.0
+BACK_WITHIN_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,12 @@ class Rig:
         return self.driver.state().T_world_base
 
     def when_back(self) -> Capture:
-        """The first image after the robot was away. Raises Unavailable when there is none."""
+        """The first image after the robot was away and acts again. Raises Unavailable when it stays
+        away."""
         deadline_s = time.monotonic() + BACK_WITHIN_S
         while True:
-            try:
+            try:  # a line that was not used while it was away may break once more
+                self.act(Turn(self.turn_rad) if self.robot.can_move else Observe())
                 return self.driver.capture()
             except Unavailable:
                 if time.monotonic() > deadline_s:

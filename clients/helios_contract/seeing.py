@@ -63,6 +63,7 @@ class Seeing:
         assert abs(T_world_base[2, 3]) <= FLOOR_TOLERANCE_M, "the base's origin is on the floor"
 
     def test_the_camera_is_mounted_where_the_description_says(self, rig: Rig) -> None:
+        rig.act(Observe())  # a robot may get up for its first action
         x_m, y_m, z_m = _T_base_cam(rig.driver.capture())[:3, 3]
         assert z_m == pytest.approx(rig.robot.camera_height_m, abs=MOUNT_TOLERANCE_M)
         assert x_m == pytest.approx(rig.robot.camera_forward_m, abs=MOUNT_TOLERANCE_M)
@@ -75,6 +76,7 @@ class Seeing:
         assert R[0, 2] > 0.0 or R[2, 2] < -0.9, "the camera's z axis points ahead"
 
     def test_the_tilt_that_is_told_is_the_cameras(self, rig: Rig) -> None:
+        rig.act(Observe())
         capture = rig.driver.capture()
         tilt_rad = tilt_of(capture.T_world_cam)
         assert rig.driver.state().tilt_rad == pytest.approx(tilt_rad, abs=0.1)

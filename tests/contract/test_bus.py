@@ -36,7 +36,7 @@ from helios_core.topics import (
 from helios_core.zenoh_bus import SERVE_THREADS, ZenohBus
 from helios_core.zenoh_config import client_config
 
-from tests.support import free_port, wait_until
+from tests.support import ENDS_WITHIN_S, free_port, wait_until
 
 MakeBus = Callable[..., Bus]
 
@@ -47,7 +47,7 @@ def router() -> Iterator[str]:
     process = subprocess.Popen([sys.executable, "-m", "helios_core.router", "--listen", endpoint])
     yield endpoint
     process.terminate()
-    assert process.wait(5) == 0
+    assert process.wait(ENDS_WITHIN_S) == 0
 
 
 @pytest.fixture(params=["memory", "zenoh"])

@@ -30,7 +30,7 @@ from helios_sim.thread import WorldThread
 from helios_sim.world import World
 
 from tests.bare_robot.processes import bare_robot, generate_messages
-from tests.support import free_port, wait_until
+from tests.support import ENDS_WITHIN_S, free_port, wait_until
 
 
 class TestExample(DriverContract):
@@ -112,7 +112,7 @@ class TestAnotherLanguage(DriverContract):
                     yield Rig(SimDriver(bus), tolerance_m=0.01, depth_tolerance_m=0.02)
             finally:
                 process.terminate()
-                process.wait(5)
+                process.wait(ENDS_WITHIN_S)
 
 
 def can_open(router: str) -> bool:

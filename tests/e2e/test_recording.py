@@ -41,7 +41,7 @@ from helios_replay.source import open_source
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.thread import WorldThread
 
-from tests.support import LOOPBACK, free_port, wait_until
+from tests.support import ENDS_WITHIN_S, LOOPBACK, free_port, wait_until
 
 SEED = 1
 MOST_STEPS = 400
@@ -281,7 +281,7 @@ def test_a_recorder_may_come_from_outside(up: Up, tmp_path: Path) -> None:
         )
     finally:
         process.terminate()
-        assert process.wait(10) == 0
+        assert process.wait(ENDS_WITHIN_S) == 0
 
 
 def test_without_anything_to_record_it_says_so(tmp_path: Path) -> None:

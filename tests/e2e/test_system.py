@@ -22,7 +22,7 @@ from helios_core import proto as pb
 from helios_core.topics import TRUTH_EPISODE, TRUTH_METRICS, WORLD_STATE
 from helios_core.zenoh_bus import ZenohBus
 
-from tests.support import LOOPBACK, free_port, wait_until
+from tests.support import ENDS_WITHIN_S, LOOPBACK, free_port, wait_until
 
 SEED = 1
 ROOT = Path(__file__).resolve().parents[2]
@@ -90,12 +90,18 @@ def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
     finally:
         children = psutil.Process(process.pid).children(recursive=True)
         process.terminate()
-        process.wait(10)
+        process.wait(ENDS_WITHIN_S)
         log.close()
         left = [c for c in children if c.is_running() and c.status() != psutil.STATUS_ZOMBIE]
         for child in left:
             child.kill()
         assert left == [], "helios up left processes behind"
+
+
+def check_answer(house: House, path: str, kind: str) -> None:
+    answer = house.get(path)
+    assert answer.status_code == 200, answer.text
+    assert answer.headers["content-type"].startswith(kind)
 
 
 def test_every_service_is_a_process_of_its_own_and_ready(house: House) -> None:
@@ -165,6 +171,8 @@ def test_a_language_task_succeeds_after_all_that(house: House) -> None:
         decisions = house.get(f"/v1/tasks/{task['id']}/decisions").json()["decisions"]
         assert decisions
         assert all(d["why"] for d in decisions)
+        check_answer(house, "/v1/map/value/pick.png", "image/png")
+        check_answer(house, "/v1/map/value/place.npz", "application/")
         for setting, flips in ("alpha_d=0.001", False), ("alpha_d=0.01", None):
             why = subprocess.run(
                 [sys.executable, "-m", "helios_client", "why", task["id"], "--set", setting,
@@ -183,8 +191,6 @@ def test_a_language_task_succeeds_after_all_that(house: House) -> None:
     [
         ("/v1/map/occupancy.png", "image/png"),
         ("/v1/map/occupancy.npz", "application/"),
-        ("/v1/map/value/pick.png", "image/png"),
-        ("/v1/map/value/place.npz", "application/"),
         ("/v1/map/frontiers", "application/json"),
         ("/v1/objects", "application/json"),
         ("/v1/camera.jpg", "image/jpeg"),
@@ -197,9 +203,7 @@ def test_a_language_task_succeeds_after_all_that(house: House) -> None:
     ],
 )
 def test_every_path_of_the_interface_answers(house: House, path: str, kind: str) -> None:
-    answer = house.get(path)
-    assert answer.status_code == 200, answer.text
-    assert answer.headers["content-type"].startswith(kind)
+    check_answer(house, path, kind)
 
 
 def test_a_task_can_be_cancelled(house: House) -> None:
@@ -239,7 +243,7 @@ def test_a_service_started_alone_says_what_it_waits_for_and_ends_when_asked(
     try:
         wait_until(lambda: "waiting for the router" in log.read_text(), 30, "it says so")
         process.terminate()
-        assert process.wait(5) == 0
+        assert process.wait(ENDS_WITHIN_S) == 0
     finally:
         process.kill()
 

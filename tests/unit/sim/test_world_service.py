@@ -26,7 +26,7 @@ from helios_sim.service import WorldService
 from helios_sim.thread import WorldThread
 from helios_sim.world import World
 
-from tests.support import free_port, wait_until
+from tests.support import ENDS_WITHIN_S, free_port, wait_until
 
 
 @pytest.fixture
@@ -128,7 +128,7 @@ def test_the_process_serves_and_ends_on_sigterm():
         assert driver.act(Forward(0.2), "a").succeeded
         assert driver.capture().color.shape == (480, 640, 3)
         world.send_signal(signal.SIGTERM)
-        assert world.wait(5) == 0
+        assert world.wait(ENDS_WITHIN_S) == 0
         bus.close()
     finally:
         for process in (world, router):

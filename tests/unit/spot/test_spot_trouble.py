@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
+import grpc
 import pytest
 from helios_core.errors import (
     Conflict,
@@ -41,6 +43,26 @@ def test_a_robot_that_is_away_is_waited_for(stage: Stage) -> None:
         driver.describe()
     stage.mend(driver)
     assert driver.describe().name == "Spot"
+
+
+def test_every_line_to_a_robot_that_was_away_is_opened_again_within_a_second(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """gRPC alone would wait longer after each failure, up to two minutes."""
+    opened: list[dict[str, int]] = []
+    secure_channel = grpc.secure_channel
+
+    def spy(target: str, creds: Any, options: Any) -> Any:
+        opened.append(dict(options))
+        return secure_channel(target, creds, options)
+
+    monkeypatch.setattr(grpc, "secure_channel", spy)
+    driver = stage.driver()
+    assert stage.act(driver, Observe()).succeeded
+    assert len(opened) > 3
+    for options in opened:
+        assert options["grpc.max_reconnect_backoff_ms"] == 1000
+        assert options["grpc.max_receive_message_length"] > 10_000_000  # an image fits
 
 
 def test_clocks_that_cannot_be_compared_are_said(stage: Stage) -> None:
