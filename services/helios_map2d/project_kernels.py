@@ -23,6 +23,8 @@ OBSTACLE = 2
 
 HERE, ABOVE, BELOW, LEFT, RIGHT = range(5)  # a pixel and its neighbours
 
+PARTS = 8  # of a row, whose pixels are counted in turn
+
 NO_LOW = 0x7F800000  # the bits of +inf
 
 
@@ -135,7 +137,7 @@ def project_depth(
     last_whole = (n - 1) * step == w - 1  # the last pixel has none to its right
     kinds, cells, spots = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
     heights, across = np.empty(n, np.float32), np.empty(n, np.float32)
-    hit_cells, hit_bits = np.empty(n + 1, np.uint32), np.empty(n + 1, np.int32)
+    hit = np.empty(n + 1, np.uint32)  # pixels of the row
     bits = heights.view(np.int32)
     mark_of = marks.ravel()
     zero, none = np.float32(0.0), np.int32(-1)
@@ -183,22 +185,31 @@ def project_depth(
             # Where nothing was measured x and y may be NaN.
             counts = (kind != NOTHING) & (k < range_end) & (b >= 0) & (b < bins_end)
             spots[i] = kind * plane + k * bins_end + b if counts else 0
-        for i in range(n):
-            mark_of[np.uint32(spots[i])] = 1
         hits = 0
         for i in range(n):
-            hit_cells[hits] = np.uint32(cells[i])
-            hit_bits[hits] = bits[i]
+            mark_of[np.uint32(spots[i])] = 1
+            hit[hits] = np.uint32(i)
             hits += np.int64(cells[i] >= 0)
-        for i in range(hits):
-            at, height = hit_cells[i], hit_bits[i]
+        # Neighbours often share a cell, and its updates wait for each other: so parts of the row
+        # take turns.
+        part = hits // PARTS
+        for i in range(part):
+            for k in range(PARTS):
+                p = hit[i + k * part]
+                at, height = np.uint32(cells[p]), bits[p]
+                count[at] += np.int32(1)
+                low[at] = min(low[at], height)
+                high[at] = max(high[at], height)
+        for i in range(PARTS * part, hits):
+            p = hit[i]
+            at, height = np.uint32(cells[p]), bits[p]
             count[at] += np.int32(1)
             low[at] = min(low[at], height)
             high[at] = max(high[at], height)
         if v == open_row:
             top = np.float32(band_hi).view(np.int32)
             for i in range(hits):
-                high[hit_cells[i]] = top
+                high[np.uint32(cells[hit[i]])] = top
 
 
 @njit(cache=True, nogil=True)
