@@ -34,13 +34,15 @@ class PlacePhrase:
 
 @dataclass
 class Clause:
-    """A verb and its phrases. `asides` are words that do not change the task."""
+    """A verb and its phrases. `asides` are words that do not change the task; `condition` is what
+    opens one ("in case"), and nothing after it is read."""
 
     verb: Verb
     verb_words: str
     thing: list[str] = field(default_factory=list)
     places: list[PlacePhrase] = field(default_factory=list)
     asides: list[str] = field(default_factory=list)
+    condition: str | None = None
 
 
 def clauses_of(words: list[str]) -> list[Clause]:
@@ -69,7 +71,7 @@ _EMPTY = frozenset(["the", "a", "an", "my", "your", "our"])  # no thing by thems
 def _without_politeness(words: list[str]) -> list[str]:
     changed = True
     while changed:
-        changed = False
+        words, changed = _without_additions(words), False
         n = length_at(words, 0, w.POLITE)
         if n and not _is_place(words, 0):
             words, changed = trimmed(_after_pause(words[n:])), True
@@ -78,6 +80,29 @@ def _without_politeness(words: list[str]) -> list[str]:
                 words, changed = trimmed(words[:-n]), True
                 break
     return words
+
+
+def _without_additions(words: list[str]) -> list[str]:
+    """ "Bring the mug as soon as you can to the sofa" without "as soon as you can"."""
+    out, at = [], 0
+    while at < len(words):
+        n = length_at(words, at, w.ADDED)
+        if n and (_phrase_ends(words, at + n) or (not out and _begins(words, at + n))):
+            at += n
+        else:
+            out.append(words[at])
+            at += 1
+    return _after_pause(trimmed(out))
+
+
+def _phrase_ends(words: list[str], at: int) -> bool:
+    ends = (w.PLACES, w.JOINERS, w.POLITE_END, w.ADDED)
+    return at == len(words) or words[at] == w.PAUSE or any(length_at(words, at, e) for e in ends)
+
+
+def _begins(words: list[str], at: int) -> bool:
+    """Whether a wish may begin here: "when you can just bring the mug"."""
+    return bool(_verb_at(words, at)[0] or length_at(words, at, w.POLITE))
 
 
 def _after_pause(words: list[str]) -> list[str]:
@@ -204,6 +229,9 @@ def _clause(words: list[str]) -> Clause:
 
     while at < len(words):
         nothing_yet = not noun(here)
+        if n := length_at(words, at, w.CONDITIONS):
+            out.condition = " ".join(words[at : at + n])
+            break
         if not nothing_yet and (
             (n := length_at(words, at, w.RELATIVES)) and _leads_to_place(words, at + n)
         ):

@@ -35,13 +35,11 @@ def refuse_negation(words: list[str], text: str) -> None:
 def refuse_conditions(clauses: list[Clause], text: str) -> None:
     """Raises InvalidInput for a phrase such as "the mug if it is dirty"."""
     for clause in clauses:
-        for phrase in (clause.thing, *(p.words for p in clause.places)):
-            for word in phrase:
-                if (word,) in w.CONDITIONS and (word,) not in w.MANY:
-                    raise InvalidInput(
-                        f"{short(text)} holds a condition (“{word}”), which is not understood; "
-                        f"say what to do now, for example {EXAMPLE}"
-                    )
+        if clause.condition:
+            raise InvalidInput(
+                f"{short(text)} holds a condition (“{clause.condition}”), which is not understood; "
+                f"say what to do now, for example {EXAMPLE}"
+            )
 
 
 def no_verb(words: list[str], text: str) -> str:

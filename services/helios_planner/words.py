@@ -86,13 +86,15 @@ PLACES: dict[Phrase, Place] = {
 
 # Words that open what does not change the task; it is told that it was not used.
 ASIDES = frozenset(_phrases(
-    "with, that, which, that has, which has, that have, because, since, so that, so, "
-    "as soon as possible"
+    "with, that, which, that has, which has, that have, because, since, so that, so"
 ))  # fmt: skip
 # Words that open a condition: what comes after it would have to be judged, so it is refused.
-CONDITIONS = frozenset(
-    _phrases("if, when, whenever, unless, until, after, before, while, once, every")
-)
+CONDITIONS = frozenset(_phrases(
+    "if, only if, even if, when, only when, whenever, unless, until, after, before, while, once, "
+    "in case, as soon as, as long as, so long as, provided, provided that, providing, assuming, "
+    "supposing, given that, on condition, on the condition, in the event, the moment, "
+    "the next time"
+))  # fmt: skip
 HALTS = _words("stop halt cancel abort pause quit")  # no tasks; there are commands for them
 NEGATIONS = frozenset(_phrases("not, don't, dont, never, do not, doesn't, nothing, nowhere"))
 
@@ -116,14 +118,22 @@ POLITE = frozenset(_phrases(
     "i'd like you to, i need you to, i want to, you should, you must, your task is to, "
     "your job is to, task, try to, let's, lets, go ahead and, go and, come and, help me to, "
     "help me, would you mind, do me a favour and, do me a favor and, be so kind as to, first, "
-    "next, quickly, carefully, good morning, dear, if you can, if possible, when you can, "
-    "when you have time, if you have time"
+    "next, quickly, carefully, good morning, dear"
+))  # fmt: skip
+# What people add to a wish, wherever in it: no condition, where nothing follows that could be one
+# ("if you can see it").
+ADDED = frozenset(_phrases(
+    "as soon as you can, as soon as possible, as soon as you have time, as fast as you can, "
+    "as fast as possible, as quickly as you can, as quickly as possible, if you can, if possible, "
+    "if you like, if you please, if you have time, when you can, when possible, when you like, "
+    "when you have time, whenever you can, whenever you like, whenever you have time, "
+    "once you can, once you have time, right now, right away, at once, immediately, asap, "
+    "just in case"
 ))  # fmt: skip
 POLITE_END = frozenset(_phrases(
-    "please, pls, plz, now, right now, for me, for us, immediately, quickly, carefully, gently, "
-    "slowly, thanks, thx, thank you, many thanks, right away, at once, asap, robot, helios, "
-    "if you can, if possible, if you please, when you can, ok, okay, would you, will you, "
-    "can you, could you, today, there, again"
+    "please, pls, plz, now, for me, for us, quickly, carefully, gently, slowly, thanks, thx, "
+    "thank you, many thanks, robot, helios, ok, okay, would you, will you, can you, could you, "
+    "today, there, again"
 ))  # fmt: skip
 
 DETERMINERS = frozenset(_phrases(

@@ -137,6 +137,21 @@ bring 1 mug to the sofa                            | mug | | sofa
 throw the can in the trash can                     | can | | trash can
 load the plate into the dishwasher                 | plate | | dishwasher
 bring the 🍎 apple to the table 🙏🙏🙏                 | apple | | table
+bring the mug to the sofa as soon as you can       | mug | | sofa
+As soon as you can, bring the mug to the sofa      | mug | | sofa
+please, as soon as possible bring the mug to the sofa | mug | | sofa
+bring the mug as soon as possible to the sofa      | mug | | sofa
+bring the mug to the sofa as quickly as you can, thanks | mug | | sofa
+bring the mug to the sofa whenever you like        | mug | | sofa
+when you can just bring the mug from the desk to the sofa | mug | desk | sofa
+bring the mug right now from the desk to the sofa  | mug | desk | sofa
+bring the mug at once to the sofa                  | mug | | sofa
+bring the mug immediately to the sofa              | mug | | sofa
+bring the mug to the sofa just in case             | mug | | sofa
+take the mug if you can and put it on the sofa     | mug | | sofa
+put the phone in the case on the desk              | phone | case | desk
+move the case from the sofa to the desk            | case | sofa | desk
+bring the mug from the sofa to the sofa            | mug | sofa | sofa
 """
 
 # object | start
@@ -233,6 +248,24 @@ move the chair closer to the table                  | “closer to the table” 
 move the mug under the table to the sofa            | “under the table” cannot be done
 if the mug is dirty, put it in the sink             | a condition (“if”)
 bring the mug to the sofa if it is dirty            | a condition (“if”)
+bring the mug to the sofa in case it is dirty       | a condition (“in case”)
+in case the mug is dirty, put it in the sink        | a condition (“in case”)
+bring the mug to the sofa just in case it rains     | a condition (“in case”)
+bring the mug to the sofa as soon as it is clean    | a condition (“as soon as”)
+as soon as the mug is clean, put it on the sofa     | a condition (“as soon as”)
+bring the mug to the sofa as soon as you can see it | a condition (“as soon as”)
+bring the mug to the sofa as long as it is clean    | a condition (“as long as”)
+bring the mug to the sofa so long as it is clean    | a condition (“so long as”)
+bring the mug to the sofa provided that it is clean | a condition (“provided that”)
+bring the mug to the sofa given that it is clean    | a condition (“given that”)
+bring the mug to the sofa assuming it is clean      | a condition (“assuming”)
+bring the mug to the sofa only if it is dirty       | a condition (“only if”)
+bring the mug to the sofa even if it is dirty       | a condition (“even if”)
+bring the mug to the sofa once you see it           | a condition (“once”)
+bring the mug to the sofa if you can reach it       | a condition (“if”)
+bring the mug to the sofa the next time you pass it | a condition (“the next time”)
+go to the sofa in case I am there                   | a condition (“in case”)
+find the mug as soon as I leave                     | a condition (“as soon as”)
 make me happy                                       | no verb
 the quick brown fox                                 | no verb
 clean the table                                     | no verb
