@@ -46,8 +46,9 @@ class ViewDetector(DetectorBackend):
         self.name = f"simulated:{table.name}@{table.digest}"
 
     def vocabulary(self) -> tuple[str, ...]:
-        """The names of the household: it would imagine a unicorn as readily as a mug."""
-        return tuple(sorted(household_names()))
+        """The names of the household and of the table: it would imagine a unicorn as readily as a
+        mug."""
+        return tuple(sorted(household_names() | self._table.rows.keys()))
 
     def refused(self, context: SearchContext) -> Mapping[str, str]:
         return {}
