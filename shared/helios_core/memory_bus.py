@@ -22,6 +22,7 @@ from helios_core.errors import (
     error_from_proto,
     error_to_proto,
 )
+from helios_core.registrations import Registrations
 from helios_core.topics import M, Method, QoS, Rep, Req, Topic
 
 log = logging.getLogger(__name__)
@@ -69,23 +70,13 @@ class _Server:
     handler: Callable
 
 
-@dataclass
-class _Undo:
-    undo: Callable[[], None] | None
-
-    def close(self) -> None:
-        undo, self.undo = self.undo, None
-        if undo:
-            undo()
-
-
 class MemoryBus(Bus):
     """One service's end of a MemoryHub."""
 
     def __init__(self, hub: MemoryHub, robot: str = "robot") -> None:
         self.robot = robot
         self._hub = hub
-        self._mine: list[_Undo] = []
+        self._mine = Registrations()
         self._closed = False
 
     def publish(self, topic: Topic[M], message: M) -> None:
@@ -106,7 +97,7 @@ class MemoryBus(Bus):
             past = [d for k, d in self._hub.retained.items() if subscriber.wants(k)]
         for data in past:
             subscriber.deliver(data)
-        return self._keep(lambda: self._hub.subscribers.remove(subscriber))
+        return self._mine.keep(lambda: self._hub.subscribers.remove(subscriber))
 
     def serve(self, method: Method[Req, Rep], handler: Callable[[Req], Rep]) -> Registration:
         self._check_open()
@@ -118,7 +109,7 @@ class MemoryBus(Bus):
 
         with self._hub.lock:
             self._hub.servers[key] = server
-        return self._keep(undo)
+        return self._mine.keep(undo)
 
     def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
         """As every bus; the handler runs on this thread, so lateness is noticed at its end."""
@@ -149,7 +140,7 @@ class MemoryBus(Bus):
                 self._hub.alive.remove(entry)
             self._tell(entry, False)
 
-        return self._keep(undo)
+        return self._mine.keep(undo)
 
     def watch(self, handler: LivelinessHandler) -> Registration:
         self._check_open()
@@ -159,22 +150,16 @@ class MemoryBus(Bus):
             present = [a for a in self._hub.alive if a[0] == self.robot]
         for _, service, instance in present:
             handler(service, instance, True)
-        return self._keep(lambda: self._hub.watchers.remove(entry))
+        return self._mine.keep(lambda: self._hub.watchers.remove(entry))
 
     def close(self) -> None:
-        for registration in reversed(self._mine):
-            registration.close()
+        self._mine.close()
         self._closed = True
 
     def _tell(self, entry: tuple[str, str, str], alive: bool) -> None:
         for robot, handler in list(self._hub.watchers):
             if robot == entry[0]:
                 handler(entry[1], entry[2], alive)
-
-    def _keep(self, undo: Callable[[], None]) -> _Undo:
-        out = _Undo(undo)
-        self._mine.append(out)
-        return out
 
     def _check_open(self) -> None:
         if self._closed:

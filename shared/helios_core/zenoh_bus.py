@@ -15,16 +15,18 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import TypeVar
 
 import zenoh
 from zenoh import ext
 
 from helios_core.bus import Bus, LivelinessHandler, Registration
-from helios_core.errors import DeadlineExceeded, HeliosError, Unavailable, error_to_proto
+from helios_core.errors import DeadlineExceeded, Unavailable
+from helios_core.registrations import Registrations
 from helios_core.topics import M, Method, QoS, Rep, Req, Topic, alive_key
 from helios_core.zenoh_config import client_config
-from helios_core.zenoh_messages import ERROR_ENCODING, assembled, pieces_of, request_of
+from helios_core.zenoh_messages import answer, assembled, reply_of
 
 T = TypeVar("T")
 
@@ -48,10 +50,9 @@ class ZenohBus(Bus):
             raise Unavailable(
                 f"no router at {router}; start one with `python -m helios_core.router` ({error})"
             ) from error
-        self._pools: list[ThreadPoolExecutor] = []
         self._readers: list[threading.Thread] = []
         self._publishers: dict[str, zenoh.Publisher | ext.AdvancedPublisher] = {}
-        self._mine: list[_Declared] = []
+        self._mine = Registrations()
         self._lock = threading.Lock()
         self._closed = False
 
@@ -62,20 +63,20 @@ class ZenohBus(Bus):
             raise Unavailable(f"{topic.name} could not be published: {error}") from error
 
     def subscribe(self, topic: Topic[M], handler: Callable[[M], None]) -> Registration:
-        self._check_open()
         key = topic.key(self.robot)
         latest = topic.qos in (QoS.LATEST_WINS, QoS.URGENT)
         channel = (
             zenoh.handlers.RingChannel(1) if latest else zenoh.handlers.FifoChannel(QUEUE_DEPTH)
         )
-        if topic.qos is QoS.RETAINED:
-            subscriber = ext.declare_advanced_subscriber(
-                self._session, key, channel,
-                history=ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
-                recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
-            )  # fmt: skip
-        else:
-            subscriber = self._session.declare_subscriber(key, channel)
+        with self._declaring(topic.name):
+            if topic.qos is QoS.RETAINED:
+                subscriber = ext.declare_advanced_subscriber(
+                    self._session, key, channel,
+                    history=ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
+                    recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
+                )  # fmt: skip
+            else:
+                subscriber = self._session.declare_subscriber(key, channel)
 
         def read() -> None:
             for sample in _received(subscriber.handler):
@@ -88,39 +89,39 @@ class ZenohBus(Bus):
         return self._keep(subscriber.undeclare)
 
     def serve(self, method: Method[Req, Rep], handler: Callable[[Req], Rep]) -> Registration:
-        self._check_open()
         key = method.key(self.robot)
+        with self._declaring(method.name):
+            queryable = self._session.declare_queryable(
+                key, zenoh.handlers.FifoChannel(QUEUE_DEPTH)
+            )
 
         # Threads of its own, so that slow methods (an action) keep no other (stop-now) waiting.
         pool = ThreadPoolExecutor(SERVE_THREADS, thread_name_prefix=f"serve {method.name}")
-        self._pools.append(pool)
+        told: set[str] = set()  # what went wrong with replies, once each
 
-        def answer(query: zenoh.Query) -> None:
-            with query:
-                try:
-                    data = query.payload.to_bytes() if query.payload is not None else b""
-                    reply = handler(request_of(method, data)).SerializeToString()
-                except Exception as error:
-                    if not isinstance(error, HeliosError):
-                        log.exception("the handler of %s failed", method.name)
-                    query.reply_err(
-                        error_to_proto(error).SerializeToString(), encoding=ERROR_ENCODING
-                    )
-                    return
-                for chunk, head in pieces_of(reply):
-                    query.reply(key, chunk, attachment=head)
-
-        queryable = self._session.declare_queryable(key, zenoh.handlers.FifoChannel(QUEUE_DEPTH))
+        def reply(query: zenoh.Query) -> None:
+            try:
+                answer(query, key, method, handler)
+            except zenoh.ZError as error:
+                if not self._closed and str(error) not in told:
+                    told.add(str(error))
+                    log.warning("a reply of %s could not be sent: %s", method.name, error)
 
         def accept() -> None:
             for query in _received(queryable.handler):
                 try:
-                    pool.submit(answer, query)
+                    pool.submit(reply, query)
                 except RuntimeError:  # the pool is shut down: the caller sees nobody answering
                     query.drop()
 
+        def undo() -> None:
+            try:
+                queryable.undeclare()
+            finally:
+                pool.shutdown(wait=False, cancel_futures=True)  # perhaps from a thread of its own
+
         self._start_reader(f"accept {method.name}", accept)
-        return self._keep(queryable.undeclare)
+        return self._keep(undo)
 
     def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
         deadline = time.monotonic() + min(timeout_s, DISCOVERY_S)
@@ -149,19 +150,18 @@ class ZenohBus(Bus):
             raise Unavailable(f"{method.name} could not be asked: {error}") from error
         except TimeoutError as error:
             raise DeadlineExceeded(f"{method.name} gave no answer in {timeout_s:g} s") from error
-        return None if data is None else method.reply.FromString(data)
+        return None if data is None else reply_of(method, data)
 
     def announce(self, service: str, instance: str) -> Registration:
-        self._check_open()
-        token = self._session.liveliness().declare_token(alive_key(self.robot, service, instance))
+        key = alive_key(self.robot, service, instance)
+        with self._declaring(f"{service} {instance}"):
+            token = self._session.liveliness().declare_token(key)
         return self._keep(token.undeclare)
 
     def watch(self, handler: LivelinessHandler) -> Registration:
-        self._check_open()
-
-        subscriber = self._session.liveliness().declare_subscriber(
-            alive_key(self.robot, "*", "*"), zenoh.handlers.FifoChannel(QUEUE_DEPTH), history=True
-        )
+        key, channel = alive_key(self.robot, "*", "*"), zenoh.handlers.FifoChannel(QUEUE_DEPTH)
+        with self._declaring("liveliness"):
+            subscriber = self._session.liveliness().declare_subscriber(key, channel, history=True)
 
         def read() -> None:
             for sample in _received(subscriber.handler):
@@ -179,13 +179,10 @@ class ZenohBus(Bus):
             if self._closed:
                 return
             self._closed = True
-        for pool in self._pools:
-            pool.shutdown(wait=False, cancel_futures=True)
-        for declared in reversed(self._mine):
-            declared.close()
+        self._mine.close()
         self._session.close()  # without it the process hangs at exit
         deadline = time.monotonic() + READERS_END_WITHIN_S
-        for reader in self._readers:
+        for reader in list(self._readers):
             if reader is not threading.current_thread():
                 reader.join(max(0.0, deadline - time.monotonic()))
 
@@ -195,7 +192,8 @@ class ZenohBus(Bus):
         ("exception not rethrown")."""
         reader = threading.Thread(target=read, name=name, daemon=True)
         reader.start()
-        self._readers.append(reader)
+        with self._lock:  # those of registrations that were closed have ended
+            self._readers = [*(r for r in self._readers if r.is_alive()), reader]
 
     def _publisher(self, topic: Topic) -> zenoh.Publisher | ext.AdvancedPublisher:
         with self._lock:
@@ -227,24 +225,24 @@ class ZenohBus(Bus):
             key, congestion_control=zenoh.CongestionControl.BLOCK
         )
 
-    def _keep(self, undeclare: Callable[[], None]) -> _Declared:
-        out = _Declared(undeclare)
-        self._mine.append(out)
+    @contextmanager
+    def _declaring(self, what: str) -> Iterator[None]:
+        self._check_open()
+        try:
+            yield
+        except zenoh.ZError as error:
+            raise Unavailable(f"{what} could not be declared: {error}") from error
+
+    def _keep(self, undo: Callable[[], None]) -> Registration:
+        out = self._mine.keep(undo)
+        if self._closed:  # meanwhile; whichever comes second takes it back
+            out.close()
+            self._check_open()
         return out
 
     def _check_open(self) -> None:
         if self._closed:
             raise Unavailable("the bus is closed")
-
-
-class _Declared:
-    def __init__(self, undeclare: Callable[[], None]) -> None:
-        self._undeclare: Callable[[], None] | None = undeclare
-
-    def close(self) -> None:
-        undeclare, self._undeclare = self._undeclare, None
-        if undeclare:
-            undeclare()
 
 
 def _received(channel: zenoh.Handler[T]) -> Iterator[T]:

@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+import logging
+import re
+from collections.abc import Callable, Iterator
 
 import zenoh
 from google.protobuf.message import DecodeError
 
 from helios_core import proto as pb
-from helios_core.errors import Internal, InvalidInput, error_from_proto
+from helios_core.errors import (
+    HeliosError,
+    Internal,
+    InvalidInput,
+    error_from_proto,
+    error_to_proto,
+)
 from helios_core.topics import Method, Rep, Req
+
+log = logging.getLogger(__name__)
 
 CHUNK_BYTES = 512 * 1024  # larger replies are cut: one 30 MB reply closed a slow transport
 ERROR_ENCODING = "application/protobuf;helios.v1.Error"
+HEAD = re.compile(rb"([0-9]{1,9})/([0-9]{1,9})/(-|[0-9a-f]{16})")  # see `pieces_of`
 
 
 def request_of(method: Method[Req, Rep], data: bytes) -> Req:
@@ -27,6 +38,35 @@ def request_of(method: Method[Req, Rep], data: bytes) -> Req:
         ) from error
 
 
+def reply_of(method: Method[Req, Rep], data: bytes) -> Rep:
+    """What was answered. Raises Internal for other bytes."""
+    try:
+        return method.reply.FromString(data)
+    except DecodeError as error:
+        raise Internal(
+            f"the {len(data)} bytes that {method.name} answered are no "
+            f"{method.reply.DESCRIPTOR.full_name}; run one version of HELIOS everywhere"
+        ) from error
+
+
+def answer(
+    query: zenoh.Query, key: str, method: Method[Req, Rep], handler: Callable[[Req], Rep]
+) -> None:
+    """Reply with what the handler returns or raises. Raises zenoh.ZError when no reply can be
+    sent."""
+    with query:
+        try:
+            data = query.payload.to_bytes() if query.payload is not None else b""
+            reply = handler(request_of(method, data)).SerializeToString()
+        except Exception as error:
+            if not isinstance(error, HeliosError):
+                log.exception("the handler of %s failed", method.name)
+            query.reply_err(error_to_proto(error).SerializeToString(), encoding=ERROR_ENCODING)
+            return
+        for piece, head in pieces_of(reply):
+            query.reply(key, piece, attachment=head)
+
+
 def pieces_of(data: bytes) -> Iterator[tuple[bytes, str]]:
     """Pieces of at most CHUNK_BYTES with `index/count/hash of the whole`."""
     count = max(1, -(-len(data) // CHUNK_BYTES))
@@ -38,7 +78,8 @@ def pieces_of(data: bytes) -> Iterator[tuple[bytes, str]]:
 def assembled(method: Method, replies: zenoh.Handler[zenoh.Reply]) -> bytes | None:
     """The whole reply; None when nothing came.
 
-    Raises the typed error that was answered, and TimeoutError.
+    Raises the typed error that was answered, TimeoutError, and Internal for pieces that are
+    missing or are none.
     """
     parts: dict[int, bytes] = {}
     count, digest = 0, "-"
@@ -51,10 +92,9 @@ def assembled(method: Method, replies: zenoh.Handler[zenoh.Reply]) -> bytes | No
         sample = reply.ok
         if sample is None:
             continue
-        head = sample.attachment.to_string() if sample.attachment is not None else "0/1/-"
-        index, total, digest = head.split("/")
-        count = int(total)
-        parts[int(index)] = sample.payload.to_bytes()
+        head = sample.attachment.to_bytes() if sample.attachment is not None else b"0/1/-"
+        index, count, digest = _head(method, head)
+        parts[index] = sample.payload.to_bytes()
     if not parts:
         return None
     data = b"".join(parts[i] for i in sorted(parts))
@@ -65,3 +105,15 @@ def assembled(method: Method, replies: zenoh.Handler[zenoh.Reply]) -> bytes | No
             "again, the link loses data"
         )
     return data
+
+
+def _head(method: Method, head: bytes) -> tuple[int, int, str]:
+    """(index, count, hash) of one piece."""
+    found = HEAD.fullmatch(head)
+    if found is None or int(found[1]) >= int(found[2]):
+        shown = head[:40].decode(errors="replace")
+        raise Internal(
+            f"{method.name} answered with the attachment “{shown}” where `index/count/hash` of a "
+            "piece was wanted; see who else serves it, and run one version of HELIOS everywhere"
+        )
+    return int(found[1]), int(found[2]), found[3].decode()

@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
-import zenoh
 from helios_core import proto as pb
-from helios_core.bus import Bus
-from helios_core.errors import (
-    Conflict,
-    DeadlineExceeded,
-    Internal,
-    InvalidInput,
-    Unavailable,
-    error_from_proto,
-)
-from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.bus import Bus, Registration
+from helios_core.errors import Conflict, DeadlineExceeded, Internal, InvalidInput, Unavailable
+from helios_core.memory_bus import MemoryBus
 from helios_core.topics import (
     ACT,
     ANY_STATUS,
@@ -34,51 +23,10 @@ from helios_core.topics import (
     status_topic,
 )
 from helios_core.zenoh_bus import SERVE_THREADS, ZenohBus
-from helios_core.zenoh_config import client_config
 
-from tests.support import ENDS_WITHIN_S, free_port, wait_until
+from tests.support import wait_until
 
-MakeBus = Callable[..., Bus]
-
-
-@pytest.fixture(scope="module")
-def router() -> Iterator[str]:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    process = subprocess.Popen([sys.executable, "-m", "helios_core.router", "--listen", endpoint])
-    yield endpoint
-    process.terminate()
-    assert process.wait(ENDS_WITHIN_S) == 0
-
-
-@pytest.fixture(params=["memory", "zenoh"])
-def make_bus(request: pytest.FixtureRequest, router: str) -> Iterator[MakeBus]:
-    made: list[Bus] = []
-    hub = MemoryHub()
-
-    def make(robot: str = f"r{time.monotonic_ns()}") -> Bus:
-        if request.param == "memory":
-            made.append(MemoryBus(hub, robot))
-        else:
-            made.append(_open(router, robot))
-        return made[-1]
-
-    yield make
-    for bus in made:
-        bus.close()
-
-
-def _open(router: str, robot: str) -> ZenohBus:
-    opened: list[ZenohBus] = []
-
-    def try_open() -> bool:
-        try:
-            opened.append(ZenohBus(router, robot))
-        except Unavailable:
-            return False
-        return True
-
-    wait_until(try_open, 30, "the router answers")
-    return opened[0]
+MakeBus = Callable[[str], Bus]
 
 
 def _frame(seq: int, size: int = 0) -> pb.Frame:
@@ -254,39 +202,6 @@ def test_a_closed_bus_says_so(make_bus: MakeBus) -> None:
         bus.publish(CONTEXT, pb.SearchContext())
 
 
-def test_bytes_that_are_no_request_are_refused_as_invalid(router: str) -> None:
-    bus = _open(router, "r")
-    try:
-        bus.serve(GET_TASK, lambda request: pb.Task(id=request.id))
-        wait_until(lambda: bus.call(GET_TASK, pb.TaskRequest(id="a"), 5).id == "a", 5, "it serves")
-        session = zenoh.open(client_config(router))
-        try:
-            (reply,) = session.get(GET_TASK.key("r"), payload=b"\xff" * 50)
-            assert reply.err is not None
-            error = error_from_proto(pb.Error.FromString(reply.err.payload.to_bytes()))
-        finally:
-            session.close()
-        assert isinstance(error, InvalidInput)
-        assert "50 bytes" in error.message
-    finally:
-        bus.close()
-
-
-def test_a_retained_topic_is_heard_from_an_ordinary_publisher_too(router: str) -> None:
-    bus, got = _open(router, "r"), []
-    session = zenoh.open(client_config(router))
-    try:
-        bus.subscribe(CONTEXT, got.append)
-        data = pb.SearchContext(id="plain").SerializeToString()
-        wait_until(
-            lambda: session.put(CONTEXT.key("r"), data) or bool(got), 5, "the message is heard"
-        )
-        assert got[0].id == "plain"
-    finally:
-        session.close()
-        bus.close()
-
-
 def test_slow_calls_of_one_method_keep_no_other_waiting(make_bus: MakeBus) -> None:
     a, b = make_bus("r"), make_bus("r")
     if not isinstance(b, ZenohBus):
@@ -315,20 +230,77 @@ def test_slow_calls_of_one_method_keep_no_other_waiting(make_bus: MakeBus) -> No
             asker.join()
 
 
-def test_closing_waits_for_every_thread_that_a_bus_started(router: str) -> None:
-    """Whoever declares them: the threads of a daemon thread are daemons, and would be killed."""
-    before, bus = set(threading.enumerate()), ZenohBus(router, f"r{time.monotonic_ns()}")
+def _all_kinds(bus: Bus) -> list[Registration]:
+    return [
+        bus.subscribe(CONTEXT, lambda _: None),
+        bus.serve(GET_TASK, lambda request: pb.Task(id=request.id)),
+        bus.announce("planner", "1"),
+        bus.watch(lambda *_: None),
+    ]
 
-    def declare() -> None:
-        bus.serve(STOP, lambda _: pb.Empty())
-        bus.subscribe(FRAME, lambda _: None)
-        bus.watch(lambda *_: None)
 
-    declarer = threading.Thread(target=declare, daemon=True)
-    declarer.start()
-    declarer.join(10)
-    started = set(threading.enumerate()) - before
-    assert len(started) == 3
-    assert started <= set(bus._readers)
-    bus.close()
-    wait_until(lambda: not any(thread.is_alive() for thread in started), 5, "they end")
+def test_what_is_declared_and_taken_back_leaves_nothing(make_bus: MakeBus) -> None:
+    asker, bus = make_bus("r"), make_bus("r")
+    before = set(threading.enumerate())
+    for _ in range(3):
+        registrations = _all_kinds(bus)
+        assert asker.call(GET_TASK, pb.TaskRequest(id="7"), 5).id == "7"
+        for registration in registrations * 2:  # a second time does nothing
+            registration.close()
+    wait_until(lambda: set(threading.enumerate()) <= before, 5, "its threads end")
+    assert isinstance(bus, ZenohBus | MemoryBus)
+    assert len(bus._mine) == 0
+    bus.subscribe(CONTEXT, lambda _: None)
+    assert len(bus._mine) == 1
+    if isinstance(bus, ZenohBus):
+        assert len(bus._readers) == 1
+
+
+def test_a_handler_may_take_itself_back(make_bus: MakeBus) -> None:
+    a, b = make_bus("r"), make_bus("r")
+    mine: list[Registration] = []
+    heard: list[int] = []
+
+    def once(message: pb.Ack) -> None:
+        mine[0].close()
+        heard.append(message.version)
+
+    def last(request: pb.TaskRequest) -> pb.Task:
+        mine[1].close()
+        return pb.Task(id=request.id)
+
+    mine += [b.subscribe(OBJECTMAP_ACK, once), b.serve(GET_TASK, last)]
+    wait_until(lambda: a.publish(OBJECTMAP_ACK, pb.Ack()) or bool(heard), 5, "the two are joined")
+    assert a.call(GET_TASK, pb.TaskRequest(id="7"), 5).id == "7"
+    with pytest.raises(Unavailable, match="nobody serves"):
+        a.call(GET_TASK, pb.TaskRequest(id="8"), 5)
+    assert isinstance(b, ZenohBus | MemoryBus)
+    assert len(b._mine) == 0
+
+
+def test_registrations_and_their_bus_may_close_at_once(make_bus: MakeBus) -> None:
+    bus = make_bus("r")
+    registrations = _all_kinds(bus)
+    faults: list[BaseException] = []
+
+    def run(close: Callable[[], None]) -> None:
+        try:
+            close()
+        except BaseException as fault:
+            faults.append(fault)
+
+    closers = [threading.Thread(target=run, args=(it.close,)) for it in (*registrations, bus) * 2]
+    for closer in closers:
+        closer.start()
+    for closer in closers:
+        closer.join(10)
+    assert faults == []
+    assert not any(closer.is_alive() for closer in closers)
+    for declare in (
+        lambda: bus.subscribe(CONTEXT, lambda _: None),
+        lambda: bus.serve(STOP, lambda _: pb.Empty()),
+        lambda: bus.announce("planner", "1"),
+        lambda: bus.watch(lambda *_: None),
+    ):
+        with pytest.raises(Unavailable, match="closed"):
+            declare()

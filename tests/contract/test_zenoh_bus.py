@@ -1,0 +1,118 @@
+"""What is true of the bus over Zenoh alone: its threads, and strangers on its router."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+
+import pytest
+import zenoh
+from helios_core import proto as pb
+from helios_core import zenoh_messages
+from helios_core.errors import Internal, InvalidInput, Unavailable, error_from_proto
+from helios_core.topics import CONTEXT, FRAME, GET_TASK, STOP
+from helios_core.zenoh_bus import ZenohBus
+
+from tests.support import wait_until
+
+GET = GET_TASK.key("r")
+
+
+def _task(request: pb.TaskRequest) -> pb.Task:
+    return pb.Task(id=request.id)
+
+
+def test_bytes_that_are_no_request_are_refused_as_invalid(
+    zenoh_bus: ZenohBus, session: zenoh.Session
+) -> None:
+    bus = zenoh_bus
+    bus.serve(GET_TASK, _task)
+    wait_until(lambda: bus.call(GET_TASK, pb.TaskRequest(id="a"), 5).id == "a", 5, "it serves")
+    (reply,) = session.get(GET, payload=b"\xff" * 50)
+    assert reply.err is not None
+    error = error_from_proto(pb.Error.FromString(reply.err.payload.to_bytes()))
+    assert isinstance(error, InvalidInput)
+    assert "50 bytes" in error.message
+
+
+@pytest.mark.parametrize(
+    "head", ["", "x", "1/2", "a/b/c", "0/1/-/-", "3/2/-", "0/0/-", b"\xff/1/-"]
+)
+def test_a_reply_that_is_no_piece_of_ours_is_an_internal_error(
+    zenoh_bus: ZenohBus, session: zenoh.Session, head: str | bytes
+) -> None:
+    session.declare_queryable(GET, lambda query: query.reply(GET, b"", attachment=head))
+    with pytest.raises(Internal, match="index/count/hash"):
+        zenoh_bus.call(GET_TASK, pb.TaskRequest(), 5)
+
+
+def test_bytes_that_are_no_reply_are_an_internal_error(
+    zenoh_bus: ZenohBus, session: zenoh.Session
+) -> None:
+    session.declare_queryable(GET, lambda query: query.reply(GET, b"\xff" * 50))
+    with pytest.raises(Internal, match=r"50 bytes that planner/get answered"):
+        zenoh_bus.call(GET_TASK, pb.TaskRequest(), 5)
+
+
+def test_replies_that_cannot_be_sent_are_told_once(
+    zenoh_bus: ZenohBus, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    asked: list[bytes] = []
+
+    def no_way(data: bytes) -> list[tuple[bytes, str]]:
+        asked.append(data)
+        raise zenoh.ZError("no way out")
+
+    monkeypatch.setattr(zenoh_messages, "pieces_of", no_way)
+    zenoh_bus.serve(GET_TASK, _task)
+    with caplog.at_level(logging.WARNING), pytest.raises(Unavailable, match="nobody serves"):
+        zenoh_bus.call(GET_TASK, pb.TaskRequest(), 5)
+    assert len(asked) > 1
+    told = [record.getMessage() for record in caplog.records]
+    assert told == ["a reply of planner/get could not be sent: no way out"]
+
+
+def test_a_retained_topic_is_heard_from_an_ordinary_publisher_too(
+    zenoh_bus: ZenohBus, session: zenoh.Session
+) -> None:
+    got: list[pb.SearchContext] = []
+    zenoh_bus.subscribe(CONTEXT, got.append)
+    data = pb.SearchContext(id="plain").SerializeToString()
+    wait_until(lambda: session.put(CONTEXT.key("r"), data) or bool(got), 5, "the message is heard")
+    assert got[0].id == "plain"
+
+
+def test_closing_waits_for_every_thread_that_a_bus_started(zenoh_bus: ZenohBus) -> None:
+    """Whoever declares them: the threads of a daemon thread are daemons, and would be killed."""
+    before, bus = set(threading.enumerate()), zenoh_bus
+
+    def declare() -> None:
+        bus.serve(STOP, lambda _: pb.Empty())
+        bus.subscribe(FRAME, lambda _: None)
+        bus.watch(lambda *_: None)
+
+    declarer = threading.Thread(target=declare, daemon=True)
+    declarer.start()
+    declarer.join(10)
+    started = set(threading.enumerate()) - before
+    assert len(started) == 3
+    assert started <= set(bus._readers)
+    bus.close()
+    wait_until(lambda: not any(thread.is_alive() for thread in started), 5, "they end")
+
+
+def test_a_bus_that_closes_while_something_is_declared_takes_it_back(
+    zenoh_bus: ZenohBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start, before = zenoh_bus._start_reader, set(threading.enumerate())
+
+    def closes_meanwhile(name: str, read: Callable[[], None]) -> None:
+        start(name, read)
+        zenoh_bus.close()
+
+    monkeypatch.setattr(zenoh_bus, "_start_reader", closes_meanwhile)
+    with pytest.raises(Unavailable, match="closed"):
+        zenoh_bus.serve(STOP, lambda _: pb.Empty())
+    assert len(zenoh_bus._mine) == 0
+    wait_until(lambda: set(threading.enumerate()) <= before, 5, "its threads end")
