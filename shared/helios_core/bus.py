@@ -19,7 +19,8 @@ from helios_core.topics import M, Method, Rep, Req, Topic
 
 
 class Registration(Protocol):
-    """Something that was declared and can be taken back."""
+    """Something that was declared and can be taken back: from any thread, also from inside its own
+    handler, and a second time without effect. Calls that wait for their turn are not answered."""
 
     def close(self) -> None: ...
 
