@@ -186,7 +186,9 @@ class Maps:
         if reply.unchanged and known is not None:
             return known
         if reply.cell_m <= 0:
-            raise Unavailable("the map is empty: no keyframe has come yet")
+            raise Unavailable(
+                "the map is empty: no keyframe has come yet; give the robot a task, or send a frame"
+            )
         try:
             self._snapshot = decode_snapshot(reply)
         except InvalidInput as error:

@@ -18,6 +18,7 @@ from helios_map2d.wire import EncodedOnce
 
 DEFAULT_PICTURE_PX = 1024
 DEFAULT_COMFORT_M = 0.5
+EMPTY_MAP = "the map is empty: no keyframe has come yet; give the robot a task, or send a frame"
 
 
 class Answers:
@@ -94,7 +95,7 @@ def known(maps: EpochMaps | None) -> MapSnapshot:
     """The newest version with something in it. Raises Unavailable when there is none."""
     published = published_of(maps)
     if published is None or published.empty:
-        raise Unavailable("the map is empty: no keyframe has come yet")
+        raise Unavailable(EMPTY_MAP)
     return published
 
 

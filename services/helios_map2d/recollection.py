@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import threading
 from collections.abc import Callable, Sequence
 
@@ -12,8 +13,10 @@ from helios_core.errors import Conflict, HeliosError, InvalidInput, Unavailable
 from helios_core.topics import EMBED_TEXT
 from helios_core.types import SearchContext
 
+from helios_map2d.answers import EMPTY_MAP
 from helios_map2d.epochs import EpochMaps
 from helios_map2d.memory import SeenView
+from helios_map2d.picture import OCCUPANCY
 from helios_map2d.recall import (
     Question,
     as_layer,
@@ -30,6 +33,7 @@ log = logging.getLogger(__name__)
 
 EMBED_WITHIN_S = 10.0
 DEFAULT_PLACES, MOST_PLACES = 5, 50
+LAYER_NAME = re.compile(r"[A-Za-z0-9_.-]{1,40}")  # as it stands in addresses and file names
 
 
 class Recollection:
@@ -39,19 +43,27 @@ class Recollection:
     """
 
     def __init__(
-        self, bus: Bus, lock: threading.RLock, maps: Callable[[], EpochMaps | None]
+        self,
+        bus: Bus,
+        lock: threading.RLock,
+        maps: Callable[[], EpochMaps | None],
+        search: Callable[[], pb.SearchContext | None],
     ) -> None:
-        self._bus, self._lock, self._maps = bus, lock, maps
+        """search: the one that is under way, whose layers are not for others to write."""
+        self._bus, self._lock, self._maps, self._search = bus, lock, maps, search
 
     def recall(self, request: pb.RecallRequest) -> pb.RecallReply:
         """Where a prompt was seen, and its value layer if one is asked for.
 
         Views are asked through the scorer's image-text model; where there is none, by the names
         that the detector gave in them, and the reply's note says why. A layer needs the model.
-        Raises Unavailable when no view was kept.
+        Raises Unavailable when no view was kept, InvalidInput for an empty prompt or a name that no
+        layer can have.
         """
         if not request.prompt.strip():
             raise InvalidInput("an empty prompt was asked; send what is looked for")
+        if request.layer:
+            self._check_name(request.layer)
         state, views = self._views()
         if not views:
             raise Unavailable(
@@ -64,7 +76,9 @@ class Recollection:
             question = self._question(views, request.prompt)
         except HeliosError as error:
             if request.layer:
-                raise
+                raise type(error)(
+                    f"no value layer can be made of {request.prompt[:80]!r}: {error.message}"
+                ) from error
             answers, asked = by_name(views, request.prompt), sum(bool(v.named) for v in views)
             note = f"past views were asked by the detector's names alone: {error.message}"
         else:
@@ -87,17 +101,31 @@ class Recollection:
         except HeliosError as error:
             log.info("search %.60s begins without the past: %s", context.id, error.message)
 
+    def _check_name(self, layer: str) -> None:
+        """Raises InvalidInput for a layer's name that is not to be had."""
+        if not LAYER_NAME.fullmatch(layer):
+            raise InvalidInput(
+                f"no value layer can be called {layer[:80]!r}: send up to 40 letters, digits, "
+                "'.', '_' or '-'"
+            )
+        search = self._search()
+        if layer == OCCUPANCY or (search is not None and layer in search.prompts):
+            whose = "the ground's" if layer == OCCUPANCY else "the present search's"
+            raise InvalidInput(f"the name {layer!r} is {whose}; give the layer another one")
+
     def _views(self) -> tuple[MapState, tuple[SeenView, ...]]:
         with self._lock:
             maps = self._maps()
             if maps is None or maps.current is None:
-                raise Unavailable("the map is empty: no keyframe has come yet")
+                raise Unavailable(EMPTY_MAP)
             return maps.current, maps.current.memory.snapshot()
 
     def _question(self, views: Sequence[SeenView], prompt: str) -> Question:
         """Raises Unavailable where no view has been embedded, and what the detector says."""
         if all(view.embedding is None for view in views):
-            raise Unavailable("the detector's scorer does not embed images")
+            raise Unavailable(
+                "the detector's scorer does not embed images (docs/models.md tells which ones do)"
+            )
         (question,) = self._questions([prompt])
         return question
 

@@ -69,7 +69,9 @@ class Map2DService:
         self._holding = False
         self._answers = Answers(lambda: self._maps)
         self._keeping = Keeping(settings, self._lock, lambda: self._maps, self._say)
-        self._recollection = Recollection(bus, self._lock, lambda: self._maps)
+        self._recollection = Recollection(
+            bus, self._lock, lambda: self._maps, lambda: self._context
+        )
         bus.subscribe(CONTEXT, self.on_context)
         bus.subscribe(ROBOT_DESCRIPTION, self.on_description)
         bus.subscribe(ROBOT_STATE, self.on_robot_state)

@@ -97,6 +97,15 @@ def test_a_recalled_layer_is_kept_under_its_name() -> None:
     assert all("tea" in values for values in frontier_values)
 
 
+@pytest.mark.parametrize("layer", ["occupancy", "pick", "a/b", "a b", "x" * 41, ".." * 30])
+def test_a_recalled_layer_takes_no_name_that_is_taken_or_fits_no_address(layer: str) -> None:
+    house = asked_from_the_start()
+    before = house.snapshot().version
+    with pytest.raises(InvalidInput, match="layer"):
+        house.bus.call(RECALL, pb.RecallRequest(prompt="a teapot", layer=layer), 5)
+    assert house.snapshot().version == before
+
+
 def test_without_views_or_without_a_text_model_the_question_is_refused_with_what_to_do() -> None:
     house = House()
     with pytest.raises(Unavailable, match="no keyframe"):
@@ -110,8 +119,8 @@ def test_without_views_or_without_a_text_model_the_question_is_refused_with_what
     reply = house.bus.call(RECALL, pb.RecallRequest(prompt="a mug"), 5)
     assert (len(reply.places), reply.views) == (0, 0)
     assert "names alone" in reply.note
-    with pytest.raises(Unavailable):
-        house.bus.call(RECALL, pb.RecallRequest(prompt="a mug", layer="mug"), 5)
+    with pytest.raises(Unavailable, match="no value layer can be made of 'a mug'"):
+        house.bus.call(RECALL, pb.RecallRequest(prompt="a mug", layer="mug-2"), 5)
     house.search("second", PROMPTS)  # and a search begins all the same
     assert house.snapshot().context_id == "second"
 
