@@ -12,6 +12,7 @@ from helios_map2d.sheet import (
     FRONTIER_RGB,
     INK_RGB,
     KNOWN_BEFORE_RGB,
+    LOW_RGB,
     PATH_RGB,
     TALL_RGB,
     TRAIL_RGB,
@@ -39,6 +40,7 @@ def draw_foot(sheet: Sheet, layer: str, values: tuple[float, float] | None) -> N
         ("free", FREE_RGB),
         ("seen before", KNOWN_BEFORE_RGB),
         ("obstacle", TALL_RGB),
+        ("low one", LOW_RGB),
         ("unknown", UNKNOWN_RGB),
         ("frontier", FRONTIER_RGB),
         ("out of reach", BEYOND_RGB),
@@ -58,7 +60,7 @@ def draw_foot(sheet: Sheet, layer: str, values: tuple[float, float] | None) -> N
         u += wide + 8
         sheet.text(f"{hi:.2f}", (u, base))
         u += sheet.text_width(f"{hi:.2f}") + 18
-        entries = entries[4:]  # the ground lies under the values
+        entries = entries[5:]  # the ground lies under the values
     for name, colour in entries:
         end = u + 18 + sheet.text_width(name)
         if end > bar - 8:

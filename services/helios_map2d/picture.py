@@ -39,6 +39,7 @@ from helios_map2d.snapshot import MapSnapshot, about
 
 OCCUPANCY = "occupancy"
 MIN_PX, MAX_PX = 128, 4096
+MOST_VALUES = 2  # beside a frontier; a layer's own picture has each
 PNG_HEAD = 33  # bytes of the signature and of the first chunk, IHDR
 
 
@@ -153,7 +154,8 @@ def _draw_frontier_centres(sheet: Sheet, snapshot: MapSnapshot, layer: str) -> l
         cv2.circle(sheet.pixels, (u, v), radius + sheet.line_px, (255, 255, 255), -1, cv2.LINE_AA)
         cv2.circle(sheet.pixels, (u, v), radius, colour, -1, cv2.LINE_AA)
         shown = frontier.values if layer == OCCUPANCY else {layer: frontier.values.get(layer, 0.0)}
-        label = " ".join(f"{name} {value:.2f}" for name, value in shown.items())
+        first = list(shown.items())[:MOST_VALUES]
+        label = " ".join(f"{name} {value:.2f}" for name, value in first)
         if label:
             labels.append(_Label(label, (u - radius, v - radius, u + radius, v + radius)))
     return labels
