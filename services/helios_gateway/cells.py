@@ -37,13 +37,19 @@ def layer_maximum(view: MapView, layer: str) -> float:
 
 
 def occupancy_npz(view: MapView) -> bytes:
-    """`occupancy` int8 (-1 unknown, 0 free, 100 occupied), `explored` uint8, `top_m` float32."""
+    """`occupancy` int8 (-1 unknown, 0 free, 100 occupied), `explored` uint8, `top_m` float32, the
+    walk, and of each frontier number, centre, length and whether the robot can get there."""
+    frontiers = view.frontiers
     return _npz(
         view,
         occupancy=view.occupancy,
         explored=view.explored.astype(np.uint8),
         top_m=view.top_m,
         trajectory_m=view.trajectory_m,
+        frontier_id=np.array([f.id for f in frontiers], np.uint64),
+        frontier_center_m=np.array([(f.x_m, f.y_m) for f in frontiers], np.float64).reshape(-1, 2),
+        frontier_size_m=np.array([f.size_m for f in frontiers], np.float64),
+        frontier_reachable=np.array([f.reachable for f in frontiers], np.bool_),
     )
 
 

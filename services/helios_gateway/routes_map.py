@@ -56,7 +56,11 @@ def map_routes(prefix: str) -> APIRouter:
         "/map/occupancy.npz",
         summary="Arrays of the occupancy",
         response_class=Response,
-        responses=content_docs(NPZ, "occupancy, explored, top_m, trajectory_m, origin_m, cell_m"),
+        responses=content_docs(
+            NPZ,
+            "occupancy, explored, top_m, trajectory_m, frontier_id, frontier_center_m, "
+            "frontier_size_m, frontier_reachable, origin_m, cell_m, robot_pose",
+        ),
     )
     def occupancy_npz(at: At, request: Request) -> Response:
         """NumPy archive; rows along world y from the origin upwards, columns along x."""

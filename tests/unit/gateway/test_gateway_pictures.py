@@ -34,6 +34,11 @@ def test_the_occupancy_arrives_as_arrays_with_its_place(
         assert file["occupancy"].shape == file["explored"].shape == (140, 180)
         assert file["cell_m"] == 0.05
         assert file["origin_m"].tolist() == [0.0, 0.0]
+        told = client.get("/v1/map/frontiers").json()["frontiers"]
+        assert told
+        assert file["frontier_id"].tolist() == [f["id"] for f in told]
+        assert file["frontier_center_m"].tolist() == [f["center_m"] for f in told]
+        assert file["frontier_reachable"].tolist() == [f["reachable"] for f in told]
     with np.load(io.BytesIO(client.get("/v1/map/value/pick.npz").content)) as file:
         assert file["value"].dtype == np.float32
         row, column = np.unravel_index(file["value"].argmax(), file["value"].shape)
