@@ -63,7 +63,8 @@ def _tell(error: Exception) -> int:
         if sentence.startswith("Usage:"):  # a group without a command
             print(sentence, file=sys.stderr)
         elif sentence:
-            print(f"helios: {sentence}; see helios --help", file=sys.stderr)
+            command = getattr(getattr(error, "ctx", None), "command_path", None) or "helios"
+            print(f"helios: {sentence}; see {command} --help", file=sys.stderr)
         return 2
     if type(error).__name__ == "Abort":  # what the parser makes of Ctrl-C
         return _interrupted()
