@@ -66,7 +66,8 @@ class EpochMaps:
     def state_for(self, frame: Frame) -> MapState:
         """The map that a frame belongs to; starts one when its epoch is new.
 
-        Raises Conflict for an epoch that is over, InvalidInput for a pose that can't start a map.
+        Raises Conflict for an epoch that is over, InvalidInput for a frame that can't start a map:
+        one that is refused parks nothing.
         """
         key = EpochKey.of(frame.id)
         if self.current is not None and key == self.key:
@@ -90,6 +91,7 @@ class EpochMaps:
         fresh = MapState(
             self.rules, (base[0, 3], base[1, 3]), self.footprint_radius_m, self.version
         )
+        fresh.check(frame)
         if self._context is not None:
             fresh.reset_search(self._context)
         if self.current is not None and self.key is not None:

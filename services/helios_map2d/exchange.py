@@ -12,10 +12,12 @@ import math
 
 import cv2
 import numpy as np
+from helios_core.codec.frames import FARTHEST_M
 from helios_core.errors import InvalidInput
+from numpy.typing import NDArray
 
+from helios_map2d.content import MapContent, check_cell
 from helios_map2d.grid import GridSpec
-from helios_map2d.kept import MapContent
 from helios_map2d.occupancy import FREE, OCCUPIED, UNKNOWN
 from helios_map2d.snapshot import MapSnapshot, about, decode_npz, ground_of
 
@@ -58,23 +60,29 @@ def decode_ros(about: bytes, picture: bytes, cell_m: float, version: int) -> Map
         free = float(meta["free_thresh"][0])
     except (KeyError, IndexError, ValueError) as error:
         raise InvalidInput(
-            f"this is no map_server YAML with resolution, origin and thresholds: {error}"
+            f"this is no map_server YAML ({error}): wanted resolution, origin [x, y, yaw], "
+            "occupied_thresh and free_thresh; send the one that map_saver wrote beside the picture"
         ) from error
     if not all(map(math.isfinite, (resolution, x_m, y_m, yaw_rad, occupied, free))):
-        raise InvalidInput("the map_server YAML has numbers that are not finite")
-    if abs(resolution - cell_m) > 1e-6:
+        raise InvalidInput("the map_server YAML has numbers that are not finite: write them anew")
+    check_cell(resolution, cell_m)
+    if abs(yaw_rad) > 1e-6:
         raise InvalidInput(
-            f"the map has cells of {resolution} m, this service {cell_m} m: start it with "
-            f"HELIOS_MAP2D_CELL_M={resolution}"
+            f"the map's origin is turned by {yaw_rad} rad, wanted 0: turn the picture before you "
+            "load it"
         )
-    if abs(yaw_rad) > 1e-6 or mode not in ("trinary", "scale"):
+    if mode not in ("trinary", "scale") or negate not in (0, 1) or not 0 <= free < occupied <= 1:
         raise InvalidInput(
-            f"the map's origin is turned by {yaw_rad} rad and its mode is {mode!r}; wanted 0 and "
-            "trinary: turn the picture before you load it"
+            f"the map_server YAML has mode {mode[:40]!r}, negate {negate}, free_thresh {free} and "
+            f"occupied_thresh {occupied}; wanted trinary or scale, 0 or 1, and thresholds from 0 "
+            "to 1, that of free the lower: write them anew"
         )
-    grey = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_GRAYSCALE)
-    if grey is None or grey.size == 0 or grey.size > MOST_CELLS:
-        raise InvalidInput(f"these {len(picture)} bytes are no picture of a map")
+    if max(abs(x_m), abs(y_m)) > FARTHEST_M:
+        raise InvalidInput(
+            f"the map's origin is at ({x_m:g}, {y_m:g}) m, wanted within {FARTHEST_M:g} m: correct "
+            "it in the YAML"
+        )
+    grey = _picture(picture)
     share = (grey[::-1] if negate else 255 - grey[::-1].astype(np.float32)) / 255.0
     occupancy = np.full(grey.shape, UNKNOWN, np.int8)
     occupancy[share < free] = FREE
@@ -85,6 +93,20 @@ def decode_ros(about: bytes, picture: bytes, cell_m: float, version: int) -> Map
     tall = np.where(occupancy == OCCUPIED, np.float32(1.5), nothing)
     ground = ground_of(grid, version + 1, occupancy, occupancy != UNKNOWN, nothing, tall)
     return MapContent(None, 0, "", dict(ground), {}, None, np.empty((0, 2)), (), {}, 1)
+
+
+def _picture(data: bytes) -> NDArray[np.uint8]:
+    """Grey [rows, columns]. Raises InvalidInput for what is no whole picture, or too large."""
+    try:
+        grey = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
+    except cv2.error:  # nothing came, or its head promises far too much
+        grey = None
+    if grey is None or grey.size == 0 or grey.size > MOST_CELLS:
+        raise InvalidInput(
+            f"these {len(data)} bytes are no picture of a map of up to {MOST_CELLS} cells: send "
+            "the whole .pgm or .png that the YAML names"
+        )
+    return np.asarray(grey, np.uint8)
 
 
 def flat_yaml(text: str) -> dict[str, list[str]]:
@@ -106,11 +128,7 @@ def flat_yaml(text: str) -> dict[str, list[str]]:
 def decode_exported(data: bytes, cell_m: float, version: int) -> MapContent:
     """A map of what `encode_npz` wrote. Raises InvalidInput for anything else."""
     snapshot = decode_npz(data, version + 1)
-    if abs(snapshot.grid.cell_m - cell_m) > 1e-9:
-        raise InvalidInput(
-            f"the map has cells of {snapshot.grid.cell_m} m, this service {cell_m} m: start it "
-            f"with HELIOS_MAP2D_CELL_M={snapshot.grid.cell_m}"
-        )
+    check_cell(snapshot.grid.cell_m, cell_m)
     return MapContent(
         snapshot.frame_id, snapshot.stamp_ns, snapshot.context_id,
         dict(snapshot.ground), {name: dict(tiles) for name, tiles in snapshot.layers.items()},

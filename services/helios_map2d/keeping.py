@@ -182,6 +182,10 @@ def areas_m2(published: MapSnapshot) -> tuple[float, float]:
 def loaded(request: pb.LoadMap2DRequest, maps: EpochMaps) -> MapState:
     """The map of some files. Raises InvalidInput when they cannot be used."""
     by_ending = {PurePosixPath(f.name).suffix.lower(): f.data for f in request.files}
+    if len(by_ending) < len(request.files):
+        raise InvalidInput(
+            f"{len(request.files)} files came, some of one kind: send one map at a time"
+        )
     rules, version = maps.rules, maps.version
     if set(by_ending) == {".map"}:
         return decode_map(by_ending[".map"], rules, maps.footprint_radius_m, version)[0]

@@ -12,7 +12,6 @@ import logging
 import os
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +19,9 @@ from google.protobuf.message import DecodeError
 from helios_core import proto as pb
 from helios_core.codec import frame_id_from_proto, frame_id_to_proto
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
-from helios_core.types import FrameId
 from numpy.typing import NDArray
 
+from helios_map2d.content import MapContent, check_cell, check_content
 from helios_map2d.epochs import EpochKey
 from helios_map2d.frontiers import Frontier
 from helios_map2d.grid import TILE, Tile
@@ -30,7 +29,7 @@ from helios_map2d.memory import SeenView, read_view
 from helios_map2d.rules import MapRules
 from helios_map2d.snapshot import MapSnapshot
 from helios_map2d.state import MapState
-from helios_map2d.tiles import GroundTile, ValueTile, read_ground, read_values
+from helios_map2d.tiles import ValueTile, read_ground, read_values
 from helios_map2d.trajectory import Trajectory
 
 log = logging.getLogger(__name__)
@@ -82,10 +81,11 @@ def decode_map(
         message = pb.KeptMap.FromString(data[start:])
     except DecodeError as error:
         raise InvalidInput(f"the map file cannot be read: {error}") from error
-    if abs(message.cell_m - rules.cell_m) > 1e-9 or message.tile_cells != TILE:
+    check_cell(message.cell_m, rules.cell_m)
+    if message.tile_cells != TILE:
         raise InvalidInput(
-            f"the map file has cells of {message.cell_m} m, this service {rules.cell_m} m: start "
-            f"it with HELIOS_MAP2D_CELL_M={message.cell_m}, or load an export (npz) instead"
+            f"the map file has tiles of {message.tile_cells} cells, wanted {TILE}: load an export "
+            "(npz) of it instead"
         )
     version = max(version, message.version)
     ground = [read_ground(tile, version + 1) for tile in message.ground]
@@ -102,10 +102,9 @@ def decode_map(
             values=values,
             robot_pose=(message.robot.x_m, message.robot.y_m, message.robot.yaw_rad)
             if message.HasField("robot") else None,
-            trajectory_m=np.array(message.trajectory_m, np.float64).reshape(-1, 2),
+            trajectory_m=_pairs(np.array(message.trajectory_m, np.float64)),
             trajectory_starts=tuple(message.trajectory_starts),
-            frontiers={f.id: np.array(f.cells, np.int32).reshape(-1, 2)
-                       for f in message.frontiers},
+            frontiers={f.id: _pairs(np.array(f.cells, np.int32)) for f in message.frontiers},
             next_frontier_id=message.next_frontier_id,
         ),
         rules, footprint_radius_m, version,
@@ -115,35 +114,18 @@ def decode_map(
     return state, EpochKey(message.robot_boot_id, message.world_epoch)
 
 
-@dataclass(frozen=True)
-class MapContent:
-    """What a map is made of, wherever it comes from. `frontiers`: id -> world cells [n, 2]."""
-
-    frame_id: FrameId | None
-    stamp_ns: int
-    context_id: str
-    ground: dict[Tile, GroundTile]
-    values: dict[str, dict[Tile, ValueTile]]
-    robot_pose: tuple[float, float, float] | None
-    trajectory_m: NDArray[np.float64]
-    trajectory_starts: tuple[int, ...]
-    frontiers: dict[int, NDArray[np.int32]]
-    next_frontier_id: int
-
-
 def rebuilt(
     content: MapContent, rules: MapRules, footprint_radius_m: float, version: int
 ) -> MapState:
     """A map that goes on from there, under a new id: who watched the old one begins afresh.
 
-    Raises InvalidInput when it would be larger than allowed.
+    Raises InvalidInput when it would be larger than allowed, or holds what no map can.
     """
+    check_content(content, rules.cell_m)
     centre = content.robot_pose[:2] if content.robot_pose is not None else (0.0, 0.0)
     if content.robot_pose is None and content.ground:
         row, column = next(iter(content.ground))
         centre = column * TILE * rules.cell_m, row * TILE * rules.cell_m
-    if not np.isfinite([*centre, *content.trajectory_m.ravel()]).all():
-        raise InvalidInput("the map's poses are not finite")
     state = MapState(rules, centre, footprint_radius_m, version)
     state.context_id = content.context_id
     state.frame_id, state.stamp_ns = content.frame_id, content.stamp_ns
@@ -160,6 +142,15 @@ def rebuilt(
     state.restore(content.ground, content.values)
     state.go_on_from(version)
     return state
+
+
+def _pairs(numbers: NDArray) -> NDArray:
+    """[2 n] as [n, 2]. Raises InvalidInput for an odd number of them."""
+    if len(numbers) % 2:
+        raise InvalidInput(
+            f"the map file has places of {len(numbers)} numbers, not x, y: it is damaged"
+        )
+    return numbers.reshape(-1, 2)
 
 
 def write_whole(path: Path, data: bytes) -> None:

@@ -23,6 +23,7 @@ from helios_core.codec import (
     frame_id_from_proto,
     frame_id_to_proto,
 )
+from helios_core.codec.frames import FARTHEST_M
 from helios_core.errors import InvalidInput
 from helios_core.types import Embedding, FrameId
 from numpy.typing import NDArray
@@ -33,6 +34,7 @@ from helios_map2d.value import Cone, bin_directions
 PICTURE_PX = 320  # along the longer side
 PATCH_M = 0.5  # ground is compared by squares of this size
 SIDES = 8  # and by this many directions of view
+FARTHEST_SEEN_M = 5000.0  # by a lens of 176 degrees, at the end of 16 bits of millimetres
 PROBES = 48  # azimuths at which a view's ground is sampled
 
 
@@ -95,6 +97,17 @@ def read_view(message: pb.KeptView) -> SeenView:
     numbers += tuple(v for s in message.named for v in (s.score, s.x_m, s.y_m))
     if not np.isfinite([*numbers, message.half_fov_rad]).all() or not np.isfinite(reach).all():
         raise InvalidInput("a kept view has numbers that are not finite")
+    turned = abs(math.hypot(message.heading_x, message.heading_y) - 1)
+    far_m = max(abs(message.x_m), abs(message.y_m))
+    least_m, most_m = reach.min(initial=0.0), reach.max(initial=0.0)
+    if (turned > 1e-3 or far_m > FARTHEST_M or not 0 < message.half_fov_rad <= math.pi
+            or least_m < 0 or most_m > FARTHEST_SEEN_M):  # fmt: skip
+        raise InvalidInput(
+            f"a kept view at ({message.x_m:g}, {message.y_m:g}) m has the heading "
+            f"({message.heading_x:g}, {message.heading_y:g}), half a field of view of "
+            f"{message.half_fov_rad:g} rad and ranges of {least_m:g} to {most_m:g} m: the file is "
+            "damaged"
+        )
     whole = np.zeros(message.bins, np.float32)
     whole[message.first_bin : message.first_bin + len(reach)] = reach
     cone = Cone(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from helios_core.codec.frames import FARTHEST_M
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
@@ -14,6 +15,7 @@ from helios_map2d.occupancy import OCCUPIED, UNKNOWN
 from helios_map2d.snapshot import MapSnapshot
 
 MOST_SAMPLES = 100_000
+WIDEST_M = 10.0  # of a robot, and of what is comfortable
 SLOWEST = 0.05  # share of full speed at no clearance at all
 
 
@@ -46,10 +48,11 @@ def cost_along(
     """
     if corners_m.ndim != 2 or corners_m.shape[1:] != (2,) or len(corners_m) < 2:
         raise InvalidInput(f"a way has at least two corners x, y; {corners_m.shape} came")
-    if not (np.isfinite(corners_m).all() and radius_m >= 0 and 0 < comfort_m <= 10):
+    at_home = bool((np.abs(corners_m) <= FARTHEST_M).all())  # and finite
+    if not (at_home and 0 <= radius_m <= WIDEST_M and 0 < comfort_m <= WIDEST_M):
         raise InvalidInput(
             f"cannot follow a way with radius {radius_m} m and comfort {comfort_m} m: send finite "
-            "corners, a radius of at least 0 and a comfort of up to 10 m"
+            f"corners within {FARTHEST_M:g} m, a radius and a comfort of up to {WIDEST_M:g} m"
         )
     samples, steps = sampled(corners_m, snapshot.grid.cell_m)
     cell_m = snapshot.grid.cell_m

@@ -42,6 +42,11 @@ def questions(prompts: Sequence[str], reply: pb.EmbedTextReply) -> list[Question
             f"{len(prompts)} prompts were to be embedded, {len(reply.embeddings)} were: the "
             "detector's scorer does not embed texts; start it with one that does"
         )
+    if not (math.isfinite(reply.scale) and math.isfinite(reply.offset)):
+        raise Unavailable(
+            f"the detector's scorer has scale {reply.scale} and offset {reply.offset}, wanted "
+            "finite numbers: look at the detector's log"
+        )
     return [
         Question(prompt, embedding_from_proto(e), reply.scale, reply.offset)
         for prompt, e in zip(prompts, reply.embeddings, strict=True)

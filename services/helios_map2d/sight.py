@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from helios_core.codec.frames import FARTHEST_M
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
@@ -37,10 +38,12 @@ def line_of_sight(
     more than `margin_m` above it: one can look over a chair and under a table. What begins below
     `ground_m` is taken to stand on the floor. Unknown ground does not block. Obstacles within
     `target_radius_m` of the point are part of what is looked at. Raises InvalidInput when a
-    coordinate is not finite.
+    coordinate is not finite, or beyond all homes.
     """
-    if not np.isfinite([*eye_m, *point_m]).all():
-        raise InvalidInput(f"cannot look from {eye_m} to {point_m}: send finite metres")
+    if not (np.abs([*eye_m, *point_m]) <= FARTHEST_M).all():
+        raise InvalidInput(
+            f"cannot look from {eye_m} to {point_m}: send finite metres within {FARTHEST_M:g}"
+        )
     x0, y0 = grid.origin_m
     ends = [
         np.array([(y - y0) / grid.cell_m, (x - x0) / grid.cell_m, z])

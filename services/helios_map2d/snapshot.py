@@ -10,6 +10,8 @@ from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
+from helios_core import proto as pb
+from helios_core.codec import frame_id_from_proto
 from helios_core.errors import InvalidInput
 from helios_core.types import FrameId
 from numpy.typing import NDArray
@@ -187,7 +189,10 @@ def decode_npz(data: bytes, version: int | None = None) -> MapSnapshot:
     except InvalidInput:
         raise
     except Exception as error:
-        raise InvalidInput(f"these {len(data)} bytes are no map snapshot (NPZ): {error}") from error
+        raise InvalidInput(
+            f"these {len(data)} bytes are no map snapshot (NPZ) as `helios map save` writes it: "
+            f"{error}"
+        ) from error
 
 
 def _decoded(arrays: dict[str, NDArray], meta: dict, version: int | None) -> MapSnapshot:
@@ -200,8 +205,11 @@ def _decoded(arrays: dict[str, NDArray], meta: dict, version: int | None) -> Map
     for array in [*over_grid, *(a for pair in layered.values() for a in pair)]:
         if array.shape != grid.shape:
             raise InvalidInput(
-                f"a map array is {array.shape}, its grid {grid.shape}: it is corrupt"
+                f"a map array is {array.shape}, its grid {grid.shape}: it is damaged; save it anew"
             )
+    for name in ("occupancy", "explored_for_search"):
+        if arrays[name].dtype.kind not in "iu":
+            raise InvalidInput(f"{name} is {arrays[name].dtype}, wanted whole numbers")
     cells = arrays["frontier_cells"]
     frontiers = tuple(
         Frontier(
@@ -214,23 +222,28 @@ def _decoded(arrays: dict[str, NDArray], meta: dict, version: int | None) -> Map
         )
         for k, f in enumerate(meta["frontiers"])
     )
+    head = pb.KeptMap(map_id=meta["map_id"], stamp_ns=meta["stamp_ns"],
+                      context_id=meta["context_id"])  # fmt: skip
+    if meta["frame_id"] is not None:
+        boot_id, epoch, seq = meta["frame_id"]
+        head.id.CopyFrom(pb.FrameId(robot_boot_id=boot_id, world_epoch=epoch, seq=seq))
     pose = meta["robot_pose"]
     trajectory_m = np.ascontiguousarray(arrays["trajectory_m"], np.float64).reshape(-1, 2)
     trajectory_m.flags.writeable = False
     version = int(meta["version"]) if version is None else version
     return MapSnapshot(
-        map_id=str(meta["map_id"]),
+        map_id=head.map_id,
         version=version,
-        frame_id=None if meta["frame_id"] is None else FrameId(*meta["frame_id"]),
-        stamp_ns=int(meta["stamp_ns"]),
-        context_id=meta["context_id"],
+        frame_id=frame_id_from_proto(head.id) if head.HasField("id") else None,
+        stamp_ns=head.stamp_ns,
+        context_id=head.context_id,
         grid=grid,
         ground=ground_of(grid, version, over_grid[0], over_grid[2], over_grid[3], over_grid[4]),
         layers=MappingProxyType(
             {name: values_of(name, grid, version, *pair) for name, pair in layered.items()}
         ),
         frontiers=frontiers,
-        robot_pose=None if pose is None else (pose[0], pose[1], pose[2]),
+        robot_pose=None if pose is None else (float(pose[0]), float(pose[1]), float(pose[2])),
         trajectory_m=trajectory_m,
         next_frontier_id=int(meta["next_frontier_id"]),
         trajectory_starts=tuple(arrays.get("trajectory_starts", np.empty(0)).astype(int).tolist()),

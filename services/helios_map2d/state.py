@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from helios_core.errors import Conflict
 from helios_core.geometry import yaw_of
@@ -116,14 +116,18 @@ class MapState:
         self.published = self.publish(ground_changed=False)
         return True
 
-    def set_layer(self, name: str, scored: Iterable[tuple[Cone, float]]) -> None:
-        """Make a value layer anew of views and their scores, in the order given."""
+    def set_layer(self, name: str, scored: Sequence[tuple[Cone, float]]) -> None:
+        """Make a value layer anew of views and their scores, in the order given.
+
+        Raises InvalidInput, and changes nothing, where the map cannot grow to what a view saw.
+        """
         values = self.stack.values
+        for cone, _ in scored:
+            self.stack.make_room(cone.box(self.rules.cell_m))
         values.layers.pop(name, None)
         self.stack.frontiers.forget_values()
         changed = EMPTY
         for cone, score in scored:
-            self.stack.make_room(cone.box(self.rules.cell_m))
             changed = changed.union(values.integrate(cone, {name: score}))
         values.touch(name)
         self.version += 1
@@ -197,6 +201,10 @@ class MapState:
             next_frontier_id=self.stack.frontiers.next_id,
             trajectory_starts=self.trajectory.starts,
         )
+
+    def check(self, frame: Frame) -> None:
+        """Raises InvalidInput for a frame that cannot be folded in."""
+        self._prepared(frame)
 
     def _prepared(self, frame: Frame) -> tuple[View, tuple[float, float, float]]:
         """Check a frame and make room for it; the frame over the grid, and the robot's x, y (m) and

@@ -7,14 +7,20 @@ import dataclasses
 import numpy as np
 import pytest
 from helios_core import proto as pb
+from helios_core.errors import InvalidInput
 from helios_core.types import FrameId
 from helios_map2d import fuse_kernels
 from helios_map2d.changes import changes_after
+from helios_map2d.epochs import EpochKey, EpochMaps
 from helios_map2d.fuse_kernels import MEMORY
 from helios_map2d.grid import GridSpec
 from helios_map2d.memory import SeenView, ViewMemory
+from helios_map2d.occupancy import OccupancyRules
+from helios_map2d.order import FrameOrder
 from helios_map2d.path import cost_along
 from helios_map2d.rules import MapRules
+from helios_map2d.sight import line_of_sight
+from helios_map2d.snapshot import EVIDENCE, ground_of
 from helios_map2d.state import MapState
 from helios_map2d.tiles import GroundTile
 from helios_map2d.value import Cone
@@ -80,6 +86,9 @@ def test_a_viewer_of_another_map_gets_all_of_this_one() -> None:
     assert not changes_after(snapshot, known).tiles
     foreign = pb.MapChangesRequest(map_id="another", after=whole.next, most_tiles=1000)
     assert changes_after(snapshot, foreign) == whole
+    ahead = pb.MapChangesRequest(map_id=whole.map_id, most_tiles=1000,
+                                 after=pb.MapCursor(version=whole.version + 1))  # fmt: skip
+    assert changes_after(snapshot, ahead) == whole
 
 
 def test_the_view_that_goes_is_the_one_whose_ground_is_best_covered_not_that_with_most() -> None:
@@ -109,3 +118,59 @@ def test_clearance_is_told_to_the_edge_of_an_obstacles_cell() -> None:
     cost = cost_along(snapshot, way, 0.1, 5.0)
     assert cost.clearance_m[0] == pytest.approx((12 - 0.5) * 0.025 - 0.1, abs=1e-6)
     assert cost.clearance_m[-1] == pytest.approx((10 - 0.5) * 0.025 - 0.1, abs=1e-6)
+    beside = np.array([[20.5, 40.5], [22.5, 40.5]]) * 0.025
+    assert cost_along(snapshot, beside, 0.4, 0.5).clearance_m[0] == pytest.approx(
+        (30 - 0.5) * 0.025 - 0.4, abs=1e-6
+    )
+
+
+def test_what_begins_just_above_the_floor_is_not_looked_under() -> None:
+    occupancy = np.zeros((8, 64), np.int8)
+    occupancy[:, 30] = 100
+    low, high = np.full((2, 8, 64), 0.2, np.float32)
+    high[:] = 1.0
+    line = (0.1, 0.1, 0.1), (1.5, 0.1, 0.1)
+    grid = GridSpec(0.025, 8, 64, (0, 0))
+    assert not line_of_sight(grid, occupancy, low, high, *line).visible
+    low[:] = 0.4
+    assert line_of_sight(grid, occupancy, low, high, *line).visible
+
+
+def test_late_frames_that_fall_among_themselves_are_no_other_robots() -> None:
+    order = FrameOrder(100)
+    assert not any(order.is_newest(seq) for seq in (5, 4, 3, 2, 1))
+    assert [order.is_newest(seq) for seq in (2, 3)] == [False, True]
+
+
+def test_the_robots_own_epoch_is_taken_although_a_strangers_was_later() -> None:
+    walk, maps = Walk(room(), epoch=5), EpochMaps(RULES, 0.2)
+    maps.robot_is_in(EpochKey("boot", 0))
+    stranger = maps.state_for(walk.frame(2.0, 1.5, 0.0))
+    walk.epoch = 0
+    assert maps.state_for(walk.frame(2.0, 1.5, 0.0)) is not stranger
+    assert maps.key == EpochKey("boot", 0)
+
+
+def test_a_refused_frame_of_another_epoch_parks_nothing() -> None:
+    walk, maps = Walk(room()), EpochMaps(RULES, 0.2)
+    state = maps.state_for(walk.frame(2.0, 1.5, 0.0))
+    walk.epoch = 1
+    frame = walk.frame(2.0, 1.5, 0.0)
+    for broken in (
+        dataclasses.replace(frame, T_world_cam=frame.T_world_cam + np.eye(4)[:, [3, 3, 3, 0]]),
+        dataclasses.replace(frame, depth_m=frame.depth_m[:-1]),
+    ):
+        with pytest.raises(InvalidInput):
+            maps.state_for(broken)
+    assert maps.current is state
+    assert not maps.parked
+    assert maps.state_for(frame) is not state
+
+
+def test_obstacles_of_an_export_are_believed() -> None:
+    occupancy = np.array([[100, 0], [-1, 100]], np.int8)
+    flat = np.zeros((2, 2), np.float32)
+    (tile,) = ground_of(GridSpec(0.025, 2, 2, (0, 0)), 1, occupancy, flat, flat, flat).values()
+    assert tile.evidence[:2, :2].tolist() == [[EVIDENCE, 0], [0, EVIDENCE]]
+    assert OccupancyRules().occupied_evidence < EVIDENCE <= OccupancyRules().most_evidence
+    assert tile.floor_seen[:2, :2].tolist() == [[0, 1], [0, 0]]

@@ -9,16 +9,20 @@ import cv2
 import numpy as np
 import pytest
 from helios_core import proto as pb
+from helios_core.codec import embedding_to_proto
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.geometry import lift_pixels
 from helios_core.grids import decode_snapshot
 from helios_core.topics import RECALL
-from helios_core.types import Detection, Embedding, FrameId
+from helios_core.types import Detection, Embedding, FrameId, Observation
 from helios_map2d.memory import SeenView, ViewMemory, read_view
+from helios_map2d.recall import Question, questions, scored
+from helios_map2d.rules import MapRules
 from helios_map2d.sighted import Sighted
+from helios_map2d.state import MapState
 from helios_map2d.value import Cone
 from map2d_house import House
-from map2d_scene import CAMERA
+from map2d_scene import CAMERA, Walk, room
 from numpy.typing import NDArray
 
 PROMPTS = {"pick": "a blue mug", "place": "a wooden counter"}
@@ -154,12 +158,14 @@ def test_a_scorer_that_looks_at_no_image_leaves_views_of_what_the_detector_named
     assert not house.bus.call(RECALL, pb.RecallRequest(prompt="a piano"), 5).places
 
 
+SEEN = Embedding("model", np.array([[1.0, 0.0]], np.float32))
+
+
 def view(seq: int, x: float, y: float, yaw: float, *named: Sighted) -> SeenView:
     reach = np.zeros(400, np.float32)
     reach[180:220] = 3.0
     cone = Cone(x, y, (math.cos(yaw), math.sin(yaw)), 0.4, reach)
-    vectors = np.array([[1.0, 0.0]], np.float32)
-    return SeenView(FrameId("boot", 0, seq), seq, cone, Embedding("model", vectors), b"jpeg",
+    return SeenView(FrameId("boot", 0, seq), seq, cone, SEEN, b"jpeg",
                     named)  # fmt: skip
 
 
@@ -171,6 +177,53 @@ def test_of_too_many_views_the_one_goes_that_others_saw_best() -> None:
     memory.add(view(4, 0.0, 0.0, math.pi))  # the same place, but the other way
     memory.add(view(5, 20.0, 5.0, 1.0))
     assert {v.id.seq for v in memory} in ({1, 3, 4, 5}, {1, 2, 4, 5})
+
+
+def test_of_views_that_show_the_same_the_oldest_goes() -> None:
+    memory = ViewMemory(2)
+    for seq in (1, 2, 3):
+        memory.add(view(seq, 0.0, 0.0, 0.0))
+    assert [v.id.seq for v in memory] == [2, 3]
+
+
+def test_the_same_ground_from_the_other_side_is_another_view() -> None:
+    there, back = view(1, 0.0, 0.0, 0.0), view(2, 3.0, 0.0, math.pi)
+    assert len({p[:2] for p in there.patches} & {p[:2] for p in back.patches}) > 3
+    assert not there.patches & back.patches
+
+
+def test_views_of_another_model_are_left_out_of_an_answer() -> None:
+    ours, other = view(1, 0.0, 0.0, 0.0), view(2, 0.0, 0.0, 0.0)
+    other = replace(other, embedding=replace(SEEN, model="another"))
+    asked = Question("a mug", SEEN, 1.0, 0.0)
+    assert scored([other, ours, replace(ours, embedding=None)], asked) == [(ours, 1.0)]
+
+
+def test_a_scorer_without_finite_numbers_is_refused() -> None:
+    text = embedding_to_proto(SEEN)
+    reply = pb.EmbedTextReply(embeddings=[text], scale=math.nan, offset=0.5)
+    with pytest.raises(Unavailable, match="scale nan"):
+        questions(["a mug"], reply)
+
+
+def test_a_layer_made_anew_makes_room_and_leaves_nothing_of_the_old_one() -> None:
+    walk, state = Walk(room()[:3]), MapState(MapRules(size_cells=64), (1.0, 1.5), 0.2)
+    for frame in walk.look_around(1.0, 1.5):
+        state.integrate_frame(frame)
+        state.integrate_values(Observation(frame, "", (), {"pick": 0.9}, "test"))
+    assert any(f.values["pick"] > 0 for f in state.published.frontiers)
+    state.set_layer("pick", [])
+    assert [f.values["pick"] for f in state.published.frontiers] == [0.0] * len(
+        state.published.frontiers
+    )
+    state.set_layer("pick", [(view(1, 40.0, 0.0, 0.0).cone, 0.5)])
+    there = state.published.grid.cell_of(41.0, 0.0)
+    assert state.published.values["pick"][there] == pytest.approx(0.5)
+    before = state.published
+    with pytest.raises(InvalidInput, match="a larger HELIOS_MAP2D_MOST_CELLS"):
+        state.set_layer("pick", [(view(2, 1e5, 0.0, 0.0).cone, 0.5)])
+    assert state.published is before
+    assert state.stack.values.layers["pick"].value.any()
 
 
 def test_many_views_of_one_room_stay_within_the_bound_and_the_far_one_is_kept() -> None:
