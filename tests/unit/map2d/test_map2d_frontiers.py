@@ -271,6 +271,21 @@ def test_the_value_is_the_median_of_the_non_zero_cells_within_half_a_metre() -> 
         assert frontier.values["pick"] == pytest.approx(float(expected))
 
 
+def test_the_centre_is_the_first_of_the_cells_nearest_to_the_middle() -> None:
+    for frontier in corridor().find():
+        off = ((frontier.cells - frontier.cells.mean(axis=0)) ** 2).sum(axis=1)
+        first = frontier.cells[np.argmin(off)]
+        assert GRID.cell_of(*frontier.centre_m) == tuple(first - GRID.corner)
+
+
+def test_a_value_that_changed_just_within_the_radius_is_told() -> None:
+    world = corridor()
+    row, column = GRID.cell_of(*world.find()[0].centre_m)
+    world.values["pick"][row, column + 20] = 0.9
+    world.finder.values_changed(GRID.to_world(Box(row, row + 1, column + 20, column + 21)))
+    assert world.finder.revalued(world.values)[0].values["pick"] == pytest.approx(0.9)
+
+
 def test_a_new_search_area_has_no_frontiers() -> None:
     world = corridor()
     assert world.find()

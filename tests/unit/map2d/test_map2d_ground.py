@@ -76,6 +76,32 @@ def test_what_can_be_reached_equals_brute_force_as_the_map_changes(
         np.testing.assert_array_equal(got, brute(occupancy, cell, radius, blind))
 
 
+def test_ground_near_the_robot_that_a_narrow_gap_cuts_off_is_reached_from_outside() -> None:
+    occupancy = np.full(GRID.shape, -1, np.int8)
+    occupancy[40:171, 20:61] = 0  # where the robot is
+    occupancy[155:171, 20:126] = 0  # around the wall
+    occupancy[120:171, 80:101] = 0
+    occupancy[85:96, 80:93] = 0  # beyond unknown ground, which may be crossed near the robot
+    occupancy[50:141, 70] = 100
+    occupancy[96, 70] = -1  # too narrow
+    ground = OpenGround(GRID, 4.1)
+    ground.update(occupancy, np.full(GRID.shape, -1, np.int8), GRID.whole)
+    got = ground.mask_of(ground.reached_from(occupancy, (96, 60), 40.0))
+    assert got[85:96, 80:93].all()
+    np.testing.assert_array_equal(got, brute(occupancy, (96, 60), 4.1, 40.0))
+
+
+def test_room_around_an_obstacle_at_the_edge_of_what_is_known_grows_too() -> None:
+    occupancy = np.full(GRID.shape, -1, np.int8)
+    occupancy[100, 60] = 100
+    ground = OpenGround(GRID, 6.2)
+    ground.update(occupancy, np.full(GRID.shape, -1, np.int8), GRID.whole)
+    before = ground.crowd.sum()
+    large = GridSpec(0.025, 6 * TILE, 5 * TILE, (-3 * TILE, 3 * TILE))
+    ground.grow(large, GRID.to_world(Box(100, 101, 60, 61)))
+    assert ground.crowd.sum() == before > 100
+
+
 @settings(max_examples=10, deadline=None)
 @given(st.integers(0, 2**32 - 1).map(np.random.default_rng))
 def test_a_grown_grid_gives_what_a_large_one_gives(rng: np.random.Generator) -> None:

@@ -9,6 +9,7 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_core.types import Observation, SearchContext
 from helios_map2d.grid import Box, GridSpec
+from helios_map2d.room import grown_for
 from helios_map2d.rules import MapRules
 from helios_map2d.state import MapState
 from hypothesis import given
@@ -66,6 +67,14 @@ def test_what_was_known_stays_where_it_was_when_the_map_grows() -> None:
     assert len(places) > 100
     kept = [after.occupancy[after.grid.cell_of(x, y)] == 100 for x, y in places]
     assert np.mean(kept) > 0.99
+
+
+def test_a_grid_grows_so_that_a_margin_is_left_around_what_is_needed() -> None:
+    grid, needed = GridSpec.over(Box(0, 256, 0, 256), 0.025), Box(70, 186, 40, 186)
+    assert grown_for(grid, needed, 40, 16000) is grid
+    grown = grown_for(grid, needed, 64, 16000)
+    assert grown.to_world(grown.whole).holds(needed.grown(64))
+    assert (grown.rows, grown.corner[0]) == (256, 0)  # only where it must
 
 
 def test_a_map_does_not_grow_beyond_its_limit_and_says_what_to_do() -> None:

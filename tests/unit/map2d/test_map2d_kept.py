@@ -149,14 +149,14 @@ def test_a_ros_map_in_block_style_on_other_cells_is_moved_by_less_than_half_a_ce
     grey[10, 20] = 0
     ok, png = cv2.imencode(".png", grey)
     assert ok
-    about = (b"image: floor.png\nresolution: 0.025\norigin:\n- -1.01\n- 2.004\n- 0.0\n"
+    about = (b"image: floor.png\nresolution: 0.025\norigin:\n- -1.02\n- 2.004\n- 0.0\n"
              b"negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n")  # fmt: skip
     load(house, [pb.Map2DFile(name="floor.yaml", data=about),
                  pb.Map2DFile(name="floor.png", data=png.tobytes())])  # fmt: skip
     after = state_of(house).published
     ((row, column),) = np.argwhere(after.occupancy == 100)
     x, y = after.grid.centre_of(int(row), int(column))
-    assert x == pytest.approx(-1.01 + 20.5 * 0.025, abs=0.0126)
+    assert x == pytest.approx(-1.02 + 20.5 * 0.025, abs=0.0126)
     assert y == pytest.approx(2.004 + 29.5 * 0.025, abs=0.0126)
 
 

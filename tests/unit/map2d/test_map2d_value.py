@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_map2d.grid import GridSpec
-from helios_map2d.value import ValueLayers, ValueRules, cone_of, values_near
+from helios_map2d.value import Cone, ValueLayers, ValueRules, bin_directions, cone_of, values_near
 from helios_map2d.view import View, view_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -152,6 +152,23 @@ def test_nothing_measured_changes_nothing() -> None:
         cone_of(view_of(depth, CAMERA, frame.T_world_cam, GRID, 0.1, 5.0)), {"pick": 0.5}
     )
     assert not layers.layers["pick"].confidence.any()
+
+
+def test_what_is_beyond_the_largest_depth_counts_as_that_far() -> None:
+    depth = np.full((CAMERA.height, CAMERA.width), 7.0, np.float32)
+    cone = cone_of(view_of(depth, CAMERA, camera_pose(2.0, 1.5, 0.0, 0.0), GRID, 0.1, 5.0))
+    assert cone.reach_m[len(cone.reach_m) // 2] == pytest.approx(5.0, abs=0.01)
+
+
+def test_a_direction_between_two_pixels_reaches_as_far_as_the_nearer_one() -> None:
+    reach = np.zeros(40, np.float32)
+    reach[[18, 20]] = 3.0, 1.5
+    layers = ValueLayers(GRID, ValueRules())
+    layers.integrate(Cone(0.0, 0.0, (1.0, 0.0), 1.0, reach), {"pick": 0.5})
+    ahead, left = bin_directions(40)[:, 19]
+    seen = [bool(layers.layers["pick"].confidence[GRID.cell_of(r * ahead, r * left)])
+            for r in (1.2, 2.2)]  # fmt: skip
+    assert seen == [True, False]
 
 
 def test_the_value_near_a_place_without_values_is_zero() -> None:
