@@ -67,9 +67,9 @@ class Recollection:
         state, views = self._views()
         if not views:
             raise Unavailable(
-                "no view has been kept: nothing that is sought was detected yet, and the "
-                "detector's scorer does not embed images; let the robot search, or start the "
-                "detector with a scorer that does"
+                "no view has been kept in this map: no search has looked around in it yet, or the "
+                "detector's scorer does not embed images and nothing that is sought was detected; "
+                "let the robot search, or start the detector with a scorer that does"
             )
         version, note = state.published.version, ""
         try:
