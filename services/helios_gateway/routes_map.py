@@ -13,7 +13,7 @@ from helios_gateway.keys import Scope
 from helios_gateway.problems import NotFound, problems
 from helios_gateway.responses import JPEG, NPZ, PNG, UNCHANGED, content_docs, tagged
 
-SizePx = Annotated[int, Query(ge=128, le=4096, description="longer side of the picture, pixels")]
+SizePx = Annotated[int, Query(ge=128, le=4096, description="side of the square picture, pixels")]
 
 
 def map_routes(prefix: str) -> APIRouter:
