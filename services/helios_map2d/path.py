@@ -48,11 +48,17 @@ def cost_along(
     """
     if corners_m.ndim != 2 or corners_m.shape[1:] != (2,) or len(corners_m) < 2:
         raise InvalidInput(f"a way has at least two corners x, y; {corners_m.shape} came")
-    at_home = bool((np.abs(corners_m) <= FARTHEST_M).all())  # and finite
-    if not (at_home and 0 <= radius_m <= WIDEST_M and 0 < comfort_m <= WIDEST_M):
+    at_home = (np.abs(corners_m) <= FARTHEST_M).all(axis=1)  # and finite
+    if not at_home.all():
+        k = int(at_home.argmin())
         raise InvalidInput(
-            f"cannot follow a way with radius {radius_m} m and comfort {comfort_m} m: send finite "
-            f"corners within {FARTHEST_M:g} m, a radius and a comfort of up to {WIDEST_M:g} m"
+            f"corner {k + 1} of the way is {corners_m[k].tolist()}: send finite metres within "
+            f"{FARTHEST_M:g} m"
+        )
+    if not (0 <= radius_m <= WIDEST_M and 0 < comfort_m <= WIDEST_M):
+        raise InvalidInput(
+            f"cannot follow a way with radius {radius_m} m and comfort {comfort_m} m: send a "
+            f"radius and a comfort of up to {WIDEST_M:g} m, the comfort above 0"
         )
     samples, steps = sampled(corners_m, snapshot.grid.cell_m)
     cell_m = snapshot.grid.cell_m

@@ -189,9 +189,11 @@ def decode_npz(data: bytes, version: int | None = None) -> MapSnapshot:
     except InvalidInput:
         raise
     except Exception as error:
+        why = f"there is no {error}" if isinstance(error, KeyError) else error
+        if not data.startswith(b"PK"):  # where numpy speaks of pickles
+            why = "they are no ZIP"
         raise InvalidInput(
-            f"these {len(data)} bytes are no map snapshot (NPZ) as `helios map save` writes it: "
-            f"{error}"
+            f"these {len(data)} bytes are no map snapshot (NPZ) as map2d/save writes it: {why}"
         ) from error
 
 
