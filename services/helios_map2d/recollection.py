@@ -121,12 +121,19 @@ class Recollection:
             return maps.current, maps.current.memory.snapshot()
 
     def _question(self, views: Sequence[SeenView], prompt: str) -> Question:
-        """Raises Unavailable where no view has been embedded, and what the detector says."""
+        """Raises Unavailable where no view was embedded by the scorer's present model, and what the
+        detector says."""
         if all(view.embedding is None for view in views):
             raise Unavailable(
                 "the detector's scorer does not embed images (docs/models.md tells which ones do)"
             )
         (question,) = self._questions([prompt])
+        models = sorted({v.embedding.model for v in views if v.embedding is not None})
+        if question.text.model not in models:
+            raise Unavailable(
+                f"past views were seen by the model {', '.join(models)}, the detector's scorer is "
+                f"{question.text.model} now: start it with the former, or let the robot look again"
+            )
         return question
 
     def _questions(self, prompts: Sequence[str]) -> list[Question]:

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from helios_core import proto as pb
-from helios_core.errors import InvalidInput
+from helios_core.errors import Conflict, InvalidInput
 from helios_core.types import FrameId
 from helios_map2d import fuse_kernels
 from helios_map2d.changes import changes_after
@@ -149,6 +149,21 @@ def test_the_robots_own_epoch_is_taken_although_a_strangers_was_later() -> None:
     walk.epoch = 0
     assert maps.state_for(walk.frame(2.0, 1.5, 0.0)) is not stranger
     assert maps.key == EpochKey("boot", 0)
+
+
+def test_a_stranger_that_was_found_out_parks_the_map_no_second_time() -> None:
+    walk, maps = Walk(room()), EpochMaps(RULES, 0.2)
+    own, later = (walk.frame(2.0, 1.5, 0.0) for _ in range(2))
+    state = maps.state_for(own)
+    walk.epoch = 5
+    strange, again = (walk.frame(2.0, 1.5, 0.0) for _ in range(2))
+    stranger = maps.state_for(strange)
+    maps.robot_is_in(EpochKey("boot", 0))
+    assert maps.state_for(later) is state
+    assert list(maps.parked.values()) == [stranger]
+    with pytest.raises(Conflict, match="which is over"):
+        maps.state_for(again)
+    assert maps.current is state
 
 
 def test_a_refused_frame_of_another_epoch_parks_nothing() -> None:

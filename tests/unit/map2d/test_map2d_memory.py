@@ -13,7 +13,7 @@ from helios_core.codec import embedding_to_proto
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.geometry import lift_pixels
 from helios_core.grids import decode_snapshot
-from helios_core.topics import RECALL
+from helios_core.topics import EMBED_TEXT, RECALL
 from helios_core.types import Detection, Embedding, FrameId, Observation
 from helios_map2d.memory import SeenView, ViewMemory, read_view
 from helios_map2d.recall import Question, questions, scored
@@ -124,6 +124,10 @@ def test_without_views_or_without_a_text_model_the_question_is_refused_with_what
     assert (len(reply.places), reply.views) == (0, 0)
     assert "names alone" in reply.note
     with pytest.raises(Unavailable, match="no value layer can be made of 'a mug'"):
+        house.bus.call(RECALL, pb.RecallRequest(prompt="a mug", layer="mug-2"), 5)
+    other = pb.EmbedTextReply(embeddings=[embedding_to_proto(replace(SEEN, model="another"))])
+    house.bus.serve(EMBED_TEXT, lambda _: other)
+    with pytest.raises(Unavailable, match=r"seen by the model test-clip, .* is another now"):
         house.bus.call(RECALL, pb.RecallRequest(prompt="a mug", layer="mug-2"), 5)
     house.search("second", PROMPTS)  # and a search begins all the same
     assert house.snapshot().context_id == "second"
