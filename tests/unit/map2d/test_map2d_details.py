@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import Conflict, InvalidInput
-from helios_core.types import FrameId
+from helios_core.types import FrameId, SearchContext
 from helios_map2d import fuse_kernels
 from helios_map2d.changes import changes_after
 from helios_map2d.epochs import EpochKey, EpochMaps
@@ -164,6 +164,25 @@ def test_a_stranger_that_was_found_out_parks_the_map_no_second_time() -> None:
     with pytest.raises(Conflict, match="which is over"):
         maps.state_for(again)
     assert maps.current is state
+
+
+def test_of_many_parked_maps_the_newest_are_kept() -> None:
+    walk, maps = Walk(room()), EpochMaps(RULES, 0.2, most_parked=2)
+    for walk.epoch in range(5):
+        maps.state_for(walk.frame(2.0, 1.5, 0.0))
+    assert list(maps.parked) == [EpochKey("boot", 2), EpochKey("boot", 3)]
+
+
+def test_ground_right_around_the_robot_counts_as_searched_up_to_obstacles() -> None:
+    walk = Walk([*room(), Block((1.5, 0.5, 0), (1.6, 2.5, 1.0))])  # it ends beyond that ground
+    state = MapState(RULES, (2.0, 1.5), 0.2)
+    for frame in walk.look_around(2.0, 1.5):
+        state.integrate_frame(frame)
+    state.reset_search(SearchContext("now", (), {}))
+    state.integrate_frame(walk.frame(2.0, 1.5, 0.0))
+    searched, cell_of = state.published.explored_for_search, state.published.grid.cell_of
+    seen = [bool(searched[cell_of(x, 1.5)]) for x in (1.75, 1.45)]
+    assert seen == [True, False]
 
 
 def test_a_refused_frame_of_another_epoch_parks_nothing() -> None:

@@ -190,6 +190,14 @@ def test_of_views_that_show_the_same_the_oldest_goes() -> None:
     assert [v.id.seq for v in memory] == [2, 3]
 
 
+def test_another_view_of_the_same_frame_takes_the_place_of_the_first() -> None:
+    memory = ViewMemory(5)
+    memory.add(view(1, 0.0, 0.0, 0.0))
+    memory.add(view(1, 9.0, 0.0, 0.0))
+    assert [v.cone.x_m for v in memory] == [9.0]
+    assert set(memory._seen_by) == set(view(1, 9.0, 0.0, 0.0).patches)
+
+
 def test_the_same_ground_from_the_other_side_is_another_view() -> None:
     there, back = view(1, 0.0, 0.0, 0.0), view(2, 3.0, 0.0, math.pi)
     assert len({p[:2] for p in there.patches} & {p[:2] for p in back.patches}) > 3
