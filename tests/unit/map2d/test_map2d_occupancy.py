@@ -160,6 +160,20 @@ def test_what_the_robot_holds_leaves_nothing_while_it_holds_it() -> None:
         assert at(state, 3.99, 0.9) == 100
 
 
+def test_pixels_that_hang_between_an_edge_and_what_is_behind_it_leave_nothing() -> None:
+    frame = Walk([*room(), Block((2.4, 1.2, 0), (2.6, 1.8, 1.2))]).frame(1.0, 1.5, 0.0, 0.2)
+    depth = frame.depth_m.copy()
+    rows, columns = np.nonzero(np.abs(np.diff(depth, axis=1)) > 0.5)
+    depth[rows, columns] = (depth[rows, columns - 1] + depth[rows, columns + 1]) / 2
+    assert len(rows) > 50
+    state = mapped([replace(frame, depth_m=depth)])
+    (x_m,) = (np.argwhere(state.published.occupancy == 100)[:, 1:] * 0.025).T
+    x_m += state.published.grid.origin_m[0]
+    assert not ((x_m > 2.65) & (x_m < 3.6)).any()  # where they hang
+    assert (x_m > 3.9).any()
+    assert (x_m < 2.65).any()
+
+
 def test_a_person_who_walks_by_leaves_nothing() -> None:
     walk = Walk(room())
     frames = []

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import functools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from helios_core import proto as pb
 from helios_core.topics import RECALL
-from helios_core.types import Detection, Embedding, Frame
+from helios_core.types import Detection, Embedding, Frame, FrameId, Observation
+from helios_map2d.memory import SeenView
+from helios_map2d.recall import Answer, best_places
+from helios_map2d.sighted import sighted
 from helios_map2d.value import Cone
 from helios_map2d.whereabouts import CELL_M, MOST_CELLS, Whereabouts
 from map2d_house import MODEL, House, Scorer
@@ -107,6 +111,39 @@ def cone(x: float, y: float, yaw: float, reach_m: float = 4.0) -> Cone:
     reach = np.zeros(400, np.float32)
     reach[180:220] = reach_m
     return Cone(x, y, (math.cos(yaw), math.sin(yaw)), 0.4, reach)
+
+
+def test_of_answers_alike_the_best_is_told_unless_seen_from_elsewhere_or_of_another_class() -> None:
+    def answer(score: float, x: float, yaw: float, class_name: str = "mug") -> Answer:
+        view = SeenView(FrameId("boot", 0, 1), 0, cone(0, 0, yaw), None, b"")
+        return Answer(view, score, (x, 1.0), class_name)
+
+    best, alike = answer(0.9, 1.0, 0.0), answer(0.8, 1.2, 0.3)
+    turned, other, apart = answer(0.7, 1.2, 3.0), answer(0.6, 1.2, 0.0, "cup"), answer(0.5, 2.1, 0)
+    given = [alike, apart, other, turned, best]
+    assert best_places(given, 9) == [best, turned, other, apart]
+    assert best_places(given, 2) == [best, turned]
+
+
+def test_of_a_class_the_surest_detection_with_believed_depth_is_kept() -> None:
+    frame = Walk(room()).frame(2.0, 1.5, 0.0)
+    depth_m = np.full_like(frame.depth_m, 2.0)
+    depth_m[:, 80:] = 8.0  # beyond what is believed
+
+    def found(score: float, u: int) -> Detection:
+        mask = np.zeros(depth_m.shape, bool)
+        mask[50:60, u : u + 10] = True
+        return Detection("mug" if u < 80 else "vase", score, (u, 50, u + 10, 60), mask)
+
+    seen = Observation(
+        replace(frame, depth_m=depth_m),
+        "",
+        (found(0.4, 10), found(0.9, 40), found(0.8, 90)),
+        {},
+        "",
+    )
+    (mug,) = sighted(seen, 0.1, 5.0)
+    assert (mug.class_name, mug.score) == ("mug", 0.9)
 
 
 def test_where_two_views_that_fit_cross_is_likelier_than_where_one_looks_alone() -> None:
