@@ -81,8 +81,7 @@ class Backend(MadeUpTasks):
         serve(EXPORT_OBJECTS, self._export)
         serve(GAUSSIANS, lambda _: gaussians(self.found))
         serve(RENDER_OBJECTS, self._render)
-        serve(SAVE_MAP2D, lambda _: pb.SaveMap2DReply(
-            files=[pb.Map2DFile(name="map2d.map", data=self.kept["map2d"])]))  # fmt: skip
+        serve(SAVE_MAP2D, self._save_map2d)
         serve(SAVE_OBJECTS, lambda _: pb.ObjectMapFile(data=self.kept["objects"]))
         serve(LOAD_MAP2D, self._load_map2d)
         serve(LOAD_OBJECTS, self._load_objects)
@@ -219,6 +218,12 @@ class Backend(MadeUpTasks):
         cv2.circle(picture, (side // 2, side // 2), side // 4, (40, 60, 200), -1)
         _, png = cv2.imencode(".png", picture)
         return pb.RenderReply(png=png.tobytes())
+
+    def _save_map2d(self, request: pb.SaveMap2DRequest) -> pb.SaveMap2DReply:
+        names = ("map.pgm", "map.yaml") if request.format == "ros" else ("map2d.map",)
+        return pb.SaveMap2DReply(
+            files=[pb.Map2DFile(name=name, data=self.kept["map2d"]) for name in names]
+        )
 
     def _load_map2d(self, request: pb.LoadMap2DRequest) -> pb.LoadMap2DReply:
         if self.refuses_maps is not None:

@@ -6,6 +6,7 @@ The synchronous and the asynchronous client send the same calls; nothing here do
 from __future__ import annotations
 
 import io
+import zipfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
@@ -140,6 +141,10 @@ def map_file(what: str, ending: str) -> Call[bytes]:
     return Call("GET", f"/map/{quote(what)}.{ending}", _content)
 
 
+def ros_map() -> Call[dict[str, bytes]]:
+    return Call("GET", "/map/ros.zip", lambda r: _unzipped(r.content), timeout_s=MAP_S)
+
+
 def save_map() -> Call[bytes]:
     return Call("GET", "/map.zip", _content, timeout_s=MAP_S)
 
@@ -203,3 +208,8 @@ def _json(response: httpx.Response) -> Any:
 def _arrays(data: bytes) -> dict[str, NDArray]:
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
         return {name: file[name] for name in file.files}
+
+
+def _unzipped(data: bytes) -> dict[str, bytes]:
+    with zipfile.ZipFile(io.BytesIO(data)) as together:
+        return {name: together.read(name) for name in together.namelist()}

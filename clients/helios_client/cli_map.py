@@ -118,13 +118,19 @@ def export(
     only: Annotated[
         str | None, typer.Option(help="occupancy, or a value layer such as pick  [default: all]")
     ] = None,
+    ros: Annotated[
+        bool, typer.Option("--ros", help="map.pgm and map.yaml for ROS's map_server instead")
+    ] = False,
     as_json: Json = False,
 ) -> None:
-    """Write the 2D map as pictures (PNG) and arrays (NPZ)."""
-    from helios_client.map_files import export_map
+    """Write the 2D map as pictures (PNG) and arrays (NPZ), or for ROS."""
+    from helios_client.map_files import export_map, export_ros
+    from helios_client.wrong_use import WrongUse
 
+    if ros and only is not None:
+        raise WrongUse("a map for ROS holds the occupancy alone; leave --only or --ros away")
     with at.connect() as helios:
-        written = export_map(helios, out, only)
+        written = export_ros(helios, out) if ros else export_map(helios, out, only)
     if as_json:
         print_json({"files": [str(path) for path in written]})
     else:

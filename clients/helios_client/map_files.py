@@ -32,6 +32,17 @@ def export_map(helios: Helios, out: Path, only: str | None) -> list[Path]:
     return written
 
 
+def export_ros(helios: Helios, out: Path) -> list[Path]:
+    """`map.pgm` and `map.yaml` for ROS's map_server; the paths written. Raises InvalidInput where
+    nothing can be written."""
+    written = []
+    for name, data in helios.ros_map().items():
+        path = out / Path(name).name
+        write_file(path, data)
+        written.append(path)
+    return written
+
+
 def write_views(views: Sequence[SeenView], out: Path) -> list[Path]:
     """The pictures of past views, best first; the paths written."""
     pictured = [view for view in views if view.jpeg]

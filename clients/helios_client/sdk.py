@@ -174,6 +174,10 @@ class Helios:
         """The map as it travels: `occupancy` or `value/<layer>`, as `png` or `npz`."""
         return self._do(calls.map_file(what, ending))
 
+    def ros_map(self) -> dict[str, bytes]:
+        """`map.pgm` and `map.yaml`, as ROS's map_server reads them."""
+        return self._do(calls.ros_map())
+
     def frontiers(self) -> list[Frontier]:
         """The borders of what was seen since the search began."""
         return self._do(calls.frontiers())

@@ -140,6 +140,9 @@ class AsyncHelios:
     async def map_file(self, what: str, ending: str) -> bytes:
         return await self._do(calls.map_file(what, ending))
 
+    async def ros_map(self) -> dict[str, bytes]:
+        return await self._do(calls.ros_map())
+
     async def frontiers(self) -> list[Frontier]:
         return await self._do(calls.frontiers())
 

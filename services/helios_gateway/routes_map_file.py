@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import zipfile
 from typing import Annotated
 
 from fastapi import APIRouter, Body, Response
@@ -24,7 +26,7 @@ UNDER_WAY = ("running", "paused")
 
 
 def map_file_routes(prefix: str, settings: Settings) -> APIRouter:
-    """`/map.zip`."""
+    """`/map.zip` and `/map/ros.zip`."""
     routes = APIRouter(prefix=prefix, tags=["maps and camera"])
 
     @routes.get(
@@ -42,6 +44,27 @@ def map_file_routes(prefix: str, settings: Settings) -> APIRouter:
         data = packed(MapFile(map2d.data, objects.data), at.bus.robot)
         disposition = 'attachment; filename="map.zip"'
         return Response(data, media_type=ZIP, headers={"content-disposition": disposition})
+
+    @routes.get(
+        "/map/ros.zip",
+        summary="The occupancy for ROS",
+        response_class=Response,
+        responses={200: {"content": {ZIP: {"schema": {"type": "string", "format": "binary"}}}}}
+        | problems(),
+        dependencies=secured(Scope.READ),
+    )
+    def ros(at: At) -> Response:
+        """`map.pgm` and `map.yaml` as map_server reads them, both of one version:
+        `helios map export --ros`."""
+        files = at.bus.call(SAVE_MAP2D, pb.SaveMap2DRequest(format="ros"), FILE_S).files
+        data = io.BytesIO()
+        with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as together:
+            for file in files:
+                together.writestr(file.name, file.data)
+        disposition = 'attachment; filename="ros.zip"'
+        return Response(
+            data.getvalue(), media_type=ZIP, headers={"content-disposition": disposition}
+        )
 
     @routes.put(
         "/map.zip",

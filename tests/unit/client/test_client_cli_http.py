@@ -118,6 +118,16 @@ def test_the_map_is_exported_as_pictures_and_arrays(helios: Helios, tmp_path: Pa
     assert "cannot be written" in helios.error
 
 
+def test_the_map_is_exported_for_ros(helios: Helios, tmp_path: Path) -> None:
+    out = tmp_path / "ros"
+    assert helios.json("map", "export", "--ros", "--out", str(out))["files"] == [
+        str(out / "map.pgm"), str(out / "map.yaml")
+    ]  # fmt: skip
+    assert (out / "map.yaml").read_bytes() == b"walls"
+    helios("map", "export", "--ros", "--only", "pick", status=2)
+    assert "occupancy alone" in helios.error
+
+
 def test_both_maps_are_saved_in_one_file_and_come_back(
     house: Served, helios: Helios, tmp_path: Path
 ) -> None:

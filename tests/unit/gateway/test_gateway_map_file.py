@@ -83,6 +83,15 @@ def test_a_saved_map_comes_back(client: TestClient, backend: Backend) -> None:
     assert backend.kept == {"map2d": b"walls", "objects": b"things"}
 
 
+def test_the_map_for_ros_is_two_files_of_one_version(client: TestClient, backend: Backend) -> None:
+    backend.kept["map2d"] = b"as map2d says it"
+    answer = client.get("/v1/map/ros.zip")
+    assert answer.status_code == 200
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as files:
+        told = {name: files.read(name) for name in files.namelist()}
+    assert told == dict.fromkeys(("map.pgm", "map.yaml"), b"as map2d says it")
+
+
 def test_both_maps_are_loaded_or_neither(client: TestClient, backend: Backend) -> None:
     saved = client.get("/v1/map.zip").content
     backend.kept = {"map2d": b"present walls", "objects": b"present things"}
