@@ -134,7 +134,8 @@ def play(kind: str, trial: Trial, rule: PlaceRule) -> Outcome | None:
     item = home.receptacle(trial.receptacle)
     world = World(*_prepared(home, trial, item))
     try:
-        body = WorldBody(world)
+        furniture = told(item)
+        body = WorldBody(world, [furniture])
         settings = Settings(place_rule=rule)
         legs = Legs(body, settings)
         skills = Skills(body, legs, settings, MapBelief(body, settings), attempts=1)
@@ -144,7 +145,7 @@ def play(kind: str, trial: Trial, rule: PlaceRule) -> Outcome | None:
             middle = (item.x, item.y)
             legs.turn_to(body.pose().yaw_rad + body.pose().bearing_rad(middle))
             legs.tilt(settings.travel_tilt_rad)
-            message = skills.place(told(item), item.class_name).name.lower()
+            message = skills.place(furniture, item.class_name).name.lower()
             message = f"{message} {skills.last_reason}".strip()
         except TaskFailed as failure:
             message = f"{failure.cause}: {failure.message}"

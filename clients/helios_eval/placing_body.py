@@ -22,10 +22,10 @@ MOST_STEPS = 150
 
 
 class WorldBody(Body):
-    """See the module."""
+    """See the module. told: what stands there."""
 
-    def __init__(self, world: World) -> None:
-        self._world = world
+    def __init__(self, world: World, told: Sequence[ObjectInstance]) -> None:
+        self._world, self._told = world, told
         self.description = world.describe()
         pose = self.pose()
         rules = MapRules(max_depth_m=min(MapRules.max_depth_m, self.description.max_depth_m))
@@ -65,7 +65,7 @@ class WorldBody(Body):
         return ()
 
     def objects(self, class_name: str) -> Sequence[ObjectInstance]:
-        return ()  # the skill keeps what it was told
+        return [thing for thing in self._told if thing.class_name == class_name]
 
     def sightings(self) -> Sequence[Sighting]:
         return ()

@@ -16,6 +16,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -120,6 +121,7 @@ def _interrupts_put_off() -> Iterator[None]:
         yield
         return
     came: list[int] = []
+    resource_tracker.ensure_running()  # else the first start does it, and unblocks SIGINT after it
     held = (signal.SIGINT, signal.SIGTERM)
     former = {number: signal.signal(number, lambda n, _: came.append(n)) for number in held}
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited

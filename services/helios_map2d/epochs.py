@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from helios_core.errors import Conflict, InvalidInput
-from helios_core.types import Frame, FrameId, SearchContext
+from helios_core.types import Frame, FrameId, Observation, SearchContext
 
 from helios_map2d.rules import MapRules
 from helios_map2d.state import MapState
@@ -63,11 +63,12 @@ class EpochMaps:
     def parked(self) -> Mapping[EpochKey, MapState]:
         return dict(self._parked)
 
-    def state_for(self, frame: Frame) -> MapState:
-        """The map that a frame belongs to; starts one when its epoch is new.
+    def state_for(self, frame: Frame, observation: Observation | None = None) -> MapState:
+        """The map that a frame, or an observation of it, belongs to; starts one when its epoch is
+        new.
 
-        Raises Conflict for an epoch that is over, InvalidInput for a frame that can't start a map:
-        one that is refused parks nothing.
+        Raises Conflict for an epoch that is over or an observation of another search, InvalidInput
+        for a frame that can't start a map: what is refused parks nothing.
         """
         key = EpochKey.of(frame.id)
         if self.current is not None and key == self.key:
@@ -94,6 +95,8 @@ class EpochMaps:
         fresh.check(frame)
         if self._context is not None:
             fresh.reset_search(self._context)
+        if observation is not None:
+            fresh.check_search(observation)
         if self.current is not None and self.key is not None:
             self._parked.append((self.key, self.current))
             self._gone.append(self.key)

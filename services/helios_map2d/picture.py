@@ -146,8 +146,9 @@ def _draw_frontier_cells(
 
 
 def _draw_frontier_centres(sheet: Sheet, snapshot: MapSnapshot, layer: str) -> list[_Label]:
+    """Labels of those that the robot can choose, the most valuable first."""
     labels = []
-    for frontier in snapshot.frontiers:
+    for frontier in sorted(snapshot.frontiers, key=lambda f: -max(f.values.values(), default=0.0)):
         u, v = sheet.at(*frontier.centre_m)
         radius = 4 * sheet.line_px
         colour = FRONTIER_RGB if frontier.reachable else BEYOND_RGB
@@ -156,7 +157,7 @@ def _draw_frontier_centres(sheet: Sheet, snapshot: MapSnapshot, layer: str) -> l
         shown = frontier.values if layer == OCCUPANCY else {layer: frontier.values.get(layer, 0.0)}
         first = list(shown.items())[:MOST_VALUES]
         label = " ".join(f"{name} {value:.2f}" for name, value in first)
-        if label:
+        if label and frontier.reachable:
             labels.append(_Label(label, (u - radius, v - radius, u + radius, v + radius)))
     return labels
 

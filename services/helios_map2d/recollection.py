@@ -33,6 +33,7 @@ log = logging.getLogger(__name__)
 
 EMBED_WITHIN_S = 10.0
 DEFAULT_PLACES, MOST_PLACES = 5, 50
+MOST_LATE_LAYERS = 8  # that are asked for in one search: each is fused into with every keyframe
 LAYER_NAME = re.compile(r"[A-Za-z0-9_.-]{1,40}")  # as it stands in addresses and file names
 
 
@@ -57,14 +58,16 @@ class Recollection:
 
         Views are asked through the scorer's image-text model; where there is none, by the names
         that the detector gave in them, and the reply's note says why. A layer needs the model.
-        Raises Unavailable when no view was kept, InvalidInput for an empty prompt or a name that no
-        layer can have.
+        Raises Unavailable when no view was kept, InvalidInput for an empty prompt, a name that no
+        layer can have, or a layer too many.
         """
         if not request.prompt.strip():
             raise InvalidInput("an empty prompt was asked; send what is looked for")
         if request.layer:
             self._check_name(request.layer)
         state, views = self._views()
+        if request.layer:
+            self._check_room(state, request.layer)
         if not views:
             raise Unavailable(
                 "no view has been kept in this map: no search has looked around in it yet, or the "
@@ -112,6 +115,17 @@ class Recollection:
         if layer == OCCUPANCY or (search is not None and layer in search.prompts):
             whose = "the ground's" if layer == OCCUPANCY else "the present search's"
             raise InvalidInput(f"the name {layer!r} is {whose}; give the layer another one")
+
+    def _check_room(self, state: MapState, layer: str) -> None:
+        """Raises InvalidInput for one layer more than may be asked for."""
+        search = self._search()
+        own = set() if search is None else set(search.prompts)
+        late = sorted(set(state.published.layers) - own)
+        if layer not in late and len(late) >= MOST_LATE_LAYERS:
+            raise InvalidInput(
+                f"{len(late)} layers were asked for in this search already ({', '.join(late)}): "
+                "send the name of one of them, which is then made anew, or begin another search"
+            )
 
     def _views(self) -> tuple[MapState, tuple[SeenView, ...]]:
         with self._lock:

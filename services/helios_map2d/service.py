@@ -231,7 +231,8 @@ class Map2DService:
         observation = observation_from_proto(message)
         with self._lock:
             if self._maps is not None:
-                self._maps.state_for(observation.frame).integrate_values(observation)
+                state = self._maps.state_for(observation.frame, observation)
+                state.integrate_values(observation)
 
     def _integrate(
         self, part: str, id: pb.FrameId, context_id: str, fold: Callable[[], None]

@@ -94,11 +94,7 @@ class MapState:
         to another search context, InvalidInput as `integrate_frame` does or for a score that is
         not finite.
         """
-        if observation.context_id != self.context_id:
-            raise Conflict(
-                f"the observation belongs to search context {observation.context_id!r}, the map is "
-                f"at {self.context_id!r}: observe again under the present context"
-            )
+        self.check_search(observation)
         frame = observation.frame
         key = (observation.context_id, frame.id.seq)
         if key in self._observations_seen:
@@ -205,6 +201,14 @@ class MapState:
     def check(self, frame: Frame) -> None:
         """Raises InvalidInput for a frame that cannot be folded in."""
         self._prepared(frame)
+
+    def check_search(self, observation: Observation) -> None:
+        """Raises Conflict for an observation of another search than the present one."""
+        if observation.context_id != self.context_id:
+            raise Conflict(
+                f"the observation belongs to search context {observation.context_id!r}, the map is "
+                f"at {self.context_id!r}: observe again under the present context"
+            )
 
     def _prepared(self, frame: Frame) -> tuple[View, tuple[float, float, float]]:
         """Check a frame and make room for it; the frame over the grid, and the robot's x, y (m) and

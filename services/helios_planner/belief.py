@@ -66,8 +66,11 @@ class MapBelief(Belief):
     def from_near(
         self, thing: ObjectInstance, class_name: str, within_m: float
     ) -> ObjectInstance | None:
-        near = nearest_to(thing.center_m, self.body.objects(class_name), within_m)
-        return near if near is not None and near.class_score >= self.settings.cs_g else None
+        """The same instance within `within_m`; where it is gone, what lies in its place now."""
+        known = self.body.objects(class_name)
+        same = [o for o in known if o.id == thing.id]
+        within_m = within_m if same else min(within_m, SAME_THING_M)
+        return nearest_to(thing.center_m, same or known, within_m)
 
     def taken(self, thing: ObjectInstance) -> None:
         self.body.retire(thing.id, np.asarray(thing.center_m), "picked up")

@@ -23,6 +23,7 @@ from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed
 
 PICK_LAYER, PLACE_LAYER = "pick", "place"  # value layers: where the object, where the goal may be
+MOST_DOUBTS = 4  # of one thing in one search
 MOST_WAITS = 8  # times in one search that something is gone to and turns out to be out of reach
 
 
@@ -51,6 +52,7 @@ class Search(ABC):
         self.refused = Places(refused_m)  # for good
         self.waiting = Places(kit.settings.same_place_m)  # until more ground is known
         self._waited = 0
+        self._doubts: dict[int, int] = {}  # by instance: how often it did not hold up
         self._round = self._first_round = 0
         self._acted_from: Pose2 | None = None
         self._left_at = 0  # version of the map when a candidate was last found out of reach
@@ -75,6 +77,19 @@ class Search(ABC):
     def threshold(self) -> float:
         """The score from which something is acted on now."""
         return self.settings.tau_g
+
+    def holds_up(self, thing: ObjectInstance) -> bool:
+        """Whether what was chosen is acted on as it is believed from near."""
+        return True
+
+    def settle_at_last(self, after: float) -> None:
+        """In the end, and after that share of the task's steps, the likeliest will do; from 1 on it
+        never does. To who has no threshold it always does."""
+        return
+
+    def settled_for(self, thing: ObjectInstance) -> bool:
+        """Whether this was chosen only because it has come to that."""
+        return False
 
     def settle_for_less(self) -> bool:
         """With nothing left to explore: drop a condition, if there is one to drop."""
@@ -102,11 +117,13 @@ class Search(ABC):
         return {
             "round": self._round, "waited": self._waited,
             "refused": self.refused.memory(), "waiting": self.waiting.memory(),
+            "doubts": list(self._doubts.items()),
         }  # fmt: skip
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         self._round = self._first_round = int(memory["round"])
         self._waited = int(memory["waited"])
+        self._doubts = {int(id): int(n) for id, n in memory.get("doubts", [])}
         self.refused.recall(memory["refused"])
         self.waiting.recall(memory["waiting"])
 
@@ -132,6 +149,12 @@ class Search(ABC):
         elif not self.legs.clear_way(_xy(candidate), self._near_enough_m(candidate)):
             self.waiting.add(candidate)
             self._left_at = self.body.ground().version
+
+    def doubt(self, candidate: ObjectInstance) -> None:
+        """It did not hold up from near: its views decide whether it comes back, a few times."""
+        self._doubts[candidate.id] = self._doubts.get(candidate.id, 0) + 1
+        if self._doubts[candidate.id] >= MOST_DOUBTS:
+            self.refused.add(candidate)
 
     def end_waiting(self) -> bool:
         """Candidates that were out of reach may be tried again; whether that may help."""

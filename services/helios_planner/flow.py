@@ -46,6 +46,7 @@ class Mission:
         self.looked_around = self.placed = False
         self.target_m: np.ndarray | None = None  # what is being picked
         self.picked_at_m: np.ndarray | None = None
+        self.unsure: list[str] = []  # what is to be said of things that were settled for
         self.search: Search | None = None  # the one that goes on
         self._recalled: Mapping[str, Any] | None = None  # of the search that went on
 
@@ -69,15 +70,14 @@ class Mission:
         while not self.placed:
             try:
                 if self.picked_at_m is None:
-                    search = self._begun(self.agent.seek_object(self.kit, i.object, i.start))
-                    self.picked_at_m = self._pick(search)
+                    self.picked_at_m = self._pick(i.object, i.start)
                 seen = self._place(i.goal, self.picked_at_m if i.goal == i.start else None)
                 self.placed = True
             except Dropped as fall:
                 self.skills.count_fall(fall, i.object)
                 self.picked_at_m = None
                 self.body.tell_phase(Phase.FIND_OBJECT, i.object, f"the {i.object} fell: {fall}")
-        return f"put the {i.object} on the {i.goal}; {seen}"
+        return "; ".join([f"put the {i.object} on the {i.goal}", seen, *self.unsure])
 
     def _begun(self, search: Search) -> Search:
         """The search that goes on from now; one that was cut off remembers what it knew."""
@@ -98,6 +98,7 @@ class Mission:
             "picked_at_m": _listed(self.picked_at_m),
             "picks": self.skills.picks,
             "falls": self.skills.falls,
+            "unsure": self.unsure,
             "last_reason": self.skills.last_reason,
             "felt": [list(f) for f in self.kit.legs.felt],
             "trusted": [list(disc) for disc in self.kit.legs.blind_ring.discs],
@@ -115,6 +116,7 @@ class Mission:
         self.picked_at_m = _array(memory["picked_at_m"])
         self.skills.picks, self.skills.falls = memory["picks"], memory["falls"]
         self.skills.last_reason = memory["last_reason"]
+        self.unsure = list(memory.get("unsure", []))
         self.kit.legs.felt[:] = [(x, y, r) for x, y, r in memory["felt"]]
         self.kit.legs.blind_ring.discs[:] = [(x, y, r) for x, y, r in memory["trusted"]]
         self.kit.given_up[:] = [(x, y) for x, y in memory["given_up"]]
@@ -144,8 +146,11 @@ class Mission:
         if thing is not None:
             self.kit.belief.taken(thing)
 
-    def _pick(self, search: Search) -> np.ndarray:
+    def _pick(self, name: str, start: str | None) -> np.ndarray:
         """Until something is held; where it was."""
+        search = self.agent.seek_object(self.kit, name, start)
+        search.settle_at_last(self.settings.pick_at_last)
+        self._begun(search)
         while True:
             try:
                 found = search.find()
@@ -157,17 +162,18 @@ class Mission:
                 raise
             self.target_m = np.asarray(found.center_m)
             self.body.tell_phase(Phase.PICK, search.name, f"going to pick the {search.name}")
-            done = self.skills.pick(found, search.name)
+            done = self.skills.pick(found, search.name, search.holds_up)
             if done is Done.SUCCEEDED:
+                self.unsure = self._said_if_unsure(search, found)
                 return np.asarray(found.center_m)
-            # Doubted: its score fell by looking, so its views decide whether it comes back.
-            if done is not Done.DOUBTED:
-                search.leave(found, done is Done.OUT_OF_REACH)
+            self._give_up(search, found, done)
             search.tell(f"the pick did not work ({_words(done)}); searching on")
 
     def _place(self, goal: str, not_at: np.ndarray | None) -> str:
         """Until it is put down; what is seen of it then."""
-        search = self._begun(self.agent.seek_receptacle(self.kit, goal, not_at))
+        search = self.agent.seek_receptacle(self.kit, goal, not_at)
+        search.settle_at_last(self.settings.place_at_last)
+        self._begun(search)
         while True:
             try:
                 found = search.find()
@@ -180,11 +186,25 @@ class Mission:
             self.body.tell_phase(Phase.PLACE, goal, f"going to place on the {goal}")
             name = self.instruction.object or ""
             before = list(self.kit.belief.known(name))
-            done = self.skills.place(found, goal)
+            done = self.skills.place(found, goal, search.holds_up)
             if done is Done.SUCCEEDED:
-                return self._seen(name, found, before)
-            search.leave(found, done is Done.OUT_OF_REACH)
+                self.unsure += self._said_if_unsure(search, found)
+                return self._seen(name, self.skills.placed_on or found, before)
+            self._give_up(search, found, done)
             search.tell(f"this {goal} did not work ({_words(done)}); another one")
+
+    @staticmethod
+    def _said_if_unsure(search: Search, found: ObjectInstance) -> list[str]:
+        said = f"no surer {search.name} was found than this one ({found.score:.2f})"
+        return [said] if search.settled_for(found) else []
+
+    @staticmethod
+    def _give_up(search: Search, found: ObjectInstance, done: Done) -> None:
+        """Leave what did not work, or doubt it."""
+        if done is Done.DOUBTED:
+            search.doubt(found)
+        else:
+            search.leave(found, done is Done.OUT_OF_REACH)
 
     def _seen(self, name: str, receptacle: ObjectInstance, before: Sequence[ObjectInstance]) -> str:
         """The robot says that it placed it; is it seen there? Raises TaskFailed where it is seen

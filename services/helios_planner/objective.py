@@ -82,8 +82,9 @@ def estimated_value(
 def frontier_scale(memory: SearchMemory, alpha_d: float) -> float:
     """F_0, which turns a frontier's value into a candidate's worth (eq. 9).
 
-    1 where it is not defined: no chosen frontier, no candidate, a value of zero; and where the
-    mean ratio is not above 0, since a negative scale would reverse the order of the frontiers.
+    1 where it is not defined: no chosen frontier, no candidate, a value of zero or so small that
+    the ratio is infinite; and where the mean ratio is not above 0, since a negative scale would
+    reverse the order of the frontiers.
     """
     usable: Sequence[ChosenFrontier] = [f for f in memory.chosen if f.value_when_chosen > 0]
     if not usable or len(usable) < len(memory.chosen) or not memory.first_seen:
@@ -92,7 +93,7 @@ def frontier_scale(memory: SearchMemory, alpha_d: float) -> float:
         estimated_value(f.xy_m, memory.first_seen, alpha_d) / f.value_when_chosen for f in usable
     ]
     mean = sum(ratios) / len(ratios)
-    return mean if mean > 0 else 1.0
+    return mean if 0 < mean < math.inf else 1.0
 
 
 def candidate_value(

@@ -32,6 +32,7 @@ from helios_planner.global_search import (
     receptacles_first,
 )
 from helios_planner.settings import Settings
+from helios_planner.standards import ANY_SCORE
 
 # Which settings a rule reads: its own name of each, and that of the setting.
 _GLOBAL = {"alpha_d": "alpha_d", "class_threshold": "cs_a"}
@@ -87,8 +88,9 @@ def recompute(decision: Decision, changes: Mapping[str, float]) -> Recomputed:
     if reads is None:  # no setting enters: detector trusted, frontier by value, best view
         return Recomputed(decision, flips=False, certain=True)
     used = decision.settings | {
-        own: changes[setting] for own, setting in reads.items() if setting in changes
-    }
+        own: changes[setting] for own, setting in reads.items()
+        if setting in changes and not (own == "threshold" and decision.settings[own] == ANY_SCORE)
+    }  # fmt: skip
     before, after = decision.settings.get("class_threshold"), used.get("class_threshold")
     lowered = after is not None and after != before and (before is None or after < before)
     unseen = any(  # it would have been seen first at another time

@@ -36,10 +36,14 @@ def refuse_conditions(clauses: list[Clause], text: str) -> None:
     """Raises InvalidInput for a phrase such as "the mug if it is dirty"."""
     for clause in clauses:
         if clause.condition:
-            raise InvalidInput(
-                f"{short(text)} holds a condition (“{clause.condition}”), which is not understood; "
-                f"say what to do now, for example {EXAMPLE}"
-            )
+            raise InvalidInput(_a_condition(clause.condition, text))
+
+
+def _a_condition(said: str, text: str) -> str:
+    return (
+        f"{short(text)} holds a condition (“{said}”), which is not understood; say what to do now, "
+        f"for example {EXAMPLE}"
+    )
 
 
 def no_verb(words: list[str], text: str) -> str:
@@ -49,6 +53,8 @@ def no_verb(words: list[str], text: str) -> str:
             f"{short(text)} is no task: a robot is stopped at once by `helios stop` (HTTP: "
             "POST /v1/robot/stop), and a task is ended by `helios cancel`"
         )
+    if n := length_at(words, 0, w.CONDITIONS):  # "if it rains bring the mug"
+        return _a_condition(" ".join(words[:n]), text)
     language = w.language_of(words)
     hint = f": it looks like {language}; write in English," if language else ";"
     return (

@@ -12,7 +12,7 @@ from helios_core.types import ObjectInstance
 from helios_planner.decide import Decision, Do, act_or_look
 from helios_planner.explore import Kit, Search
 from helios_planner.look import BestView
-from helios_planner.standards import Standard, Standards
+from helios_planner.standards import Standard, Standards, in_the_end
 from helios_planner.task import Phase
 
 
@@ -28,6 +28,7 @@ class ScoredSearch(Search):
         super().__init__(kit, phase, name, refused_m)
         self._standards, self._since = standards, kit.body.budget_used()
         self._step = 0  # of the standards
+        self._acted = standards.steps[0]  # what the newest decision was taken by
         self._views: dict[int, BestView | None] = {}
 
     @abstractmethod
@@ -61,8 +62,30 @@ class ScoredSearch(Search):
     def _place(self, candidate: ObjectInstance) -> float:
         return self.place_of(candidate) if self._standards.by_place else 1.0
 
+    def holds_up(self, thing: ObjectInstance) -> bool:
+        """Views from near may take from its score what one more could bring back, tau_inc: large
+        things are seen in parts from there."""
+        least = replace(self._acted, score=self._acted.score - self.settings.tau_inc)
+        return any(o.id == thing.id for o in self.candidates()) and self._meets(thing, least)
+
+    def _meets(self, thing: ObjectInstance, standard: Standard) -> bool:
+        sure = thing.score * self._place(thing) >= standard.score
+        return sure and (standard.anywhere or self.in_place(thing))
+
+    def settle_at_last(self, after: float) -> None:
+        if after < 1:
+            self._standards = in_the_end(self._standards, after)
+
+    def settled_for(self, thing: ObjectInstance) -> bool:
+        if self._standards.at_last is None or self._acted is not self._standards.steps[-1]:
+            return False
+        return not self._meets(thing, self._standards.steps[-2])
+
     def settle_for_less(self) -> bool:
-        if self._step + 1 >= len(self._standards.steps):
+        left = len(self._standards.steps) - 1 - self._step
+        if self._standards.at_last is not None and self._round + 1 < self.settings.rounds:
+            left -= 1  # first everything is searched once more
+        if left <= 0:
             return False
         self._step += 1
         return True
@@ -73,6 +96,7 @@ class ScoredSearch(Search):
     def recall(self, memory: Mapping[str, Any]) -> None:
         super().recall(memory)
         self._step, self._since = int(memory["standard"]), float(memory["since"])
+        self._acted = self._standards.steps[self._step]
 
     def decide(self) -> Decision:
         """Act on one, look at one again, or search on."""
@@ -86,6 +110,7 @@ class ScoredSearch(Search):
                 thing, self.name, self.threshold / place, in_place=in_place, ask=worth
             )
             options.append(replace(option, place=place))
+        self._acted = self._standard
         return act_or_look(
             options, self.threshold, self.settings.tau_inc, self.kind, self.what, self.anywhere
         )
@@ -102,10 +127,7 @@ class ScoredSearch(Search):
         assert view is not None
 
         def sure() -> bool:
-            return any(
-                o.score * self._place(o) >= self.threshold and (self.anywhere or self.in_place(o))
-                for o in self.candidates()
-            )
+            return any(self._meets(o, self._standard) for o in self.candidates())
 
         purpose = f"another view of the {self.name}"
         self.looking.go_and_look(self.chosen(decision), view.gaze, purpose, sure)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from helios_planner.candidate import Candidate
+from helios_planner.standards import ANY_SCORE
 
 
 def search_receptacle(candidates: Sequence[Candidate], winner: int, alpha_d: float) -> str:
@@ -77,6 +78,11 @@ def act(what: str, c: Candidate, threshold: float, sure: int) -> str:
     """Eq. 7 passed."""
     t = c.terms
     of = f", the best of {sure} that pass" if sure > 1 else ""
+    if threshold == ANY_SCORE:
+        return (
+            f"{what} {_on(what)}the {c.name}{_away(c)} at last: of {_count(sure, 'candidate')} it "
+            f"has the highest score, {_scored(t, 'score')}, and the search has come to its end"
+        )
     return (
         f"{what} {_on(what)}the {c.name}{_away(c)}: score {_scored(t, 'score')} ≥ "
         f"{threshold:.2f} after {_count(int(t['views']), 'view')} (class score "

@@ -168,6 +168,22 @@ class Settings(ServiceSettings):
         default=1.25, description="what is higher than this blocks any gaze"
     )
 
+    # --- in the end ---
+    pick_at_last: float = Field(
+        default=0.67,
+        gt=0,
+        le=1,
+        description="share of the steps after which the likeliest object is brought, sure or not, "
+        "as when everything was searched; 1: never, as the paper",
+    )
+    place_at_last: float = Field(
+        default=0.92,
+        gt=0,
+        le=1,
+        description="share of the steps after which what is held is put on the likeliest "
+        "receptacle, as when everything was searched; 1: never, as the paper",
+    )
+
     # --- pick and place ---
     reach_spare_m: float = Field(default=0.06, ge=0, description="kept of the robot's reach")
     place_rule: PlaceRule = Field(

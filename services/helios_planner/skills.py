@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from enum import Enum, auto
 from itertools import product
 
@@ -21,6 +23,7 @@ from helios_planner.settings import Settings
 from helios_planner.stand import (
     ON_SHELF_M,
     ON_TOP_M,
+    OTHER_SIDE_M,
     AheadRules,
     PlaceRules,
     Spot,
@@ -28,8 +31,20 @@ from helios_planner.stand import (
     highest_ahead,
     place_spots,
     stand_for,
+    top_at_m,
 )
 from helios_planner.task import Cause, TaskFailed
+
+Judged = Callable[[ObjectInstance], bool]
+
+SAME_PLACE_M = 0.15
+OVER_M = 0.05  # around a point that has to do, what lies there counts
+GROWN_M = 1.0  # so far the middle of a receptacle moves when the rest of it comes into sight
+
+
+def always(thing: ObjectInstance) -> bool:
+    """Whatever is believed to be there at all holds up."""
+    return True
 
 
 class Done(Enum):
@@ -39,6 +54,19 @@ class Done(Enum):
     FAILED = auto()
     DOUBTED = auto()  # from near it does not look like what it was taken for
     OUT_OF_REACH = auto()
+
+
+@dataclass
+class _Failed:
+    """Where placing was tried in vain: points (x, y, z), and where the robot stood (x, y), in m."""
+
+    points: list[tuple[float, float, float]] = field(default_factory=list)
+    stands: list[tuple[float, float]] = field(default_factory=list)
+
+    def lacks(self, point_m: tuple[float, float, float]) -> bool:
+        """Whether a point is not one of these, or next to one."""
+        x, y, _ = point_m
+        return all(math.hypot(x - p[0], y - p[1]) > SAME_PLACE_M for p in self.points)
 
 
 @dataclass
@@ -54,10 +82,12 @@ class Skills:
     falls: int = 0
     last_reason: str = ""
     surface_m: float = 0.0  # height of where something was let go last
+    placed_on: ObjectInstance | None = None  # as it was known when something was let go on it
 
     # --- pick ----------------------------------------------------------------------------------
-    def pick(self, thing: ObjectInstance, class_name: str) -> Done:
-        """Grasp a thing: up to `attempts` times, each from another place."""
+    def pick(self, thing: ObjectInstance, class_name: str, holds_up: Judged = always) -> Done:
+        """Grasp a thing: up to `attempts` times, each from another place. What does not
+        hold up as it is believed from there is doubted."""
         tried: list[tuple[float, float]] = []
         attempts = 0
         while attempts < self.attempts:
@@ -65,7 +95,7 @@ class Skills:
                 return Done.FAILED if attempts else Done.OUT_OF_REACH
             tried.append(self.body.pose().xy)
             near = self.belief.from_near(thing, class_name, 0.3)
-            if near is None:
+            if near is None or not holds_up(near):
                 return Done.DOUBTED
             thing = near
             if self._missing_m(thing.center_m) > 0:
@@ -144,28 +174,38 @@ class Skills:
         return self.body.pose().distance_m(target_m) - self.body.description.reach_m + spare
 
     # --- place ---------------------------------------------------------------------------------
-    def place(self, receptacle: ObjectInstance, class_name: str) -> Done:
-        """Put the held thing down on a receptacle, by the rule of the settings."""
-        failed: list[tuple[float, float, float]] = []
+    def place(self, receptacle: ObjectInstance, class_name: str, holds_up: Judged = always) -> Done:
+        """Put the held thing down on a receptacle, by the rule of the settings. What does not
+        hold up as it is believed from there is doubted."""
+        failed = _Failed()
         stood = False
-        for _ in range(self.settings.places_per_receptacle):
-            receptacle = self.belief.from_near(receptacle, class_name, 0.5) or receptacle
+        for last in (False,) * (self.settings.places_per_receptacle - 1) + (True,):
             spot = self._spot(receptacle, failed)
             if spot is None:
                 break
             target = np.array(spot.point_m)
             if not self._stand_at(spot.stand, target, f"place on the {class_name}"):
-                failed.append(spot.point_m)
+                failed.points.append(spot.point_m)
                 continue
             stood = True
+            near = self.belief.from_near(receptacle, class_name, GROWN_M)
+            if near is None or not holds_up(near):
+                return Done.DOUBTED
+            receptacle = self.placed_on = near
             point = self._point_from_here(receptacle, spot, failed)
-            if self._let_go(point):
+            if point is None and not last:
+                self.last_reason = "from near there was no free place in reach"
+            elif self._put(point or self._raised(spot)):
                 return Done.SUCCEEDED
-            failed.append(point)
+            else:
+                failed.stands.append(self.body.pose().xy)
+            failed.points.append(point or spot.point_m)
         return Done.FAILED if stood else Done.OUT_OF_REACH
 
-    def _let_go(self, point_m: tuple[float, float, float]) -> bool:
-        """Release above a point; False when the robot could not and still holds the thing."""
+    def _put(self, point_m: tuple[float, float, float]) -> bool:
+        """Face a point in reach and release above it; False when the robot could not and still
+        holds the thing."""
+        self._face(np.array(point_m))
         by_paper = self.settings.place_rule == "paper"
         drop_m = self.settings.paper_drop_m if by_paper else self.settings.place_drop_m
         x, y, z = point_m
@@ -180,50 +220,56 @@ class Skills:
             raise Dropped(self.body.pose().xy, result.reason or "it fell while it was placed")
         return False
 
-    def _free_spots(self, receptacle: ObjectInstance, reached: Reach) -> list[Spot]:
-        """Spots where nothing lies yet; where there is none, those that are only about flat."""
-        for flat_m in self.settings.place_flats_m:
-            rules = PlaceRules(self.settings.place_inset_m, flat_m)
-            if spots := place_spots(receptacle, reached, self._reach_m, rules):
-                return spots
+    def _free_spots(
+        self, receptacle: ObjectInstance, reached: Reach, failed: _Failed
+    ) -> list[Spot]:
+        """New spots where nothing lies yet; where there is none, those that are only about flat,
+        and then those nearer to an edge."""
+        wished_m = self.settings.place_inset_m
+        for inset_m, flat_m in product((wished_m, wished_m / 2), self.settings.place_flats_m):
+            rules = PlaceRules(inset_m, flat_m)
+            spots = place_spots(receptacle, reached, self._reach_m, rules, failed.stands)
+            if new := [spot for spot in spots if failed.lacks(spot.point_m)]:
+                return new
         return []
 
-    def _spot(
-        self, receptacle: ObjectInstance, failed: list[tuple[float, float, float]]
-    ) -> Spot | None:
+    def _spot(self, receptacle: ObjectInstance, failed: _Failed) -> Spot | None:
         """The best spot on a surface that was seen; on the second try one without a surface."""
         for level in self.legs.levels if self.settings.place_rule == "flat" else ():
-            reached = self.legs.reach(level)
-            for spot in self._free_spots(receptacle, reached):
-                if _new(spot.point_m, failed):
-                    return spot
+            spots = self._free_spots(receptacle, self.legs.reach(level), failed)
+            if spots:
+                return spots[0]
         here = self.body.pose()
         for level in self.legs.levels:
             point = edge_spot(receptacle, here, self.settings.place_inset_m + 0.05)
-            if not _new(point, failed):
+            if not failed.lacks(point):
                 return None
-            stand = stand_for(point, self.legs.reach(level), self.body.description, self._reach_m)
+            stand = stand_for(
+                point, self.legs.reach(level), self.body.description, self._reach_m, failed.stands,
+                tried_m=OTHER_SIDE_M,
+            )  # fmt: skip
             if stand is not None:
                 return Spot(point, stand, 0.0)
         return None
 
     def _point_from_here(
-        self, receptacle: ObjectInstance, spot: Spot, failed: list[tuple[float, float, float]]
-    ) -> tuple[float, float, float]:
-        """The point again, now that the surface was seen from near: the best one within reach."""
+        self, receptacle: ObjectInstance, spot: Spot, failed: _Failed
+    ) -> tuple[float, float, float] | None:
+        """The point again, now that the surface was seen from near: the best one within reach. None
+        where there is a better one elsewhere."""
         here = self.body.pose()
         if self.settings.place_rule == "paper":
             rules = AheadRules(self._reach_m)
             return highest_ahead(receptacle, self.body.ground(), here, rules) or spot.point_m
         reached = self.legs.reach(self.legs.levels[-1])
-        for better in self._free_spots(receptacle, reached):
-            xy = better.point_m[:2]
-            in_reach = here.distance_m(xy) <= self._reach_m and abs(here.bearing_rad(xy)) < 0.35
-            if in_reach and better.inset_m >= spot.inset_m - 0.02 and _new(better.point_m, failed):
-                return better.point_m
-        return spot.point_m
+        seen = self._free_spots(receptacle, reached, failed)
+        if not seen:
+            return self._raised(spot)
+        free = [one for one in seen if self._missing_m(np.array(one.point_m)) <= 0]
+        as_good = (s.point_m for s in free if s.inset_m >= spot.inset_m - 0.02)
+        return next(as_good, free[0].point_m if free else None)
 
-
-def _new(point_m: tuple[float, float, float], failed: list[tuple[float, float, float]]) -> bool:
-    """Whether a point is not one of those that failed, or next to one."""
-    return all(np.hypot(point_m[0] - f[0], point_m[1] - f[1]) > 0.15 for f in failed)
+    def _raised(self, spot: Spot) -> tuple[float, float, float]:
+        """Where a spot has to do: over what is seen there now."""
+        x, y, z = spot.point_m
+        return x, y, max(z, top_at_m(self.body.ground(), (x, y), OVER_M))

@@ -16,6 +16,7 @@ from helios_planner.grid import GroundMap, Pose2, facing
 from helios_planner.motion import Reach
 
 ON_TOP_M = 0.15  # so near to a thing nothing but itself stands
+OTHER_SIDE_M = 0.4  # so far from where it cannot be reached a robot may reach it
 ON_SHELF_M = 0.45  # from a shelf's edge to a thing at its back
 
 
@@ -87,10 +88,15 @@ def stand_for(
 
 
 def place_spots(
-    receptacle: ObjectInstance, reached: Reach, reach_m: float, rules: PlaceRules
+    receptacle: ObjectInstance,
+    reached: Reach,
+    reach_m: float,
+    rules: PlaceRules,
+    not_from: Sequence[tuple[float, float]] = (),
 ) -> list[Spot]:
     """Flat places on a receptacle that lie in reach of where the robot can stand, best first: well
-    inside the edge, then a short way. Empty when no surface was seen or none is in reach."""
+    inside the edge, then a short way. Empty when no surface was seen or none is in reach. not_from:
+    where the robot stood in vain (x, y in m)."""
     ground = reached.ground
     outline = outline_of(receptacle)
     centre, extent = outline.mean(axis=0), float(np.ptp(outline, axis=0).max())
@@ -100,14 +106,17 @@ def place_spots(
     inset = _flat_inset_m(part, receptacle, outline, rules)
     arrival = reached.arrival[r0 : r0 + inset.shape[0], c0 : c0 + inset.shape[1]]
     stands = np.argwhere(np.isfinite(arrival))
+    stand_xy = part.centres_of(stands)
+    for x_m, y_m in not_from:
+        other = np.hypot(stand_xy[:, 0] - x_m, stand_xy[:, 1] - y_m) > OTHER_SIDE_M
+        stands, stand_xy = stands[other], stand_xy[other]
     if not len(stands):
         return []
-    stand_xy = part.centres_of(stands)
     way_m = arrival[stands[:, 0], stands[:, 1]] * ground.cell_m
     spots: list[tuple[float, Spot]] = []
     step = max(1, round(rules.spacing_m / ground.cell_m))
     for row, column in np.argwhere(inset >= rules.inset_m):
-        if row % step or column % step:
+        if (row + r0) % step or (column + c0) % step:  # the same places whatever part is looked at
             continue
         x_m, y_m = part.centres_of(np.array([[row, column]]))[0]
         away = np.hypot(stand_xy[:, 0] - x_m, stand_xy[:, 1] - y_m)
@@ -118,7 +127,8 @@ def place_spots(
         if stand is None:
             continue
         pose, way = stand
-        z_m = _top_around_m(part, int(row), int(column), rules.patch_m)
+        flat_m = min(rules.patch_m, float(inset[row, column]) - ground.cell_m)
+        z_m = _top_around_m(part, int(row), int(column), flat_m)
         depth = min(float(inset[row, column]), rules.best_inset_m)
         spot = Spot((float(x_m), float(y_m), z_m), pose, float(inset[row, column]))
         spots.append((-10 * depth + 0.2 * way, spot))
@@ -216,8 +226,18 @@ def _flat_inset_m(
     return out.astype(np.float32)
 
 
+def top_at_m(ground: GroundMap, xy_m: tuple[float, float], radius_m: float) -> float:
+    """The highest that was seen around a point (world x, y); 0 where nothing was, also beyond the
+    map."""
+    row, column = ground.cells_of(np.array([xy_m]))[0]
+    rows, columns = ground.occupancy.shape
+    if not (0 <= row < rows and 0 <= column < columns):
+        return 0.0
+    return _top_around_m(ground, int(row), int(column), radius_m)
+
+
 def _top_around_m(part: GroundMap, row: int, column: int, radius_m: float) -> float:
-    n = max(1, round(radius_m / part.cell_m))
+    n = max(1, int(radius_m / part.cell_m + 1e-6))
     return float(
         part.top_m[max(0, row - n) : row + n + 1, max(0, column - n) : column + n + 1].max()
     )

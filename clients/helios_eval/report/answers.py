@@ -61,8 +61,9 @@ def section(arms: Sequence[Arm]) -> Section | None:
         if top is None or bottom is None or not in_common(top, bottom)[0]:
             unanswered.append(question.asks)
             continue
+        asks = ", ".join([question.asks, *_noise_of(top)])
         for metric in question.metrics:
-            bars.append(_row(rows, question, metric, top, bottom, question.asks, top.semantics))
+            bars.append(_row(rows, question, metric, top, bottom, asks, top.semantics))
         for first, second, noise in _other_noise(arms) if question is QUESTIONS[0] else ():
             for metric in question.metrics:
                 group = f"The same at {noise}"
@@ -140,14 +141,19 @@ def _other_noise(arms: Sequence[Arm]) -> Iterator[tuple[Arm, Arm, str]]:
         bottom = min(same, key=Arm.plainness, default=None)
         if bottom is not None and in_common(top, bottom)[0]:
             homes = [] if top.preset == main.preset else [f"homes {top.preset}"]
-            yield top, bottom, ", ".join([*noise_parts(top.noise), *homes]) or "other noise"
+            yield top, bottom, ", ".join([*_noise_of(top), *homes]) or "other noise"
+
+
+def _noise_of(arm: Arm) -> list[str]:
+    """What differs from the noise of the preset."""
+    return [] if arm.noise is None else noise_parts(arm.noise)
 
 
 def _levels(arms: Sequence[Arm]) -> Table | None:
     rows = Rows()
     for name, who, wanted in LEVELS:
         arm = plain_arm(arms, "ovmm", *who)
-        if arm is None:
+        if arm is None or _noise_of(arm):
             continue
         met = values(arm.records, "SR")
         i = wilson(int(met.sum()), len(met))

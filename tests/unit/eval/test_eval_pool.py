@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
+import sys
 from collections.abc import Generator
 from contextlib import closing, suppress
 from pathlib import Path
@@ -65,3 +68,32 @@ def test_closing_ends_what_still_runs(tmp_path: Path) -> None:
         pids = tmp_path / "pids"
         wait_until(lambda: len(pids.read_text().split()) >= 2, 30, "another episode runs")
     assert all(ended(int(pid)) for pid in pids.read_text().split())
+
+
+FIRST_PROCESS = """
+import multiprocessing, time
+from pathlib import Path
+from helios_eval.pool import _interrupts_put_off
+
+process = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60,), daemon=True)
+with _interrupts_put_off():
+    process.start()
+    print(Path(f"/proc/{process.pid}/status").read_text())
+process.kill()
+"""
+
+
+@pytest.mark.skipif(
+    not Path("/proc/self/status").exists(), reason="reads a process's mask in /proc"
+)
+def test_the_very_first_process_gets_no_interrupt_while_it_starts() -> None:
+    """It would print a fatal error of the interpreter into the terminal."""
+    said = subprocess.run(
+        [sys.executable, "-c", FIRST_PROCESS],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    ).stdout
+    (mask,) = [line.split()[1] for line in said.splitlines() if line.startswith("SigBlk")]
+    assert int(mask, 16) >> (signal.SIGINT - 1) & 1

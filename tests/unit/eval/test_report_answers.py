@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import pytest
 from helios_eval.record import EpisodeRecord
 from helios_eval.report import answers
 from helios_eval.report.arms import arms_of, drawn
@@ -111,6 +112,20 @@ def test_the_primary_claim_is_asked_again_under_every_other_noise() -> None:
         *wins("helios", 12, noise=louder), *wins("trusting", 4, noise=louder),
     ])  # fmt: skip
     assert told(row(tables["Paired differences"], "The same at noise ×2", "SR"))[3] == "+26.7"
+
+
+@pytest.mark.parametrize(
+    ("told_of", "changed"),
+    [("noise ×2", {"level": 2.0}), ("correlation 0", {"correlation": 0.0})],
+)
+def test_a_run_of_another_noise_alone_is_not_told_as_that_of_the_preset(
+    told_of: str, changed: dict[str, float]
+) -> None:
+    other = NOISE.model_copy(update=changed)
+    tables, _ = answered([*wins("helios", 20, noise=other), *wins("trusting", 8, noise=other)])
+    (group,) = {r.group for r in tables["Paired differences"].rows}
+    assert group == f"Primary claim: HELIOS above the trusting agent, {told_of}"
+    assert LEVEL not in tables  # what is wanted is wanted under the noise of the preset
 
 
 def test_one_agent_alone_answers_nothing() -> None:

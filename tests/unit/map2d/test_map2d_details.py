@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import Conflict, InvalidInput
-from helios_core.types import FrameId, SearchContext
+from helios_core.types import FrameId, Observation, SearchContext
 from helios_map2d import fuse_kernels
 from helios_map2d.changes import changes_after
 from helios_map2d.epochs import EpochKey, EpochMaps
@@ -199,6 +199,20 @@ def test_a_refused_frame_of_another_epoch_parks_nothing() -> None:
     assert maps.current is state
     assert not maps.parked
     assert maps.state_for(frame) is not state
+
+
+def test_an_observation_of_an_ended_search_parks_no_map() -> None:
+    walk, maps = Walk(room()), EpochMaps(RULES, 0.2)
+    maps.reset_search(SearchContext("now", (), {}))
+    state = maps.state_for(walk.frame(2.0, 1.5, 0.0))
+    walk.epoch = 1
+    frame = walk.frame(2.0, 1.5, 0.0)
+    ended, present = (Observation(frame, id, (), {}, "test") for id in ("ended", "now"))
+    with pytest.raises(Conflict, match="search context 'ended'"):
+        maps.state_for(frame, ended)
+    assert maps.current is state
+    assert not maps.parked
+    assert maps.state_for(frame, present) is not state
 
 
 def test_obstacles_of_an_export_are_believed() -> None:

@@ -1,9 +1,13 @@
 """Labels of map pictures are read whole, and none stands over another."""
 
+from dataclasses import replace
+
 import numpy as np
+from helios_map2d.frontiers import Frontier
 from helios_map2d.labels import Rect, Wanted, lead, placed
+from helios_map2d.picture import render
 from helios_map2d.rules import MapRules
-from helios_map2d.sheet import UNKNOWN_RGB, Sheet
+from helios_map2d.sheet import FOOT_PX, INK_RGB, UNKNOWN_RGB, Sheet
 from helios_map2d.state import MapState
 from hypothesis import given
 from hypothesis import strategies as st
@@ -55,3 +59,17 @@ def test_many_things_in_one_spot_all_have_a_label() -> None:
 
 def test_a_thing_alone_has_its_label_right_above() -> None:
     assert placed([Wanted(100, 14, (300, 200, 320, 210))], SIZE_PX) == [(300, 182, 400, 196)]
+
+
+def test_only_a_frontier_that_can_be_chosen_has_its_value_beside_it() -> None:
+    """What is out of reach is shown, without words: there may be many, behind every chair."""
+    state = MapState(MapRules(size_cells=64), (0, 0), 0.0)
+    cells = np.array([[30, 30], [30, 31], [31, 31]], np.int32)
+
+    def ink(reachable: bool, values: dict[str, float]) -> int:
+        frontier = Frontier(1, (0.0, 0.0), 3, reachable, values, cells)
+        picture = render(replace(state.published, frontiers=(frontier,)), size_px=400)
+        return int((picture[: 400 - FOOT_PX] == np.array(INK_RGB)).all(-1).sum())
+
+    assert ink(True, {"pick": 0.5}) > ink(True, {}) == 0
+    assert ink(False, {"pick": 0.5}) == 0

@@ -17,6 +17,7 @@ from helios_core.topics import EMBED_TEXT, RECALL
 from helios_core.types import Detection, Embedding, FrameId, Observation
 from helios_map2d.memory import SeenView, ViewMemory, read_view
 from helios_map2d.recall import Question, questions, scored
+from helios_map2d.recollection import MOST_LATE_LAYERS
 from helios_map2d.rules import MapRules
 from helios_map2d.sighted import Sighted
 from helios_map2d.state import MapState
@@ -108,6 +109,23 @@ def test_a_recalled_layer_takes_no_name_that_is_taken_or_fits_no_address(layer: 
     with pytest.raises(InvalidInput, match="layer"):
         house.bus.call(RECALL, pb.RecallRequest(prompt="a teapot", layer=layer), 5)
     assert house.snapshot().version == before
+
+
+def test_so_many_layers_are_asked_for_in_a_search_and_then_one_of_them_again() -> None:
+    house = asked_from_the_start()
+
+    def ask(layer: str) -> int:
+        request = pb.RecallRequest(prompt="a teapot", layer=layer)
+        return house.bus.call(RECALL, request, 5).version
+
+    for k in range(MOST_LATE_LAYERS):
+        ask(f"late-{k}")
+    with pytest.raises(InvalidInput, match=r"8 layers .*late-0, late-1.*begin another search"):
+        ask("one-more")
+    version = house.snapshot().version
+    assert ask("late-3") > version
+    house.search("another", PROMPTS)
+    ask("one-more")
 
 
 def test_without_views_or_without_a_text_model_the_question_is_refused_with_what_to_do() -> None:

@@ -72,6 +72,7 @@ def test_the_frontier_scale_is_the_mean_ratio() -> None:
             [ChosenFrontier((0.0, 0.0), 0.5), ChosenFrontier((0.0, 0.0), 0.0)],
         ),
         SearchMemory({1: FirstSeen(0.5, 0.0, (9.0, 0.0))}, [ChosenFrontier((0.0, 0.0), 0.3)]),
+        SearchMemory({1: FirstSeen(0.5, 2.0, (0.0, 0.0))}, [ChosenFrontier((0.0, 0.0), 2e-309)]),
     ],
     ids=[
         "nothing",
@@ -80,6 +81,7 @@ def test_the_frontier_scale_is_the_mean_ratio() -> None:
         "a value of zero",
         "one of two values of zero",
         "a negative ratio",
+        "an infinite ratio",
     ],
 )
 def test_the_frontier_scale_is_one_where_it_is_not_defined(memory: SearchMemory) -> None:

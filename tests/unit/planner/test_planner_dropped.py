@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from helios_core.robot import Action, ActionResult, Forward, Pick, Place, Turn
+from helios_planner.grid import GroundMap
 from helios_planner.settings import Settings
+from helios_planner.stand import OTHER_SIDE_M
 from helios_planner.task import Cause, TaskFailed
 from planner_flat import coffee_table, counter, flat, mug
+from planner_things import Box
 from planner_trouble import Trouble, bring, troubled
 from planner_world import FakeWorld
+
+COUNTER_M = 0.9  # height of the flat's counter
+BOOK = Box(2.95, 6.3, 3.2, 6.6, COUNTER_M + 0.04)  # where a robot from the coffee table comes to it
 
 
 def test_a_gripper_that_says_it_holds_and_does_not_is_a_pick_missed() -> None:
@@ -90,6 +97,31 @@ def test_a_place_that_let_it_fall_is_made_good() -> None:
     assert world.released is not None
 
 
+def test_nothing_is_put_on_what_is_seen_there_only_from_near() -> None:
+    """From afar no surface is seen, so the edge must do; from near one sees what lies there."""
+    world = flat([coffee_table(), counter(), mug()], extra=[BOOK])
+    told = world.ground
+
+    def ground() -> GroundMap:
+        known = told()
+        if world.pose().y_m > 5.5:
+            return known
+        return replace(known, top_m=np.where(known.top_m >= COUNTER_M, 0, known.top_m))
+
+    world.ground = ground
+    bring(world)
+    assert [type(a) for a in world.log if isinstance(a, Pick | Place)] == [Pick, Place]
+    assert world.released is not None
+    assert world.released.center_m[2] == pytest.approx(COUNTER_M + 0.05)
+
+
+def test_on_a_cluttered_counter_it_is_put_on_what_lies_there_and_not_into_it() -> None:
+    board = Box(1.2, 6.3, 3.2, 6.95, COUNTER_M + 0.04)
+    world = flat([coffee_table(), counter(), mug()], extra=[board])
+    bring(world, places_per_receptacle=1)
+    assert [type(a) for a in world.log if isinstance(a, Pick | Place)] == [Pick, Place]
+
+
 def test_a_place_that_is_refused_is_tried_elsewhere_and_then_given_up() -> None:
     def refusing(world: FakeWorld, action: Action) -> ActionResult | None:
         return ActionResult(False, "no room") if isinstance(action, Place) else None
@@ -101,3 +133,20 @@ def test_a_place_that_is_refused_is_tried_elsewhere_and_then_given_up() -> None:
     asked = [a.point_world_m[:2] for a in world.log if isinstance(a, Place)]
     assert 2 <= len(asked) <= Settings().places_per_receptacle
     assert min(math.dist(a, b) for a in asked for b in asked if a is not b) > 0.1
+
+
+def test_what_cannot_be_placed_from_one_side_is_placed_from_another() -> None:
+    """Something bars the arm from around where the robot stands first."""
+    barred: list[tuple[float, float]] = []
+
+    def bar(world: FakeWorld, action: Action) -> ActionResult | None:
+        if not isinstance(action, Place):
+            return None
+        barred[:] = barred or [world.pose().xy]
+        near = world.pose().distance_m(barred[0]) < OTHER_SIDE_M - 0.1
+        return ActionResult(False, "something is in the arm's way") if near else None
+
+    world = troubled(flat([coffee_table(), counter(), mug()]), bar)
+    bring(world)
+    assert sum(isinstance(a, Place) for a in world.log) == 2
+    assert world.released is not None

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helios_planner import global_search
 from helios_planner.decide import Do
+from helios_planner.flow import Mission
+from helios_planner.instruction import parse
 from helios_planner.object_search import ObjectSearch
 from helios_planner.receptacle_search import ReceptacleSearch
-from helios_planner.standards import patient
-from planner_flat import coffee_table, counter
+from helios_planner.recompute import recompute
+from helios_planner.settings import Settings
+from helios_planner.standards import ANY_SCORE, paper, patient
+from helios_planner.task import Cause, TaskFailed
+from planner_flat import MOVE, coffee_table, counter, flat, mug
 from planner_rig import TABLE_XY, Looks, Rig, instance
 from planner_things import Thing
+from planner_world import FakeWorld
 
 
 def test_a_patient_search_goes_on_past_a_doubtful_thing_and_takes_it_when_nothing_is_left() -> None:
@@ -56,6 +64,84 @@ def test_a_mug_on_the_likely_table_counts_more_than_a_likelier_mug_elsewhere() -
     assert decision.candidates[1].terms["total"] == pytest.approx(0.6 * 0.25)
     rig.known = [here, elsewhere]  # no start receptacle is known: a place says nothing
     assert search.decide().chosen.id == 4
+
+
+def test_with_nothing_left_to_search_what_is_held_is_put_where_it_is_likeliest_to_belong() -> None:
+    """A counter that is detected in two views of five never passes the threshold (saturation)."""
+    doubtful = counter()
+    doubtful.rate = 0.4
+    world = flat([coffee_table(), doubtful, mug()])
+    said = Mission(world, parse(MOVE), Settings()).run()
+    assert world.released is world.things[3]
+    assert "no surer counter was found than this one (0." in said
+    (at_last,) = [d for d in world.decisions if d.settings.get("threshold") == ANY_SCORE]
+    assert at_last.do is Do.ACT
+    assert "place on the counter" in at_last.why
+    assert "at last" in at_last.why
+    assert not recompute(at_last, {"tau_b": 0.9}).flips
+
+
+def test_with_nothing_left_to_search_the_likeliest_thing_is_brought_unless_only_sure_ones_are() -> (
+    None
+):
+    def world() -> FakeWorld:
+        doubtful = mug()
+        doubtful.rate = 0.4
+        return flat([coffee_table(), counter(), doubtful])
+
+    bold, shy = world(), world()
+    said = Mission(bold, parse(MOVE), Settings()).run()
+    assert bold.released is bold.things[3]
+    assert "no surer mug was found than this one (0." in said
+    with pytest.raises(TaskFailed) as failure:
+        Mission(shy, parse(MOVE), Settings(pick_at_last=1, rounds=1)).run()
+    assert failure.value.cause is Cause.OBJECT_NOT_FOUND
+    assert shy.picks == 0
+
+
+def test_who_is_asked_to_find_a_thing_shows_no_doubtful_one() -> None:
+    doubtful = mug()
+    doubtful.rate = 0.4
+    with pytest.raises(TaskFailed) as failure:
+        Mission(flat([coffee_table(), doubtful]), parse("find the mug"), Settings(rounds=1)).run()
+    assert failure.value.cause is Cause.OBJECT_NOT_FOUND
+
+
+def test_who_is_sent_to_a_place_does_not_settle_for_another() -> None:
+    doubtful = counter()
+    doubtful.rate = 0.4
+    with pytest.raises(TaskFailed) as failure:
+        Mission(flat([doubtful]), parse("go to the counter"), Settings(rounds=1)).run()
+    assert failure.value.cause is Cause.RECEPTACLE_NOT_FOUND
+
+
+def test_before_the_steps_run_out_what_is_held_is_put_somewhere() -> None:
+    rig = Rig(Looks([]))
+    rig.known = [instance(counter(), score=0.3)]
+    search = ReceptacleSearch(rig.kit, "counter", None, paper)
+    search.settle_at_last(0.92)
+    rig.world.steps = int(0.9 * rig.world.max_steps)
+    assert search.decide().do is not Do.ACT
+    rig.world.steps = int(0.93 * rig.world.max_steps)
+    assert search.decide().do is Do.ACT
+    assert search.settled_for(rig.known[0])
+    assert search.holds_up(rig.known[0])
+    assert not search.settled_for(instance(counter(), score=0.9))  # it would have done before
+    rig.known = [replace(rig.known[0], score=-0.01)]  # Ψ is S − U
+    assert search.decide().do is Do.ACT
+    again = ReceptacleSearch(rig.kit, "counter", None, paper)
+    again.settle_at_last(0.92)
+    again.recall(search.memory())
+    assert again.settled_for(rig.known[0])
+
+
+def test_everything_is_searched_a_second_time_before_it_settles() -> None:
+    search = ReceptacleSearch(Rig(Looks([])).kit, "counter", None, paper)
+    search.settle_at_last(0.92)
+    assert not search.settle_for_less()
+    search._round = Settings().rounds - 1
+    assert search.settle_for_less()
+    assert not search.settle_for_less()
 
 
 def test_the_paper_counts_no_place() -> None:

@@ -247,6 +247,7 @@ put the mug next to the plate                       | “next to the plate” ca
 move the chair closer to the table                  | “closer to the table” cannot be done
 move the mug under the table to the sofa            | “under the table” cannot be done
 if the mug is dirty, put it in the sink             | a condition (“if”)
+if it rains bring the mug to the sofa               | a condition (“if”)
 bring the mug to the sofa if it is dirty            | a condition (“if”)
 bring the mug to the sofa in case it is dirty       | a condition (“in case”)
 in case the mug is dirty, put it in the sink        | a condition (“in case”)

@@ -15,7 +15,15 @@ from helios_planner.instruction import parse
 from helios_planner.motion import MotionRules, reach
 from helios_planner.settings import PlaceRule, Settings
 from helios_planner.skills import Done
-from helios_planner.stand import AheadRules, PlaceRules, highest_ahead, place_spots, stand_for
+from helios_planner.stand import (
+    OTHER_SIDE_M,
+    AheadRules,
+    PlaceRules,
+    highest_ahead,
+    place_spots,
+    stand_for,
+    top_at_m,
+)
 from planner_eye import CELL_M, ROBOT
 from planner_flat import coffee_table, counter, flat, mug
 from planner_things import Box
@@ -65,6 +73,49 @@ def test_the_flat_area_is_free_and_away_from_the_edge() -> None:
         assert 1.1 <= y <= 1.9
         assert max(abs(x - 2.5), abs(y - 1.5)) > 0.1
         assert spot.stand.distance_m((x, y)) <= 0.8
+
+
+def test_what_stands_beside_a_place_does_not_raise_it() -> None:
+    """A low seat before a high tank: let go over the seat, not from the height of the tank."""
+    ground, table = table_with_a_box()
+    at = np.s_[round(1 / CELL_M) : round(2 / CELL_M), round(2 / CELL_M) : round(3 / CELL_M)]
+    ground.top_m[at] = 0.8
+    ground.top_m[at[0], round(2 / CELL_M) : round(2.25 / CELL_M)] = 0.45
+    seat = replace(table, outline_m=np.array([[2, 1], [2.3, 1], [2.3, 2], [2, 2]], float))
+    reached = reach(ground, Pose2(1.0, 1.5, 0.0), MotionRules(footprint_m=0.3))
+    spots = place_spots(seat, reached, 0.8, PlaceRules(inset_m=0.06, flat_m=0.012))
+    assert spots
+    assert {round(spot.point_m[2], 3) for spot in spots} == {0.45}
+
+
+def test_the_same_places_are_found_however_much_is_seen_of_a_receptacle() -> None:
+    ground, table = table_with_a_box()
+    part = replace(table, outline_m=np.array([[2, 1.07], [2.6, 1.07], [2.6, 2], [2, 2]], float))
+    reached = reach(ground, Pose2(1.0, 1.5, 0.0), MotionRules(footprint_m=0.3))
+    rules = PlaceRules(inset_m=0.12, flat_m=0.012)
+    whole, some = (
+        {tuple(np.round(s.point_m, 4)) for s in place_spots(of, reached, 0.8, rules)}
+        for of in (table, part)
+    )
+    assert some
+    assert some <= whole
+
+
+def test_a_place_is_reached_from_elsewhere_than_where_it_was_tried_in_vain() -> None:
+    ground, table = table_with_a_box()
+    reached = reach(ground, Pose2(1.0, 1.5, 0.0), MotionRules(footprint_m=0.3))
+    rules = PlaceRules(inset_m=0.12, flat_m=0.012)
+    first = place_spots(table, reached, 0.8, rules)[0].stand
+    others = place_spots(table, reached, 0.8, rules, not_from=[first.xy])
+    assert others
+    assert all(spot.stand.distance_m(first.xy) > OTHER_SIDE_M for spot in others)
+
+
+def test_beyond_the_map_nothing_was_seen() -> None:
+    ground, _ = table_with_a_box()
+    assert top_at_m(ground, (2.5, 1.5), 0.05) == pytest.approx(0.9)
+    for outside in ((-1.0, 1.5), (2.5, -1.0), (9.0, 1.5), (2.5, 9.0)):
+        assert top_at_m(ground, outside, 0.05) == 0.0
 
 
 def test_sight_begins_at_the_camera_and_not_at_the_base() -> None:

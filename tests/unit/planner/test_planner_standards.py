@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 import pytest
-from helios_planner.standards import PATIENCE, Standard, paper, patient
+from helios_planner.standards import (
+    ANY_SCORE,
+    PATIENCE,
+    Rule,
+    Standard,
+    in_the_end,
+    paper,
+    patient,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -49,3 +57,16 @@ def test_with_its_patience_used_up_it_takes_what_there_is(since: float):
     assert standards.least_at(since, since) == 0
     end = since + PATIENCE * (1 - since) + 1e-6
     assert standards.least_at(end, since) == len(standards.steps) - 1
+
+
+@given(st.sampled_from([paper, patient]), thresholds, shares, shares, shares, st.booleans())
+def test_the_same_holds_until_at_last_anything_does(
+    rule: Rule, tau: float, used: float, since: float, at_last: float, known: bool
+) -> None:
+    usual = rule(tau, known)
+    to_the_end = in_the_end(usual, at_last)
+    now = to_the_end.steps[to_the_end.least_at(used, since)]
+    if used < at_last:
+        assert now == usual.steps[usual.least_at(used, since)]
+    else:
+        assert now == Standard(ANY_SCORE, True)

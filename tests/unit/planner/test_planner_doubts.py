@@ -1,0 +1,105 @@
+"""What looks right from afar and wrong from near is neither picked nor placed on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from helios_core.robot import Place
+from helios_core.types import ObjectInstance
+from helios_planner.belief import MapBelief
+from helios_planner.explore import MOST_DOUBTS
+from helios_planner.receptacle_search import ReceptacleSearch
+from helios_planner.settings import Settings
+from helios_planner.skills import GROWN_M, Done, Skills
+from helios_planner.standards import paper
+from helios_planner.task import TaskFailed
+from planner_flat import coffee_table, counter, flat, mug
+from planner_rig import Looks, Rig, instance
+from planner_things import Thing
+from planner_trouble import bring
+
+
+@dataclass
+class LookAlike(Thing):
+    """Every view from near takes away from what it is believed to be from afar."""
+
+    near_m: float = 1.3
+
+    def near_views(self) -> int:
+        x, y, _ = self.center_m
+        return sum(math.dist(v[:2], (x, y)) < self.near_m for v in self.views)
+
+    def score_at(self, views: int) -> tuple[float, float, float]:
+        s = max(0.4, 0.8 - 0.4 * self.near_views())
+        return s - 0.05, s, 0.05
+
+
+def test_nothing_is_put_on_a_receptacle_that_is_doubted_from_near() -> None:
+    """The bed is taken for a counter on the way to it."""
+    bed = LookAlike(4, "counter", np.array([7.8, 1.0, 0.45]), np.array([2.0, 1.8, 0.1]),
+                    graspable=False, near_m=2.4)  # fmt: skip
+    world = flat([coffee_table(), counter(), mug(), bed])
+    bring(world)
+    assert bed.near_views()
+    (placed,) = [a.point_world_m for a in world.log if isinstance(a, Place)]
+    assert math.dist(placed[:2], world.things[2].center_m[:2]) < 1.0
+
+
+def test_nothing_is_picked_that_is_doubted_from_near() -> None:
+    lamp = LookAlike(4, "mug", np.array([6.8, 5.6, 0.5]), np.array([0.08, 0.08, 0.1]))
+    world = flat([coffee_table(), counter(), mug(), lamp])
+    bring(world)
+    assert lamp.near_views()
+    assert world.picks == 1
+    assert world.released is world.things[3]
+
+
+@pytest.mark.parametrize("skill", ["pick", "place"])
+def test_what_is_doubted_again_and_again_is_left(
+    skill: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+
+    def doubting(_: Skills, thing: ObjectInstance, *__: object) -> Done:
+        asked.append(thing.id)
+        return Done.DOUBTED
+
+    monkeypatch.setattr(Skills, skill, doubting)
+    with pytest.raises(TaskFailed):
+        bring(flat([coffee_table(), counter(), mug()]), rounds=1)
+    assert asked == [3 if skill == "pick" else 2] * MOST_DOUBTS
+
+
+def test_only_what_may_still_be_chosen_holds_up() -> None:
+    rig = Rig(Looks([]))
+    rig.known = [instance(counter(), score=0.9)]
+    search = ReceptacleSearch(rig.kit, "counter", None, paper)
+    (thing,) = rig.known
+    assert search.holds_up(thing)
+    search.leave(thing, out_of_reach=False)
+    assert not search.holds_up(thing)
+
+
+def test_what_is_gone_is_not_taken_for_another_one_beside_it() -> None:
+    world = flat([counter(2), counter(5)])
+    world.things[5].center_m = np.array([2.7, 6.62, 0.85])
+    world.things[5].views.append((2.2, 5.5, 1.6))
+    gone = replace(world.objects("counter")[0], id=9, center_m=np.array([2.1, 6.62, 0.85]))
+    assert MapBelief(world, Settings()).from_near(gone, "counter", GROWN_M) is None
+
+
+def test_a_receptacle_of_which_more_is_seen_from_near_is_the_same_one() -> None:
+    """From afar its left end was known alone; from near it is whole, and there are two like it."""
+    world = flat([coffee_table(), counter(), counter(5), mug()])
+    belief = MapBelief(world, Settings())
+    world.things[5].center_m = np.array([2.0, 6.62, 0.85])
+    for id in (2, 5):
+        world.things[id].views.append((2.2, 5.5, 1.6))
+    left_end = replace(world.objects("counter")[0], center_m=np.array([1.5, 6.6, 0.85]))
+    whole = belief.from_near(left_end, "counter", GROWN_M)
+    assert whole is not None
+    assert whole.id == left_end.id == 2
+    assert belief.from_near(left_end, "counter", 0.3) is None
