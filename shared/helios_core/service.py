@@ -44,7 +44,8 @@ def stop_on_signals(stopped: threading.Event) -> None:
     """Set `stopped` on SIGTERM and SIGINT, and when the parent process ends.
 
     Two seconds later the process is gone, whatever it was doing: a start that takes long, or a
-    library that hangs while it closes.
+    library that hangs while it closes. Where that hinders every Python thread, also after `main`
+    has returned, the system's alarm clock ends it.
     """
     on_signals((signal.SIGTERM, signal.SIGINT), stopped.set)
     parent = os.getppid()
@@ -56,6 +57,7 @@ def stop_on_signals(stopped: threading.Event) -> None:
 
     def leave() -> None:
         stopped.wait()
+        signal.setitimer(signal.ITIMER_REAL, STOP_WITHIN_S + 0.5)  # SIGALRM: ends the process
         time.sleep(STOP_WITHIN_S)
         log.error("did not stop within %.1f s; leaving", STOP_WITHIN_S)
         os._exit(1)

@@ -1,8 +1,9 @@
-"""Signals, handled where locks may be taken.
+"""Signals, handled where locks may be taken and whatever the main thread does.
 
-A Python signal handler interrupts the main thread anywhere, also while it holds the lock of the
-very Event that the handler wants to set: then both wait for ever. So the handler only writes a
-byte, and a thread does the rest.
+A Python signal handler runs in the main thread, between two of its instructions: also while that
+thread holds the lock of the very Event that the handler wants to set, and not at all while it
+waits inside a library. So nothing is done there: the interpreter itself writes the signal's number
+into a pipe the moment it comes, and a thread does the rest.
 """
 
 from __future__ import annotations
@@ -14,17 +15,18 @@ from collections.abc import Callable, Iterable
 
 
 def on_signals(numbers: Iterable[int], then: Callable[[], None]) -> None:
-    """Call `then` in a thread of its own whenever one of the signals comes. Main thread only."""
+    """Call `then` in a thread of its own whenever one of the signals comes. In the main thread,
+    once in a process."""
+    wanted = set(numbers)
     read, write = os.pipe()
     os.set_blocking(write, False)
 
     def pass_on() -> None:
-        while os.read(read, 1):
-            then()
-
-    def note(_number: int, _frame: object) -> None:
-        os.write(write, b"!")
+        while came := os.read(read, 1):
+            if came[0] in wanted:
+                then()
 
     threading.Thread(target=pass_on, name="signals", daemon=True).start()
-    for number in numbers:
-        signal.signal(number, note)
+    signal.set_wakeup_fd(write, warn_on_full_buffer=False)
+    for number in wanted:
+        signal.signal(number, lambda *_: None)

@@ -6,6 +6,8 @@ import signal
 import subprocess
 import sys
 
+import pytest
+
 # The main thread holds the event's own lock for nearly all of the time.
 HOLDS_THE_LOCK = """
 import signal, sys, threading
@@ -18,16 +20,49 @@ while not stopped.is_set():
         sum(range(20000))
 """
 
+HANGS = """
+import ctypes
+def hang(library):
+    mutex = ctypes.create_string_buffer(256)
+    library.pthread_mutex_init(mutex, None)
+    while True:
+        library.pthread_mutex_lock(mutex)
+"""
 
-def test_a_signal_that_meets_the_events_lock_is_not_lost() -> None:
-    process = subprocess.Popen(
-        [sys.executable, "-c", HOLDS_THE_LOCK], stdout=subprocess.PIPE, text=True
-    )
+# The main thread waits in a library, which no signal ends.
+WAITS_IN_A_LIBRARY = f"""{HANGS}
+import os, signal, threading
+from helios_core.signals import on_signals
+on_signals([signal.SIGTERM], lambda: os._exit(0))
+threading.Timer(0.3, print, ["up"], {{"flush": True}}).start()
+hang(ctypes.CDLL(None))
+"""
+
+# A library hangs after the stop and lets no Python run: it holds the interpreter's own lock.
+HINDERS_ALL_PYTHON = f"""{HANGS}
+import signal, threading, time
+from helios_core.service import stop_on_signals
+stopped = threading.Event()
+stop_on_signals(stopped)
+print("up", flush=True)
+stopped.wait()
+while not signal.getitimer(signal.ITIMER_REAL)[0]:
+    time.sleep(0.01)
+hang(ctypes.PyDLL(None))
+"""
+
+
+@pytest.mark.parametrize(
+    ("program", "status"),
+    [(HOLDS_THE_LOCK, 0), (WAITS_IN_A_LIBRARY, 0), (HINDERS_ALL_PYTHON, -signal.SIGALRM)],
+)
+def test_a_signal_ends_the_process_whatever_it_does(program: str, status: int) -> None:
+    process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None
         assert process.stdout.readline() == "up\n"
         process.send_signal(signal.SIGTERM)
-        assert process.wait(20) == 0
+        assert process.wait(20) == status
     finally:
         process.kill()
         process.communicate()
