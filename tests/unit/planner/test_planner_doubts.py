@@ -103,3 +103,12 @@ def test_a_receptacle_of_which_more_is_seen_from_near_is_the_same_one() -> None:
     assert whole is not None
     assert whole.id == left_end.id == 2
     assert belief.from_near(left_end, "counter", 0.3) is None
+
+
+def test_from_near_a_score_may_lack_what_one_more_view_could_bring() -> None:
+    rig = Rig(Looks([]))
+    search = ReceptacleSearch(rig.kit, "counter", None, paper)
+    least = search.threshold - rig.settings.tau_inc
+    for score, holds in ((least + 0.01, True), (least - 0.01, False)):
+        rig.known = [instance(counter(), score=score)]
+        assert search.holds_up(rig.known[0]) is holds

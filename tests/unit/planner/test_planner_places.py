@@ -14,11 +14,12 @@ from helios_planner.grid import GroundMap, Pose2
 from helios_planner.instruction import parse
 from helios_planner.motion import MotionRules, reach
 from helios_planner.settings import PlaceRule, Settings
-from helios_planner.skills import Done
+from helios_planner.skills import Done, Skills
 from helios_planner.stand import (
     OTHER_SIDE_M,
     AheadRules,
     PlaceRules,
+    Spot,
     highest_ahead,
     place_spots,
     stand_for,
@@ -26,7 +27,8 @@ from helios_planner.stand import (
 )
 from planner_eye import CELL_M, ROBOT
 from planner_flat import coffee_table, counter, flat, mug
-from planner_things import Box
+from planner_things import Box, Thing
+from planner_world import FakeWorld
 
 TABLE_TOP_M = 0.7
 
@@ -187,3 +189,60 @@ def test_each_rule_brings_the_mug_onto_the_counter_from_its_own_height(rule: Pla
     placed = next(a for a in world.log if isinstance(a, Place))
     drop_m = settings.place_drop_m if rule == "flat" else settings.paper_drop_m
     assert placed.point_world_m[2] == pytest.approx(0.9 + drop_m, abs=0.02)
+
+
+def placing(world: FakeWorld) -> tuple[Mission, ObjectInstance]:
+    """With the mug in hand, and the counter known."""
+    mission = Mission(world, parse("Move the mug from the coffee table to the counter"), Settings())
+    world._held = world.things[3]
+    mission.kit.legs.look_around()
+    (goal,) = world.objects("counter")
+    return mission, goal
+
+
+def put_points(world: FakeWorld) -> list[tuple[float, float, float]]:
+    return [a.point_world_m for a in world.log if isinstance(a, Place)]
+
+
+def test_the_robot_faces_the_place_that_it_chose_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = flat([counter(), mug()], Pose2(2.2, 5.0, 1.57))
+    mission, goal = placing(world)
+    aside: list[float] = []
+    place = world._place
+
+    def watched(point_m: np.ndarray) -> ActionResult:
+        aside.append(world.pose().bearing_rad(point_m))
+        return place(point_m)
+
+    def half_a_metre_aside(
+        _: Skills, receptacle: ObjectInstance, spot: Spot, failed: object
+    ) -> tuple[float, float, float]:
+        x, y, z = spot.point_m
+        return x + (0.5 if x < 2.2 else -0.5), y, z
+
+    monkeypatch.setattr(world, "_place", watched)
+    monkeypatch.setattr(Skills, "_point_from_here", half_a_metre_aside)
+    mission.skills.place(goal, "counter")
+    assert aside
+    assert max(np.abs(aside)) < np.radians(5)  # the least that it can turn
+
+
+def test_the_last_try_does_with_the_place_that_was_chosen_from_afar(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world = flat([counter(), mug()], Pose2(2.2, 5.0, 1.57))
+    mission, goal = placing(world)
+    monkeypatch.setattr(Skills, "_point_from_here", lambda *_: None)
+    assert mission.skills.place(goal, "counter") is Done.SUCCEEDED
+    (point,) = put_points(world)
+    assert point[2] == pytest.approx(0.9 + Settings().place_drop_m, abs=0.02)
+
+
+def test_on_a_narrow_board_half_the_distance_from_the_edge_will_do() -> None:
+    board = Thing(2, "counter", np.array([2.2, 5.6, 0.85]), np.array([2.0, 0.2, 0.1]))
+    board.graspable = False
+    world = flat([board, mug()], Pose2(2.2, 4.2, 1.57), [Box(1.2, 5.5, 3.2, 5.7, 0.9)])
+    mission, goal = placing(world)
+    assert mission.skills.place(goal, "counter") is Done.SUCCEEDED
+    (point,) = put_points(world)
+    assert abs(point[1] - 5.6) <= 0.1 - Settings().place_inset_m / 2
