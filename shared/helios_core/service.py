@@ -32,6 +32,7 @@ log = logging.getLogger(__name__)
 
 STATUS_PERIOD_S = 1.0
 STOP_WITHIN_S = 2.0
+ALARM_AFTER_S = 10.0  # the end of an interpreter may take seconds where others work
 
 
 class Closeable(Protocol):
@@ -45,7 +46,7 @@ def stop_on_signals(stopped: threading.Event) -> None:
 
     Two seconds later the process is gone, whatever it was doing: a start that takes long, or a
     library that hangs while it closes. Where that hinders every Python thread, also after `main`
-    has returned, the system's alarm clock ends it.
+    has returned, the system's alarm clock ends it; later, since a busy machine may be slow there.
     """
     on_signals((signal.SIGTERM, signal.SIGINT), stopped.set)
     parent = os.getppid()
@@ -57,7 +58,7 @@ def stop_on_signals(stopped: threading.Event) -> None:
 
     def leave() -> None:
         stopped.wait()
-        signal.setitimer(signal.ITIMER_REAL, STOP_WITHIN_S + 0.5)  # SIGALRM: ends the process
+        signal.setitimer(signal.ITIMER_REAL, ALARM_AFTER_S)  # SIGALRM: ends the process
         time.sleep(STOP_WITHIN_S)
         log.error("did not stop within %.1f s; leaving", STOP_WITHIN_S)
         os._exit(1)
