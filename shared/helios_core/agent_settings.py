@@ -1,8 +1,8 @@
 """Settings of the services that an agent's house runs with, where they are not the defaults.
 
 An agent decides in the planner, but what it may rely on is made in the maps. `helios-next` has what
-goes beyond the paper (what it is worth: docs/results): the detector's weak detections count too, evidence
-is weighed by sides and with hindsight, and things are held against the size that is usual for them.
+goes beyond the paper (what it is worth: docs/results): the detector's weak detections count too,
+evidence is weighed by sides and with hindsight, and things are held against their usual size.
 """
 
 from __future__ import annotations
