@@ -46,7 +46,7 @@ class Mission:
         self.looked_around = self.placed = False
         self.target_m: np.ndarray | None = None  # what is being picked
         self.picked_at_m: np.ndarray | None = None
-        self.unsure: list[str] = []  # what is to be said of things that were settled for
+        self.unsure: dict[Phase, str] = {}  # what is to be said of what was settled for
         self.search: Search | None = None  # the one that goes on
         self._recalled: Mapping[str, Any] | None = None  # of the search that went on
 
@@ -77,7 +77,7 @@ class Mission:
                 self.skills.count_fall(fall, i.object)
                 self.picked_at_m = None
                 self.body.tell_phase(Phase.FIND_OBJECT, i.object, f"the {i.object} fell: {fall}")
-        return "; ".join([f"put the {i.object} on the {i.goal}", seen, *self.unsure])
+        return "; ".join([f"put the {i.object} on the {i.goal}", seen, *self.unsure.values()])
 
     def _begun(self, search: Search) -> Search:
         """The search that goes on from now; one that was cut off remembers what it knew."""
@@ -98,7 +98,7 @@ class Mission:
             "picked_at_m": _listed(self.picked_at_m),
             "picks": self.skills.picks,
             "falls": self.skills.falls,
-            "unsure": self.unsure,
+            "unsure": list(self.unsure.items()),
             "last_reason": self.skills.last_reason,
             "felt": [list(f) for f in self.kit.legs.felt],
             "trusted": [list(disc) for disc in self.kit.legs.blind_ring.discs],
@@ -116,7 +116,7 @@ class Mission:
         self.picked_at_m = _array(memory["picked_at_m"])
         self.skills.picks, self.skills.falls = memory["picks"], memory["falls"]
         self.skills.last_reason = memory["last_reason"]
-        self.unsure = list(memory.get("unsure", []))
+        self.unsure = {Phase(phase): said for phase, said in memory["unsure"]}
         self.kit.legs.felt[:] = [(x, y, r) for x, y, r in memory["felt"]]
         self.kit.legs.blind_ring.discs[:] = [(x, y, r) for x, y, r in memory["trusted"]]
         self.kit.given_up[:] = [(x, y) for x, y in memory["given_up"]]
@@ -161,10 +161,10 @@ class Mission:
                     raise TaskFailed(Cause.PICK_FAILED, message) from failure
                 raise
             self.target_m = np.asarray(found.center_m)
+            self._note_if_unsure(search, found)
             self.body.tell_phase(Phase.PICK, search.name, f"going to pick the {search.name}")
             done = self.skills.pick(found, search.name, search.holds_up)
             if done is Done.SUCCEEDED:
-                self.unsure = self._said_if_unsure(search, found)
                 return np.asarray(found.center_m)
             self._give_up(search, found, done)
             search.tell(f"the pick did not work ({_words(done)}); searching on")
@@ -183,20 +183,22 @@ class Mission:
                     message = f"placing on the {goal} failed: {reason}"
                     raise TaskFailed(Cause.PLACE_MISSED, message) from failure
                 raise
+            self._note_if_unsure(search, found)
             self.body.tell_phase(Phase.PLACE, goal, f"going to place on the {goal}")
             name = self.instruction.object or ""
             before = list(self.kit.belief.known(name))
             done = self.skills.place(found, goal, search.holds_up)
             if done is Done.SUCCEEDED:
-                self.unsure += self._said_if_unsure(search, found)
                 return self._seen(name, self.skills.placed_on or found, before)
             self._give_up(search, found, done)
             search.tell(f"this {goal} did not work ({_words(done)}); another one")
 
-    @staticmethod
-    def _said_if_unsure(search: Search, found: ObjectInstance) -> list[str]:
-        said = f"no surer {search.name} was found than this one ({found.score:.2f})"
-        return [said] if search.settled_for(found) else []
+    def _note_if_unsure(self, search: Search, found: ObjectInstance) -> None:
+        """Before it is acted on, so that a planner that dies in the act still tells it."""
+        self.unsure.pop(search.phase, None)
+        if search.settled_for(found):
+            said = f"no surer {search.name} was found than this one ({found.score:.2f})"
+            self.unsure[search.phase] = said
 
     @staticmethod
     def _give_up(search: Search, found: ObjectInstance, done: Done) -> None:

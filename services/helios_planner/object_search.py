@@ -19,6 +19,7 @@ from helios_planner.task import Phase
 
 ON_M = 0.15  # this near to a receptacle's outline is on it
 SOMEWHERE = 0.2  # score of a start receptacle that may be anywhere, as if one were not seen yet
+EXPECTED = 0.4  # score of one that is still to be found, while none is as sure
 
 
 class ObjectSearch(ScoredSearch):
@@ -75,7 +76,7 @@ class ObjectSearch(ScoredSearch):
         if self.start is None:
             return 1.0
         starts = [(max(r.score, 0.0), r) for r in self.body.objects(self.start)]
-        likeliest = max((score for score, _ in starts), default=0.0)
+        likeliest = max([EXPECTED, *(score for score, _ in starts)])
         here = [score for score, r in starts if near_outline(r, candidate.center_m, ON_M)]
         return (SOMEWHERE + max(here, default=0.0)) / (SOMEWHERE + likeliest)
 

@@ -82,10 +82,9 @@ class ScoredSearch(Search):
         return not self._meets(thing, self._standards.steps[-2])
 
     def settle_for_less(self) -> bool:
-        left = len(self._standards.steps) - 1 - self._step
-        if self._standards.at_last is not None and self._round + 1 < self.settings.rounds:
-            left -= 1  # first everything is searched once more
-        if left <= 0:
+        again = self._round + 1 < self.settings.rounds  # first everything is searched once more
+        last = self._standards.firm if again else len(self._standards.steps)
+        if self._step >= last - 1:
             return False
         self._step += 1
         return True

@@ -30,12 +30,14 @@ class Standard:
 
 @dataclass(frozen=True)
 class Standards:
-    """From the highest down. by_place: a candidate's score counts times how likely it is where it
-    was said to be. patience: share of the steps that are left when the search begins,
-    after which the lowest holds, the others at even distances before; None: steps do not count.
-    at_last: share of the task's steps after which the last one holds, which patience leaves out."""
+    """From the highest down. firm: how many of them hold until everything was searched twice.
+    patience: share of the steps that are left when the search begins, after which the lowest holds,
+    the others at even distances before; None: steps do not count. by_place: a candidate's score
+    counts times how likely it is where it was said to be. at_last: share of the task's steps after
+    which the last one holds, which patience leaves out."""
 
     steps: tuple[Standard, ...]
+    firm: int
     patience: float | None = None
     by_place: bool = False
     at_last: float | None = None
@@ -58,14 +60,16 @@ Rule = Callable[[float, bool], Standards]  # threshold of Table 3, whether its p
 def paper(threshold: float, place_known: bool) -> Standards:
     """One threshold (τ of Table 3); at first only in its place, where that is known."""
     anywhere = (Standard(threshold, True),)
-    return Standards((Standard(threshold, False), *anywhere) if place_known else anywhere)
+    steps = (Standard(threshold, False), *anywhere) if place_known else anywhere
+    return Standards(steps, len(steps))
 
 
 def patient(threshold: float, place_known: bool) -> Standards:
     """Sure, then the threshold, then the best there is."""
     shares = _OF_OBJECTS if place_known else _OF_RECEPTACLES
     steps = tuple(Standard(share * threshold, True) for share in shares)
-    return Standards(steps, PATIENCE, by_place=place_known)
+    firm = sum(share >= 1 for share in shares)
+    return Standards(steps, firm, PATIENCE, by_place=place_known)
 
 
 def in_the_end(within: Standards, at_last: float) -> Standards:

@@ -13,6 +13,7 @@ from helios_planner.instruction import parse
 from helios_planner.object_search import ObjectSearch
 from helios_planner.receptacle_search import ReceptacleSearch
 from helios_planner.recompute import recompute
+from helios_planner.scored_search import ScoredSearch
 from helios_planner.settings import Settings
 from helios_planner.standards import ANY_SCORE, paper, patient
 from helios_planner.task import Cause, TaskFailed
@@ -22,13 +23,19 @@ from planner_things import Thing
 from planner_world import FakeWorld
 
 
+def _settle(search: ScoredSearch) -> None:
+    """As when everything was searched as often as it ever is."""
+    search._round = search.settings.rounds - 1
+    while search.settle_for_less():
+        pass
+
+
 def test_a_patient_search_goes_on_past_a_doubtful_thing_and_takes_it_when_nothing_is_left() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.4)]
     search = ReceptacleSearch(rig.kit, "counter", None, patient)  # tau_b is 0.5
     assert search.decide().do is Do.SEARCH_ON
-    while search.settle_for_less():
-        pass
+    _settle(search)
     decision = search.decide()
     assert decision.do is Do.ACT
     assert decision.settings["threshold"] < 0.4
@@ -55,15 +62,39 @@ def test_a_mug_on_the_likely_table_counts_more_than_a_likelier_mug_elsewhere() -
     here = instance(Thing(3, "mug", np.array([*TABLE_XY, 0.5]), size), score=0.5)
     elsewhere = instance(Thing(4, "mug", np.array([1.0, 1.0, 0.5]), size), score=0.6)
     rig.known = [instance(coffee_table(), score=0.6), here, elsewhere]
-    while search.settle_for_less():
-        pass
+    _settle(search)
     decision = search.decide()
     assert decision.chosen.id == 3
     assert search.place_of(here) == 1.0
     assert search.place_of(elsewhere) == pytest.approx(0.2 / 0.8)
     assert decision.candidates[1].terms["total"] == pytest.approx(0.6 * 0.25)
-    rig.known = [here, elsewhere]  # no start receptacle is known: a place says nothing
+    rig.known = [here, replace(elsewhere, score=0.8)]  # no table is known: places are alike
     assert search.decide().chosen.id == 4
+
+
+def test_while_no_start_receptacle_is_known_one_is_to_be_expected_elsewhere() -> None:
+    """A thing that lies on nothing like it is not picked at once, however sure it is itself."""
+    rig = Rig(Looks([]))
+    search = ObjectSearch(rig.kit, "mug", "coffee table", global_search.by_objective, patient)
+    on_the_table = Thing(3, "mug", np.array([*TABLE_XY, 0.5]), np.array([0.1, 0.1, 0.1]))
+    thing = instance(on_the_table, score=0.9)
+    rig.known = [thing]
+    assert search.place_of(thing) == pytest.approx(0.2 / 0.6)
+    assert search.decide().do is not Do.ACT
+    rig.known = [instance(coffee_table(), score=0.3), thing]
+    assert search.place_of(thing) == pytest.approx(0.5 / 0.6)
+    assert search.decide().do is Do.ACT
+
+
+def test_a_patient_search_searches_everything_again_before_it_goes_below_the_threshold() -> None:
+    search = ReceptacleSearch(Rig(Looks([])).kit, "counter", None, patient)
+    search.settle_at_last(0.92)
+    while search.settle_for_less():
+        pass
+    assert search.threshold == search.settings.tau_b
+    search._round = Settings().rounds - 1
+    assert search.settle_for_less()
+    assert search.threshold < search.settings.tau_b
 
 
 def test_with_nothing_left_to_search_what_is_held_is_put_where_it_is_likeliest_to_belong() -> None:

@@ -121,6 +121,17 @@ def test_a_place_whose_answer_was_lost_ends_the_task() -> None:
     assert world.steps - steps < 5
 
 
+@pytest.mark.parametrize("kind", [Pick, Place])
+def test_who_settled_for_less_before_the_planner_died_still_says_so(kind: type) -> None:
+    doubtful = mug()
+    doubtful.rate = 0.4
+    world = flat([coffee_table(), counter(), doubtful])
+    memory = until(world, kind)
+    again = mission(world)
+    again.recall(memory, last(world.log[-1], held=world.held()))
+    assert "no surer mug was found than this one (0." in again.run()
+
+
 def test_a_thing_that_fell_meanwhile_is_searched_again() -> None:
     world = flat([coffee_table(), counter(), mug()])
     memory = until(world, Pick) | {"picked_at_m": [7.2, 5.35, 0.5]}
