@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from helios_core.types import ObjectInstance
@@ -18,8 +18,21 @@ from helios_planner.standards import Rule
 from helios_planner.task import Phase
 
 ON_M = 0.15  # this near to a receptacle's outline is on it
-SOMEWHERE = 0.2  # score of a start receptacle that may be anywhere, as if one were not seen yet
+SOMEWHERE = 0.05  # score of a start receptacle that may be anywhere and was not seen
 EXPECTED = 0.4  # score of one that is still to be found, while none is as sure
+
+
+def is_on_any(thing: ObjectInstance, starts: Sequence[ObjectInstance]) -> bool:
+    """On or near anything that may be a start receptacle, however little it is believed."""
+    return any(near_outline(start, thing.center_m, ON_M) for start in starts)
+
+
+def place(thing: ObjectInstance, starts: Sequence[ObjectInstance]) -> float:
+    """Ψ of the start receptacle that a thing is on, beside that of the likeliest one which is known
+    or to be expected; (0, 1]. Beyond the paper: (0.05 + Ψ_here) / (0.05 + max(0.4, max Ψ))."""
+    likeliest = max([EXPECTED, *(start.score for start in starts)])
+    here = [max(s.score, 0.0) for s in starts if near_outline(s, thing.center_m, ON_M)]
+    return (SOMEWHERE + max(here, default=0.0)) / (SOMEWHERE + likeliest)
 
 
 class ObjectSearch(ScoredSearch):
@@ -67,18 +80,10 @@ class ObjectSearch(ScoredSearch):
         ]  # fmt: skip
 
     def in_place(self, candidate: ObjectInstance) -> bool:
-        """On or near anything that may be a start receptacle, however little it is believed."""
-        return self.start is None or any(
-            near_outline(r, candidate.center_m, ON_M) for r in self.body.objects(self.start)
-        )
+        return self.start is None or is_on_any(candidate, self.body.objects(self.start))
 
     def place_of(self, candidate: ObjectInstance) -> float:
-        if self.start is None:
-            return 1.0
-        starts = [(max(r.score, 0.0), r) for r in self.body.objects(self.start)]
-        likeliest = max([EXPECTED, *(score for score, _ in starts)])
-        here = [score for score, r in starts if near_outline(r, candidate.center_m, ON_M)]
-        return (SOMEWHERE + max(here, default=0.0)) / (SOMEWHERE + likeliest)
+        return 1.0 if self.start is None else place(candidate, self.body.objects(self.start))
 
     def settle_for_less(self) -> bool:
         self._last_seen = ()

@@ -15,15 +15,15 @@ _NEXT: dict[str, Value] = {
     "planner.od_a": 0.2,
     "planner.od_g": 0.2,
     "planner.od_b": 0.2,
-    "planner.cs_a": 0.15,
+    "planner.cs_a": 0.2,
     "planner.cs_g": 0.15,
-    "planner.cs_b": 0.15,
-    "planner.tau_g": 0.22,
-    "planner.tau_b": 0.28,
+    "planner.cs_b": 0.2,
+    "planner.tau_g": 0.15,
+    "planner.tau_b": 0.22,
     "objectmap.evidence": "hindsight",
-    "objectmap.named_from": 0.25,
+    "objectmap.named_from": 0.15,
     "objectmap.receptacle_voxel_m": 0.2,
-    "objectmap.size_agreement": "on",
+    "objectmap.size_agreement": "large",
 }
 
 AGENT_SETTINGS: Mapping[str, Mapping[str, Value]] = {"helios-next": _NEXT}

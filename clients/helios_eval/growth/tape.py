@@ -37,7 +37,7 @@ def play(preset: str, seed: int, max_steps: int, stride_px: int) -> list[Seen]:
     try:
         instruction = thread.run(lambda world: world.episode.instruction)
         with House(thread, "helios", noise, seed, {}) as house:
-            recorder = _Recorder(stride_px)
+            recorder = Recorder(stride_px)
             bus = house.bus()
             bus.subscribe(CONTEXT, recorder.on_context)
             bus.subscribe(ROBOT_STATE, recorder.on_state)
@@ -51,7 +51,9 @@ def play(preset: str, seed: int, max_steps: int, stride_px: int) -> list[Seen]:
     return recorder.tape
 
 
-class _Recorder:
+class Recorder:
+    """Keeps what the object map hears on the bus, on the pixels of a stride."""
+
     def __init__(self, stride_px: int) -> None:
         self.tape: list[Seen] = []
         self._stride_px = stride_px

@@ -1,0 +1,203 @@
+"""Which way of weighing evidence tells true things from false ones, over the same frames.
+
+    python -m helios_eval.map_study --out runs/map-study --seed0 100 --homes 40 \\
+        --arm helios --arm helios-next --arm "helios-next named_from=0.25 size_agreement=on"
+
+`helios` searches each home once without ever picking; what its noisy detector said goes into one
+object map for each arm: an agent, with its settings and those that are given. At the end each arm
+says which thing it would pick, by its agent's rule, and what it believes of the furniture.
+
+Prints a row for each arm. "Picks": homes in which the chosen thing is one that the task means (in
+brackets: homes won and lost beside the first arm), another, or none. "Best": homes in which the
+highest Psi of the furniture is on a true piece. "AUROC": the chance that a true instance has a
+higher Psi than a false one, over all homes. Leaves the same in `study.json`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numba
+import numpy as np
+from helios_client.wrong_use import WrongUse
+from helios_core.agent_settings import settings_for
+from helios_core.errors import HeliosError
+from helios_core.types import ObjectInstance, Role
+from helios_detector.vocabulary import normalised
+from helios_objectmap.settings import ObjectMapSettings
+from helios_planner.object_search import is_on_any, place
+from helios_planner.settings import Settings as PlannerSettings
+from helios_planner.standards import paper, patient
+
+from helios_eval import service_settings
+from helios_eval.beliefs import Role as BeliefRole
+from helios_eval.beliefs import is_at, judged
+from helios_eval.calibration.statistics import auroc
+from helios_eval.map_walk import Walk, believed, walk
+from helios_eval.record import Belief
+
+ROLES = ("object", "start", "goal")
+RULES = {"helios": paper, "helios-next": patient}  # agents that have a map of their own
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One way of weighing, by the name that it was given."""
+
+    name: str
+    map: ObjectMapSettings
+    thresholds: Mapping[Role, float]  # of the detector
+    least: float  # class score of what may be picked
+    by_place: bool  # Psi counts times the place's; otherwise what is in its place comes first
+
+
+@dataclass
+class Outcome:
+    """What one arm made of the walks so far."""
+
+    picks: list[bool | None] = field(default_factory=list)  # by home; None: nothing to pick
+    beliefs: list[list[Belief]] = field(default_factory=list)
+
+    def best(self, role: str) -> int:
+        """Homes in which the highest score of a role is a true one's."""
+        of_role = ([b for b in home if b.role == role] for home in self.beliefs)
+        return sum(max(home, key=lambda b: b.score).correct for home in of_role if home)
+
+    def auroc(self, role: str) -> float:
+        """NaN where there are only true ones, or only false ones."""
+        of_role = [b for home in self.beliefs for b in home if b.role == role]
+        score = np.array([b.score for b in of_role])
+        truth = np.array([b.correct for b in of_role], bool)
+        return float(auroc(score, truth)[0]) if len(of_role) else float("nan")
+
+
+def arm_of(text: str) -> Arm:
+    """`"helios-next size_agreement=on"`: an agent, and settings that differ. Raises WrongUse."""
+    agent, *assignments = text.split()
+    if agent not in RULES:
+        raise WrongUse(f"--arm {text!r}: begin with an agent, {' or '.join(RULES)}")
+    settings = {**settings_for(agent), **service_settings.parsed(assignments)}
+    planner = PlannerSettings(**service_settings.of_service("planner", settings))
+    of_map = ObjectMapSettings(**service_settings.of_service("objectmap", settings))
+    thresholds = {
+        Role.OBJECT: planner.od_g,
+        Role.START_RECEPTACLE: planner.od_a,
+        Role.GOAL_RECEPTACLE: planner.od_b,
+    }
+    return Arm(
+        text, of_map.model_copy(update={"stride_px": 1}), thresholds, planner.cs_g,
+        RULES[agent](planner.tau_g, True).by_place,
+    )  # fmt: skip
+
+
+def pick(arm: Arm, walked: Walk, known: Sequence[ObjectInstance]) -> bool | None:
+    """Whether what the arm would pick in the end is what the task means; None: it knows of none."""
+    starts = [o for o in known if normalised(o.class_name) == normalised(walked.start)]
+    things = [
+        o for o in known
+        if normalised(o.class_name) == normalised(walked.object) and o.class_score >= arm.least
+    ]  # fmt: skip
+    if not things:
+        return None
+    if arm.by_place:
+        chosen = max(things, key=lambda o: o.score * place(o, starts))
+    else:
+        chosen = max(things, key=lambda o: (is_on_any(o, starts), o.score))
+    return any(is_at(chosen, target, "object") for target in walked.targets)
+
+
+def study(walks: Sequence[Walk], arms: Sequence[Arm]) -> dict[str, Outcome]:
+    """By arm, the walks one after the other."""
+    found = {arm.name: Outcome() for arm in arms}
+    for walked in walks:
+        tell(walked, arms, found)
+    return found
+
+
+def tell(walked: Walk, arms: Sequence[Arm], found: Mapping[str, Outcome]) -> None:
+    """Add one walk to what every arm found."""
+    roles: dict[str, BeliefRole] = {walked.goal: "goal", walked.start: "start"}
+    roles[walked.object] = "object"
+    for arm in arms:
+        known = believed(walked.seen, arm.map, arm.thresholds)
+        found[arm.name].picks.append(pick(arm, walked, known))
+        found[arm.name].beliefs.append(judged(known, walked.things, roles, len(walked.seen)))
+
+
+def row(outcome: Outcome, first: Outcome) -> dict[str, float]:
+    """The figures of an arm, beside the first one."""
+    pairs = list(zip(outcome.picks, first.picks, strict=True))
+    return {
+        "homes": len(pairs),
+        "right": sum(now is True for now, _ in pairs),
+        "won": sum(now is True and before is not True for now, before in pairs),
+        "lost": sum(now is not True and before is True for now, before in pairs),
+        "wrong": sum(now is False for now, _ in pairs),
+        "none": sum(now is None for now, _ in pairs),
+        "best_start": outcome.best("start"),
+        "best_goal": outcome.best("goal"),
+        **{f"auroc_{role}": round(outcome.auroc(role), 3) for role in ROLES},
+    }
+
+
+def table(rows: Mapping[str, Mapping[str, float]]) -> str:
+    """Markdown."""
+    lines = [
+        "| | homes | picks: right, wrong, none | best start, goal | AUROC: object, start, goal |",
+        "|---|--:|--:|--:|--:|",
+    ]
+    for name, r in rows.items():
+        lines.append(
+            f"| `{name}` | {r['homes']} | {r['right']} (+{r['won']} −{r['lost']}), {r['wrong']}, "
+            f"{r['none']} | {r['best_start']}, {r['best_goal']} | {r['auroc_object']:.2f}, "
+            f"{r['auroc_start']:.2f}, {r['auroc_goal']:.2f} |"
+        )
+    return "\n".join(lines)
+
+
+def _arguments() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m helios_eval.map_study", description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument(
+        "--arm", dest="arms", action="append", metavar="AGENT SETTING=VALUE …",
+        help="may be repeated  [default: helios, helios-next]",
+    )  # fmt: skip
+    parser.add_argument("--preset", default="ovmm-v1", help="kind of homes")
+    parser.add_argument("--seed0", type=int, default=100, help="first home")
+    parser.add_argument("--homes", type=int, default=40)
+    parser.add_argument("--max-steps", type=int, default=500, help="of each walk")
+    parser.add_argument("--stride", type=int, default=4, help="every n-th pixel, both ways")
+    parser.add_argument("--out", type=Path, required=True, help="folder for study.json")
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    given = _arguments().parse_args(arguments)
+    numba.set_num_threads(1)  # threads that wait for each other beside a renderer take far longer
+    rows: dict[str, dict[str, float]] = {}
+    try:
+        arms = [arm_of(text) for text in given.arms or ("helios", "helios-next")]
+        least = {role: min(arm.thresholds[role] for arm in arms) for role in arms[0].thresholds}
+        found = {arm.name: Outcome() for arm in arms}
+        for seed in range(given.seed0, given.seed0 + given.homes):
+            tell(walk(given.preset, seed, given.max_steps, given.stride, least), arms, found)
+            rows = {name: row(o, found[arms[0].name]) for name, o in found.items()}
+            print(f"{seed - given.seed0 + 1}/{given.homes} home {seed}", file=sys.stderr)
+    except HeliosError as error:
+        print(f"map_study: {error.message}", file=sys.stderr)
+        return 1
+    given.out.mkdir(parents=True, exist_ok=True)
+    (given.out / "study.json").write_text(json.dumps(rows, indent=1) + "\n")
+    print(table(rows))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

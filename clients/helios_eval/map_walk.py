@@ -1,0 +1,105 @@
+"""A walk through a home with a noisy detector, recorded once and told to any number of maps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from helios_client.wrong_use import WrongUse
+from helios_core.topics import CONTEXT, OBSERVATION, ROBOT_STATE
+from helios_core.types import ObjectInstance, Role, SearchContext
+from helios_objectmap.object_map import ObjectMap
+from helios_objectmap.settings import ObjectMapSettings
+from helios_sim.thread import WorldThread
+
+from helios_eval import homes, spec
+from helios_eval.beliefs import TrueThing
+from helios_eval.growth.tape import Recorder, Seen
+from helios_eval.house import House
+from helios_eval.play import LONGEST_S, make_world
+from helios_eval.record import Setting
+
+# Nothing is ever sure enough to be picked, so that the whole home is searched once.
+_ONLY_LOOKS: Mapping[str, Setting] = {
+    "planner.tau_g": 5.0,
+    "planner.pick_at_last": 1.0,
+    "planner.rounds": 1,
+}
+THRESHOLDS = {
+    Role.OBJECT: "planner.od_g",
+    Role.START_RECEPTACLE: "planner.od_a",
+    Role.GOAL_RECEPTACLE: "planner.od_b",
+}
+
+
+@dataclass(frozen=True)
+class Walk:
+    """What was seen, what was asked for, and what is truly there."""
+
+    seed: int
+    object: str
+    start: str
+    goal: str
+    things: tuple[TrueThing, ...]
+    targets: tuple[TrueThing, ...]  # those of the object's class on a start receptacle
+    seen: tuple[Seen, ...]
+
+
+def walk(
+    preset: str, seed: int, max_steps: int, stride_px: int, thresholds: Mapping[Role, float]
+) -> Walk:
+    """The task of a seed, searched by `helios` without ever picking.
+
+    thresholds: of the detector. Frames are kept on the pixels that a map with that stride takes.
+    Raises HeliosError.
+    """
+    noise = spec.noise_of(homes.noise_of(preset), 1.0, None)
+    episode = spec.EpisodeSpec("ovmm", "helios", "noisy", preset, seed, noise)
+    settings = {**_ONLY_LOOKS, **{THRESHOLDS[role]: least for role, least in thresholds.items()}}
+    thread = WorldThread(lambda: make_world(episode, homes.home_of(preset, seed)))
+    try:
+        task = thread.run(lambda world: world.episode)
+        things = thread.run(lambda world: tuple(world.things()))
+        names = thread.run(lambda world: frozenset(world.tracker.targets.objects))
+        with House(thread, "helios", noise, seed, settings) as house:
+            recorder = Recorder(stride_px)
+            bus = house.bus()
+            bus.subscribe(CONTEXT, recorder.on_context)
+            bus.subscribe(ROBOT_STATE, recorder.on_state)
+            bus.subscribe(OBSERVATION, recorder.on_observation)
+            house.run(task.instruction, max_steps, LONGEST_S)
+            bus.close()
+    finally:
+        thread.close()
+    if not recorder.tape:
+        raise WrongUse(f"the walk of seed {seed} showed nothing in {max_steps} steps")
+    return Walk(
+        seed, task.object_class, task.start_receptacle_class, task.goal_receptacle_class,
+        things, tuple(t for t in things if t.name in names), tuple(recorder.tape),
+    )  # fmt: skip
+
+
+def believed(
+    seen: Sequence[Seen], settings: ObjectMapSettings, thresholds: Mapping[Role, float]
+) -> tuple[ObjectInstance, ...]:
+    """All instances at the end, of a map that was told all of it.
+
+    settings: with the stride of the recording already applied. thresholds: of the detector; what it
+    said below them is left out.
+    """
+    known = ObjectMap(settings)
+    for one in seen:
+        context = _with(one.context, thresholds)
+        least = {c.name: c.threshold for c in context.classes}
+        found = tuple(
+            d for d in one.observation.detections if d.score >= least.get(d.class_name, 0.0)
+        )
+        known.update(replace(one.observation, detections=found), context, one.held)
+    return known.objects()
+
+
+def _with(context: SearchContext, thresholds: Mapping[Role, float]) -> SearchContext:
+    classes = tuple(
+        replace(c, threshold=max(c.threshold, thresholds[c.role])) for c in context.classes
+    )
+    return replace(context, classes=classes)

@@ -1,0 +1,107 @@
+"""Maps that weigh evidence in their own ways, over the same frames."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helios_client.wrong_use import WrongUse
+from helios_core.types import ObjectInstance, Role
+from helios_eval.beliefs import Role as BeliefRole
+from helios_eval.beliefs import judged
+from helios_eval.map_study import Outcome, arm_of, main, pick, row, study
+from helios_eval.map_walk import Walk, believed, walk
+from helios_sim.truth import TrueThing
+
+LOW = dict.fromkeys((Role.OBJECT, Role.START_RECEPTACLE, Role.GOAL_RECEPTACLE), 0.2)
+
+
+def thing(name: str, center_m: Sequence[float], size_m: Sequence[float], score: float):
+    x, y, dx, dy = *center_m[:2], size_m[0] / 2, size_m[1] / 2
+    corners = [(x - dx, y - dy), (x + dx, y - dy), (x + dx, y + dy), (x - dx, y + dy)]
+    return ObjectInstance(
+        id=1, class_name=name, center_m=np.array(center_m), size_m=np.array(size_m), score=score,
+        class_score=score + 0.1, uncertainty=0.1, views=5, gaussians=50,
+        probabilities={name: score}, top_m=center_m[2] + size_m[2] / 2,
+        outline_m=np.array(corners), detection_rate=0.5,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def walked() -> Walk:
+    return walk("demo-v1", 0, 60, 4, LOW)
+
+
+def test_an_arm_is_an_agent_with_its_settings_and_those_that_are_given() -> None:
+    paper, ours, other = (
+        arm_of(t) for t in ("helios", "helios-next", "helios-next size_agreement=on od_g=0.4")
+    )
+    assert (paper.map.evidence, ours.map.evidence) == ("views", "hindsight")
+    assert (paper.by_place, ours.by_place) == (False, True)
+    assert other.map.model_copy(update={"size_agreement": ours.map.size_agreement}) == ours.map
+    assert other.thresholds == {**ours.thresholds, Role.OBJECT: 0.4}
+
+
+@pytest.mark.parametrize(
+    ("text", "says"), [("trusting", "helios or helios-next"), ("helios voxels=2", "voxels")]
+)
+def test_what_is_no_arm_is_refused(text: str, says: str) -> None:
+    with pytest.raises(WrongUse, match=says):
+        arm_of(text)
+
+
+@pytest.mark.parametrize("agent", ["helios", "helios-next"])
+def test_what_lies_on_a_start_receptacle_is_picked_before_what_is_surer(agent: str) -> None:
+    arm = arm_of(agent)
+    table = thing("coffee table", (1.0, 1.0, 0.4), (1.0, 0.6, 0.1), score=0.4)
+    there = thing("mug", (1.2, 1.0, 0.5), (0.1, 0.1, 0.1), score=0.3)
+    elsewhere = thing("mug", (4.0, 4.0, 0.5), (0.1, 0.1, 0.1), score=0.6)
+    true = TrueThing("mug_0", "mug", (1.2, 1.0, 0.5), (0.1, 0.1, 0.1), 0.0, True)
+    task = Walk(0, "mug", "coffee table", "counter", (true,), (true,), ())
+    assert pick(arm, task, [table, there, elsewhere]) is True
+    assert pick(arm, task, [table, elsewhere]) is False
+    assert pick(arm, task, [table, replace(there, class_score=0.05)]) is None
+
+
+def test_an_arm_is_told_apart_from_the_first_home_by_home() -> None:
+    first, other = Outcome([True, True, False, None]), Outcome([True, None, True, True])
+    first.beliefs = other.beliefs = [[], [], [], []]
+    figures = row(other, first)
+    assert (figures["right"], figures["won"], figures["lost"]) == (3, 2, 1)
+    assert (figures["wrong"], figures["none"]) == (0, 1)
+
+
+def test_maps_are_told_the_same_frames_and_the_detector_s_thresholds(walked: Walk) -> None:
+    arm = arm_of("helios")
+    known = believed(walked.seen, arm.map, arm.thresholds)
+    again = believed(walked.seen, arm.map, arm.thresholds)
+    assert [(o.id, o.score) for o in known] == [(o.id, o.score) for o in again]
+    assert known
+    assert not believed(walked.seen, arm.map, dict.fromkeys(LOW, 1.0))
+    found = study([walked], [arm])["helios"]
+    roles: dict[str, BeliefRole] = {walked.goal: "goal", walked.start: "start"}
+    roles[walked.object] = "object"
+    assert found.beliefs == [judged(known, walked.things, roles, len(walked.seen))]
+
+
+def test_the_walk_picks_nothing_and_knows_what_is_meant(walked: Walk) -> None:
+    assert not any(one.held for one in walked.seen)
+    assert {t.class_name for t in walked.targets} == {walked.object}
+
+
+def test_the_command_prints_a_row_for_each_arm(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    arguments = ["--out", str(tmp_path), "--preset", "demo-v1", "--seed0", "0", "--homes", "1",
+                 "--max-steps", "30"]  # fmt: skip
+    assert main([*arguments, "--arm", "helios", "--arm", "helios size_agreement=large"]) == 0
+    printed = capsys.readouterr().out
+    assert "| `helios` | 1 |" in printed
+    kept = json.loads((tmp_path / "study.json").read_text())
+    assert list(kept) == ["helios", "helios size_agreement=large"]
+    assert main([*arguments, "--arm", "nobody"]) == 1
+    assert "helios or helios-next" in capsys.readouterr().err
