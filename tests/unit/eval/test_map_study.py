@@ -17,7 +17,9 @@ from helios_eval.map_study import Outcome, arm_of, main, pick, row, study
 from helios_eval.map_walk import Walk, believed, walk
 from helios_sim.truth import TrueThing
 
-LOW = dict.fromkeys((Role.OBJECT, Role.START_RECEPTACLE, Role.GOAL_RECEPTACLE), 0.2)
+LOW: dict[Role, float] = dict.fromkeys(
+    (Role.OBJECT, Role.START_RECEPTACLE, Role.GOAL_RECEPTACLE), 0.2
+)
 
 
 def thing(name: str, center_m: Sequence[float], size_m: Sequence[float], score: float):
