@@ -19,6 +19,7 @@ from helios_planner.gaze import outline_of
 from helios_planner.grid import Pose2, facing
 from helios_planner.legs import Legs, Outcome
 from helios_planner.look import Looking, Places
+from helios_planner.patrol import Patrol
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed
 
@@ -51,9 +52,11 @@ class Search(ABC):
         self.legs, self.looking, self.belief = kit.legs, kit.looking, kit.belief
         self.refused = Places(refused_m)  # for good
         self.waiting = Places(kit.settings.same_place_m)  # until more ground is known
+        self.rounds = kit.settings.rounds  # times that everything is searched
         self._waited = 0
         self._doubts: dict[int, int] = {}  # by instance: how often it did not hold up
         self._round = self._first_round = 0
+        self._patrol = Patrol(self.legs, kit.settings.patrol_m)
         self._acted_from: Pose2 | None = None
         self._left_at = 0  # version of the map when a candidate was last found out of reach
 
@@ -78,9 +81,9 @@ class Search(ABC):
         """The score from which something is acted on now."""
         return self.settings.tau_g
 
-    def holds_up(self, thing: ObjectInstance) -> bool:
-        """Whether what was chosen is acted on as it is believed from near."""
-        return True
+    def holds_up(self, near: ObjectInstance | None) -> bool:
+        """Whether what was chosen is acted on as it is believed from near; None: no longer."""
+        return near is not None
 
     def settle_at_last(self, after: float) -> None:
         """In the end, and after that share of the task's steps, the likeliest will do; from 1 on it
@@ -98,7 +101,7 @@ class Search(ABC):
     def find(self) -> ObjectInstance:
         """Look until there is one to act on. Raises TaskFailed when nothing is left."""
         first, self._first_round = self._first_round, 0
-        for round_number in range(first, self.settings.rounds):
+        for round_number in range(first, self.rounds):
             self._round = round_number
             if round_number > first:
                 self.next_round()
@@ -107,7 +110,7 @@ class Search(ABC):
                 if decision.do is Do.ACT:
                     self._acted_from = self.body.pose()
                     return self.chosen(decision)
-                more = self.explore() or self.clear_way()
+                more = self.explore() or self.clear_way() or self.patrol()
                 if not self.end_waiting() and not more and not self.settle_for_less():
                     break
         raise self._not_found()
@@ -115,7 +118,7 @@ class Search(ABC):
     def memory(self) -> dict[str, Any]:
         """What must not be forgotten over a restart, as JSON, for `recall`."""
         return {
-            "round": self._round, "waited": self._waited,
+            "round": self._round, "waited": self._waited, "patrol": self._patrol.seen_from,
             "refused": self.refused.memory(), "waiting": self.waiting.memory(),
             "doubts": list(self._doubts.items()),
         }  # fmt: skip
@@ -123,6 +126,7 @@ class Search(ABC):
     def recall(self, memory: Mapping[str, Any]) -> None:
         self._round = self._first_round = int(memory["round"])
         self._waited = int(memory["waited"])
+        self._patrol.seen_from = [(x, y) for x, y in memory["patrol"]]
         self._doubts = {int(id): int(n) for id, n in memory.get("doubts", [])}
         self.refused.recall(memory["refused"])
         self.waiting.recall(memory["waiting"])
@@ -239,11 +243,23 @@ class Search(ABC):
         targets += [(float(p[0]), float(p[1])) for p in self.waiting.points]
         return any(self.legs.clear_way(t, self.settings.frontier_reach_m) for t in targets)
 
+    def patrol(self) -> bool:
+        """After the first round, with nothing left to explore: look around from one more place.
+        Whether there was any."""
+        if self._round == 0:
+            return False
+
+        def found() -> bool:
+            return self.decide().do is not Do.SEARCH_ON
+
+        return self._patrol.step(f"look for the {self.name} from another side", found)
+
     def next_round(self) -> None:
         """Everything was searched: once more, since a detector may miss what it saw."""
         self.kit.given_up.clear()
         self.looking.forget()
         self.legs.look_around()
+        self._patrol.begin()
 
 
 def _xy(candidate: ObjectInstance) -> tuple[float, float]:

@@ -173,6 +173,7 @@ class Mission:
         """Until it is put down; what is seen of it then."""
         search = self.agent.seek_receptacle(self.kit, goal, not_at)
         search.settle_at_last(self.settings.place_at_last)
+        search.rounds = self.settings.rounds_held
         self._begun(search)
         while True:
             try:

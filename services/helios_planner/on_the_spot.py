@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from helios_core.geometry import wrap_angle
@@ -61,6 +62,13 @@ class OnTheSpot:
     def look_around(self) -> None:
         """A full turn; the ground next to the robot is looked at on the way."""
         self._full_turn(down_only=False)
+
+    def turn_around(self, stop: Callable[[], bool]) -> None:
+        """A full turn with the head as while driving, until `stop`."""
+        turns = math.ceil(2 * math.pi / self.rules.max_turn_rad - 1e-6)
+        for _ in range(turns):
+            if stop() or not self._turn(2 * math.pi / turns):
+                return
 
     def look_down_around(self) -> bool:
         """Look at the ground next to the robot, all around; False when it is known already."""

@@ -13,7 +13,8 @@ from helios_planner.settings import Settings
 OWN = (
     "alpha_d", "tau_g", "tau_b", "tau_inc", "cs_a", "cs_g", "cs_b", "od_a", "od_g", "od_b",
     "gain_norm", "max_picks", "picks_per_object", "falls", "places_per_receptacle", "extra_views",
-    "rounds", "pick_at_last", "place_at_last", "agent_seed", "place_rule", "vlfm_confidence",
+    "rounds", "rounds_held", "pick_at_last", "place_at_last", "agent_seed", "place_rule",
+    "vlfm_confidence",
 )  # fmt: skip
 
 

@@ -35,6 +35,10 @@ class ReceptacleSearch(ScoredSearch):
 
         return self._explorer.step(found)
 
+    def holds_up(self, near: ObjectInstance | None) -> bool:
+        """At last there is no time for another, whatever this one looks like from near."""
+        return self.at_last or super().holds_up(near)
+
     def candidates(self) -> list[ObjectInstance]:
         return [
             o for o in self.body.objects(self.name)

@@ -62,11 +62,18 @@ class ScoredSearch(Search):
     def _place(self, candidate: ObjectInstance) -> float:
         return self.place_of(candidate) if self._standards.by_place else 1.0
 
-    def holds_up(self, thing: ObjectInstance) -> bool:
+    def holds_up(self, near: ObjectInstance | None) -> bool:
         """Views from near may take from its score what one more could bring back, tau_inc: large
         things are seen in parts from there."""
+        if near is None:
+            return False
         least = replace(self._acted, score=self._acted.score - self.settings.tau_inc)
-        return any(o.id == thing.id for o in self.candidates()) and self._meets(thing, least)
+        return any(o.id == near.id for o in self.candidates()) and self._meets(near, least)
+
+    @property
+    def at_last(self) -> bool:
+        """Whether the newest decision was taken because it had come to that."""
+        return self._standards.at_last is not None and self._acted is self._standards.steps[-1]
 
     def _meets(self, thing: ObjectInstance, standard: Standard) -> bool:
         sure = thing.score * self._place(thing) >= standard.score
@@ -77,9 +84,7 @@ class ScoredSearch(Search):
             self._standards = in_the_end(self._standards, after)
 
     def settled_for(self, thing: ObjectInstance) -> bool:
-        if self._standards.at_last is None or self._acted is not self._standards.steps[-1]:
-            return False
-        return not self._meets(thing, self._standards.steps[-2])
+        return self.at_last and not self._meets(thing, self._standards.steps[-2])
 
     def settle_for_less(self) -> bool:
         again = self._round + 1 < self.settings.rounds  # first everything is searched once more

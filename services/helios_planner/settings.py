@@ -118,6 +118,14 @@ class Settings(ServiceSettings):
         default=8, ge=1, description="extra views of one candidate before it is doubted"
     )
     rounds: int = Field(default=2, ge=1, description="times the home is searched before giving up")
+    rounds_held: int = Field(
+        default=6, ge=1, description="the same for where to put what the robot holds"
+    )
+    patrol_m: float = Field(
+        default=2.5,
+        gt=0,
+        description="from the second time on: distance between places to look around from",
+    )
     gaze_poses: int = Field(
         default=10, ge=1, description="gaze points asked about at most, per candidate"
     )
@@ -177,7 +185,7 @@ class Settings(ServiceSettings):
         "as when everything was searched; 1: never, as the paper",
     )
     place_at_last: float = Field(
-        default=0.92,
+        default=0.88,
         gt=0,
         le=1,
         description="share of the steps after which what is held is put on the likeliest "

@@ -35,16 +35,16 @@ from helios_planner.stand import (
 )
 from helios_planner.task import Cause, TaskFailed
 
-Judged = Callable[[ObjectInstance], bool]
+Judged = Callable[[ObjectInstance | None], bool]
 
 SAME_PLACE_M = 0.15
 OVER_M = 0.05  # around a point that has to do, what lies there counts
 GROWN_M = 1.0  # so far the middle of a receptacle moves when the rest of it comes into sight
 
 
-def always(thing: ObjectInstance) -> bool:
+def still_there(near: ObjectInstance | None) -> bool:
     """Whatever is believed to be there at all holds up."""
-    return True
+    return near is not None
 
 
 class Done(Enum):
@@ -85,7 +85,7 @@ class Skills:
     placed_on: ObjectInstance | None = None  # as it was known when something was let go on it
 
     # --- pick ----------------------------------------------------------------------------------
-    def pick(self, thing: ObjectInstance, class_name: str, holds_up: Judged = always) -> Done:
+    def pick(self, thing: ObjectInstance, class_name: str, holds_up: Judged = still_there) -> Done:
         """Grasp a thing: up to `attempts` times, each from another place. What does not
         hold up as it is believed from there is doubted."""
         tried: list[tuple[float, float]] = []
@@ -95,9 +95,9 @@ class Skills:
                 return Done.FAILED if attempts else Done.OUT_OF_REACH
             tried.append(self.body.pose().xy)
             near = self.belief.from_near(thing, class_name, 0.3)
-            if near is None or not holds_up(near):
+            if not holds_up(near):
                 return Done.DOUBTED
-            thing = near
+            thing = near or thing
             if self._missing_m(thing.center_m) > 0:
                 continue  # it is further than it was believed to be: another place
             attempts += 1
@@ -174,7 +174,9 @@ class Skills:
         return self.body.pose().distance_m(target_m) - self.body.description.reach_m + spare
 
     # --- place ---------------------------------------------------------------------------------
-    def place(self, receptacle: ObjectInstance, class_name: str, holds_up: Judged = always) -> Done:
+    def place(
+        self, receptacle: ObjectInstance, class_name: str, holds_up: Judged = still_there
+    ) -> Done:
         """Put the held thing down on a receptacle, by the rule of the settings. What does not
         hold up as it is believed from there is doubted."""
         failed = _Failed()
@@ -189,9 +191,9 @@ class Skills:
                 continue
             stood = True
             near = self.belief.from_near(receptacle, class_name, GROWN_M)
-            if near is None or not holds_up(near):
+            if not holds_up(near):
                 return Done.DOUBTED
-            receptacle = self.placed_on = near
+            receptacle = self.placed_on = near or receptacle
             point = self._point_from_here(receptacle, spot, failed)
             if point is None and not last:
                 self.last_reason = "from near there was no free place in reach"

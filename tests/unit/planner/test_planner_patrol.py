@@ -1,0 +1,149 @@
+"""Looking around from place to place once everything was searched."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from helios_core.robot import Turn
+from helios_planner.flow import Mission
+from helios_planner.grid import GroundMap, Pose2
+from helios_planner.instruction import parse
+from helios_planner.legs import Legs
+from helios_planner.motion import MotionRules, reach
+from helios_planner.patrol import Patrol, next_place
+from helios_planner.receptacle_search import ReceptacleSearch
+from helios_planner.settings import Settings
+from helios_planner.skills import Skills
+from helios_planner.standards import paper
+from helios_planner.task import Cause, TaskFailed
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planner_flat import MOVE, coffee_table, counter, flat, mug
+from planner_rig import Looks, Rig, instance
+
+CELL_M = 0.1
+
+
+def room(width_m: float, height_m: float) -> GroundMap:
+    cells = (round(height_m / CELL_M), round(width_m / CELL_M))
+    occupancy = np.zeros(cells, np.int8)
+    occupancy[[0, -1]] = occupancy[:, [0, -1]] = 100
+    return GroundMap(occupancy, np.zeros(cells, np.float32), CELL_M, (0.0, 0.0), 0)
+
+
+def rules() -> MotionRules:
+    return MotionRules(0.2, 0.05, 0.3, 0.015, 0.1, 1.0, math.radians(5), math.radians(30))
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(2, 8), st.floats(2, 8), st.floats(0.8, 4))
+def test_places_are_apart_and_leave_no_ground_that_is_farther_away(
+    width_m: float, height_m: float, apart_m: float
+) -> None:
+    reached = reach(room(width_m, height_m), Pose2(1.0, 1.0, 0.0), rules())
+    places = [(1.0, 1.0)]
+    while (place := next_place(reached, places, apart_m)) is not None:
+        places.append(place)
+    assert all(math.dist(a, b) >= apart_m for a, b in itertools.combinations(places, 2))
+    assert np.isfinite(reached.at(np.array(places))).all()
+    xy = reached.ground.centres_of(np.argwhere(np.isfinite(reached.arrival)))
+    away_m = np.min([np.hypot(xy[:, 0] - x, xy[:, 1] - y) for x, y in places], axis=0)
+    assert away_m.max() < apart_m + 0.3  # the grid on which places are considered
+
+
+def test_a_patrol_goes_the_shortest_way_first_and_looks_all_around_at_each_place() -> None:
+    world = flat()
+    legs = Legs(world, Settings())
+    legs.look_around()
+    patrol = Patrol(legs, 1.5)
+    patrol.begin()
+    begun = len(world.log)
+    place = next_place(legs.reach(), patrol.seen_from, 1.5)
+    assert place is not None
+    assert patrol.step("look", lambda: False)
+    assert world.pose().distance_m(place) < 0.3
+    assert sum(abs(a.angle_rad) for a in world.log[-12:] if isinstance(a, Turn)) == pytest.approx(
+        2 * math.pi
+    )
+    assert begun < len(world.log) - 12
+    assert patrol.seen_from[-1] == place
+
+
+def test_a_patrol_is_left_as_soon_as_something_is_found() -> None:
+    world = flat()
+    legs = Legs(world, Settings())
+    legs.look_around()
+    patrol = Patrol(legs, 1.5)
+    patrol.begin()
+    steps = world.steps
+    assert patrol.step("look", lambda: True)
+    assert world.steps - steps <= 2
+    assert len(patrol.seen_from) == 1  # it may go there again
+
+
+def test_who_holds_something_searches_on_for_a_place_while_there_are_steps() -> None:
+    """No counter is ever detected: others give up after two rounds."""
+    unseen = counter()
+    unseen.rate = 0.0
+    rounds = {}
+    for most in (1, 4):
+        world = flat([coffee_table(), unseen, mug()])
+        with pytest.raises(TaskFailed) as failure:
+            Mission(world, parse(MOVE), Settings(rounds_held=most)).run()
+        assert failure.value.cause is Cause.RECEPTACLE_NOT_FOUND
+        rounds[most] = world.steps
+    assert rounds[4] > rounds[1] + 3 * 12
+
+
+def test_a_counter_that_is_only_seen_on_the_second_search_is_found() -> None:
+    late = counter()
+    late.rate = 0.0
+    world = flat([coffee_table(), late, mug()])
+    mission = Mission(world, parse(MOVE), Settings())
+    begin = Patrol.begin
+
+    def begin_and_show(patrol: Patrol) -> None:
+        late.rate = 1.0
+        begin(patrol)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Patrol, "begin", begin_and_show)
+        mission.run()
+    assert world.released is world.things[3]
+
+
+def test_at_last_it_is_placed_whatever_it_looks_like_from_near() -> None:
+    rig = Rig(Looks([]))
+    rig.known = [instance(counter(), score=0.3)]
+    search = ReceptacleSearch(rig.kit, "counter", None, paper)
+    search.settle_at_last(0.88)
+    assert not search.holds_up(None)
+    rig.world.steps = int(0.9 * rig.world.max_steps)
+    search.decide()
+    assert search.holds_up(None)
+
+
+def test_what_vanished_from_near_is_placed_on_where_it_was_if_that_has_to_do() -> None:
+    world = flat([coffee_table(), counter(), mug()])
+    Mission(world, parse("go to the counter"), Settings()).run()
+    legs, asked = Legs(world, Settings()), []
+    mission = Mission(world, parse(MOVE), Settings())
+    skills = Skills(world, legs, Settings(), mission.kit.belief, 1)
+    thing = next(o for o in world.objects("counter"))
+    world._held = world.things[3]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mission.kit.belief, "from_near", lambda *_: None)
+        skills.place(thing, "counter", lambda near: asked.append(near) is None)
+    assert asked[0] is None
+    assert world.released is world.things[3]
+
+
+def test_the_places_of_a_patrol_are_remembered() -> None:
+    search = ReceptacleSearch(Rig(Looks([])).kit, "counter", None, paper)
+    search._patrol.seen_from = [(1.0, 2.0), (3.5, 1.0)]
+    again = ReceptacleSearch(Rig(Looks([])).kit, "counter", None, paper)
+    again.recall(search.memory())
+    assert again._patrol.seen_from == [(1.0, 2.0), (3.5, 1.0)]
