@@ -64,11 +64,15 @@ class ScoredSearch(Search):
 
     def holds_up(self, near: ObjectInstance | None) -> bool:
         """Views from near may take from its score what one more could bring back, tau_inc: large
-        things are seen in parts from there."""
+        things are seen in parts from there. Who acted above the threshold asks for no more than it.
+        """
         if near is None:
             return False
-        least = replace(self._acted, score=self._acted.score - self.settings.tau_inc)
-        return any(o.id == near.id for o in self.candidates()) and self._meets(near, least)
+        threshold = self._standards.steps[self._standards.firm - 1].score
+        least = min(self._acted.score, threshold) - self.settings.tau_inc
+        return any(o.id == near.id for o in self.candidates()) and self._meets(
+            near, replace(self._acted, score=least)
+        )
 
     @property
     def at_last(self) -> bool:

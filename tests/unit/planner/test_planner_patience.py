@@ -43,6 +43,16 @@ def test_a_patient_search_goes_on_past_a_doubtful_thing_and_takes_it_when_nothin
     assert search.decide().chosen.id == 9  # the better of two, now that both will do
 
 
+def test_what_a_patient_agent_was_surer_of_than_it_needs_to_be_may_lose_that_from_near() -> None:
+    rig = Rig(Looks([]))
+    rig.known = [instance(counter(), score=0.8)]  # 1.4 tau_b is 0.7
+    search = ReceptacleSearch(rig.kit, "counter", None, patient)
+    assert search.decide().do is Do.ACT
+    for score, holds in ((0.51, True), (0.46, True), (0.44, False)):
+        rig.known = [instance(counter(), score=score)]
+        assert search.holds_up(rig.known[0]) is holds
+
+
 def test_a_patient_search_settles_for_less_as_its_steps_run_out_also_after_a_restart() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.4)]
