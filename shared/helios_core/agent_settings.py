@@ -19,7 +19,7 @@ _NEXT: dict[str, Value] = {
     "planner.cs_g": 0.15,
     "planner.cs_b": 0.2,
     "planner.tau_g": 0.15,
-    "planner.tau_b": 0.22,
+    "planner.tau_b": 0.28,
     "objectmap.evidence": "hindsight",
     "objectmap.named_from": 0.15,
     "objectmap.receptacle_voxel_m": 0.2,
