@@ -78,7 +78,7 @@ class Outcome:
 
 def arm_of(text: str) -> Arm:
     """`"helios-next size_agreement=on"`: an agent, and settings that differ. Raises WrongUse."""
-    agent, *assignments = text.split()
+    agent, *assignments = text.split() or [""]
     if agent not in RULES:
         raise WrongUse(f"--arm {text!r}: begin with an agent, {' or '.join(RULES)}")
     settings = {**settings_for(agent), **service_settings.parsed(assignments)}
@@ -109,14 +109,6 @@ def pick(arm: Arm, walked: Walk, known: Sequence[ObjectInstance]) -> bool | None
     else:
         chosen = max(things, key=lambda o: (is_on_any(o, starts), o.score))
     return any(is_at(chosen, target, "object") for target in walked.targets)
-
-
-def study(walks: Sequence[Walk], arms: Sequence[Arm]) -> dict[str, Outcome]:
-    """By arm, the walks one after the other."""
-    found = {arm.name: Outcome() for arm in arms}
-    for walked in walks:
-        tell(walked, arms, found)
-    return found
 
 
 def tell(walked: Walk, arms: Sequence[Arm], found: Mapping[str, Outcome]) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from helios_client.wrong_use import WrongUse
-from helios_core.topics import CONTEXT, OBSERVATION, ROBOT_STATE
 from helios_core.types import ObjectInstance, Role, SearchContext
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
@@ -14,9 +13,9 @@ from helios_sim.thread import WorldThread
 
 from helios_eval import homes, spec
 from helios_eval.beliefs import TrueThing
-from helios_eval.growth.tape import Recorder, Seen
+from helios_eval.growth.tape import Seen, recorded
 from helios_eval.house import House
-from helios_eval.play import LONGEST_S, make_world
+from helios_eval.play import make_world
 from helios_eval.record import Setting
 
 # Nothing is ever sure enough to be picked, so that the whole home is searched once.
@@ -62,20 +61,14 @@ def walk(
         things = thread.run(lambda world: tuple(world.things()))
         names = thread.run(lambda world: frozenset(world.tracker.targets.objects))
         with House(thread, "helios", noise, seed, settings) as house:
-            recorder = Recorder(stride_px)
-            bus = house.bus()
-            bus.subscribe(CONTEXT, recorder.on_context)
-            bus.subscribe(ROBOT_STATE, recorder.on_state)
-            bus.subscribe(OBSERVATION, recorder.on_observation)
-            house.run(task.instruction, max_steps, LONGEST_S)
-            bus.close()
+            seen = recorded(house, task.instruction, max_steps, stride_px)
     finally:
         thread.close()
-    if not recorder.tape:
+    if not seen:
         raise WrongUse(f"the walk of seed {seed} showed nothing in {max_steps} steps")
     return Walk(
         seed, task.object_class, task.start_receptacle_class, task.goal_receptacle_class,
-        things, tuple(t for t in things if t.name in names), tuple(recorder.tape),
+        things, tuple(t for t in things if t.name in names), tuple(seen),
     )  # fmt: skip
 
 

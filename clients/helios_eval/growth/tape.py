@@ -37,23 +37,27 @@ def play(preset: str, seed: int, max_steps: int, stride_px: int) -> list[Seen]:
     try:
         instruction = thread.run(lambda world: world.episode.instruction)
         with House(thread, "helios", noise, seed, {}) as house:
-            recorder = Recorder(stride_px)
-            bus = house.bus()
-            bus.subscribe(CONTEXT, recorder.on_context)
-            bus.subscribe(ROBOT_STATE, recorder.on_state)
-            bus.subscribe(OBSERVATION, recorder.on_observation)
-            house.run(instruction, max_steps, LONGEST_S)
-            bus.close()
+            tape = recorded(house, instruction, max_steps, stride_px)
     finally:
         thread.close()
-    if not recorder.tape:
+    if not tape:
         raise WrongUse(f"the episode of seed {seed} showed nothing in {max_steps} steps")
+    return tape
+
+
+def recorded(house: House, instruction: str, max_steps: int, stride_px: int) -> list[Seen]:
+    """What a house's object map hears during one task, on the pixels of a stride."""
+    recorder = _Recorder(stride_px)
+    bus = house.bus()
+    bus.subscribe(CONTEXT, recorder.on_context)
+    bus.subscribe(ROBOT_STATE, recorder.on_state)
+    bus.subscribe(OBSERVATION, recorder.on_observation)
+    house.run(instruction, max_steps, LONGEST_S)
+    bus.close()
     return recorder.tape
 
 
-class Recorder:
-    """Keeps what the object map hears on the bus, on the pixels of a stride."""
-
+class _Recorder:
     def __init__(self, stride_px: int) -> None:
         self.tape: list[Seen] = []
         self._stride_px = stride_px

@@ -13,7 +13,7 @@ from helios_client.wrong_use import WrongUse
 from helios_core.types import ObjectInstance, Role
 from helios_eval.beliefs import Role as BeliefRole
 from helios_eval.beliefs import judged
-from helios_eval.map_study import Outcome, arm_of, main, pick, row, study
+from helios_eval.map_study import Outcome, arm_of, main, pick, row, tell
 from helios_eval.map_walk import Walk, believed, walk
 from helios_sim.truth import TrueThing
 
@@ -49,7 +49,12 @@ def test_an_arm_is_an_agent_with_its_settings_and_those_that_are_given() -> None
 
 
 @pytest.mark.parametrize(
-    ("text", "says"), [("trusting", "helios or helios-next"), ("helios voxels=2", "voxels")]
+    ("text", "says"),
+    [
+        ("", "helios or helios-next"),
+        ("trusting", "helios or helios-next"),
+        ("helios voxels=2", "voxels"),
+    ],
 )
 def test_what_is_no_arm_is_refused(text: str, says: str) -> None:
     with pytest.raises(WrongUse, match=says):
@@ -84,7 +89,8 @@ def test_maps_are_told_the_same_frames_and_the_detector_s_thresholds(walked: Wal
     assert [(o.id, o.score) for o in known] == [(o.id, o.score) for o in again]
     assert known
     assert not believed(walked.seen, arm.map, dict.fromkeys(LOW, 1.0))
-    found = study([walked], [arm])["helios"]
+    found = Outcome()
+    tell(walked, [arm], {arm.name: found})
     roles: dict[str, BeliefRole] = {walked.goal: "goal", walked.start: "start"}
     roles[walked.object] = "object"
     assert found.beliefs == [judged(known, walked.things, roles, len(walked.seen))]
