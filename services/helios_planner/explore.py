@@ -25,7 +25,8 @@ from helios_planner.task import Cause, Phase, TaskFailed
 
 PICK_LAYER, PLACE_LAYER = "pick", "place"  # value layers: where the object, where the goal may be
 MOST_DOUBTS = 4  # of one thing in one search
-MOST_WAITS = 8  # times in one search that something is gone to and turns out to be out of reach
+# Times in one search that something, or one and the same thing, turns out to be out of reach.
+MOST_WAITS, MOST_OF_ONE = 8, 3
 
 
 @dataclass
@@ -53,7 +54,7 @@ class Search(ABC):
         self.refused = Places(refused_m)  # for good
         self.waiting = Places(kit.settings.same_place_m)  # until more ground is known
         self.rounds = kit.settings.rounds  # times that everything is searched
-        self._waited = 0
+        self._waited_at: list[tuple[float, float]] = []  # middles of what was out of reach, in m
         self._doubts: dict[int, int] = {}  # by instance: how often it did not hold up
         self._round = self._first_round = 0
         self._patrol = Patrol(self.legs, kit.settings.patrol_m)
@@ -118,14 +119,14 @@ class Search(ABC):
     def memory(self) -> dict[str, Any]:
         """What must not be forgotten over a restart, as JSON, for `recall`."""
         return {
-            "round": self._round, "waited": self._waited, "patrol": self._patrol.seen_from,
+            "round": self._round, "waited_at": self._waited_at, "patrol": self._patrol.seen_from,
             "refused": self.refused.memory(), "waiting": self.waiting.memory(),
             "doubts": list(self._doubts.items()),
         }  # fmt: skip
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         self._round = self._first_round = int(memory["round"])
-        self._waited = int(memory["waited"])
+        self._waited_at = [(x, y) for x, y in memory.get("waited_at", [])]
         self._patrol.seen_from = [(x, y) for x, y in memory["patrol"]]
         self._doubts = {int(id): int(n) for id, n in memory.get("doubts", [])}
         self.refused.recall(memory["refused"])
@@ -147,8 +148,12 @@ class Search(ABC):
         if not out_of_reach:
             self.refused.add(candidate)
             return
-        self._waited += self.body.pose() != self._acted_from
-        if self._waited > MOST_WAITS:
+        middle = _xy(candidate)
+        if self.body.pose() != self._acted_from:
+            self._waited_at.append(middle)
+        same_m = self.settings.same_place_m
+        of_one = sum(math.dist(middle, m) < same_m for m in self._waited_at)
+        if of_one > MOST_OF_ONE or len(self._waited_at) > MOST_WAITS:
             self.refused.add(candidate)
         elif not self.legs.clear_way(_xy(candidate), self._near_enough_m(candidate)):
             self.waiting.add(candidate)

@@ -12,6 +12,7 @@ from helios_core.types import ObjectInstance
 from helios_planner.decide import Decision, Do, act_or_look
 from helios_planner.explore import Kit, Search
 from helios_planner.look import BestView
+from helios_planner.remembered import Remembered
 from helios_planner.standards import Standard, Standards, in_the_end
 from helios_planner.task import Phase
 
@@ -30,6 +31,8 @@ class ScoredSearch(Search):
         self._step = 0  # of the standards
         self._acted = standards.steps[0]  # what the newest decision was taken by
         self._views: dict[int, BestView | None] = {}
+        self._remembered = Remembered()
+        self._from_memory = False  # whether what the newest decision is about is believed no more
 
     @abstractmethod
     def candidates(self) -> list[ObjectInstance]:
@@ -64,10 +67,11 @@ class ScoredSearch(Search):
 
     def holds_up(self, near: ObjectInstance | None) -> bool:
         """Views from near may take from its score what one more could bring back, tau_inc: large
-        things are seen in parts from there. Who acted above the threshold asks for no more than it.
+        things are seen in parts from there. Who acted above the threshold asks for no more than it,
+        and who goes back to what was believed once asks for nothing.
         """
-        if near is None:
-            return False
+        if self._from_memory or near is None:
+            return self._from_memory
         threshold = self._standards.steps[self._standards.firm - 1].score
         least = min(self._acted.score, threshold) - self.settings.tau_inc
         return any(o.id == near.id for o in self.candidates()) and self._meets(
@@ -88,7 +92,8 @@ class ScoredSearch(Search):
             self._standards = in_the_end(self._standards, after)
 
     def settled_for(self, thing: ObjectInstance) -> bool:
-        return self.at_last and not self._meets(thing, self._standards.steps[-2])
+        doubtful = self._from_memory or not self._meets(thing, self._standards.steps[-2])
+        return self.at_last and doubtful
 
     def settle_for_less(self) -> bool:
         again = self._round + 1 < self.settings.rounds  # first everything is searched once more
@@ -99,18 +104,26 @@ class ScoredSearch(Search):
         return True
 
     def memory(self) -> dict[str, Any]:
-        return super().memory() | {"standard": self._step, "since": self._since}
+        return super().memory() | {
+            "standard": self._step, "since": self._since, "remembered": self._remembered.memory(),
+        }  # fmt: skip
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         super().recall(memory)
         self._step, self._since = int(memory["standard"]), float(memory["since"])
         self._acted = self._standards.steps[self._step]
+        self._remembered.recall(memory.get("remembered", []))
 
     def decide(self) -> Decision:
         """Act on one, look at one again, or search on."""
         options = []
         self._views.clear()
-        for thing in self.candidates():
+        things = self.candidates()
+        self._remembered.note(things)
+        self._acted = self._standard
+        known_once = None if things or not self.at_last else self._remembered.best(self.open)
+        self._from_memory = known_once is not None
+        for thing in [known_once] if known_once else things:
             in_place = self.in_place(thing)
             worth = in_place or self.anywhere
             place = self._place(thing)
@@ -118,10 +131,13 @@ class ScoredSearch(Search):
                 thing, self.name, self.threshold / place, in_place=in_place, ask=worth
             )
             options.append(replace(option, place=place))
-        self._acted = self._standard
         return act_or_look(
             options, self.threshold, self.settings.tau_inc, self.kind, self.what, self.anywhere
         )
+
+    def chosen(self, decision: Decision) -> ObjectInstance:
+        known_once = self._remembered.get(decision.chosen.id) if self._from_memory else None
+        return known_once or super().chosen(decision)
 
     def conclude(self) -> Decision:
         """Looks at candidates again for as long as that is decided."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from helios_planner.receptacle_search import ReceptacleSearch
 from helios_planner.recompute import recompute
 from helios_planner.scored_search import ScoredSearch
 from helios_planner.settings import Settings
-from helios_planner.standards import ANY_SCORE, paper, patient
+from helios_planner.standards import ANY_SCORE, Rule, paper, patient
 from helios_planner.task import Cause, TaskFailed
 from planner_flat import MOVE, coffee_table, counter, flat, mug
 from planner_rig import TABLE_XY, Looks, Rig, instance
@@ -193,3 +195,53 @@ def test_the_paper_counts_no_place() -> None:
     decision = rig.search.decide()
     assert decision.do is Do.ACT
     assert "place" not in decision.candidates[0].terms
+
+
+def _forgotten(agent: Rule, **settings: Any) -> tuple[Rig, ReceptacleSearch]:
+    """A search whose candidates, one of many views and a surer one of few, are known no more."""
+    rig = Rig(Looks([]), **settings)
+    search = ReceptacleSearch(rig.kit, "counter", None, agent)
+    search.settle_at_last(0.9)
+    once, fleeting = instance(counter(), score=0.3), instance(coffee_table(), score=0.45)
+    rig.known = [replace(once, views=20), replace(fleeting, class_name="counter", views=1)]
+    assert search.decide().do is not Do.ACT
+    rig.known = []
+    return rig, search
+
+
+@pytest.mark.parametrize("agent", [paper, patient])
+def test_when_all_candidates_are_forgotten_the_one_of_most_views_is_gone_back_to_at_last(
+    agent: Rule,
+) -> None:
+    rig, search = _forgotten(agent)
+    assert search.decide().do is not Do.ACT
+    rig.world.steps = int(0.95 * rig.world.max_steps)
+    decision = search.decide()
+    assert decision.do is Do.ACT
+    found = search.chosen(decision)
+    assert found.views == 20
+    assert search.settled_for(found)
+    assert search.holds_up(None)
+    search.leave(found, out_of_reach=False)  # it did not work: the next one
+    assert search.chosen(search.decide()).views == 1
+    rig.known = [instance(counter(), id=9, score=0.1)]
+    search.refused.clear()
+    assert search.decide().chosen.id == 9  # whatever is believed now comes first
+    assert search.chosen(search.decide()) is rig.known[0]
+
+
+def test_what_was_believed_once_is_remembered_over_a_restart() -> None:
+    rig, search = _forgotten(paper)
+    again = ReceptacleSearch(rig.kit, "counter", None, paper)
+    again.settle_at_last(0.9)
+    again.recall(json.loads(json.dumps(search.memory())))
+    rig.world.steps = int(0.95 * rig.world.max_steps)
+    assert again.chosen(again.decide()).views == 20
+
+
+def test_an_object_that_is_forgotten_is_doubted_before_the_end() -> None:
+    rig = Rig(Looks([]))
+    thing = Thing(4, "mug", np.array([*TABLE_XY, 0.5]), np.array([0.1, 0.1, 0.1]))
+    rig.known = [instance(coffee_table(), score=0.6), instance(thing, score=0.9)]
+    assert rig.search.decide().do is Do.ACT
+    assert not rig.search.holds_up(None)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from helios_planner.body import Frontier
 from helios_planner.decide import Do, FrontierOption
-from helios_planner.explore import MOST_WAITS
+from helios_planner.explore import MOST_OF_ONE, MOST_WAITS
 from helios_planner.grid import Pose2
 from helios_planner.legs import Outcome
 from helios_planner.objective import ChosenFrontier
@@ -139,13 +139,17 @@ def test_a_thing_is_not_put_back_where_it_was_taken_from() -> None:
     assert not ReceptacleSearch(rig.kit, "coffee table", taken_at, paper).candidates()
 
 
+@pytest.mark.parametrize("way_cleared", [True, False])
+@pytest.mark.parametrize(("apart_m", "times"), [(0.0, MOST_OF_ONE), (2.0, MOST_WAITS)])
 def test_what_is_out_of_reach_again_and_again_is_left_for_good(
-    monkeypatch: pytest.MonkeyPatch,
+    apart_m: float, times: int, way_cleared: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rig = Rig()
-    monkeypatch.setattr(rig.kit.legs, "clear_way", lambda *_: False)
+    monkeypatch.setattr(rig.kit.legs, "clear_way", lambda *_: way_cleared)
     thing = instance(coffee_table())
-    for k in range(MOST_WAITS + 1):
+    for k in range(times + 1):
+        center_m = thing.center_m + np.array([apart_m, 0.0, 0.0])
+        thing = replace(thing, center_m=center_m, id=thing.id + bool(apart_m))
         assert thing not in rig.search.refused
         rig.world._pose = Pose2(1.0 + 0.1 * k, 1.0, 0.0)
         rig.search.leave(thing, out_of_reach=True)
