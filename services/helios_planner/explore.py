@@ -95,6 +95,11 @@ class Search(ABC):
         """Whether this was chosen only because it has come to that."""
         return False
 
+    @property
+    def at_last(self) -> bool:
+        """Whether it has come to that: no time is left to clear ways."""
+        return False
+
     def settle_for_less(self) -> bool:
         """With nothing left to explore: drop a condition, if there is one to drop."""
         return False
@@ -155,7 +160,7 @@ class Search(ABC):
         of_one = sum(math.dist(middle, m) < same_m for m in self._waited_at)
         if of_one > MOST_OF_ONE or len(self._waited_at) > MOST_WAITS:
             self.refused.add(candidate)
-        elif not self.legs.clear_way(_xy(candidate), self._near_enough_m(candidate)):
+        elif self.at_last or not self.legs.clear_way(middle, self._near_enough_m(candidate)):
             self.waiting.add(candidate)
             self._left_at = self.body.ground().version
 

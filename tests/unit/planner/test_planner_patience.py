@@ -230,6 +230,24 @@ def test_when_all_candidates_are_forgotten_the_one_of_most_views_is_gone_back_to
     assert search.chosen(search.decide()) is rig.known[0]
 
 
+def test_at_last_what_is_out_of_reach_waits_instead_of_having_its_way_cleared(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    cleared: list[object] = []
+    rig, search = _forgotten(paper)
+    monkeypatch.setattr(rig.kit.legs, "clear_way", lambda *at: bool(cleared.append(at)) or True)
+    rig.known = [instance(counter(), score=0.3)]
+    search.decide()
+    search.leave(rig.known[0], out_of_reach=True)
+    assert cleared
+    assert search.candidates()
+    rig.world.steps = int(0.95 * rig.world.max_steps)
+    search.decide()
+    search.leave(rig.known[0], out_of_reach=True)
+    assert len(cleared) == 1
+    assert not search.candidates()
+
+
 def test_what_was_believed_once_is_remembered_over_a_restart() -> None:
     rig, search = _forgotten(paper)
     again = ReceptacleSearch(rig.kit, "counter", None, paper)
