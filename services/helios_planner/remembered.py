@@ -7,11 +7,14 @@ no candidate is left; then the one that the most views spoke for is better than 
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Callable, Iterable, Sequence
 
 from helios_core import proto as pb
 from helios_core.codec import object_from_proto, object_to_proto
 from helios_core.types import ObjectInstance
+
+MOST_WRITTEN = 16
 
 
 class Remembered:
@@ -29,12 +32,17 @@ class Remembered:
 
     def best(self, allowed: Callable[[ObjectInstance], bool]) -> ObjectInstance | None:
         """The one with the largest class score times views; None where none is allowed."""
-        some = filter(allowed, self._things.values())
-        return max(some, key=lambda c: (c.class_score * c.views, -c.id), default=None)
+        return max(filter(allowed, self._things.values()), key=_spoken_for, default=None)
 
     def memory(self) -> list[str]:
-        """As JSON, for `recall`."""
-        return [object_to_proto(c).SerializeToString().hex() for c in self._things.values()]
+        """As JSON, for `recall`: the best ones, since it is written down before every action."""
+        best = heapq.nlargest(MOST_WRITTEN, self._things.values(), key=_spoken_for)
+        return [object_to_proto(c).SerializeToString().hex() for c in best]
 
     def recall(self, memory: Sequence[str]) -> None:
         self.note(object_from_proto(pb.ObjectInstance.FromString(bytes.fromhex(m))) for m in memory)
+
+
+def _spoken_for(c: ObjectInstance) -> tuple[float, int]:
+    """How much the views said for it; of equals the older one."""
+    return c.class_score * c.views, -c.id

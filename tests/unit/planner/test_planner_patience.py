@@ -15,10 +15,13 @@ from helios_planner.instruction import parse
 from helios_planner.object_search import ObjectSearch
 from helios_planner.receptacle_search import ReceptacleSearch
 from helios_planner.recompute import recompute
+from helios_planner.remembered import MOST_WRITTEN, Remembered
 from helios_planner.scored_search import ScoredSearch
 from helios_planner.settings import Settings
 from helios_planner.standards import ANY_SCORE, Rule, paper, patient
 from helios_planner.task import Cause, TaskFailed
+from hypothesis import given
+from hypothesis import strategies as st
 from planner_flat import MOVE, coffee_table, counter, flat, mug
 from planner_rig import TABLE_XY, Looks, Rig, instance
 from planner_things import Thing
@@ -255,6 +258,22 @@ def test_what_was_believed_once_is_remembered_over_a_restart() -> None:
     again.recall(json.loads(json.dumps(search.memory())))
     rig.world.steps = int(0.95 * rig.world.max_steps)
     assert again.chosen(again.decide()).views == 20
+
+
+@given(st.permutations(range(1, MOST_WRITTEN + 10)))
+def test_of_many_that_were_believed_the_likeliest_are_written_down(views: list[int]) -> None:
+    before, after = Remembered(), Remembered()
+    before.note(replace(instance(counter(), id=v), views=v) for v in views)
+    assert len(before.memory()) == MOST_WRITTEN
+    after.recall(before.memory())
+    refused: set[int] = set()
+    for _ in range(MOST_WRITTEN):
+        best, as_before = (r.best(lambda c: c.id not in refused) for r in (after, before))
+        assert best is not None
+        assert as_before is not None
+        assert best.id == as_before.id
+        refused.add(best.id)
+    assert after.best(lambda c: c.id not in refused) is None
 
 
 def test_an_object_that_is_forgotten_is_doubted_before_the_end() -> None:
