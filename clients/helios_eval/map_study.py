@@ -30,9 +30,9 @@ from helios_core.errors import HeliosError
 from helios_core.types import ObjectInstance, Role
 from helios_detector.vocabulary import normalised
 from helios_objectmap.settings import ObjectMapSettings
-from helios_planner.object_search import is_on_any, place
+from helios_planner.decisions.standards import paper, patient
+from helios_planner.searching.object_search import is_on_any, place
 from helios_planner.settings import Settings as PlannerSettings
-from helios_planner.standards import paper, patient
 
 from helios_eval import service_settings
 from helios_eval.beliefs import Role as BeliefRole

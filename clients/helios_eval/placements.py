@@ -26,11 +26,11 @@ import numpy as np
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.robot import Pick
 from helios_core.types import ObjectInstance
-from helios_planner.belief import MapBelief
-from helios_planner.gaze import outline_of, tilt_towards
-from helios_planner.legs import Legs
+from helios_planner.ground.gaze import outline_of, tilt_towards
+from helios_planner.handling.skills import Skills
+from helios_planner.moving.legs import Legs
+from helios_planner.searching.belief import MapBelief
 from helios_planner.settings import PlaceRule, Settings
-from helios_planner.skills import Skills
 from helios_planner.task import TaskFailed
 from helios_sim.episode import reachable
 from helios_sim.events import PlaceTried

@@ -27,19 +27,19 @@ from functools import partial
 import numpy as np
 from helios_core.errors import InvalidInput
 
-from helios_planner import frontier_rules, global_search
-from helios_planner.belief import Belief, MapBelief, TrustingBelief
-from helios_planner.explore import Kit, Search
-from helios_planner.explorers import ByRule, Explorer, Pursuit
-from helios_planner.frontier_rules import FrontierRule
-from helios_planner.global_search import SearchRule
-from helios_planner.object_search import ObjectSearch
-from helios_planner.receptacle_search import ReceptacleSearch
-from helios_planner.standards import Rule, paper, patient
+from helios_planner.decisions import frontier_rules, global_search
+from helios_planner.decisions.frontier_rules import FrontierRule
+from helios_planner.decisions.global_search import SearchRule
+from helios_planner.decisions.standards import Rule, paper, patient
+from helios_planner.searching.belief import Belief, MapBelief, TrustingBelief
+from helios_planner.searching.explore import Kit, Search
+from helios_planner.searching.explorers import ByRule, Explorer, Pursuit
+from helios_planner.searching.object_search import ObjectSearch
+from helios_planner.searching.receptacle_search import ReceptacleSearch
+from helios_planner.searching.trusting_search import TrustingSearch
+from helios_planner.searching.vlfm_belief import UnfilteredBelief, VlfmBelief
+from helios_planner.searching.vlfm_search import StopSearch
 from helios_planner.task import Phase
-from helios_planner.trusting_search import TrustingSearch
-from helios_planner.vlfm_belief import UnfilteredBelief, VlfmBelief
-from helios_planner.vlfm_search import StopSearch
 
 
 @dataclass(frozen=True)

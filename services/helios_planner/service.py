@@ -28,19 +28,19 @@ from helios_core.topics import (
     VOCABULARY,
 )
 
-from helios_planner.acks import AckBook
 from helios_planner.agents import agent_named
-from helios_planner.context import check_able, in_vocabulary
-from helios_planner.hold import Hold
-from helios_planner.language_model import language_model, parse_with_help
+from helios_planner.decisions.recompute import changes_of, recompute
+from helios_planner.language.language_model import language_model, parse_with_help
 from helios_planner.own_settings import for_task
-from helios_planner.recompute import changes_of, recompute
-from helios_planner.run_task import TaskRun
+from helios_planner.robot.acks import AckBook
 from helios_planner.settings import Settings
-from helios_planner.store import Store
 from helios_planner.task import Cause, State, Task
-from helios_planner.task_book import UNDER_WAY, TaskBook, waiting_words
-from helios_planner.telling import decision_from_proto, recomputed_to_proto, task_to_proto
+from helios_planner.tasks.book import UNDER_WAY, TaskBook, waiting_words
+from helios_planner.tasks.context import check_able, in_vocabulary
+from helios_planner.tasks.hold import Hold
+from helios_planner.tasks.run import TaskRun
+from helios_planner.tasks.store import Store
+from helios_planner.tasks.telling import decision_from_proto, recomputed_to_proto, task_to_proto
 from helios_planner.warm_up import warm_up
 
 log = logging.getLogger(__name__)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from helios_planner import kernels
-from helios_planner.grid import GroundMap, Pose2
-from helios_planner.motion import MotionRules, next_primitive, reach, straightened
-from helios_planner.poses import Capsule, pose_reach
+from helios_planner.ground import kernels
+from helios_planner.ground.grid import GroundMap, Pose2
+from helios_planner.ground.motion import MotionRules, next_primitive, reach, straightened
+from helios_planner.ground.poses import Capsule, pose_reach
 
 
 def warm_up() -> None:

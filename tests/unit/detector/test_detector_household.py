@@ -7,8 +7,8 @@ from detector_scene import ROOM, SceneTruth
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_detector.backend import DetectorOptions, open_detector
-from helios_planner.context import in_vocabulary
-from helios_planner.instruction import parse
+from helios_planner.language.instruction import parse
+from helios_planner.tasks.context import in_vocabulary
 from helios_sim.episode import episode_of
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.home.catalogs import CATALOGS

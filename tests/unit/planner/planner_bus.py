@@ -11,9 +11,10 @@ from helios_core import proto as pb
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import GET_TASK, SUBMIT
-from helios_planner import bus_body, calls, driving, recovery
+from helios_planner.robot import bus_body, calls, driving
 from helios_planner.service import PlannerService
 from helios_planner.settings import Settings
+from helios_planner.tasks import recovery
 from planner_flat import MOVE, flat_with_mug
 from planner_peers import Peers
 from planner_world import FakeWorld

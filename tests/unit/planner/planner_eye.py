@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from helios_core.geometry import Pinhole
 from helios_core.types import RobotDescription
-from helios_planner.body import Frontier
-from helios_planner.grid import Pose2
+from helios_planner.ground.grid import Pose2
+from helios_planner.robot.body import Frontier
 from numpy.typing import NDArray
 
 CELL_M = 0.025

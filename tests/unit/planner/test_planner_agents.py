@@ -10,16 +10,16 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix
 from helios_core.robot import Observe, Pick
 from helios_planner.agents import AGENTS, agent_named
-from helios_planner.body import WhatIf
-from helios_planner.decide import Do
-from helios_planner.flow import Mission
-from helios_planner.grid import Pose2
-from helios_planner.instruction import parse
-from helios_planner.object_search import ObjectSearch
+from helios_planner.decisions.decide import Do
+from helios_planner.ground.grid import Pose2
+from helios_planner.handling.skills import Done
+from helios_planner.language.instruction import parse
+from helios_planner.robot.body import WhatIf
+from helios_planner.robot.sightings import Sighting
+from helios_planner.searching.object_search import ObjectSearch
 from helios_planner.settings import AgentName, Settings
-from helios_planner.sightings import Sighting
-from helios_planner.skills import Done
 from helios_planner.task import Cause, TaskFailed
+from helios_planner.tasks.flow import Mission
 from planner_flat import MOVE, coffee_table, counter, flat, mug
 from planner_things import Thing
 from planner_world import FakeWorld

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import Unavailable
-from helios_planner import calls
-from helios_planner.calls import patiently
+from helios_planner.robot import calls
+from helios_planner.robot.calls import patiently
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
 

@@ -10,13 +10,16 @@ import pytest
 from helios_core import proto as pb
 from helios_core.errors import Unavailable
 from helios_core.types import ObjectInstance
-from helios_planner.decide import Do, FrontierOption, ReceptacleOption, ViewOption, act_or_look
-from helios_planner.frontier_rules import drawn, highest_value, nearest
-from helios_planner.gaze import GazeRules, gaze_points
-from helios_planner.global_search import by_objective, receptacles_first
-from helios_planner.grid import GroundMap, Pose2
-from helios_planner.motion import MotionRules, reach
-from helios_planner.objective import (
+from helios_planner.decisions.decide import (
+    Do,
+    FrontierOption,
+    ReceptacleOption,
+    ViewOption,
+    act_or_look,
+)
+from helios_planner.decisions.frontier_rules import drawn, highest_value, nearest
+from helios_planner.decisions.global_search import by_objective, receptacles_first
+from helios_planner.decisions.objective import (
     ChosenFrontier,
     FirstSeen,
     SearchMemory,
@@ -24,8 +27,11 @@ from helios_planner.objective import (
     frontier_scale,
     normalised_gain,
 )
-from helios_planner.stand import PlaceRules, place_spots, stand_for
-from helios_planner.store import Store
+from helios_planner.ground.gaze import GazeRules, gaze_points
+from helios_planner.ground.grid import GroundMap, Pose2
+from helios_planner.ground.motion import MotionRules, reach
+from helios_planner.ground.stand import PlaceRules, place_spots, stand_for
+from helios_planner.tasks.store import Store
 from planner_eye import ROBOT
 
 ALPHA_D = 0.001

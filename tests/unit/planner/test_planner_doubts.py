@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from helios_core.robot import Place
 from helios_core.types import ObjectInstance
-from helios_planner.belief import MapBelief
-from helios_planner.explore import MOST_DOUBTS
-from helios_planner.receptacle_search import ReceptacleSearch
+from helios_planner.decisions.standards import paper
+from helios_planner.handling.skills import GROWN_M, Done, Skills
+from helios_planner.searching.belief import MapBelief
+from helios_planner.searching.explore import MOST_DOUBTS
+from helios_planner.searching.receptacle_search import ReceptacleSearch
 from helios_planner.settings import Settings
-from helios_planner.skills import GROWN_M, Done, Skills
-from helios_planner.standards import paper
 from helios_planner.task import TaskFailed
 from planner_flat import coffee_table, counter, flat, mug
 from planner_rig import Looks, Rig, instance

@@ -11,8 +11,8 @@ from helios_core.errors import Conflict, DeadlineExceeded, HeliosError
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Tilt
 from helios_core.topics import ACT, GET_STATE, LEASE
-from helios_planner import driving
-from helios_planner.driving import MOST_IN_VAIN, RECENT, Driver, Line
+from helios_planner.robot import driving
+from helios_planner.robot.driving import MOST_IN_VAIN, RECENT, Driver, Line
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helios_core.robot import Action, ActionResult, Forward, Pick, Place, Turn
-from helios_planner.grid import GroundMap
+from helios_planner.ground.grid import GroundMap
+from helios_planner.ground.stand import OTHER_SIDE_M
 from helios_planner.settings import Settings
-from helios_planner.stand import OTHER_SIDE_M
 from helios_planner.task import Cause, TaskFailed
 from planner_flat import coffee_table, counter, flat, mug
 from planner_things import Box

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 from helios_core.types import ObjectInstance
-from helios_planner.body import WhatIf
-from helios_planner.decide import ViewOption, act_or_look
-from helios_planner.flow import Mission
-from helios_planner.grid import Pose2
-from helios_planner.instruction import parse
-from helios_planner.legs import Outcome
-from helios_planner.look import BestView, Looking
+from helios_planner.decisions.decide import ViewOption, act_or_look
+from helios_planner.ground.grid import Pose2
+from helios_planner.language.instruction import parse
+from helios_planner.moving.legs import Outcome
+from helios_planner.robot.body import WhatIf
+from helios_planner.searching.look import BestView, Looking
 from helios_planner.settings import Settings
+from helios_planner.tasks.flow import Mission
 from planner_flat import coffee_table, counter, flat
 from planner_rig import TABLE_XY, Looks, Rig, instance
 from planner_things import Thing

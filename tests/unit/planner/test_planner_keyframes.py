@@ -12,15 +12,15 @@ from helios_core.codec import description_to_proto
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Observe, Turn
 from helios_core.topics import ACT, MAP2D_ACK, OBJECTMAP_ACK
-from helios_planner import bus_body
-from helios_planner.acks import AckBook
-from helios_planner.bus_body import BusBody, Listener
-from helios_planner.driving import Line
-from helios_planner.journal import Entry, Journal
-from helios_planner.recovery import last_action
+from helios_planner.robot import bus_body
+from helios_planner.robot.acks import AckBook
+from helios_planner.robot.bus_body import BusBody, Listener
+from helios_planner.robot.driving import Line
 from helios_planner.settings import Settings
-from helios_planner.store import Store
 from helios_planner.task import Cause, TaskFailed
+from helios_planner.tasks.journal import Entry, Journal
+from helios_planner.tasks.recovery import last_action
+from helios_planner.tasks.store import Store
 from planner_flat import flat
 from planner_peers import Peers
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import skfmm
 from helios_core.errors import InvalidInput
-from helios_planner import fm2
+from helios_planner.ground import fm2
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray

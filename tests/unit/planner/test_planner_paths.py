@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 from helios_core.robot import Forward, Turn
-from helios_planner.collision import least_clearance_m
-from helios_planner.grid import GroundMap, Pose2
-from helios_planner.motion import (
+from helios_planner.ground.collision import least_clearance_m
+from helios_planner.ground.grid import GroundMap, Pose2
+from helios_planner.ground.motion import (
     WIDE_ENOUGH_M,
     MotionRules,
     Reach,

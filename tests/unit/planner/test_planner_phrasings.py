@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from helios_core.errors import InvalidInput
-from helios_planner.instruction import NotRead, parse
+from helios_planner.language.instruction import NotRead, parse
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

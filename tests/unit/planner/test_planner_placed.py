@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from helios_core.robot import Action, ActionResult, Place
 from helios_core.types import ObjectInstance
-from helios_planner.flow import Mission
-from helios_planner.instruction import parse
-from helios_planner.placed import Seen, seen_after
+from helios_planner.handling.placed import Seen, seen_after
+from helios_planner.language.instruction import parse
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
+from helios_planner.tasks.flow import Mission
 from planner_flat import coffee_table, counter, flat, mug
 
 

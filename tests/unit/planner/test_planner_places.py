@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 from helios_core.robot import ActionResult, Place
 from helios_core.types import ObjectInstance
-from helios_planner.flow import Mission
-from helios_planner.gaze import eye_of, in_sight, tilt_towards
-from helios_planner.grid import GroundMap, Pose2
-from helios_planner.instruction import parse
-from helios_planner.motion import MotionRules, reach
-from helios_planner.settings import PlaceRule, Settings
-from helios_planner.skills import Done, Skills
-from helios_planner.stand import (
+from helios_planner.ground.gaze import eye_of, in_sight, tilt_towards
+from helios_planner.ground.grid import GroundMap, Pose2
+from helios_planner.ground.motion import MotionRules, reach
+from helios_planner.ground.stand import (
     OTHER_SIDE_M,
     AheadRules,
     PlaceRules,
@@ -25,6 +21,10 @@ from helios_planner.stand import (
     stand_for,
     top_at_m,
 )
+from helios_planner.handling.skills import Done, Skills
+from helios_planner.language.instruction import parse
+from helios_planner.settings import PlaceRule, Settings
+from helios_planner.tasks.flow import Mission
 from planner_eye import CELL_M, ROBOT
 from planner_flat import coffee_table, counter, flat, mug
 from planner_things import Box, Thing

@@ -8,14 +8,14 @@ from typing import cast
 
 import numpy as np
 import pytest
-from helios_planner.body import Frontier
-from helios_planner.decide import Do, FrontierOption
-from helios_planner.explore import MOST_OF_ONE, MOST_WAITS
-from helios_planner.grid import Pose2
-from helios_planner.legs import Outcome
-from helios_planner.objective import ChosenFrontier
-from helios_planner.receptacle_search import ReceptacleSearch
-from helios_planner.standards import paper
+from helios_planner.decisions.decide import Do, FrontierOption
+from helios_planner.decisions.objective import ChosenFrontier
+from helios_planner.decisions.standards import paper
+from helios_planner.ground.grid import Pose2
+from helios_planner.moving.legs import Outcome
+from helios_planner.robot.body import Frontier
+from helios_planner.searching.explore import MOST_OF_ONE, MOST_WAITS
+from helios_planner.searching.receptacle_search import ReceptacleSearch
 from planner_flat import coffee_table
 from planner_rig import TABLE_XY, Looks, Rig, instance
 from planner_things import Thing

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from helios_core import proto as pb
 from helios_core.topics import CANCEL, CONTEXT, DECISIONS, TASK
-from helios_planner.store import Store
+from helios_planner.tasks.store import Store
 from planner_bus import Start, ended, submit, task
 
 from tests.support import wait_until

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from helios_core.geometry import Pinhole, camera_on_base, project, se2_to_se3
 from helios_core.types import Detection, Frame, FrameId, Observation
-from helios_planner.belief import TrustingBelief
+from helios_planner.robot.sightings import Sighting, sighting_of, sightings_of
+from helios_planner.searching.belief import TrustingBelief
 from helios_planner.settings import Settings
-from helios_planner.sightings import Sighting, sighting_of, sightings_of
 from hypothesis import given
 from hypothesis import strategies as st
 from planner_flat import coffee_table, flat

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from helios_planner.standards import (
+from helios_planner.decisions.standards import (
     ANY_SCORE,
     PATIENCE,
     Rule,

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 from helios_core import proto as pb
-from helios_planner.journal import Entry
-from helios_planner.store import Store
+from helios_planner.tasks.journal import Entry
+from helios_planner.tasks.store import Store
 
 
 def decisions(store: Store, count: int) -> list[int]:

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helios_planner.agents import AGENTS
-from helios_planner.body import Frontier
-from helios_planner.decide import Do, FrontierOption
-from helios_planner.explorers import Pursuit
-from helios_planner.flow import Mission
-from helios_planner.frontier_rules import kept
-from helios_planner.grid import Pose2
-from helios_planner.instruction import parse
-from helios_planner.objective import ChosenFrontier
+from helios_planner.decisions.decide import Do, FrontierOption
+from helios_planner.decisions.frontier_rules import kept
+from helios_planner.decisions.objective import ChosenFrontier
+from helios_planner.ground.grid import Pose2
+from helios_planner.language.instruction import parse
+from helios_planner.robot.body import Frontier
+from helios_planner.robot.sightings import Sighting, lies_at_side, sighting_of
+from helios_planner.searching.explorers import Pursuit
+from helios_planner.searching.vlfm_belief import UnfilteredBelief, VlfmBelief
 from helios_planner.settings import AgentName, Settings
-from helios_planner.sightings import Sighting, lies_at_side, sighting_of
 from helios_planner.task import Phase, TaskFailed
-from helios_planner.vlfm_belief import UnfilteredBelief, VlfmBelief
+from helios_planner.tasks.flow import Mission
 from planner_flat import coffee_table, counter, flat, mug
 from planner_things import Thing
 from planner_world import FakeWorld

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_core.types import ObjectInstance
-from helios_planner.decide import (
+from helios_planner.decisions.decide import (
     Decision,
     Do,
     FrontierOption,
@@ -17,12 +17,17 @@ from helios_planner.decide import (
     act_or_look,
     best_view,
 )
-from helios_planner.frontier_rules import drawn, highest_value, nearest
-from helios_planner.global_search import by_objective, receptacles_first
-from helios_planner.objective import ChosenFrontier, FirstSeen, SearchMemory, frontier_scale
-from helios_planner.recompute import SETTINGS, changes_of, recompute, with_class_threshold
+from helios_planner.decisions.frontier_rules import drawn, highest_value, nearest
+from helios_planner.decisions.global_search import by_objective, receptacles_first
+from helios_planner.decisions.objective import (
+    ChosenFrontier,
+    FirstSeen,
+    SearchMemory,
+    frontier_scale,
+)
+from helios_planner.decisions.recompute import SETTINGS, changes_of, recompute, with_class_threshold
 from helios_planner.settings import Settings
-from helios_planner.telling import decision_from_proto, decision_to_proto
+from helios_planner.tasks.telling import decision_from_proto, decision_to_proto
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from planner_tasks import a_task

@@ -1,0 +1,174 @@
+"""Why, in one sentence each: what is done first, then the sum that decided, then who came second.
+
+A sentence names numbers as the paper does: score is Ψ, class score is S, uncertainty is U.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from helios_planner.decisions.candidate import Candidate
+from helios_planner.decisions.standards import ANY_SCORE
+
+
+def search_receptacle(candidates: Sequence[Candidate], winner: int, alpha_d: float) -> str:
+    """Eq. 10, first case."""
+    c, t = candidates[winner], candidates[winner].terms
+    return (
+        f"search the {c.name}{_away(c)}: worth {t['total']:.3f} = class score "
+        f"{t['class_score']:.2f} × gain {t['information_gain']:.2f} − {alpha_d:g}/m × "
+        f"{t['distance_m']:.1f} m{_ahead(candidates, winner)}"
+    )
+
+
+def go_to_frontier(candidates: Sequence[Candidate], winner: int, alpha_d: float) -> str:
+    """Eq. 10, second case."""
+    c, t = candidates[winner], candidates[winner].terms
+    return (
+        f"explore {c.name}{_away(c)}: worth {t['total']:.3f} = value {t['value']:.2f} × scale "
+        f"{t['frontier_scale']:.2f} − {alpha_d:g}/m × {t['distance_m']:.1f} m"
+        f"{_ahead(candidates, winner)}"
+    )
+
+
+def nearest_receptacle(candidates: Sequence[Candidate], winner: int) -> str:
+    """Without the objective: receptacles come before frontiers."""
+    c = candidates[winner]
+    places = sum(k.kind == "receptacle" for k in candidates)
+    frontiers = len(candidates) - places
+    return (
+        f"search the {c.name}{_away(c)}: the nearest of {_count(places, 'receptacle')} left, "
+        f"all of which come before {_count(frontiers, 'frontier')}"
+    )
+
+
+def highest_frontier(candidates: Sequence[Candidate], winner: int, layer: str) -> str:
+    c = candidates[winner]
+    return (
+        f"explore {c.name}{_away(c)}: its {layer} value {c.terms['value']:.2f} is the highest"
+        f"{_ahead(candidates, winner, 'value')}"
+    )
+
+
+def kept_frontier(candidates: Sequence[Candidate], winner: int, layer: str, value: float) -> str:
+    c = candidates[winner]
+    return (
+        f"go on to {c.name}{_away(c)}: its {layer} value was {value:.2f} and is "
+        f"{c.terms['value']:.2f}, so it is kept"
+    )
+
+
+def nearest_frontier(candidates: Sequence[Candidate], winner: int) -> str:
+    c = candidates[winner]
+    return f"explore {c.name}{_away(c)}: the nearest of {_count(len(candidates), 'frontier')}"
+
+
+def drawn_frontier(candidates: Sequence[Candidate], winner: int) -> str:
+    c = candidates[winner]
+    return f"explore {c.name}{_away(c)}: drawn from {_count(len(candidates), 'frontier')}"
+
+
+def nothing_left(receptacles: bool) -> str:
+    if receptacles:
+        return "nothing is left: no receptacle to search and no frontier to explore is in reach"
+    return "nothing is left: no frontier to explore is in reach"
+
+
+def act(what: str, c: Candidate, threshold: float, sure: int) -> str:
+    """Eq. 7 passed."""
+    t = c.terms
+    of = f", the best of {sure} that pass" if sure > 1 else ""
+    if threshold == ANY_SCORE:
+        return (
+            f"{what} {_on(what)}the {c.name}{_away(c)} at last: of {_count(sure, 'candidate')} it "
+            f"has the highest score, {_scored(t, 'score')}, and the search has come to its end"
+        )
+    return (
+        f"{what} {_on(what)}the {c.name}{_away(c)}: score {_scored(t, 'score')} ≥ "
+        f"{threshold:.2f} after {_count(int(t['views']), 'view')} (class score "
+        f"{t['class_score']:.2f}, uncertainty {t['uncertainty']:.2f}){of}"
+    )
+
+
+def look(c: Candidate, threshold: float, tau_inc: float) -> str:
+    """One more view is worth it (below eq. 11)."""
+    now, after = _scored(c.terms, "score"), _scored(c.terms, "score_after_view")
+    worth = min(threshold, c.terms["total"] + tau_inc)
+    return (
+        f"look again at the {c.name}{_away(c)}: score {now} < {threshold:.2f}, and one more view "
+        f"could bring it to {after} (worth it from {worth:.2f})"
+    )
+
+
+def search_on(
+    what: str, candidates: Sequence[Candidate], threshold: float, tau_inc: float, anywhere: bool
+) -> str:
+    """Neither sure enough nor worth a view."""
+    if not candidates:
+        return f"search on: nothing to {what} {_on(what)}has been seen yet"
+    usable = [c for c in candidates if anywhere or c.terms["in_place"]]
+    if not usable:
+        return (
+            f"search on: {_count(len(candidates), 'candidate')} to {what} {_is(len(candidates))} "
+            "remembered, none where it was said to be"
+        )
+    best = max(usable, key=lambda c: c.terms["total"])
+    now, need = _scored(best.terms, "score"), min(threshold, best.terms["total"] + tau_inc)
+    view = "no view of it is left"
+    if "score_after_view" in best.terms:
+        after = _scored(best.terms, "score_after_view")
+        view = f"one more view would bring only {after} (worth it from {need:.2f})"
+    which = f"the {best.name}" if len(usable) == 1 else f"the best {best.name} of {len(usable)}"
+    return f"search on: {which} has score {now} < {threshold:.2f}, and {view}"
+
+
+def _scored(terms: Mapping[str, float], name: str) -> str:
+    return f"{terms[name]:.2f}" + (f" × place {terms['place']:.2f}" if "place" in terms else "")
+
+
+def best_view(name: str, score: float, candidates: Sequence[Candidate], winner: int) -> str:
+    after = candidates[winner].terms["score_after_view"]
+    rest = sorted((c.terms["total"] for k, c in enumerate(candidates) if k != winner), reverse=True)
+    other = f"; the next one to {rest[0]:.2f}" if rest else ""
+    return (
+        f"of {_count(len(candidates), 'view')} left of the {name}, view {winner + 1} would raise "
+        f"its score most, from {score:.2f} to {after:.2f}{other}"
+    )
+
+
+def trusted(candidates: Sequence[Candidate], winner: int) -> str:
+    c = candidates[winner]
+    of = f", the nearest of {len(candidates)}" if len(candidates) > 1 else ""
+    return f"go to the {c.name} that the detector reported{_away(c)}{of}"
+
+
+def none_reported(name: str) -> str:
+    return f"search on: the detector has reported no {name} yet"
+
+
+# --- parts -------------------------------------------------------------------------------------
+def _away(c: Candidate) -> str:
+    return f", {c.terms['distance_m']:.1f} m away" if "distance_m" in c.terms else ""
+
+
+def _ahead(candidates: Sequence[Candidate], winner: int, term: str = "total") -> str:
+    """ "; next the sofa with 0.312, then 4 more"."""
+    rest = [c for k, c in enumerate(candidates) if k != winner]
+    if not rest:
+        return "; there is no other"
+    second = max(rest, key=lambda c: c.terms["total"])
+    the = "" if second.kind == "frontier" else "the "
+    more = f", then {len(rest) - 1} more" if len(rest) > 1 else ""
+    return f"; next {the}{second.name} with {second.terms[term]:.3f}{more}"
+
+
+def _count(n: int, noun: str) -> str:
+    return f"{n} {noun}{'' if n == 1 else 's'}"
+
+
+def _is(n: int) -> str:
+    return "is" if n == 1 else "are"
+
+
+def _on(what: str) -> str:
+    return {"place": "on ", "stop": "at "}.get(what, "")

@@ -1,0 +1,243 @@
+"""Where to stand to reach something, and where on a receptacle to put a thing down."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from helios_core.types import ObjectInstance, RobotDescription
+from numpy.typing import NDArray
+
+from helios_planner.ground.gaze import eye_of, in_sight, outline_mask, outline_of
+from helios_planner.ground.grid import GroundMap, Pose2, facing
+from helios_planner.ground.motion import Reach
+
+ON_TOP_M = 0.15  # so near to a thing nothing but itself stands
+OTHER_SIDE_M = 0.4  # so far from where it cannot be reached a robot may reach it
+ON_SHELF_M = 0.45  # from a shelf's edge to a thing at its back
+
+
+@dataclass(frozen=True)
+class PlaceRules:
+    """Lengths in metres; see the settings `place_*`."""
+
+    inset_m: float
+    flat_m: float
+    patch_m: float = 0.10  # over which flatness is asked for
+    spacing_m: float = 0.08
+    best_inset_m: float = 0.22
+
+
+@dataclass(frozen=True)
+class AheadRules:
+    """The region ahead of the robot in which the paper's rule looks for the highest point."""
+
+    reach_m: float
+    half_width_m: float = 0.2
+    above_m: float = 0.3  # what rises more above the receptacle's top is a wall behind it
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A point to place at (world, on the surface) and the pose from which it is in reach."""
+
+    point_m: tuple[float, float, float]
+    stand: Pose2
+    inset_m: float
+
+
+def stand_for(
+    target_m: Sequence[float] | NDArray[np.float64],
+    reached: Reach,
+    robot: RobotDescription,
+    reach_m: float,
+    tried: Sequence[tuple[float, float]] = (),
+    near_m: float = ON_TOP_M,
+    tried_m: float = 0.2,
+) -> Pose2 | None:
+    """A reachable pose within `reach_m` of a point (world x, y, z), facing it, with it in sight and
+    not near one that was tried: short way, wide clearance. None if there is none. near_m: so near
+    to the point nothing hides it."""
+    ground = reached.ground
+    row, column = ground.cells_of(np.array([target_m[:2]]))[0]
+    n = math.ceil(reach_m / ground.cell_m)
+    r0, c0 = max(0, row - n), max(0, column - n)
+    arrival = reached.arrival[r0 : row + n + 1, c0 : column + n + 1]
+    cells = np.argwhere(np.isfinite(arrival)) + np.array([r0, c0])
+    if not len(cells):
+        return None
+    xy = ground.centres_of(cells)
+    away = np.hypot(xy[:, 0] - target_m[0], xy[:, 1] - target_m[1])
+    fits = away <= reach_m
+    for x_m, y_m in tried:
+        fits &= np.hypot(xy[:, 0] - x_m, xy[:, 1] - y_m) > tried_m
+    cells, xy = cells[fits], xy[fits]
+    cost = reached.arrival[cells[:, 0], cells[:, 1]] * ground.cell_m - 2.0 * np.minimum(
+        reached.slack[cells[:, 0], cells[:, 1]], 0.1
+    )
+    for k in np.argsort(cost, kind="stable")[:400:4]:
+        pose = facing(float(xy[k, 0]), float(xy[k, 1]), (float(target_m[0]), float(target_m[1])))
+        eye = eye_of(pose, robot)
+        seen = in_sight(ground, eye, robot.camera_height_m, target_m, near_m, robot.height_m)
+        if seen and reached.fits(pose):
+            return pose
+    return None
+
+
+def place_spots(
+    receptacle: ObjectInstance,
+    reached: Reach,
+    reach_m: float,
+    rules: PlaceRules,
+    not_from: Sequence[tuple[float, float]] = (),
+) -> list[Spot]:
+    """Flat places on a receptacle that lie in reach of where the robot can stand, best first: well
+    inside the edge, then a short way. Empty when no surface was seen or none is in reach. not_from:
+    where the robot stood in vain (x, y in m)."""
+    ground = reached.ground
+    outline = outline_of(receptacle)
+    centre, extent = outline.mean(axis=0), float(np.ptp(outline, axis=0).max())
+    part, r0, c0 = _part(ground, centre, extent + reach_m + 0.3)
+    if part.occupancy.size == 0:
+        return []
+    inset = _flat_inset_m(part, receptacle, outline, rules)
+    arrival = reached.arrival[r0 : r0 + inset.shape[0], c0 : c0 + inset.shape[1]]
+    stands = np.argwhere(np.isfinite(arrival))
+    stand_xy = part.centres_of(stands)
+    for x_m, y_m in not_from:
+        other = np.hypot(stand_xy[:, 0] - x_m, stand_xy[:, 1] - y_m) > OTHER_SIDE_M
+        stands, stand_xy = stands[other], stand_xy[other]
+    if not len(stands):
+        return []
+    way_m = arrival[stands[:, 0], stands[:, 1]] * ground.cell_m
+    spots: list[tuple[float, Spot]] = []
+    step = max(1, round(rules.spacing_m / ground.cell_m))
+    for row, column in np.argwhere(inset >= rules.inset_m):
+        if (row + r0) % step or (column + c0) % step:  # the same places whatever part is looked at
+            continue
+        x_m, y_m = part.centres_of(np.array([[row, column]]))[0]
+        away = np.hypot(stand_xy[:, 0] - x_m, stand_xy[:, 1] - y_m)
+        in_reach = np.flatnonzero(away <= reach_m)
+        if not len(in_reach):
+            continue
+        stand = _nearest_that_fits((x_m, y_m), stand_xy, way_m, in_reach, reached)
+        if stand is None:
+            continue
+        pose, way = stand
+        flat_m = min(rules.patch_m, float(inset[row, column]) - ground.cell_m)
+        z_m = _top_around_m(part, int(row), int(column), flat_m)
+        depth = min(float(inset[row, column]), rules.best_inset_m)
+        spot = Spot((float(x_m), float(y_m), z_m), pose, float(inset[row, column]))
+        spots.append((-10 * depth + 0.2 * way, spot))
+    return [spot for _, spot in sorted(spots, key=lambda pair: pair[0])]
+
+
+def _nearest_that_fits(
+    target: tuple[float, float],
+    xy: NDArray[np.float64],
+    way_m: NDArray[np.float32],
+    in_reach: NDArray[np.integer],
+    reached: Reach,
+) -> tuple[Pose2, float] | None:
+    """The pose at one of the places that faces the target, by the shortest way, and that way."""
+    for k in in_reach[np.argsort(way_m[in_reach], kind="stable")][:200:10]:
+        pose = facing(float(xy[k, 0]), float(xy[k, 1]), target)
+        if reached.fits(pose):
+            return pose, float(way_m[k])
+    return None
+
+
+def highest_ahead(
+    receptacle: ObjectInstance, ground: GroundMap, robot: Pose2, rules: AheadRules
+) -> tuple[float, float, float] | None:
+    """The paper's rule: the highest point (world x, y, z) of a receptacle in a region ahead of the
+    robot; None where nothing was seen of it there."""
+    mask = outline_mask(ground, outline_of(receptacle))
+    on_it = (ground.top_m > 0) & (ground.top_m <= receptacle.top_m + rules.above_m)
+    cells = np.argwhere((mask != 0) & on_it)
+    if not len(cells):
+        return None
+    xy = ground.centres_of(cells)
+    c, s = math.cos(robot.yaw_rad), math.sin(robot.yaw_rad)
+    ahead, left = ((xy - robot.xy) @ np.array([[c, -s], [s, c]])).T
+    here = (ahead > 0) & (np.abs(left) <= rules.half_width_m)
+    here &= np.hypot(ahead, left) <= rules.reach_m
+    if not here.any():
+        return None
+    top = np.where(here, ground.top_m[cells[:, 0], cells[:, 1]], -np.inf)
+    k = int(np.argmax(top))
+    return float(xy[k, 0]), float(xy[k, 1]), float(top[k])
+
+
+def edge_spot(
+    receptacle: ObjectInstance, stand: Pose2, inset_m: float
+) -> tuple[float, float, float]:
+    """Without a seen surface: the point of the outline nearest to where the robot stands, moved
+    `inset_m` towards the middle, at the receptacle's height."""
+    outline = outline_of(receptacle)
+    middle = outline.mean(axis=0)
+    ends = np.roll(outline, -1, axis=0)
+    share = np.linspace(0, 1, 20)[:, None, None]
+    points = (outline + share * (ends - outline)).reshape(-1, 2)
+    nearest = points[np.argmin(np.hypot(*(points - stand.xy).T))]
+    inward = middle - nearest
+    inward /= max(float(np.hypot(*inward)), 1e-6)
+    x_m, y_m = nearest + inward * inset_m
+    return float(x_m), float(y_m), float(receptacle.top_m)
+
+
+def _part(
+    ground: GroundMap, centre: NDArray[np.float64], radius_m: float
+) -> tuple[GroundMap, int, int]:
+    row, column = ground.cells_of(centre[None])[0]
+    n = math.ceil(radius_m / ground.cell_m)
+    r0, c0 = max(0, int(row) - n), max(0, int(column) - n)
+    r1, c1 = max(r0, int(row) + n + 1), max(c0, int(column) + n + 1)
+    origin = ground.origin_m[0] + c0 * ground.cell_m, ground.origin_m[1] + r0 * ground.cell_m
+    return (
+        GroundMap(
+            ground.occupancy[r0:r1, c0:c1], ground.top_m[r0:r1, c0:c1], ground.cell_m, origin
+        ),
+        r0,
+        c0,
+    )
+
+
+def _flat_inset_m(
+    part: GroundMap,
+    receptacle: ObjectInstance,
+    outline: NDArray[np.float64],
+    rules: PlaceRules,
+) -> NDArray[np.float32]:
+    """Distance [h, w] of each flat cell of the receptacle to the next that is not."""
+    mask = outline_mask(part, outline)
+    n = max(1, round(rules.patch_m / part.cell_m / 2))
+    kernel = np.ones((2 * n + 1, 2 * n + 1), np.uint8)
+    # One cell of noise in a surface must not end it: holes of a cell or two are filled.
+    top = cv2.morphologyEx(part.top_m, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    rough = cv2.dilate(top, kernel) - cv2.erode(top, kernel)
+    flat = (mask != 0) & (top > 0.05) & (top <= receptacle.top_m + 0.15) & (rough <= rules.flat_m)
+    # The patch around a cell is flat too, so the flat part itself ends n cells further out.
+    out = cv2.distanceTransform(flat.astype(np.uint8), cv2.DIST_L2, 5) * part.cell_m
+    out[flat] += n * part.cell_m
+    return out.astype(np.float32)
+
+
+def top_at_m(ground: GroundMap, xy_m: tuple[float, float], radius_m: float) -> float:
+    """The highest that was seen around a point (world x, y); 0 where nothing was, also beyond the
+    map."""
+    row, column = ground.cells_of(np.array([xy_m]))[0]
+    rows, columns = ground.occupancy.shape
+    if not (0 <= row < rows and 0 <= column < columns):
+        return 0.0
+    return _top_around_m(ground, int(row), int(column), radius_m)
+
+
+def _top_around_m(part: GroundMap, row: int, column: int, radius_m: float) -> float:
+    n = max(1, int(radius_m / part.cell_m + 1e-6))
+    return float(
+        part.top_m[max(0, row - n) : row + n + 1, max(0, column - n) : column + n + 1].max()
+    )

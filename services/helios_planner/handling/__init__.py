@@ -1,0 +1,1 @@
+"""Pick and place: approach, look once more, act, look at what came of it."""

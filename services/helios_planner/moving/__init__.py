@@ -1,0 +1,1 @@
+"""Driving, turning and looking over known ground, with the recoveries that moving needs."""

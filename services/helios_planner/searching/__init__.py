@@ -1,0 +1,1 @@
+"""Finding a thing or a receptacle: global search, local search, extra views (section 3.2)."""

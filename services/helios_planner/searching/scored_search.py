@@ -1,0 +1,157 @@
+"""Searches by score: candidates of the object map, extra views where one would help (eq. 7, 11)."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from helios_core.types import ObjectInstance
+
+from helios_planner.decisions.decide import Decision, Do, act_or_look
+from helios_planner.decisions.remembered import Remembered
+from helios_planner.decisions.standards import Standard, Standards, in_the_end
+from helios_planner.searching.explore import Kit, Search
+from helios_planner.searching.look import BestView
+from helios_planner.task import Phase
+
+
+class ScoredSearch(Search):
+    """Acts on a candidate with Psi >= the threshold that holds by now."""
+
+    kind: str  # of what is sought, in decisions
+    what: str  # is done with it
+
+    def __init__(
+        self, kit: Kit, phase: Phase, name: str, standards: Standards, refused_m: float
+    ) -> None:
+        super().__init__(kit, phase, name, refused_m)
+        self._standards, self._since = standards, kit.body.budget_used()
+        self._step = 0  # of the standards
+        self._acted = standards.steps[0]  # what the newest decision was taken by
+        self._views: dict[int, BestView | None] = {}
+        self._remembered = Remembered()
+        self._from_memory = False  # whether what the newest decision is about is believed no more
+
+    @abstractmethod
+    def candidates(self) -> list[ObjectInstance]:
+        """What may be what is sought, by its class score."""
+
+    def in_place(self, candidate: ObjectInstance) -> bool:
+        """Whether it is where it was said to be."""
+        return True
+
+    def place_of(self, candidate: ObjectInstance) -> float:
+        """How likely it is where it was said to be, beside the likeliest place; (0, 1]."""
+        return 1.0
+
+    @property
+    def threshold(self) -> float:
+        """The score from which something is acted on now."""
+        return self._standard.score
+
+    @property
+    def anywhere(self) -> bool:
+        """Whether what is not in its place may be acted on now."""
+        return self._standard.anywhere
+
+    @property
+    def _standard(self) -> Standard:
+        due = self._standards.least_at(self.body.budget_used(), self._since)
+        self._step = max(self._step, due)
+        return self._standards.steps[self._step]
+
+    def _place(self, candidate: ObjectInstance) -> float:
+        return self.place_of(candidate) if self._standards.by_place else 1.0
+
+    def holds_up(self, near: ObjectInstance | None) -> bool:
+        """Views from near may take from its score what one more could bring back, tau_inc: large
+        things are seen in parts from there. Who acted above the threshold asks for no more than it,
+        and who goes back to what was believed once asks for nothing.
+        """
+        if self._from_memory or near is None:
+            return self._from_memory
+        threshold = self._standards.steps[self._standards.firm - 1].score
+        least = min(self._acted.score, threshold) - self.settings.tau_inc
+        return any(o.id == near.id for o in self.candidates()) and self._meets(
+            near, replace(self._acted, score=least)
+        )
+
+    @property
+    def at_last(self) -> bool:
+        """Whether the newest decision was taken because it had come to that."""
+        return self._standards.at_last is not None and self._acted is self._standards.steps[-1]
+
+    def _meets(self, thing: ObjectInstance, standard: Standard) -> bool:
+        sure = thing.score * self._place(thing) >= standard.score
+        return sure and (standard.anywhere or self.in_place(thing))
+
+    def settle_at_last(self, after: float) -> None:
+        if after < 1:
+            self._standards = in_the_end(self._standards, after)
+
+    def settled_for(self, thing: ObjectInstance) -> bool:
+        doubtful = self._from_memory or not self._meets(thing, self._standards.steps[-2])
+        return self.at_last and doubtful
+
+    def settle_for_less(self) -> bool:
+        again = self._round + 1 < self.settings.rounds  # first everything is searched once more
+        last = self._standards.firm if again else len(self._standards.steps)
+        if self._step >= last - 1:
+            return False
+        self._step += 1
+        return True
+
+    def memory(self) -> dict[str, Any]:
+        return super().memory() | {
+            "standard": self._step, "since": self._since, "remembered": self._remembered.memory(),
+        }  # fmt: skip
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        super().recall(memory)
+        self._step, self._since = int(memory["standard"]), float(memory["since"])
+        self._acted = self._standards.steps[self._step]
+        self._remembered.recall(memory.get("remembered", []))
+
+    def decide(self) -> Decision:
+        """Act on one, look at one again, or search on."""
+        options = []
+        self._views.clear()
+        things = self.candidates()
+        self._remembered.note(things)
+        self._acted = self._standard
+        known_once = None if things or not self.at_last else self._remembered.best(self.open)
+        self._from_memory = known_once is not None
+        for thing in [known_once] if known_once else things:
+            in_place = self.in_place(thing)
+            worth = in_place or self.anywhere
+            place = self._place(thing)
+            option, self._views[thing.id] = self.looking.option(
+                thing, self.name, self.threshold / place, in_place=in_place, ask=worth
+            )
+            options.append(replace(option, place=place))
+        return act_or_look(
+            options, self.threshold, self.settings.tau_inc, self.kind, self.what, self.anywhere
+        )
+
+    def chosen(self, decision: Decision) -> ObjectInstance:
+        known_once = self._remembered.get(decision.chosen.id) if self._from_memory else None
+        return known_once or super().chosen(decision)
+
+    def conclude(self) -> Decision:
+        """Looks at candidates again for as long as that is decided."""
+        while (decision := super().conclude()).do is Do.LOOK:
+            self._look_again(decision)
+        return decision
+
+    def _look_again(self, decision: Decision) -> None:
+        """Go to the best view of the chosen candidate, unless one becomes sure on the way."""
+        view = self._views[decision.chosen.id]
+        assert view is not None
+
+        def sure() -> bool:
+            return any(self._meets(o, self._standard) for o in self.candidates())
+
+        purpose = f"another view of the {self.name}"
+        self.looking.go_and_look(self.chosen(decision), view.gaze, purpose, sure)

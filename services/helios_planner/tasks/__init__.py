@@ -1,0 +1,1 @@
+"""How a task is kept, told, held back, carried out and taken up again after a crash."""

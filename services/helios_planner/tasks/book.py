@@ -1,0 +1,159 @@
+"""The tasks as they are: kept, changed, told, ended, and read again after a restart."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.errors import HeliosError, InvalidInput
+from helios_core.health import Health
+from helios_core.topics import DECISION, TASK, M, Topic
+
+from helios_planner.language.instruction import Instruction
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, State, Task
+from helios_planner.tasks.journal import Entry
+from helios_planner.tasks.store import Store
+from helios_planner.tasks.telling import task_from_proto, task_to_proto
+
+log = logging.getLogger(__name__)
+
+UNDER_WAY = (State.RUNNING, State.PAUSED)
+
+
+class TaskBook:
+    """Thread-safe; no lock is held while the bus is used. While `closing` is set, a cancelled task
+    is one that the planner left, and `close` ends it."""
+
+    def __init__(self, bus: Bus, settings: Settings, health: Health, store: Store) -> None:
+        self._bus, self._settings, self._health, self._store = bus, settings, health, store
+        self._lock = threading.Lock()
+        self._tasks: dict[str, Task] = {}
+        self._asked: dict[str, State] = {}  # for what a running task is to be, but is not yet
+        self.closing = threading.Event()
+
+    def restore(self) -> list[str]:
+        """Read what was kept; the tasks to do, first what ran when the planner died a moment
+        ago."""
+        again, queued = [], []
+        for stored in self._store.tasks():
+            task = self._tasks[stored.id] = task_from_proto(stored)
+            if task.state is State.QUEUED:
+                queued.append(task.id)
+            elif task.state in UNDER_WAY:
+                if _just_left(task, self._store.entry(task.id), self._settings.resume_within_s):
+                    again.append(task.id)
+                else:
+                    self._leave(task.id, "was away for too long")
+        return [*again, *queued]
+
+    def close(self) -> None:
+        """End what is still under way, and the store."""
+        for task in self.tasks():
+            if task.state in UNDER_WAY:
+                self._leave(task.id, "was stopped")
+        self._store.close()
+
+    def _leave(self, id: str, why: str) -> None:
+        message = f"the planner {why} while the task ran; submit it again"
+        self.end(id, State.FAILED, message, Cause.SYSTEM_ERROR)
+
+    # --- one task ------------------------------------------------------------------------------
+    def tasks(self) -> list[Task]:
+        """All, oldest first."""
+        with self._lock:
+            return sorted(self._tasks.values(), key=lambda t: t.created_s)
+
+    def known(self, id: str) -> Task:
+        """Raises InvalidInput for one that there is not."""
+        with self._lock:
+            task = self._tasks.get(id)
+        if task is None:
+            raise InvalidInput(f"there is no task {id!r}; list them with GET /v1/tasks")
+        return task
+
+    def add(self, task: Task) -> pb.Task:
+        """A new one; of those that ended long ago the oldest is forgotten."""
+        with self._lock:
+            self._tasks[task.id] = task
+            ended = sorted((t.created_s, t.id) for t in self._tasks.values() if t.state.ended)
+            gone = [id for _, id in ended[: -self._settings.keep_tasks]]
+            for id in gone:
+                del self._tasks[id]
+        for id in gone:
+            self._store.forget(id)
+        return self._tell(task)
+
+    def change(self, id: str, **changes: object) -> Task:
+        with self._lock:
+            task = self._tasks[id] = self._tasks[id].with_(**changes)
+        self._tell(task)
+        return task
+
+    def ask(self, id: str, state: State | None) -> None:
+        """Somebody wants a running task paused or cancelled, or None: on. It is kept at once, so
+        that a planner which dies before the task obeys does not go on against it."""
+        with self._lock:
+            if state is None:
+                self._asked.pop(id, None)
+            else:
+                self._asked[id] = state
+            task = self._tasks[id]
+        self._keep(task)
+
+    def end(self, id: str, state: State, message: str, cause: Cause | None = None) -> None:
+        if state is State.CANCELLED and self.closing.is_set():
+            return
+        done = {"progress": 1.0} if state is State.SUCCEEDED else {}
+        self.change(id, state=state, message=message, cause=cause, ended_s=time.time(), **done)
+        self._store.settle(id)
+        with self._lock:
+            self._asked.pop(id, None)
+        self._health.count(f"tasks_{state}")
+        log.info("task %s %s: %s", id, state, message)
+
+    # --- telling -------------------------------------------------------------------------------
+    def _tell(self, task: Task) -> pb.Task:
+        self._keep(task)
+        told = task_to_proto(task)
+        self.publish(TASK, told)
+        return told
+
+    def _keep(self, task: Task) -> None:
+        with self._lock:
+            asked = self._asked.get(task.id)
+        if asked is State.CANCELLED and not task.state.ended:
+            task = task.with_(state=asked, message="cancelled", ended_s=time.time())
+        elif asked is State.PAUSED and not task.state.ended:
+            task = task.with_(state=asked)
+        self._store.put(task_to_proto(task))
+
+    def keep(self, decision: pb.Decision) -> None:
+        """Store a decision and tell it."""
+        self._store.add(decision)
+        self.publish(DECISION, decision)
+
+    def publish(self, topic: Topic[M], message: M) -> None:
+        try:
+            self._bus.publish(topic, message)
+        except HeliosError as error:
+            log.warning("%s was not told: %s", topic.name, error.message)
+
+
+def waiting_words(instruction: Instruction, robot_known: bool) -> str:
+    """What a queued task says of itself."""
+    words = "waits for its turn"
+    if not robot_known:
+        words += "; the bridge has not described the robot yet"
+    if instruction.unused:
+        words += f"; not used: {', '.join(f'“{u}”' for u in instruction.unused)}"
+    return words
+
+
+def _just_left(task: Task, entry: Entry | None, within_s: float) -> bool:
+    """Whether the planner that did it died no longer ago."""
+    since_s = entry.saved_s if entry is not None else task.started_s
+    return time.time() - since_s <= within_s

@@ -1,0 +1,82 @@
+"""From an instruction to the SearchContext that everything downstream names."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import replace
+
+from helios_core import proto as pb
+from helios_core.errors import InvalidInput
+from helios_core.types import Role, SearchClass, SearchContext
+
+from helios_planner.language.instruction import Instruction, Kind
+from helios_planner.searching.explore import PICK_LAYER, PLACE_LAYER
+from helios_planner.settings import Settings
+
+
+def search_context(id: str, instruction: Instruction, settings: Settings) -> SearchContext:
+    """Classes with their thresholds, and what the value layers are asked for. The pick layer asks
+    for the start receptacle where one is named (section 3.1.2), else for the object."""
+    wanted = (
+        (instruction.object, Role.OBJECT, settings.od_g),
+        (instruction.start, Role.START_RECEPTACLE, settings.od_a),
+        (instruction.goal, Role.GOAL_RECEPTACLE, settings.od_b),
+    )
+    classes = tuple(SearchClass(name, role, threshold) for name, role, threshold in wanted if name)
+    prompts = {}
+    if pick := instruction.start or instruction.object:
+        prompts[PICK_LAYER] = settings.prompt.format(pick)
+    if instruction.goal:
+        prompts[PLACE_LAYER] = settings.prompt.format(instruction.goal)
+    return SearchContext(id, classes, prompts)
+
+
+def in_vocabulary(instruction: Instruction, vocabulary: pb.VocabularyReply) -> Instruction:
+    """The instruction in the detector's own names: a name as it is, its singular, or the known
+    name that it ends with ("red coffee mug" is a mug). Raises InvalidInput for what is unknown."""
+    if vocabulary.open:
+        return instruction
+    known = {name.replace("_", " ").lower(): name for name in vocabulary.names}
+    return replace(
+        instruction,
+        object=_known("object", instruction.object, known, vocabulary.detector),
+        start=_known("start", instruction.start, known, vocabulary.detector),
+        goal=_known("goal", instruction.goal, known, vocabulary.detector),
+    )
+
+
+def closest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
+    """Known names most like `name`: by letters, then by shared words."""
+    words = set(name.split())
+    sharing = [k for k in known if words & set(k.replace("_", " ").split())]
+    like = difflib.get_close_matches(name, known, n=count, cutoff=0.5)
+    return list(dict.fromkeys([*like, *sharing]))[:count]
+
+
+def check_able(instruction: Instruction, robot: pb.RobotDescription) -> None:
+    """Raises InvalidInput for a task that this robot can never do."""
+    if not robot.can_move:
+        raise InvalidInput(
+            f"the robot {robot.name!r} cannot move (it plays a recording, or is fixed), so it can "
+            "do no task; start one that can, for example `helios up --robot sim`"
+        )
+    if instruction.kind is Kind.MOVE and not (robot.can_pick and robot.can_place):
+        raise InvalidInput(
+            f"the robot {robot.name!r} has no arm, so it cannot move the {instruction.object}; "
+            f"ask it to find it: “find the {instruction.object}”"
+        )
+
+
+def _known(role: str, name: str | None, known: dict[str, str], detector: str) -> str | None:
+    if name is None:
+        return None
+    words = name.split()
+    for k in range(len(words)):
+        tail = " ".join(words[k:])
+        for form in (tail, tail.removesuffix("s"), tail.removesuffix("es")):
+            if form in known:
+                return known[form]
+    near = closest(name, list(known))
+    hint = f"did you mean {' or '.join(near)}?" if near else "ask for what it knows"
+    raise InvalidInput(f"the detector ({detector}) does not know the {role} “{name}”; {hint}")

@@ -1,0 +1,105 @@
+"""What a task needs to go on after its planner died: written before every action of the robot.
+
+An entry holds the newest action that the robot was asked for, under its id, what came of it, and
+what the mission remembered until then. A planner that takes the task up again asks for that action
+once more under the same id: the bridge does it once, so that nothing is done twice and nothing is
+left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
+
+from helios_core import proto as pb
+from helios_core.bus import Bus, LivelinessHandler, Registration
+from helios_core.topics import ACT, M, Method, Rep, Req, Topic
+
+from helios_planner.tasks.hold import Hold
+
+Memory = dict[str, Any]  # of JSON
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One task's journal. `life` counts how often it was taken up; request without result: nobody
+    knows whether it was done."""
+
+    life: int = 0
+    request: pb.ActionRequest | None = None
+    result: pb.ActionResult | None = None
+    memory: Memory = field(default_factory=dict)
+    epoch: tuple[str, int] | None = None  # the world that its poses live in
+    saved_s: float = 0.0
+
+
+class Keeper(Protocol):
+    """Where entries are kept."""
+
+    def keep(self, task_id: str, entry: Entry) -> None: ...
+
+
+class Journal:
+    """Of one running task; used by its worker alone. `memory` gives what the mission remembers."""
+
+    def __init__(self, keeper: Keeper, task_id: str, entry: Entry) -> None:
+        self._keeper, self._task_id, self.entry = keeper, task_id, entry
+        self.memory: Callable[[], Memory] = lambda: self.entry.memory
+
+    def before(self, request: pb.ActionRequest) -> None:
+        self._keep(replace(self.entry, request=request, result=None, memory=self.memory()))
+
+    def after(self, result: pb.ActionResult) -> None:
+        epoch = self.entry.epoch
+        if result.HasField("keyframe"):
+            epoch = (result.keyframe.robot_boot_id, result.keyframe.world_epoch)
+        self._keep(replace(self.entry, result=result, epoch=epoch))
+
+    def note(self) -> None:
+        """What is remembered now."""
+        self._keep(replace(self.entry, memory=self.memory()))
+
+    def _keep(self, entry: Entry) -> None:
+        self.entry = entry
+        self._keeper.keep(self._task_id, entry)
+
+
+class TaskBus(Bus):
+    """The bus as one task uses it: it ends in time, begins no action while it is paused, and every
+    action is in the journal before the robot is asked for it."""
+
+    def __init__(
+        self, bus: Bus, journal: Journal, hold: Hold, on_hold: Callable[[bool], None]
+    ) -> None:
+        self.robot = bus.robot
+        self._bus, self._journal, self._hold, self._on_hold = bus, journal, hold, on_hold
+
+    def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
+        self._hold.check()
+        if not isinstance(request, pb.ActionRequest) or method.name != ACT.name:
+            return self._bus.call(method, request, timeout_s)
+        self._hold.wait(self._on_hold)
+        self._journal.before(request)
+        reply = self._bus.call(method, request, timeout_s)
+        assert isinstance(reply, pb.ActionResult)
+        self._journal.after(reply)
+        return reply
+
+    def publish(self, topic: Topic[M], message: M) -> None:
+        self._bus.publish(topic, message)
+
+    def subscribe(self, topic: Topic[M], handler: Callable[[M], None]) -> Registration:
+        return self._bus.subscribe(topic, handler)
+
+    def serve(self, method: Method[Req, Rep], handler: Callable[[Req], Rep]) -> Registration:
+        return self._bus.serve(method, handler)
+
+    def announce(self, service: str, instance: str) -> Registration:
+        return self._bus.announce(service, instance)
+
+    def watch(self, handler: LivelinessHandler) -> Registration:
+        return self._bus.watch(handler)
+
+    def close(self) -> None:
+        """The task's bus has nothing of its own."""

@@ -1,0 +1,108 @@
+"""One task from its start, or from where a planner that died left it, to its end."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from dataclasses import replace
+
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.codec import context_to_proto
+from helios_core.errors import HeliosError
+from helios_core.topics import CONTEXT, VOCABULARY
+
+from helios_planner.agents import agent_named
+from helios_planner.robot.acks import AckBook
+from helios_planner.robot.bus_body import BusBody
+from helios_planner.robot.driving import Line
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, State, Task, TaskCancelled, TaskFailed
+from helios_planner.tasks.book import TaskBook
+from helios_planner.tasks.context import check_able, in_vocabulary, search_context
+from helios_planner.tasks.flow import Mission
+from helios_planner.tasks.hold import Hold
+from helios_planner.tasks.journal import Entry, Journal, TaskBus
+from helios_planner.tasks.recovery import last_action
+from helios_planner.tasks.store import Store
+from helios_planner.tasks.voice import TaskVoice
+
+log = logging.getLogger(__name__)
+
+
+class TaskRun:
+    """One life of a task. `cancelled` ends it within an action, `hold` pauses it."""
+
+    def __init__(
+        self, bus: Bus, settings: Settings, robot: pb.RobotDescription, acks: AckBook,
+        store: Store, book: TaskBook, task: Task, cancelled: threading.Event, hold: Hold,
+    ) -> None:  # fmt: skip
+        self._settings, self._robot, self._acks = settings, robot, acks
+        self._book, self._task, self._cancelled = book, task, cancelled
+        kept = store.entry(task.id)
+        self._again = kept is not None
+        entry = Entry() if kept is None else replace(kept, life=kept.life + 1)
+        self._journal = Journal(store, task.id, entry)
+        self._voice = TaskVoice(book, task.id, settings, store.last_number(task.id) + 1)
+        self._bus = TaskBus(bus, self._journal, hold, self._voice.on_hold)
+
+    def run(self) -> None:
+        """Until it has ended, or was cancelled because the planner ends; that is the book's."""
+        id, body = self._task.id, None
+        try:
+            self._named()
+            check_able(self._task.instruction, self._robot)
+            context = search_context(self._task.context_id, self._task.instruction, self._settings)
+            self._bus.publish(CONTEXT, context_to_proto(context))
+            body = self._body(context.id)
+            mission = Mission(body, self._task.instruction, self._settings, self._task.agent)
+            if self._again:
+                self._take_up(mission)
+            self._journal.memory = mission.memory
+            self._journal.note()
+            body.begin()
+            self._book.end(id, State.SUCCEEDED, mission.run() + _contacts(body))
+        except TaskCancelled:
+            self._book.end(id, State.CANCELLED, "cancelled; the robot stands")
+        except TaskFailed as failure:
+            by_robot = failure.cause is not Cause.SYSTEM_ERROR and body is not None
+            message = failure.message + (_contacts(body) if by_robot else "")
+            self._book.end(id, State.FAILED, message, failure.cause)
+        except HeliosError as error:
+            self._book.end(id, State.FAILED, error.message, Cause.SYSTEM_ERROR)
+        finally:
+            if body is not None:
+                body.end()
+
+    def _line(self) -> Line:
+        return Line(self._bus, self._settings, self._cancelled, self._voice.on_wait)
+
+    def _body(self, context_id: str) -> BusBody:
+        """Each life has its own ids of actions, so that none is taken for an earlier one."""
+        life = self._journal.entry.life
+        body = BusBody(
+            self._bus, self._settings, self._robot, self._acks,
+            f"{self._task.id}.{life}" if life else self._task.id, context_id,
+            self._task.max_steps, self._voice, self._cancelled,
+            agent_named(self._task.agent).belief.answered,
+        )  # fmt: skip
+        body.steps = self._task.steps
+        return body
+
+    def _take_up(self, mission: Mission) -> None:
+        """Settle the action in flight, and remember what was known."""
+        log.info("task %s is taken up again, life %d", self._task.id, self._journal.entry.life)
+        last = last_action(self._line(), self._settings, self._journal)
+        if self._journal.entry.memory:
+            mission.recall(self._journal.entry.memory, last)
+
+    def _named(self) -> None:
+        """The task in the detector's names; waits for a detector that is away."""
+        named = in_vocabulary(self._task.instruction, self._line().call(VOCABULARY, pb.Empty()))
+        self._task = self._book.change(self._task.id, instruction=named)
+
+
+def _contacts(body: BusBody | None) -> str:
+    if body is None or not body.collisions:
+        return ""
+    return f" (with {body.collisions} contact{'' if body.collisions == 1 else 's'} on the way)"

@@ -1,0 +1,167 @@
+"""What the planner tells others: tasks, decisions and plans as messages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from helios_core import proto as pb
+from helios_core.codec import frame_id_to_proto
+from helios_core.types import FrameId
+from numpy.typing import NDArray
+
+from helios_planner.decisions.candidate import Candidate
+from helios_planner.decisions.decide import Decision, Do
+from helios_planner.decisions.recompute import Recomputed
+from helios_planner.ground.grid import Pose2
+from helios_planner.language.instruction import Instruction, Kind
+from helios_planner.task import Cause, Phase, State, Task
+
+# How far each phase takes a task, for a progress bar; steps fill the rest of a phase.
+_PROGRESS = {
+    Phase.FIND_OBJECT: (0.0, 0.45),
+    Phase.PICK: (0.45, 0.55),
+    Phase.FIND_RECEPTACLE: (0.55, 0.85),
+    Phase.PLACE: (0.85, 1.0),
+}
+
+
+def progress(phase: Phase | None, steps_in_phase: int) -> float:
+    """A rough guide from 0 to 1: half of what is left of a phase every 60 steps."""
+    if phase is None:
+        return 0.0
+    low, high = _PROGRESS[phase]
+    return low + (high - low) * (1 - 0.5 ** (steps_in_phase / 60))
+
+
+def task_to_proto(task: Task) -> pb.Task:
+    i = task.instruction
+    return pb.Task(
+        id=task.id,
+        instruction=task.text,
+        state=task.state,
+        phase=task.phase or "",
+        cause=task.cause or "",
+        message=task.message,
+        object=i.object or "",
+        start=i.start or "",
+        goal=i.goal or "",
+        kind=i.kind,
+        steps=task.steps,
+        max_steps=task.max_steps,
+        time_limit_s=task.time_limit_s,
+        picks=task.picks,
+        created_s=task.created_s,
+        started_s=task.started_s,
+        ended_s=task.ended_s,
+        progress=task.progress,
+        context_id=task.context_id,
+        seeking=task.seeking,
+        agent=task.agent,
+        priority=task.priority,
+        settings=task.settings,
+    )
+
+
+def task_from_proto(task: pb.Task) -> Task:
+    """What `task_to_proto` wrote."""
+    return Task(
+        id=task.id,
+        text=task.instruction,
+        instruction=Instruction(
+            Kind(task.kind), task.object or None, task.start or None, task.goal or None
+        ),
+        state=State(task.state),
+        max_steps=task.max_steps,
+        time_limit_s=task.time_limit_s,
+        created_s=task.created_s,
+        phase=Phase(task.phase) if task.phase else None,
+        cause=Cause(task.cause) if task.cause else None,
+        message=task.message,
+        seeking=task.seeking,
+        steps=task.steps,
+        picks=task.picks,
+        started_s=task.started_s,
+        ended_s=task.ended_s,
+        progress=task.progress,
+        context_id=task.context_id,
+        agent=task.agent or "helios",
+        priority=task.priority,
+        settings=dict(task.settings),
+    )
+
+
+def decision_to_proto(
+    decision: Decision, task: Task, index: int, frame: FrameId | None, made_s: float
+) -> pb.Decision:
+    out = pb.Decision(
+        task_id=task.id,
+        index=index,
+        phase=task.phase or "",
+        rule=decision.rule,
+        why=decision.why,
+        made_s=made_s,
+        settings=decision.settings,
+        context_id=task.context_id,
+        do=decision.do,
+        candidates=_candidates_to_proto(decision.candidates, decision.winner),
+        memory=_candidates_to_proto(decision.memory, None),
+    )
+    if frame is not None:
+        out.id.CopyFrom(frame_id_to_proto(frame))
+    return out
+
+
+def decision_from_proto(message: pb.Decision) -> Decision:
+    """What `decision_to_proto` wrote."""
+    chosen = [k for k, c in enumerate(message.candidates) if c.chosen]
+    return Decision(
+        rule=message.rule,
+        do=Do(message.do),
+        candidates=tuple(map(_candidate_from_proto, message.candidates)),
+        winner=chosen[0] if chosen else None,
+        why=message.why,
+        settings=dict(message.settings),
+        memory=tuple(map(_candidate_from_proto, message.memory)),
+    )
+
+
+def recomputed_to_proto(recomputed: Recomputed) -> pb.Recomputed:
+    d = recomputed.decision
+    return pb.Recomputed(
+        do=d.do,
+        candidates=_candidates_to_proto(d.candidates, d.winner),
+        why=d.why,
+        flips=recomputed.flips,
+        certain=recomputed.certain,
+    )
+
+
+def _candidates_to_proto(candidates: Sequence[Candidate], winner: int | None) -> list[pb.Candidate]:
+    return [
+        pb.Candidate(
+            kind=c.kind,
+            name=c.name,
+            position_m=pb.Vector3(
+                x=float(c.position_m[0]), y=float(c.position_m[1]), z=float(c.position_m[2])
+            ),
+            terms={name: float(value) for name, value in c.terms.items()},
+            chosen=k == winner,
+            id=c.id,
+        )
+        for k, c in enumerate(candidates)
+    ]
+
+
+def _candidate_from_proto(c: pb.Candidate) -> Candidate:
+    p = c.position_m
+    return Candidate(c.kind, c.name, (p.x, p.y, p.z), dict(c.terms), c.id)
+
+
+def plan_to_proto(
+    task_id: str, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str
+) -> pb.Plan:
+    out = pb.Plan(task_id=task_id, path_m=route_m.ravel().tolist(), purpose=purpose)
+    if goal is not None:
+        out.goal.CopyFrom(pb.Pose2(x_m=goal.x_m, y_m=goal.y_m, yaw_rad=goal.yaw_rad))
+    return out
