@@ -9,12 +9,12 @@ from helios_core import proto as pb
 from helios_core.errors import InvalidInput, Unavailable
 from numpy.typing import NDArray
 
-from helios_map2d.changes import changes_after
 from helios_map2d.epochs import EpochMaps
-from helios_map2d.path import cost_along
-from helios_map2d.picture import OCCUPANCY, Marked, png_of, render
-from helios_map2d.snapshot import MapSnapshot
-from helios_map2d.wire import EncodedOnce
+from helios_map2d.pictures.picture import OCCUPANCY, Marked, png_of, render
+from helios_map2d.versions.changes import changes_after
+from helios_map2d.versions.path import cost_along
+from helios_map2d.versions.snapshot import MapSnapshot
+from helios_map2d.versions.wire import EncodedOnce
 
 DEFAULT_PICTURE_PX = 1024
 DEFAULT_COMFORT_M = 0.5

@@ -10,7 +10,7 @@ import numpy as np
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.types import Frame, FrameId, Observation, SearchContext
 
-from helios_map2d.rules import MapRules
+from helios_map2d.layers.rules import MapRules
 from helios_map2d.state import MapState
 from helios_map2d.view import check_pose
 

@@ -15,9 +15,8 @@ from helios_core.types import SearchContext
 
 from helios_map2d.answers import EMPTY_MAP
 from helios_map2d.epochs import EpochMaps
-from helios_map2d.memory import SeenView
-from helios_map2d.picture import OCCUPANCY
-from helios_map2d.recall import (
+from helios_map2d.past.memory import SeenView
+from helios_map2d.past.recall import (
     Question,
     as_layer,
     best_places,
@@ -27,6 +26,7 @@ from helios_map2d.recall import (
     questions,
     scored,
 )
+from helios_map2d.pictures.picture import OCCUPANCY
 from helios_map2d.state import MapState
 
 log = logging.getLogger(__name__)

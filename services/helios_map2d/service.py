@@ -44,10 +44,10 @@ from helios_core.topics import (
 
 from helios_map2d.answers import Answers
 from helios_map2d.epochs import EpochKey, EpochMaps
-from helios_map2d.keeping import Keeping
+from helios_map2d.files.keeping import Keeping
 from helios_map2d.recollection import Recollection
 from helios_map2d.settings import Settings
-from helios_map2d.wire import Pose, told_pose
+from helios_map2d.versions.wire import Pose, told_pose
 
 log = logging.getLogger(__name__)
 

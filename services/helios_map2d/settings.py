@@ -8,10 +8,10 @@ from pathlib import Path
 from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field
 
-from helios_map2d.frontiers import FrontierRules
-from helios_map2d.occupancy import OccupancyRules
-from helios_map2d.rules import MapRules
-from helios_map2d.value import ValueRules
+from helios_map2d.layers.frontiers import FrontierRules
+from helios_map2d.layers.occupancy import OccupancyRules
+from helios_map2d.layers.rules import MapRules
+from helios_map2d.layers.value import ValueRules
 
 
 class Settings(ServiceSettings):

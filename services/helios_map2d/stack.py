@@ -12,19 +12,19 @@ from helios_core.geometry import Pinhole
 from helios_core.types import Frame
 from numpy.typing import NDArray
 
-from helios_map2d import change_kernels
-from helios_map2d.explored import SearchArea
-from helios_map2d.exploring import ByDepth, Exploring
-from helios_map2d.frontiers import Frontier, FrontierFinder
-from helios_map2d.fuse_kernels import HEIGHTS, SEEN_NOW
 from helios_map2d.grid import EMPTY, TILE, Box, GridSpec, Tile, TileMask
-from helios_map2d.ground import OpenGround
-from helios_map2d.occupancy import UNKNOWN, OccupancyLayer
-from helios_map2d.reveal import ByCone
-from helios_map2d.room import grown_for
-from helios_map2d.rules import MapRules
-from helios_map2d.tiles import GroundTile, ValueTile
-from helios_map2d.value import Cone, ValueLayers
+from helios_map2d.kernels import change as change_kernels
+from helios_map2d.kernels.fuse import HEIGHTS, SEEN_NOW
+from helios_map2d.layers.explored import SearchArea
+from helios_map2d.layers.exploring import ByDepth, Exploring
+from helios_map2d.layers.frontiers import Frontier, FrontierFinder
+from helios_map2d.layers.ground import OpenGround
+from helios_map2d.layers.occupancy import UNKNOWN, OccupancyLayer
+from helios_map2d.layers.reveal import ByCone
+from helios_map2d.layers.room import grown_for
+from helios_map2d.layers.rules import MapRules
+from helios_map2d.layers.value import Cone, ValueLayers
+from helios_map2d.versions.tiles import GroundTile, ValueTile
 from helios_map2d.view import Reach, View, laid, reach_of
 
 

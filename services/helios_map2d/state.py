@@ -11,17 +11,17 @@ from helios_core.geometry import yaw_of
 from helios_core.types import Frame, FrameId, Observation, SearchContext
 
 from helios_map2d.grid import EMPTY, Box, Tile
-from helios_map2d.memory import SeenView, ViewMemory, small_picture
+from helios_map2d.layers.room import refuse_a_leap
+from helios_map2d.layers.rules import MapRules
+from helios_map2d.layers.value import Cone
 from helios_map2d.order import REMEMBERED_FRAMES, FrameOrder
-from helios_map2d.published_tiles import PublishedTiles
-from helios_map2d.room import refuse_a_leap
-from helios_map2d.rules import MapRules
-from helios_map2d.sighted import sighted
-from helios_map2d.snapshot import MapSnapshot
+from helios_map2d.past.memory import SeenView, ViewMemory, small_picture
+from helios_map2d.past.sighted import sighted
 from helios_map2d.stack import LayerStack
-from helios_map2d.tiles import GroundTile, ValueTile
-from helios_map2d.trajectory import Trajectory
-from helios_map2d.value import Cone
+from helios_map2d.versions.published_tiles import PublishedTiles
+from helios_map2d.versions.snapshot import MapSnapshot
+from helios_map2d.versions.tiles import GroundTile, ValueTile
+from helios_map2d.versions.trajectory import Trajectory
 from helios_map2d.view import View, check_depth, check_pose
 
 

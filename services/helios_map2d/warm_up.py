@@ -8,10 +8,10 @@ import numpy as np
 from helios_core.geometry import Pinhole, camera_on_base
 from helios_core.types import Frame, FrameId, Observation, SearchContext
 
-from helios_map2d.frontiers import FrontierRules
-from helios_map2d.rules import MapRules
+from helios_map2d.kernels.value import fuse_maximum
+from helios_map2d.layers.frontiers import FrontierRules
+from helios_map2d.layers.rules import MapRules
 from helios_map2d.state import MapState
-from helios_map2d.value_kernels import fuse_maximum
 
 
 def warm_up() -> None:

@@ -11,7 +11,7 @@ from helios_core.errors import InvalidInput
 from helios_core.grids import decode_snapshot
 from helios_core.map_mirror import MapMirror
 from helios_core.topics import MAP_CHANGES, RESET_MAP2D
-from helios_map2d import tiles
+from helios_map2d.versions import tiles
 from map2d_house import House
 
 
@@ -101,7 +101,7 @@ def test_a_tile_is_encoded_once_whatever_the_number_of_viewers(
 
 
 def test_the_whole_snapshot_is_encoded_once_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    from helios_map2d import wire
+    from helios_map2d.versions import wire
 
     house = House()
     house.settle()

@@ -9,21 +9,21 @@ import pytest
 from helios_core import proto as pb
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.types import FrameId, Observation, SearchContext
-from helios_map2d import fuse_kernels
-from helios_map2d.changes import changes_after
 from helios_map2d.epochs import EpochKey, EpochMaps
-from helios_map2d.fuse_kernels import MEMORY
 from helios_map2d.grid import GridSpec
-from helios_map2d.memory import SeenView, ViewMemory
-from helios_map2d.occupancy import OccupancyRules
+from helios_map2d.kernels import fuse as fuse_kernels
+from helios_map2d.kernels.fuse import MEMORY
+from helios_map2d.layers.occupancy import OccupancyRules
+from helios_map2d.layers.rules import MapRules
+from helios_map2d.layers.sight import line_of_sight
+from helios_map2d.layers.value import Cone
 from helios_map2d.order import FrameOrder
-from helios_map2d.path import cost_along
-from helios_map2d.rules import MapRules
-from helios_map2d.sight import line_of_sight
-from helios_map2d.snapshot import EVIDENCE, ground_of
+from helios_map2d.past.memory import SeenView, ViewMemory
 from helios_map2d.state import MapState
-from helios_map2d.tiles import GroundTile
-from helios_map2d.value import Cone
+from helios_map2d.versions.changes import changes_after
+from helios_map2d.versions.path import cost_along
+from helios_map2d.versions.snapshot import EVIDENCE, ground_of
+from helios_map2d.versions.tiles import GroundTile
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from map2d_scene import Block, Walk, room

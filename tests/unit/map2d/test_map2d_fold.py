@@ -8,12 +8,12 @@ import math
 import cv2
 import numpy as np
 from helios_core.geometry import Pinhole
-from helios_map2d import fuse_kernels
-from helios_map2d.fuse_kernels import HEIGHTS, MEMORY, SEEN_NOW
 from helios_map2d.grid import GridSpec
-from helios_map2d.occupancy import OCCUPIED as TAKEN
-from helios_map2d.occupancy import OccupancyLayer, OccupancyRules
-from helios_map2d.project_kernels import NO_LOW
+from helios_map2d.kernels import fuse as fuse_kernels
+from helios_map2d.kernels.fuse import HEIGHTS, MEMORY, SEEN_NOW
+from helios_map2d.kernels.project import NO_LOW
+from helios_map2d.layers.occupancy import OCCUPIED as TAKEN
+from helios_map2d.layers.occupancy import OccupancyLayer, OccupancyRules
 from helios_map2d.view import spans_between, view_of
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from helios_map2d.explored import near_ground
 from helios_map2d.grid import EMPTY, TILE, Box, GridSpec
-from helios_map2d.ground import OpenGround
+from helios_map2d.layers.explored import near_ground
+from helios_map2d.layers.ground import OpenGround
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray

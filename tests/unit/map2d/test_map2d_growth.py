@@ -9,8 +9,8 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_core.types import Observation, SearchContext
 from helios_map2d.grid import Box, GridSpec
-from helios_map2d.room import grown_for
-from helios_map2d.rules import MapRules
+from helios_map2d.layers.room import grown_for
+from helios_map2d.layers.rules import MapRules
 from helios_map2d.state import MapState
 from hypothesis import given
 from hypothesis import strategies as st

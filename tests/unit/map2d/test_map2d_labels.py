@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-from helios_map2d.frontiers import Frontier
-from helios_map2d.labels import Rect, Wanted, lead, placed
-from helios_map2d.picture import render
-from helios_map2d.rules import MapRules
-from helios_map2d.sheet import FOOT_PX, INK_RGB, UNKNOWN_RGB, Sheet
+from helios_map2d.layers.frontiers import Frontier
+from helios_map2d.layers.rules import MapRules
+from helios_map2d.pictures.labels import Rect, Wanted, lead, placed
+from helios_map2d.pictures.picture import render
+from helios_map2d.pictures.sheet import FOOT_PX, INK_RGB, UNKNOWN_RGB, Sheet
 from helios_map2d.state import MapState
 from hypothesis import given
 from hypothesis import strategies as st

@@ -10,7 +10,7 @@ import pytest
 from helios_core import proto as pb
 from helios_core.grids import decode_snapshot
 from helios_core.topics import MAP_CHANGES, PICTURE, RESET_MAP2D
-from helios_map2d.kept import FILE_NAME, Keeper
+from helios_map2d.files.kept import FILE_NAME, Keeper
 from map2d_house import House
 from map2d_kept import assert_same_state, load, saved, state_of, walked
 

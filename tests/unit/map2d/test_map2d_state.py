@@ -11,9 +11,9 @@ from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.types import Frame, Observation, SearchContext
 from helios_map2d.epochs import EpochMaps
 from helios_map2d.grid import Box
-from helios_map2d.rules import MapRules
-from helios_map2d.snapshot import decode_npz, encode_npz
+from helios_map2d.layers.rules import MapRules
 from helios_map2d.state import MapState
+from helios_map2d.versions.snapshot import decode_npz, encode_npz
 from map2d_scene import Block, Walk, room, table
 
 RULES = MapRules(size_cells=400)

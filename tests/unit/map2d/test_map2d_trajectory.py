@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_core.grids import decode_snapshot
-from helios_map2d import trajectory
 from helios_map2d.epochs import EpochKey, EpochMaps
-from helios_map2d.kept import decode_map, encode_map
-from helios_map2d.rules import MapRules
-from helios_map2d.snapshot import decode_npz, encode_npz
-from helios_map2d.trajectory import Trajectory
-from helios_map2d.wire import snapshot_to_proto
+from helios_map2d.files.kept import decode_map, encode_map
+from helios_map2d.layers.rules import MapRules
+from helios_map2d.versions import trajectory
+from helios_map2d.versions.snapshot import decode_npz, encode_npz
+from helios_map2d.versions.trajectory import Trajectory
+from helios_map2d.versions.wire import snapshot_to_proto
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from map2d_scene import Walk, room

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_map2d.grid import GridSpec
-from helios_map2d.value import Cone, ValueLayers, ValueRules, bin_directions, cone_of, values_near
+from helios_map2d.layers.value import (
+    Cone,
+    ValueLayers,
+    ValueRules,
+    bin_directions,
+    cone_of,
+    values_near,
+)
 from helios_map2d.view import View, view_of
 from hypothesis import given, settings
 from hypothesis import strategies as st

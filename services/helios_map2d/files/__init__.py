@@ -1,0 +1,1 @@
+"""Maps as files: kept from crashes, saved, loaded, written for other programs."""

@@ -1,0 +1,202 @@
+"""Saving and loading maps, and keeping the present one from crashes."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from pathlib import PurePosixPath
+
+from helios_core import proto as pb
+from helios_core.codec import frame_id_to_proto
+from helios_core.errors import InvalidInput, Unavailable
+
+from helios_map2d.answers import DEFAULT_PICTURE_PX, known
+from helios_map2d.epochs import EpochMaps
+from helios_map2d.files.exchange import decode_exported, decode_ros, encode_ros
+from helios_map2d.files.kept import (
+    FILE_NAME,
+    Keeper,
+    decode_map,
+    encode_map,
+    put_aside,
+    rebuilt,
+)
+from helios_map2d.layers.occupancy import OCCUPIED, UNKNOWN
+from helios_map2d.pictures.picture import OCCUPANCY, png_of, render
+from helios_map2d.settings import Settings
+from helios_map2d.state import MapState
+from helios_map2d.versions.snapshot import MapSnapshot, encode_npz
+
+log = logging.getLogger(__name__)
+
+FORMATS = "map, npz, ros or png"
+LOST_VERSIONS = 10_000  # more than there can have been between the last writing and a crash
+
+
+class Keeping:
+    """Files of the present map, and what there is to say of them."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        lock: threading.RLock,
+        maps: Callable[[], EpochMaps | None],
+        say: Callable[[], None],
+    ) -> None:
+        """say: called when `said` has changed."""
+        self._trouble = ""  # what is wrong with keeping the map
+        self._refused = ""  # why the kept map was, to be told as long as the process lives
+        self._restored = ("", "")  # id of the map that was kept, and what to say once it goes on
+        self._lock, self._maps, self._say = lock, maps, say
+        self._path = None if settings.state_dir is None else settings.state_dir / FILE_NAME
+        self._period_s = settings.keep_period_s
+        self._keeper: Keeper | None = None
+
+    def said(self) -> str:
+        """What is wrong with keeping the map, and that it was restored; "" when neither is so."""
+        maps = self._maps()
+        state = maps.current if maps is not None else None
+        id, note = self._restored
+        goes_on = state is not None and state.map_id == id
+        return "; ".join(part for part in (self._trouble, note if goes_on else "") if part)
+
+    def recover(self, maps: EpochMaps) -> None:
+        """Park the map that was kept until the robot says that it is in its epoch, and begin to
+        keep. A file that cannot be used is put aside and told of. The caller holds the lock."""
+        if self._path is None:
+            return
+        self._keeper = Keeper(self._path, self._period_s, self._encoded, self._troubled)
+        try:
+            written_s = self._path.stat().st_mtime
+            data = self._path.read_bytes()
+        except FileNotFoundError:
+            return
+        except OSError as error:
+            self._troubled(f"the kept map {self._path} cannot be read: {error.strerror}")
+            return
+        try:
+            state, epoch = decode_map(data, maps.rules, maps.footprint_radius_m, maps.version)
+        except InvalidInput as error:
+            aside = put_aside(self._path)
+            self._refused = f"the kept map was refused and put aside as {aside}: {error.message}"
+            log.warning("%s", self._refused)
+            self._trouble = self._refused
+            return
+        state.go_on_from(state.version + LOST_VERSIONS)
+        newest = "" if state.frame_id is None else f", frames up to number {state.frame_id.seq}"
+        note = (
+            f"the map was restored as it was written {max(0.0, time.time() - written_s):.1f} s "
+            f"ago: {areas_m2(state.published)[0]:.0f} m² known, {len(state.memory)} views{newest}"
+        )
+        log.info("%s; it goes on while the robot is in %s", note, epoch)
+        self._restored = (state.map_id, note)
+        maps.keep(epoch, state)
+
+    def forget(self) -> None:
+        """Keep nothing of what was known until now."""
+        if self._keeper is not None:
+            self._keeper.forget()
+
+    def save(self, request: pb.SaveMap2DRequest) -> pb.SaveMap2DReply:
+        """The present map as files; Unavailable while there is none."""
+        published = known(self._maps())
+        kind = request.format or "map"
+        if kind == "map":
+            files = {"map2d.map": self._file()[1]}
+        elif kind == "npz":
+            files = {"map2d.npz": encode_npz(published)}
+        elif kind == "ros":
+            files = encode_ros(published)
+        elif kind == "png":
+            size_px = request.size_px or DEFAULT_PICTURE_PX
+            pixels = render(published, request.layer or OCCUPANCY, size_px)
+            files = {"map2d.png": png_of(pixels, published)}
+        else:
+            raise InvalidInput(f"no format is called {kind[:40]!r}; ask for {FORMATS}")
+        reply = pb.SaveMap2DReply(
+            files=[pb.Map2DFile(name=name, data=data) for name, data in files.items()],
+            version=published.version, map_id=published.map_id,
+        )  # fmt: skip
+        if published.frame_id is not None:
+            reply.id.CopyFrom(frame_id_to_proto(published.frame_id))
+        return reply
+
+    def load(self, request: pb.LoadMap2DRequest) -> pb.LoadMap2DReply:
+        """Take a map in place of the present one, in the robot's present world.
+
+        Its coordinates must be those of that world. Raises InvalidInput for files that cannot be
+        used, Unavailable before the robot has described itself, Conflict before it said where it
+        is.
+        """
+        maps = self._maps()
+        if maps is None:
+            raise Unavailable("the robot has not described itself; start its bridge")
+        state = loaded(request, maps)
+        with self._lock:
+            if self._maps() is not maps:
+                raise Unavailable("the maps were begun anew meanwhile; load again")
+            maps.replace(state)
+            published = state.published
+            views = len(state.memory)
+        known_m2, occupied_m2 = areas_m2(published)
+        return pb.LoadMap2DReply(
+            version=published.version, known_m2=known_m2, occupied_m2=occupied_m2, views=views
+        )
+
+    def close(self) -> None:
+        """Keep the map a last time."""
+        if self._keeper is not None:
+            self._keeper.close()
+
+    def _file(self) -> tuple[int, bytes]:
+        with self._lock:
+            maps = self._maps()
+            published = known(maps)
+            current = maps.current if maps is not None else None
+            views = current.memory.snapshot() if current is not None else ()
+            epoch = maps.key if maps is not None else None
+        return published.version, encode_map(published, views, epoch)
+
+    def _encoded(self) -> tuple[int, bytes] | None:
+        try:
+            return self._file()
+        except Unavailable:
+            return None
+
+    def _troubled(self, reason: str) -> None:
+        reason = reason or self._refused
+        if reason != self._trouble:
+            self._trouble = reason
+            self._say()
+
+
+def areas_m2(published: MapSnapshot) -> tuple[float, float]:
+    """What is known of the ground, and how much of it is occupied."""
+    cell_m2 = published.grid.cell_m**2
+    known_cells = int((published.occupancy != UNKNOWN).sum())
+    return known_cells * cell_m2, int((published.occupancy == OCCUPIED).sum()) * cell_m2
+
+
+def loaded(request: pb.LoadMap2DRequest, maps: EpochMaps) -> MapState:
+    """The map of some files. Raises InvalidInput when they cannot be used."""
+    by_ending = {PurePosixPath(f.name).suffix.lower(): f.data for f in request.files}
+    if len(by_ending) < len(request.files):
+        raise InvalidInput(
+            f"{len(request.files)} files came, some of one kind: send one map at a time"
+        )
+    rules, version = maps.rules, maps.version
+    if set(by_ending) == {".map"}:
+        return decode_map(by_ending[".map"], rules, maps.footprint_radius_m, version)[0]
+    if set(by_ending) == {".npz"}:
+        content = decode_exported(by_ending[".npz"], rules.cell_m, version)
+    elif ".yaml" in by_ending and len(by_ending) == 2:
+        (picture,) = (data for ending, data in by_ending.items() if ending != ".yaml")
+        content = decode_ros(by_ending[".yaml"], picture, rules.cell_m, version)
+    else:
+        raise InvalidInput(
+            f"cannot load {', '.join(sorted(f.name[:80] for f in request.files)) or 'nothing'}: "
+            "send one .map, one .npz, or a .yaml and the picture it names"
+        )
+    return rebuilt(content, rules, maps.footprint_radius_m, version)
