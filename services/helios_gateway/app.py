@@ -19,16 +19,16 @@ from helios_gateway.limits import Bounds, Limits
 from helios_gateway.metrics import CountRequests, Metrics
 from helios_gateway.openapi import describe_truly
 from helios_gateway.problems import add_problems, problem
-from helios_gateway.routes_events import event_routes
-from helios_gateway.routes_frames import frame_routes
-from helios_gateway.routes_health import fleet_routes, health_routes, service_routes
-from helios_gateway.routes_map import map_routes
-from helios_gateway.routes_map_file import map_file_routes
-from helios_gateway.routes_objects import object_routes
-from helios_gateway.routes_robot import robot_routes
-from helios_gateway.routes_seen import seen_routes
-from helios_gateway.routes_tasks import task_routes
-from helios_gateway.routes_view3d import view3d_routes
+from helios_gateway.routes.events import event_routes
+from helios_gateway.routes.frames import frame_routes
+from helios_gateway.routes.health import fleet_routes, health_routes, service_routes
+from helios_gateway.routes.map import map_routes
+from helios_gateway.routes.map_file import map_file_routes
+from helios_gateway.routes.objects import object_routes
+from helios_gateway.routes.robot import robot_routes
+from helios_gateway.routes.seen import seen_routes
+from helios_gateway.routes.tasks import task_routes
+from helios_gateway.routes.view3d import view3d_routes
 from helios_gateway.settings import Settings
 
 log = logging.getLogger(__name__)

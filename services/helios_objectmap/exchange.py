@@ -22,8 +22,8 @@ from helios_core.topics import (
 )
 from numpy.typing import NDArray
 
-from helios_objectmap import export, mapfile
 from helios_objectmap.epochs import EpochMaps
+from helios_objectmap.files import export, mapfile
 from helios_objectmap.keeper import Keeper, Kept
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.view import View

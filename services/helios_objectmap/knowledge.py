@@ -9,13 +9,10 @@ from helios_core.errors import InvalidInput
 from helios_core.types import ObjectInstance, Role, SearchContext
 from numpy.typing import NDArray
 
-from helios_objectmap import information_gain, picture, sides
-from helios_objectmap.detail import Grasp, grasp
-from helios_objectmap.dirichlet import marginal
-from helios_objectmap.gaussians import NO_INSTANCE, GaussianStore
-from helios_objectmap.information_gain import Expected, Member, Rates
-from helios_objectmap.mapfile import Memory
-from helios_objectmap.objects import (
+from helios_objectmap.answers import information_gain
+from helios_objectmap.answers.detail import Grasp, grasp
+from helios_objectmap.answers.information_gain import Expected, Member, Rates
+from helios_objectmap.answers.objects import (
     Belief,
     InstanceGaussians,
     Shape,
@@ -25,12 +22,18 @@ from helios_objectmap.objects import (
     shape_of,
     sure_part,
 )
-from helios_objectmap.registry import InstanceRegistry, Moment
-from helios_objectmap.rendering import FAR_M, Projection, back_end
+from helios_objectmap.answers.sizes import agreement, extents_of
+from helios_objectmap.evidence import sides
+from helios_objectmap.evidence.dirichlet import marginal
+from helios_objectmap.files.mapfile import Memory
+from helios_objectmap.instances.registry import InstanceRegistry, Moment
+from helios_objectmap.rendering import picture
+from helios_objectmap.rendering.back_ends import back_end
+from helios_objectmap.rendering.renderer import FAR_M, Projection
 from helios_objectmap.settings import ObjectMapSettings
-from helios_objectmap.sizes import agreement, extents_of
+from helios_objectmap.store.gaussians import NO_INSTANCE, GaussianStore
+from helios_objectmap.store.viewpoints import Viewpoints
 from helios_objectmap.view import View
-from helios_objectmap.viewpoints import Viewpoints
 
 SEEN_BEYOND_M = 1.0  # Gaussians this far beyond the depth that is used still cover what is behind
 HALF = 0.5

@@ -8,19 +8,19 @@ import numpy as np
 from helios_core.types import Observation, SearchContext
 from numpy.typing import NDArray
 
-from helios_objectmap import create, sides
-from helios_objectmap.accumulate import accumulate
-from helios_objectmap.belief import believe
-from helios_objectmap.carve import sight
-from helios_objectmap.gaussians import OTHER
-from helios_objectmap.hindsight import PastViews
+from helios_objectmap.evidence import create, sides
+from helios_objectmap.evidence.accumulate import accumulate
+from helios_objectmap.evidence.belief import believe
+from helios_objectmap.evidence.carve import sight
+from helios_objectmap.evidence.hindsight import PastViews
+from helios_objectmap.evidence.reading import OTHER_LABEL, Reading, read, without_held
+from helios_objectmap.evidence.reobserve import reobserved
+from helios_objectmap.instances.registry import Moment
 from helios_objectmap.knowledge import Knowledge
-from helios_objectmap.limit import surplus
-from helios_objectmap.reading import OTHER_LABEL, Reading, read, without_held
-from helios_objectmap.registry import Moment
-from helios_objectmap.rendering import Projection, Rendering
-from helios_objectmap.reobserve import reobserved
-from helios_objectmap.viewpoints import NEVER, Look
+from helios_objectmap.rendering.renderer import Projection, Rendering
+from helios_objectmap.store.gaussians import OTHER
+from helios_objectmap.store.limit import surplus
+from helios_objectmap.store.viewpoints import NEVER, Look
 
 WHOLE = 0.999  # sums of float32 shares that make a whole view
 

@@ -14,8 +14,8 @@ from helios_core.types import (
     SearchContext,
 )
 
+from helios_objectmap.answers.objects import MANY_POINTS, outline
 from helios_objectmap.object_map import ObjectMap
-from helios_objectmap.objects import MANY_POINTS, outline
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.view import View
 

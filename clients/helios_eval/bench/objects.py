@@ -11,8 +11,9 @@ from typing import Literal
 import numpy as np
 from helios_core.geometry import camera_on_base, lift_pixels, se2_to_se3
 from helios_core.types import Detection, Frame, Observation, Role, SearchClass, SearchContext
-from helios_objectmap import mapfile, splat
+from helios_objectmap.files import mapfile
 from helios_objectmap.object_map import ObjectMap
+from helios_objectmap.rendering import splat
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.view import View
 from numpy.typing import NDArray

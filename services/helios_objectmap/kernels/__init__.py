@@ -1,4 +1,4 @@
-"""Numba kernels of the object map, reached only through `splat.py` and `instances.py`.
+"""Numba kernels of the object map, each reached through a plain function of the floors above.
 
 Pixel (u, v) has its centre at the integer coordinates (u, v), as in `helios_core.geometry`. The
 image is cut into tiles of 16 x 16 pixels, and a row of a tile is one `Lanes` value. A tile owns its

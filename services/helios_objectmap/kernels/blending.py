@@ -25,6 +25,7 @@ from helios_objectmap.kernels.lanes import (
     store,
     sum_of,
 )
+from helios_objectmap.kernels.limits import ALPHA_MIN, COVERAGE_MIN, TILE
 from helios_objectmap.kernels.projection import (
     DEPTH,
     LOG2_OPACITY,
@@ -34,7 +35,6 @@ from helios_objectmap.kernels.projection import (
     U,
     V,
 )
-from helios_objectmap.rendering import ALPHA_MIN, COVERAGE_MIN, TILE
 
 TRANSMITTANCE_MIN = 1e-4
 CHUNK = 64  # splats at a time; after each chunk rows without light are finished

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from helios_objectmap.rendering import ALPHA_MIN, OPACITY_MAX, TILE
+from helios_objectmap.kernels.limits import ALPHA_MIN, OPACITY_MAX, TILE
 
 # Columns of a splat. Its alpha at (U + du, V + dv) is
 # 2 ** (QUADRATIC_UU du^2 + QUADRATIC_UV du dv + QUADRATIC_VV dv^2 + LOG2_OPACITY).

@@ -19,7 +19,7 @@ from helios_gateway.fleet import Fleet, Served
 from helios_gateway.frames import taken
 from helios_gateway.limits import MOST_LARGE
 from helios_gateway.live import Live
-from helios_gateway.routes_frames import MOST_SENDERS
+from helios_gateway.routes.frames import MOST_SENDERS
 from helios_gateway.settings import Settings
 from starlette.testclient import WebSocketDenialResponse
 

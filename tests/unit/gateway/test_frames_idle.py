@@ -13,7 +13,7 @@ from helios_core import proto as pb
 from helios_core.memory_bus import MemoryBus
 from helios_core.topics import PUSH
 from helios_gateway.limits import MOST_LARGE
-from helios_gateway.routes_frames import MOST_SENDERS
+from helios_gateway.routes.frames import MOST_SENDERS
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
-from helios_gateway.routes_frames import MOST_SENDERS
+from helios_gateway.routes.frames import MOST_SENDERS
 from starlette.testclient import WebSocketDenialResponse
 
 from tests.unit.gateway.gateway_frames import (

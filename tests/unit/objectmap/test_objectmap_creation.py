@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from helios_objectmap import create, splat
-from helios_objectmap.carve import sight
-from helios_objectmap.rendering import Projection, Rendering
-from helios_objectmap.reobserve import reobserved
+from helios_objectmap.evidence import create
+from helios_objectmap.evidence.carve import sight
+from helios_objectmap.evidence.reobserve import reobserved
+from helios_objectmap.rendering import splat
+from helios_objectmap.rendering.renderer import Projection, Rendering
 from helios_objectmap.view import View
 
 SHAPE = (24, 32)

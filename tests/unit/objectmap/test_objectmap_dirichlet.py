@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helios_objectmap import dirichlet
-from helios_objectmap.accumulate import accumulate
-from helios_objectmap.belief import believe
-from helios_objectmap.gaussians import OTHER, GaussianStore
-from helios_objectmap.score import score
+from helios_objectmap.answers.score import score
+from helios_objectmap.evidence import dirichlet
+from helios_objectmap.evidence.accumulate import accumulate
+from helios_objectmap.evidence.belief import believe
+from helios_objectmap.store.gaussians import OTHER, GaussianStore
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats

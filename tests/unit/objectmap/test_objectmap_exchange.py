@@ -32,7 +32,7 @@ from helios_core.topics import (
     SAVE_OBJECTS,
 )
 from helios_core.types import RobotState
-from helios_objectmap.export import SH_C0
+from helios_objectmap.files.export import SH_C0
 from helios_objectmap.keeper import FILE_NAME
 from helios_objectmap.service import ObjectMapService
 from hypothesis import given, settings

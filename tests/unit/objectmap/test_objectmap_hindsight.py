@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from helios_core.types import SearchContext
-from helios_objectmap.hindsight import AGREES_M, AGREES_SHARE, NEAREST_M, PastViews
+from helios_objectmap.evidence.hindsight import AGREES_M, AGREES_SHARE, NEAREST_M, PastViews
+from helios_objectmap.evidence.reading import read
 from helios_objectmap.object_map import ObjectMap
-from helios_objectmap.reading import read
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.view import View
 from hypothesis import given

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helios_objectmap import splat
-from helios_objectmap.information_gain import Member, Rates, what_if
+from helios_objectmap.answers.information_gain import Member, Rates, what_if
+from helios_objectmap.rendering import splat
 from helios_objectmap.view import View
 from hypothesis import given, settings
 from hypothesis import strategies as st

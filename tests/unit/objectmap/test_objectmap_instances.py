@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from helios_objectmap.instances import components, relabel
+from helios_objectmap.instances.clustering import components, relabel
 from helios_objectmap.settings import ObjectMapSettings
 from hypothesis import given, settings
 from hypothesis import strategies as st

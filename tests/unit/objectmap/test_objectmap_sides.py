@@ -7,10 +7,18 @@ import math
 import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
-from helios_objectmap import mapfile
-from helios_objectmap.gaussians import GaussianStore
+from helios_objectmap.evidence.sides import (
+    MOST_VOTES,
+    SECTORS,
+    UNIT,
+    WHOLE_KAPPA,
+    news,
+    sector_of,
+    tell,
+)
+from helios_objectmap.files import mapfile
 from helios_objectmap.object_map import ObjectMap
-from helios_objectmap.sides import MOST_VOTES, SECTORS, UNIT, WHOLE_KAPPA, news, sector_of, tell
+from helios_objectmap.store.gaussians import GaussianStore
 from helios_objectmap.view import View
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -9,8 +9,7 @@ from importlib import resources
 import numpy as np
 import pytest
 from helios_core.types import Role, SearchClass, SearchContext
-from helios_objectmap.object_map import ObjectMap
-from helios_objectmap.sizes import (
+from helios_objectmap.answers.sizes import (
     BOX_ERROR_M,
     EDGE_SIGMA,
     HALF_WHOLE_VIEWS,
@@ -19,6 +18,7 @@ from helios_objectmap.sizes import (
     extents_of,
     usual_extents,
 )
+from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.view import View
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from helios_core.errors import Unavailable
-from helios_objectmap import splat, splat_cuda
 from helios_objectmap.kernels.projection import QUADRATIC_UU, QUADRATIC_UV, QUADRATIC_VV
-from helios_objectmap.rendering import LOW_PASS_PX2, NEAR_M, Project, back_end
+from helios_objectmap.rendering import splat, splat_cuda
+from helios_objectmap.rendering.back_ends import back_end
+from helios_objectmap.rendering.renderer import LOW_PASS_PX2, NEAR_M, Project
 from helios_objectmap.view import View
 from hypothesis import given, settings
 from hypothesis import strategies as st

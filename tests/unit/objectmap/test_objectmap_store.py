@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from helios_objectmap import splat
-from helios_objectmap.gaussians import GaussianStore
-from helios_objectmap.limit import surplus
-from helios_objectmap.rows import RowGroups
+from helios_objectmap.rendering import splat
+from helios_objectmap.store.gaussians import GaussianStore
+from helios_objectmap.store.limit import surplus
+from helios_objectmap.store.rows import RowGroups
 from helios_objectmap.view import View
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 from helios_core.types import Role, SearchClass, SearchContext
-from helios_objectmap import mapfile
+from helios_objectmap.files import mapfile
+from helios_objectmap.instances.trust import N_BANDS, Ended, bands, mean_share, true_share
 from helios_objectmap.object_map import ObjectMap
-from helios_objectmap.trust import N_BANDS, Ended, bands, mean_share, true_share
 from helios_objectmap.view import View
 from hypothesis import given, settings
 from hypothesis import strategies as st

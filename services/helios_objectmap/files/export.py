@@ -11,7 +11,7 @@ import io
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.objects import InstanceGaussians
+from helios_objectmap.answers.objects import InstanceGaussians
 
 SH_C0 = 0.28209479177387814  # Y_00: colour = 0.5 + SH_C0 * f_dc
 _PROPERTIES = (

@@ -10,8 +10,9 @@ import numpy as np
 from helios_core.types import ObjectInstance
 from numpy.typing import NDArray
 
-from helios_objectmap.dirichlet import concentration_of
-from helios_objectmap.gaussians import GaussianStore
+from helios_objectmap.answers.score import Score, weighed
+from helios_objectmap.evidence.dirichlet import concentration_of
+from helios_objectmap.instances.registry import InstanceRecord
 from helios_objectmap.kernels.describing import (
     beliefs_kernel,
     gather_kernel,
@@ -19,8 +20,7 @@ from helios_objectmap.kernels.describing import (
     outer_kernel,
     ranked_kernel,
 )
-from helios_objectmap.registry import InstanceRecord
-from helios_objectmap.score import Score, weighed
+from helios_objectmap.store.gaussians import GaussianStore
 
 BELIEVED = 0.5  # more likely than not
 SURE, SUREST = 0.7, 0.95  # share of the probability of the surest, and which one that is

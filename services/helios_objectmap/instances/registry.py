@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
-from helios_objectmap.instances import components, distinct, relabel
+from helios_objectmap.instances.clustering import components, distinct, relabel
+from helios_objectmap.instances.trust import N_BANDS, Ended, bands, mean_share, true_share
+from helios_objectmap.instances.voxels import Regrouped, Voxels
 from helios_objectmap.kernels.evidence import views_kernel
-from helios_objectmap.trust import N_BANDS, Ended, bands, mean_share, true_share
-from helios_objectmap.voxels import Regrouped, Voxels
+from helios_objectmap.store.gaussians import NO_INSTANCE, OTHER, GaussianStore
 
 MOST_HISTORY = 256
 

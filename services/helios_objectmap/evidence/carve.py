@@ -14,9 +14,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.create import tolerance_m
+from helios_objectmap.evidence.create import tolerance_m
 from helios_objectmap.kernels.sighting import THERE, THROUGH, sight_kernel
-from helios_objectmap.rendering import Projection
+from helios_objectmap.rendering.renderer import Projection
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.gaussians import NO_INSTANCE
 from helios_objectmap.kernels.components import components_kernel, voxel_keys_kernel
+from helios_objectmap.store.gaussians import NO_INSTANCE
 
 BITS = 21  # of a key for each axis
 _PRECEDING = np.array(

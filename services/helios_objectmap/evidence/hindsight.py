@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from helios_objectmap.evidence.reading import Reading
 from helios_objectmap.kernels.looking_back import shown_kernel
-from helios_objectmap.reading import Reading
 from helios_objectmap.view import View, offset
 
 WIDTH_PX = 160  # of a past view at most; a mug at 3 m still has nine of its pixels

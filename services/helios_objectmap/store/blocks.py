@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.rows import RowGroups
+from helios_objectmap.store.rows import RowGroups
 from helios_objectmap.view import View
 
 BLOCK_M = 0.5

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.create import MODELLED
-from helios_objectmap.rendering import Rendering
+from helios_objectmap.evidence.create import MODELLED
+from helios_objectmap.rendering.renderer import Rendering
 
 
 def reobserved(

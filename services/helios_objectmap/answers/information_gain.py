@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap import sides
-from helios_objectmap.dirichlet import concentration_of, entropy, marginal
-from helios_objectmap.rendering import Project
-from helios_objectmap.score import score
+from helios_objectmap.answers.score import score
+from helios_objectmap.evidence import sides
+from helios_objectmap.evidence.dirichlet import concentration_of, entropy, marginal
+from helios_objectmap.rendering.renderer import Project
 from helios_objectmap.view import View
 
 Float32 = NDArray[np.float32]

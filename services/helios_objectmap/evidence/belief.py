@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.gaussians import OTHER
 from helios_objectmap.kernels.evidence import believe_kernel
+from helios_objectmap.store.gaussians import OTHER
 
 # Equal beliefs must stay equal in float32, so that ties are always broken the same way.
 TIE = 1e-5

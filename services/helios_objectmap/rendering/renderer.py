@@ -7,29 +7,25 @@ The printed kernel lacks the minus sign. S_n is the EWA covariance of a sphere o
 LOW_PASS_PX2. An alpha below 1/255 counts as 0, an opacity above 0.999 as that, and a pixel may be
 finished once less than 1e-4 of its light is left.
 
-A back end is one function, `Project`: `splat.project` on the CPU, `splat_cuda.project` on CUDA.
+A back end is one function, `Project`: `splat.project` on the CPU, `splat_cuda.project` on CUDA;
+`back_ends.py` has them by name.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from helios_objectmap.view import View
 
-ALPHA_MIN = 1.0 / 255.0  # less counts as 0
-OPACITY_MAX = 0.999  # more counts as this
 LOW_PASS_PX2 = 0.3  # as in 3DGS: a splat never falls between two pixels
-COVERAGE_MIN = 1e-3  # less has no depth
-TILE = 16  # pixels, both ways
 NEAR_M = 0.05
 FAR_M = 100.0
 
 Float32 = NDArray[np.float32]
-BackEnd = Literal["cpu", "cuda"]
 
 
 @dataclass(frozen=True)
@@ -104,15 +100,3 @@ class Project(Protocol):
         pixel.
         """
         ...
-
-
-def back_end(name: BackEnd) -> Project:
-    """The back end of a name. Raises Unavailable, saying what to install, where it can't run."""
-    if name == "cuda":
-        from helios_objectmap import splat_cuda  # loads torch only when chosen
-
-        splat_cuda.require()
-        return splat_cuda.project
-    from helios_objectmap import splat
-
-    return splat.project

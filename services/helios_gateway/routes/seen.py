@@ -18,7 +18,7 @@ from helios_gateway.access import secured
 from helios_gateway.fleet import At, Served
 from helios_gateway.keys import Scope
 from helios_gateway.problems import NotFound, problems
-from helios_gateway.routes_objects import ObjectId
+from helios_gateway.routes.objects import ObjectId
 
 RECALL_S = 12.0  # the text model may have to wake up
 MOST_VIEWS = 50  # that are asked of map2d, of which those that show an object are taken

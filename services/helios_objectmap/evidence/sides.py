@@ -25,8 +25,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.gaussians import GaussianStore
 from helios_objectmap.kernels.evidence import tell_kernel
+from helios_objectmap.store.gaussians import GaussianStore
 
 SECTORS = 12
 UNIT = 256  # of the store's numbers make a vote

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.gaussians import GaussianStore
 from helios_objectmap.kernels.evidence import accumulate_kernel
+from helios_objectmap.store.gaussians import GaussianStore
 
 
 def accumulate(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.gaussians import OTHER
+from helios_objectmap.store.gaussians import OTHER
 
 KEPT = 0.9
 

@@ -11,14 +11,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.gaussians import NO_INSTANCE
-from helios_objectmap.instances import (
+from helios_objectmap.instances.clustering import (
     NEIGHBOURS,
     connected,
     distinct,
     relabel,
     voxel_keys,
 )
+from helios_objectmap.store.gaussians import NO_INSTANCE
 
 # So many emptied voxels are looked at one by one; with more, their instances are clustered anew.
 FEW = 32

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.rendering import Projection
+from helios_objectmap.rendering.renderer import Projection
 
 LAYERS = ("color", "depth", "probability", "uncertainty")
 MOST_UNCERTAIN = (

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_objectmap.kernels.blending import kappa_sums_kernel, raster_kernel, scatter_kernel
+from helios_objectmap.kernels.limits import TILE
 from helios_objectmap.kernels.merging import merge_kernel, merged_offsets_kernel
 from helios_objectmap.kernels.projection import (
     COLUMNS,
@@ -18,7 +19,7 @@ from helios_objectmap.kernels.projection import (
     project_kernel,
 )
 from helios_objectmap.kernels.sorting import depth_order_kernel
-from helios_objectmap.rendering import FAR_M, LOW_PASS_PX2, NEAR_M, TILE, Float32, Rendering
+from helios_objectmap.rendering.renderer import FAR_M, LOW_PASS_PX2, NEAR_M, Float32, Rendering
 from helios_objectmap.view import View
 
 

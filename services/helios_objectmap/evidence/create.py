@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.rendering import Rendering
+from helios_objectmap.rendering.renderer import Rendering
 
 Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]

@@ -17,11 +17,11 @@ from helios_core.errors import InvalidInput
 from helios_core.types import FrameId, Role
 from numpy.typing import NDArray
 
-from helios_objectmap import sides
-from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
-from helios_objectmap.registry import InstanceRecord, InstanceRegistry, Moment
-from helios_objectmap.trust import N_BANDS, Ended
-from helios_objectmap.viewpoints import Viewpoints
+from helios_objectmap.evidence import sides
+from helios_objectmap.instances.registry import InstanceRecord, InstanceRegistry, Moment
+from helios_objectmap.instances.trust import N_BANDS, Ended
+from helios_objectmap.store.gaussians import NO_INSTANCE, OTHER, GaussianStore
+from helios_objectmap.store.viewpoints import Viewpoints
 
 FORMAT = "helios-objectmap"
 VERSION = 1

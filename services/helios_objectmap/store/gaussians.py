@@ -7,10 +7,10 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.blocks import Blocks
-from helios_objectmap.rows import NO_GROUP, RowGroups
+from helios_objectmap.store.blocks import Blocks
+from helios_objectmap.store.rows import NO_GROUP, RowGroups
+from helios_objectmap.store.viewpoints import NEVER
 from helios_objectmap.view import View
-from helios_objectmap.viewpoints import NEVER
 
 NO_INSTANCE = NO_GROUP
 OTHER = -1

@@ -1,0 +1,1 @@
+"""From Gaussians to things: voxels joined into instances that keep their numbers."""
