@@ -24,7 +24,8 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import GET_TASK, OBJECTS, PREVIEW, ROBOT_STATE, SNAPSHOT, SUBMIT, TASK
 from helios_core.types import ObjectInstance
-from helios_detector.backend import DetectorOptions, open_detector, open_scorer
+from helios_detector.backend import DetectorOptions
+from helios_detector.opening import open_detector, open_scorer
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings as DetectorSettings
 from helios_detector.truth import Truth, TruthInstance

@@ -32,7 +32,8 @@ from helios_client.watch_list import watch_list
 from helios_client.wrong_use import WrongUse
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.types import Role, SearchContext
-from helios_detector.backend import DetectorOptions, open_detector
+from helios_detector.backend import DetectorOptions
+from helios_detector.opening import open_detector
 from helios_objectmap.settings import ObjectMapSettings
 from helios_replay.dataset import read_dataset
 

@@ -24,7 +24,8 @@ os.environ.setdefault("MUJOCO_GL", "egl")  # before MuJoCo is imported; needs no
 
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.types import Detection, Role, SearchClass, SearchContext
-from helios_detector.backend import DetectorBackend, DetectorOptions, open_detector
+from helios_detector.backend import DetectorBackend, DetectorOptions
+from helios_detector.opening import open_detector
 from helios_detector.vocabulary import accepts, neighbours, normalised
 from helios_sim.assets import realistic
 from helios_sim.assets.pack import Model

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import get_args
 
 from helios_client.wrong_use import WrongUse
-from helios_detector.noise import load_noise
+from helios_detector.simulation.noise import load_noise
 
 from helios_eval.record import Benchmark, Noise, Semantics, Setting, key_of
 

@@ -9,15 +9,8 @@ from dataclasses import dataclass, replace
 from helios_core.errors import HeliosError, Unavailable
 from helios_core.health import Health
 
-from helios_detector.backend import (
-    DepthBackend,
-    DetectorBackend,
-    DetectorOptions,
-    ScorerBackend,
-    open_depth,
-    open_detector,
-    open_scorer,
-)
+from helios_detector.backend import DepthBackend, DetectorBackend, DetectorOptions, ScorerBackend
+from helios_detector.opening import open_depth, open_detector, open_scorer
 from helios_detector.scorer import furniture_names
 from helios_detector.settings import Settings
 from helios_detector.truth import TruthSource

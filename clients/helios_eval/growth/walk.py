@@ -15,7 +15,7 @@ import numpy as np
 from helios_core.geometry import Matrix, Pinhole
 from helios_core.robot import Action, ActionResult, Capture
 from helios_core.types import Frame, FrameId, Observation, Role, SearchClass, SearchContext
-from helios_detector.ground_truth import GroundTruthDetector
+from helios_detector.simulation.ground_truth import GroundTruthDetector
 from helios_detector.truth import Truth
 from helios_objectmap.view import View, offset
 from helios_sim.home import Home

@@ -24,15 +24,9 @@ from helios_core.geometry import Pinhole
 from helios_core.types import Frame, FrameId, Role, SearchClass, SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.backend import (
-    DetectorOptions,
-    Findings,
-    Seen,
-    open_depth,
-    open_detector,
-    open_scorer,
-)
+from helios_detector.backend import DetectorOptions, Findings, Seen
 from helios_detector.memory import resident_mb
+from helios_detector.opening import open_depth, open_detector, open_scorer
 
 T = TypeVar("T")
 FLAT_M = 2.0  # depth of every pixel where no model and no file gives one

@@ -9,9 +9,9 @@ from helios_core.topics import CONTEXT, OBSERVATION, PREVIEW
 from helios_core.types import SearchContext
 from helios_detector.backend import DetectorBackend, Findings
 from helios_detector.coco import COCO_NAMES
-from helios_detector.ground_truth import GroundTruthDetector
 from helios_detector.scorer import LexicalScorer
 from helios_detector.service import DetectorService
+from helios_detector.simulation.ground_truth import GroundTruthDetector
 from helios_detector.vocabulary import fixed_wanted
 
 CONTEXT_1 = SearchContext(

@@ -35,8 +35,9 @@ from helios_core.codec import context_to_proto, frame_to_proto
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import OBSERVATION, PREVIEW
-from helios_detector.backend import DetectorBackend, DetectorOptions, open_detector
+from helios_detector.backend import DetectorBackend, DetectorOptions
 from helios_detector.memory import resident_mb
+from helios_detector.opening import open_detector
 from helios_detector.scorer import LexicalScorer
 from helios_detector.service import DetectorService
 

@@ -19,9 +19,9 @@ from helios_core.types import Detection, Observation
 from helios_detector.backend import Findings, Judgement, Seen
 from helios_detector.boxes import box_of, near_box
 from helios_detector.contract import held_findings, held_judgement
-from helios_detector.ground_truth import GroundTruthDetector
 from helios_detector.scorer import LexicalScorer
 from helios_detector.service import DetectorService
+from helios_detector.simulation.ground_truth import GroundTruthDetector
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

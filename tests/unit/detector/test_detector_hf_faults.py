@@ -9,11 +9,12 @@ import httpx
 import pytest
 import tiny_models
 from helios_core.errors import Internal, InvalidInput, Unavailable
-from helios_detector.backend import DetectorOptions, open_detector, open_scorer
+from helios_detector.backend import DetectorOptions
 from helios_detector.hf import runtime
 from helios_detector.hf.faults import load_fault, run_fault
 from helios_detector.hf.runtime import HfModel, Placement, need_library, source_of
 from helios_detector.memory import weights_mb
+from helios_detector.opening import open_detector, open_scorer
 from huggingface_hub import errors as hub
 from safetensors.torch import load_file, save_file
 

@@ -17,12 +17,12 @@ from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, VOCABULARY
 from helios_core.types import Role, SearchClass, SearchContext
 from helios_detector import models as models_module
 from helios_detector.backend import DetectorBackend, DetectorOptions, Findings
-from helios_detector.ground_truth import GroundTruthDetector
 from helios_detector.hosted import Hosted
 from helios_detector.models import Models, landmarks_of, open_models
 from helios_detector.scorer import LexicalScorer, furniture_names
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings
+from helios_detector.simulation.ground_truth import GroundTruthDetector
 from helios_detector.vocabulary import fixed_wanted
 
 from tests.support import wait_until

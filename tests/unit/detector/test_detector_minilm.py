@@ -5,8 +5,9 @@ import pytest
 from detector_scene import frame_of
 from helios_core.errors import Unavailable
 from helios_detector import minilm
-from helios_detector.backend import Seen, open_scorer
+from helios_detector.backend import Seen
 from helios_detector.minilm import MiniLmScorer, TextVectors
+from helios_detector.opening import open_scorer
 from helios_detector.scorer import PRIOR, furniture_names, load_affinity
 
 PROMPT = "Seems like there is a {} ahead"

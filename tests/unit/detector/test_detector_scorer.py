@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from detector_scene import frame_of
 from helios_core.errors import InvalidInput
-from helios_detector.backend import DetectorOptions, Seen, open_detector, open_scorer
+from helios_detector.backend import DetectorOptions, Seen
+from helios_detector.opening import open_detector, open_scorer
 from helios_detector.scorer import PRIOR, LexicalScorer, load_affinity, names_in
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -108,7 +109,7 @@ def test_a_detector_of_an_outside_package_is_found_by_its_entry_point(monkeypatc
         assert group == "helios.detectors"
         return [Entry()] if name in (None, "mine") else []
 
-    monkeypatch.setattr("helios_detector.backend.entry_points", entry_points)
+    monkeypatch.setattr("helios_detector.opening.entry_points", entry_points)
     assert open_detector("mine:model", DetectorOptions(threads=3)) == "mine"
     assert made == [("model", 3)]
     with pytest.raises(InvalidInput, match="or one of mine"):

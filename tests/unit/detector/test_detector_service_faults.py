@@ -12,7 +12,7 @@ from helios_core.codec import context_to_proto
 from helios_core.errors import Unavailable
 from helios_core.topics import CONTEXT, FRAME, KEYFRAME
 from helios_detector.backend import Findings
-from helios_detector.ground_truth import GroundTruthDetector
+from helios_detector.simulation.ground_truth import GroundTruthDetector
 
 
 def test_a_class_outside_the_vocabulary_is_said_and_the_service_lives_on():

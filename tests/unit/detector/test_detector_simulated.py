@@ -9,9 +9,9 @@ import pytest
 from detector_scene import BOWL, MUG, ROOM, SceneTruth, context_of, looking
 from helios_core.errors import InvalidInput
 from helios_core.types import Role, SearchClass, SearchContext
-from helios_detector.ground_truth import GroundTruthDetector
-from helios_detector.noise import Draws, NoiseTable, hashed, hashed_voxels, load_noise
-from helios_detector.simulated import SimulatedDetector
+from helios_detector.simulation.ground_truth import GroundTruthDetector
+from helios_detector.simulation.noise import Draws, NoiseTable, hashed, hashed_voxels, load_noise
+from helios_detector.simulation.simulated import SimulatedDetector
 from helios_detector.truth import truth_of
 
 _loaded = load_noise("demo-v1")

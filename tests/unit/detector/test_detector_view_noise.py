@@ -7,13 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
-from helios_detector.ground_truth import Visible
-from helios_detector.noise import load_noise
 from helios_detector.scorer import household_names
+from helios_detector.simulation.ground_truth import Visible
+from helios_detector.simulation.noise import load_noise
+from helios_detector.simulation.view_noise import (
+    Shares,
+    Views,
+    key_of,
+    keys_of,
+    latent,
+    sectors_of,
+    uniform,
+)
+from helios_detector.simulation.view_simulated import Verdict, verdicts
+from helios_detector.simulation.view_table import ViewTable, view_table
 from helios_detector.truth import TruthInstance
-from helios_detector.view_noise import Shares, Views, key_of, keys_of, latent, sectors_of, uniform
-from helios_detector.view_simulated import Verdict, verdicts
-from helios_detector.view_table import ViewTable, view_table
 from helios_detector.vocabulary import normalised
 from helios_sim.home.catalogs import CATALOGS
 from hypothesis import given, settings

@@ -21,14 +21,15 @@ from detector_scene import (
     looking,
 )
 from helios_core.types import Detection, Frame, Role, SearchClass, SearchContext
-from helios_detector.backend import DetectorOptions, Findings, Seen, open_detector
-from helios_detector.ground_truth import GroundTruthDetector, visible
-from helios_detector.noise import load_noise
+from helios_detector.backend import DetectorOptions, Findings, Seen
+from helios_detector.opening import open_detector
 from helios_detector.scorer import PRIOR, LexicalScorer
+from helios_detector.simulation.ground_truth import GroundTruthDetector, visible
+from helios_detector.simulation.noise import load_noise
+from helios_detector.simulation.view_masks import eroded, leaked, partial
+from helios_detector.simulation.view_simulated import ViewDetector
+from helios_detector.simulation.view_table import ViewTable
 from helios_detector.truth import Truth
-from helios_detector.view_masks import eroded, leaked, partial
-from helios_detector.view_simulated import ViewDetector
-from helios_detector.view_table import ViewTable
 from helios_detector.vocabulary import normalised
 from helios_sim.home.catalogs import CATALOGS
 

@@ -11,11 +11,11 @@ from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
 from helios_detector.backend import DetectorBackend, Findings, Seen
-from helios_detector.ground_truth import Visible, detection, visible
-from helios_detector.noise import Draws, NoiseTable, hashed_voxels
 from helios_detector.scorer import household_names
+from helios_detector.simulation.ground_truth import Visible, detection, visible
+from helios_detector.simulation.noise import Draws, NoiseTable, hashed_voxels
+from helios_detector.simulation.view_masks import eroded, trimmed
 from helios_detector.truth import TruthSource, truth_of
-from helios_detector.view_masks import eroded, trimmed
 from helios_detector.vocabulary import Wanted, normalised, open_wanted
 
 SEEN_SCORE = 0.3  # from which a class that was not asked for counts as seen

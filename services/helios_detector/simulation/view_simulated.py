@@ -14,13 +14,13 @@ from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
 from helios_detector.backend import DetectorBackend, Findings, Seen
-from helios_detector.ground_truth import Visible, detection, visible
 from helios_detector.scorer import household_names
+from helios_detector.simulation.ground_truth import Visible, detection, visible
+from helios_detector.simulation.view_ghosts import ghosts
+from helios_detector.simulation.view_masks import Masked, eroded, leaked, partial
+from helios_detector.simulation.view_noise import Views, key_of, keys_of, latent, uniform
+from helios_detector.simulation.view_table import ViewTable
 from helios_detector.truth import Truth, TruthInstance, TruthSource, truth_of
-from helios_detector.view_ghosts import ghosts
-from helios_detector.view_masks import Masked, eroded, leaked, partial
-from helios_detector.view_noise import Views, key_of, keys_of, latent, uniform
-from helios_detector.view_table import ViewTable
 from helios_detector.vocabulary import Wanted, normalised, open_wanted
 
 PURPOSES: tuple[str, ...] = (

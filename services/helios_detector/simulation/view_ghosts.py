@@ -18,10 +18,10 @@ from helios_core.geometry import Pinhole, lift_pixels
 from helios_core.types import Frame
 from numpy.typing import NDArray
 
+from helios_detector.simulation.view_masks import Box, Masked, trimmed
+from helios_detector.simulation.view_noise import Views, keys_of, latent, mixed, uniform
+from helios_detector.simulation.view_table import ViewTable
 from helios_detector.truth import Truth, TruthInstance
-from helios_detector.view_masks import Box, Masked, trimmed
-from helios_detector.view_noise import Views, keys_of, latent, mixed, uniform
-from helios_detector.view_table import ViewTable
 from helios_detector.vocabulary import Wanted, normalised
 
 STRIDE_PX = 8  # at which surfaces are sampled

@@ -21,7 +21,7 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
-from helios_detector.view_table import ViewTable, view_table
+from helios_detector.simulation.view_table import ViewTable, view_table
 from helios_detector.vocabulary import normalised
 
 _STANDARD = NormalDist()

@@ -19,7 +19,7 @@ from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from helios_detector.view_noise import SECTORS, Shares, sectors_of
+from helios_detector.simulation.view_noise import SECTORS, Shares, sectors_of
 from helios_detector.vocabulary import equals, normalised
 
 
