@@ -101,7 +101,8 @@ def replay(job: ReplayJob, console: Console) -> Results:
 
 def _examine(job: ReplayJob, console: Console) -> tuple[int, float]:
     """(frames, longest wait between two of them in seconds). Raises InvalidInput."""
-    from helios_replay.source import Part, open_source  # late: OpenCV
+    from helios_replay.opening import open_source  # late: OpenCV
+    from helios_replay.source import Part
 
     pace = job.pace
     to_s = math.inf if pace.to_s is None else pace.to_s

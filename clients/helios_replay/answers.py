@@ -27,7 +27,7 @@ from helios_core.topics import (
 from helios_core.types import FrameId
 
 from helios_replay.index import Index, read_index
-from helios_replay.source import mcap_files
+from helios_replay.opening import mcap_files
 
 log = logging.getLogger(__name__)
 

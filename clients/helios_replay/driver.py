@@ -22,11 +22,12 @@ from helios_core.robot import (
 from helios_core.topics import CONTEXT, ROBOT_STATE
 from helios_core.types import RobotDescription, RobotState
 
-from helios_replay.source import Part, open_source
+from helios_replay.opening import open_source
+from helios_replay.source import Part
 
 
 class ReplayDriver(RobotDriver):
-    """Plays what `helios_replay.source.open_source` can open. Raises InvalidInput if it cannot.
+    """Plays what `helios_replay.opening.open_source` can open. Raises InvalidInput if it cannot.
 
     An image that cannot be read raises InvalidInput from `capture`, once; the next capture gives
     the next image.

@@ -37,7 +37,7 @@ from helios_recorder.service import RecorderService
 from helios_recorder.settings import Settings
 from helios_replay import ReplayDriver
 from helios_replay.answers import RecordedDetector
-from helios_replay.source import open_source
+from helios_replay.opening import open_source
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.thread import WorldThread
 

@@ -19,7 +19,7 @@ from helios_core.topics import (
     RETIRED,
 )
 from helios_replay.answers import RecordedDetector
-from helios_replay.source import open_source
+from helios_replay.opening import open_source
 
 from tests.unit.recorder.recorder_bus import CONTEXT_ID, Recorded, context, frame
 

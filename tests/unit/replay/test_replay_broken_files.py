@@ -14,7 +14,7 @@ from helios_core import proto as pb
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.recording import KEYFRAME_CHANNELS
 from helios_replay.mcap_file import LARGEST_CHUNK, McapFile
-from helios_replay.source import open_source
+from helios_replay.opening import open_source
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer

@@ -1,0 +1,59 @@
+"""What lies at a path, opened as something to replay."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from helios_core.errors import Unavailable
+
+from helios_replay.source import Part, Source
+
+
+def open_source(path: Path, part: Part | None = None) -> Source:
+    """By what lies there. Raises InvalidInput in one sentence when it cannot be played, and
+    Unavailable without the library that it takes."""
+    part = part or Part()
+    if is_recording(path):
+        try:
+            from helios_replay.recording import Recording
+        except ImportError as error:
+            raise Unavailable(
+                f"a recording needs the library mcap ({error}); pip install 'helios-ovmm[recorder]'"
+            ) from error
+
+        return Recording(mcap_files(path), part)
+    if _is_bag(path):
+        from helios_replay.rosbag import RosBag
+
+        return RosBag(path, part)
+    if (path / "groundtruth.txt").is_file():
+        from helios_replay.tum import TumFolder
+
+        return TumFolder(path, part)
+    from helios_replay.dataset import ImageFolder
+
+    return ImageFolder(path, part)
+
+
+def is_recording(path: Path) -> bool:
+    """Whether it is one of ours: MCAP, or a folder of it."""
+    if path.is_dir():
+        return not _is_bag(path) and bool(mcap_files(path))
+    return path.suffix == ".mcap"
+
+
+def mcap_files(path: Path) -> list[Path]:
+    """The files of a recording, in their order; of a folder, those with something in them."""
+    if not path.is_dir():
+        return [path]
+    return sorted((f for f in path.glob("*.mcap") if f.stat().st_size > 0), key=_by_number)
+
+
+def _by_number(file: Path) -> tuple[list[str], list[int]]:
+    """So that file 1000 comes after file 999."""
+    return re.split(r"\d+", file.name), [int(n) for n in re.findall(r"\d+", file.name)]
+
+
+def _is_bag(path: Path) -> bool:
+    return path.suffix == ".bag" or (path / "metadata.yaml").is_file()
