@@ -12,14 +12,14 @@ from collections.abc import Sequence
 
 import typer
 
-from helios_client.assets import app as assets_app
-from helios_client.cli_judge import app as judge_app
-from helios_client.cli_map import app as map_app
-from helios_client.cli_map import objects_app
-from helios_client.cli_robot import app as robot_app
-from helios_client.cli_run import app as run_app
-from helios_client.cli_tasks import app as tasks_app
-from helios_client.why import app as why_app
+from helios_client.commands.assets import app as assets_app
+from helios_client.commands.judge import app as judge_app
+from helios_client.commands.map import app as map_app
+from helios_client.commands.map import objects_app
+from helios_client.commands.robot import app as robot_app
+from helios_client.commands.run import app as run_app
+from helios_client.commands.tasks import app as tasks_app
+from helios_client.commands.why import app as why_app
 
 app = typer.Typer(
     name="helios",

@@ -18,10 +18,11 @@ import httpx
 from helios_core.errors import DeadlineExceeded, Unavailable
 from numpy.typing import NDArray
 
-from helios_client import calls
-from helios_client.connection import EVENT_RETRY_S, POLL_S, SILENCE_S, Connection
-from helios_client.event_stream import EventParser
-from helios_client.http_errors import lost, refused
+from helios_client.http import calls
+from helios_client.http.connection import EVENT_RETRY_S, POLL_S, SILENCE_S, Connection
+from helios_client.http.errors import lost, refused
+from helios_client.http.events import EventParser
+from helios_client.http.waiting import Waiting
 from helios_client.tasks import (
     Decision,
     Event,
@@ -35,7 +36,6 @@ from helios_client.tasks import (
     Status,
     Task,
 )
-from helios_client.waiting import Waiting
 
 T = TypeVar("T")
 

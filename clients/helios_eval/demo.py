@@ -17,9 +17,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from helios_client.commands.task_view import run_task
 from helios_client.sdk import Helios
-from helios_client.stack import free_port
-from helios_client.task_view import run_task
+from helios_client.supervision.stack import free_port
 from helios_client.tasks import Task
 from helios_core import proto as pb
 from helios_core.errors import HeliosError, Unavailable

@@ -18,7 +18,7 @@ import time
 from dataclasses import fields
 from pathlib import Path
 
-from helios_client.supervisor import STEADY_S
+from helios_client.supervision.supervisor import STEADY_S
 from helios_core import proto as pb
 from helios_core.topics import TRUTH_EPISODE
 from helios_core.zenoh_bus import ZenohBus

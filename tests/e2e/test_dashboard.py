@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from helios_client.keys import add_key
+from helios_client.commands.keys import add_key
 from helios_core.errors import Unavailable
 from playwright.sync_api import Browser, Page, expect
 

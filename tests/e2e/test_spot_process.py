@@ -17,8 +17,8 @@ import pytest
 
 pytest.importorskip("bosdyn.client", reason="pip install 'helios-ovmm[spot]'")
 
+from helios_client.commands.status import find_status
 from helios_client.sdk import Helios
-from helios_client.status import find_status
 from helios_core import proto as pb
 from helios_core.codec import state_from_proto
 from helios_core.errors import HeliosError

@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from helios_client.processes import ProcessSpec
-from helios_client.stack import Stack, free_port
-from helios_client.up import up
+from helios_client.supervision.processes import ProcessSpec
+from helios_client.supervision.stack import Stack, free_port
+from helios_client.supervision.up import up
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError
 from helios_core.health import Health

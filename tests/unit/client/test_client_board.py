@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from helios_client.board import SILENT_S, Board, ServiceRow, as_json, is_ready
-from helios_client.link import supervisor_status
-from helios_client.supervisor import ProcessInfo, State
+from helios_client.supervision.board import SILENT_S, Board, ServiceRow, as_json, is_ready
+from helios_client.supervision.link import supervisor_status
+from helios_client.supervision.supervisor import ProcessInfo, State
 from helios_core import proto as pb
 
 

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 from helios_client.cli import run
-from helios_client.doctor import examine
-from helios_client.stack import Stack
+from helios_client.commands.doctor import examine
+from helios_client.supervision.stack import Stack
 
 from tests.support import free_port
 
@@ -183,7 +183,7 @@ def test_a_variable_makes_every_start_record(
     tmp_path: Path,
 ) -> None:  # fmt: skip
     started: list[Stack] = []
-    monkeypatch.setattr("helios_client.up.up", lambda stack, _: started.append(stack))
+    monkeypatch.setattr("helios_client.supervision.up.up", lambda stack, _: started.append(stack))
     if set_to is not None:
         monkeypatch.setenv("HELIOS_RECORD", set_to)
     assert helios("up", "--state", str(tmp_path)).status == 0

@@ -11,8 +11,8 @@ from typing import NoReturn
 
 import numpy as np
 import pytest
-from helios_client import state_file
 from helios_client.cli import run
+from helios_client.supervision import state_file
 from helios_core.errors import Unavailable
 
 from tests.gateway_process import Served, served
@@ -195,7 +195,7 @@ def test_an_interrupted_task_is_cancelled_first(
     def interrupted(*_: object) -> NoReturn:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("helios_client.task_view._watch_lines", interrupted)
+    monkeypatch.setattr("helios_client.commands.task_view._watch_lines", interrupted)
     told = helios("task", INSTRUCTION, status=130)
     assert told.startswith("cancelling the task")
     assert house.backend.tasks["t1"].state == "cancelled"

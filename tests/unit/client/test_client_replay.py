@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helios_client.board import Board
-from helios_client.replay_results import collect, stage_medians_ms
-from helios_client.replay_tally import PARTS, Tally
+from helios_client.replaying.results import collect, stage_medians_ms
+from helios_client.replaying.tally import PARTS, Tally
+from helios_client.supervision.board import Board
 from helios_core import proto as pb
 from helios_core.errors import Unavailable
 from helios_core.memory_bus import MemoryBus, MemoryHub

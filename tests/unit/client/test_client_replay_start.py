@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import cast
 
 import pytest
-from helios_client import replay as module
-from helios_client.board import Board
-from helios_client.replay import ReplayJob
-from helios_client.replay_results import unreadable_frames
-from helios_client.replay_tally import PARTS, Tally
-from helios_client.supervisor import ProcessInfo, State, Supervisor
+from helios_client.replaying import replay as module
+from helios_client.replaying.replay import ReplayJob
+from helios_client.replaying.results import unreadable_frames
+from helios_client.replaying.tally import PARTS, Tally
+from helios_client.supervision.board import Board
+from helios_client.supervision.supervisor import ProcessInfo, State, Supervisor
 from helios_core import proto as pb
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from rich.console import Console

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from helios_client.board import ServiceRow, is_ready
-from helios_client.replay_words import default_detector, what_to_seek
-from helios_client.stack import RECORDED, Stack
+from helios_client.replaying.words import default_detector, what_to_seek
+from helios_client.supervision.board import ServiceRow, is_ready
+from helios_client.supervision.stack import RECORDED, Stack
 from helios_client.wrong_use import WrongUse
 
 TAPE, FOLDER = Path("tour.mcap"), Path("folder")

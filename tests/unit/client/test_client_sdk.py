@@ -10,9 +10,9 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
-from helios_client.event_stream import parse_events
+from helios_client.commands.task_view import panel, run_task
+from helios_client.http.events import parse_events
 from helios_client.sdk import Helios
-from helios_client.task_view import panel, run_task
 from helios_client.tasks import Event, Task
 from helios_core.errors import (
     Conflict,

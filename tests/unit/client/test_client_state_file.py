@@ -10,9 +10,9 @@ import time
 from pathlib import Path
 
 import pytest
-from helios_client import state_file
+from helios_client.commands.status import find_status
 from helios_client.sdk import Helios
-from helios_client.status import find_status
+from helios_client.supervision import state_file
 from helios_core.errors import Unavailable
 
 from tests.support import free_port

@@ -12,7 +12,7 @@ from typing import Any
 
 import psutil
 import pytest
-from helios_client import state_file
+from helios_client.supervision import state_file
 
 from tests.support import free_port, wait_until
 

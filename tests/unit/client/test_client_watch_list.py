@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from helios_client.watch_list import DEFAULT_THRESHOLD, watch_list
+from helios_client.replaying.watch_list import DEFAULT_THRESHOLD, watch_list
 from helios_client.wrong_use import WrongUse
 from helios_core.types import Role
 from hypothesis import given

@@ -12,8 +12,8 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 from helios_client.cli import run
+from helios_client.commands.why_view import report
 from helios_client.tasks import Decision, Task
-from helios_client.why_view import report
 from rich.console import Console
 
 TASK: dict[str, Any] = {

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import schemathesis
-from helios_client.keys import add_key
+from helios_client.commands.keys import add_key
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_gateway.app import create_app
 from helios_gateway.fleet import Fleet, Served

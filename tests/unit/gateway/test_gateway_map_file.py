@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from fastapi.testclient import TestClient
-from helios_client.keys import add_key
+from helios_client.commands.keys import add_key
 from helios_core.errors import InvalidInput
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_gateway.app import create_app

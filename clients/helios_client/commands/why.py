@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from helios_client.options import At, Json, console, flat, print_json
+from helios_client.commands.options import At, Json, console, flat, print_json
 
 if TYPE_CHECKING:
     from helios_client.sdk import Helios
@@ -38,7 +38,7 @@ def why(
     as_json: Json = False,
 ) -> None:
     """Why a task did what it did. Every decision, its candidates, and one sentence."""
-    from helios_client.why_view import flips, report
+    from helios_client.commands.why_view import flips, report
 
     with at.connect() as helios:
         found = _task(helios, task)
@@ -53,7 +53,7 @@ def why(
 
 
 def _task(helios: Helios, id: str) -> Task:
-    from helios_client.lists import task_by_prefix
+    from helios_client.commands.lists import task_by_prefix
     from helios_client.wrong_use import WrongUse
 
     if id != "last":

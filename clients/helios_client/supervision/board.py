@@ -12,7 +12,7 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.topics import status_topic
 
-from helios_client.supervisor import ProcessInfo, State
+from helios_client.supervision.supervisor import ProcessInfo, State
 
 SILENT_S = 8.0  # services report every second; compiling kernels may hold one up
 NOT_NEEDED = frozenset({"recorder"})  # a full disk stops the recording, not the robot

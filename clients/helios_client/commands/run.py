@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from helios_client.options import Port, State, console
+from helios_client.commands.options import Port, State, console
 
 app = typer.Typer()
 
@@ -60,10 +60,10 @@ def up(
     from helios_core.errors import InvalidInput
     from helios_core.naming import robot_name
 
-    from helios_client import state_file
-    from helios_client.replay_words import check_detector, default_detector
-    from helios_client.stack import Stack, free_port
-    from helios_client.up import up as run_up
+    from helios_client.replaying.words import check_detector, default_detector
+    from helios_client.supervision import state_file
+    from helios_client.supervision.stack import Stack, free_port
+    from helios_client.supervision.up import up as run_up
     from helios_client.wrong_use import WrongUse
 
     if robot not in ("sim", "replay", "spot", "bus", "push") and ":" not in robot:
@@ -110,7 +110,7 @@ def record(
     ] = None,
 ) -> None:
     """Record every topic of a running robot into MCAP. Until Ctrl-C."""
-    from helios_client.record import record as run_record
+    from helios_client.commands.record import record as run_record
 
     run_record(out, port, state, router, name)
 
@@ -146,9 +146,9 @@ def replay(
     ] = "",
 ) -> None:
     """Play a recording or data set, and write what was found. Through the same services."""
-    from helios_client.replay import Pace, ReplayJob
-    from helios_client.replay import replay as run_replay
-    from helios_client.replay_words import check_detector, what_to_seek
+    from helios_client.replaying.replay import Pace, ReplayJob
+    from helios_client.replaying.replay import replay as run_replay
+    from helios_client.replaying.words import check_detector, what_to_seek
 
     screen = console()
     context, detector = what_to_seek(dataset, classes, thresholds, detector)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from helios_client.options import At, Json, console, flat, named_values, print_json
+from helios_client.commands.options import At, Json, console, flat, named_values, print_json
 
 if TYPE_CHECKING:
     from helios_client.tasks import Task
@@ -52,7 +52,7 @@ def task(
 
     On a stopped robot it waits until helios clear-stop, and says so.
     """
-    from helios_client.task_view import say_stopped, wait_while_starting, watch_task
+    from helios_client.commands.task_view import say_stopped, wait_while_starting, watch_task
 
     settings = named_values(own or ())
     with at.connect() as helios:
@@ -79,7 +79,7 @@ def tasks(
     as_json: Json = False,
 ) -> None:
     """List tasks, newest first."""
-    from helios_client.lists import task_table
+    from helios_client.commands.lists import task_table
 
     with at.connect() as helios:
         found = helios.tasks(state, limit)
@@ -95,7 +95,7 @@ def tasks(
 @flat
 def cancel(id: TaskId, at: At, as_json: Json = False) -> None:
     """Ask a task to end; the robot comes to rest."""
-    from helios_client.lists import task_by_prefix
+    from helios_client.commands.lists import task_by_prefix
 
     with at.connect() as helios:
         ended = helios.cancel(task_by_prefix(helios, id).id)
@@ -106,7 +106,7 @@ def cancel(id: TaskId, at: At, as_json: Json = False) -> None:
 @flat
 def pause(id: TaskId, at: At, as_json: Json = False) -> None:
     """Let a running task wait where it is, until helios resume."""
-    from helios_client.lists import task_by_prefix
+    from helios_client.commands.lists import task_by_prefix
 
     with at.connect() as helios:
         task = helios.pause(task_by_prefix(helios, id).id)
@@ -117,7 +117,7 @@ def pause(id: TaskId, at: At, as_json: Json = False) -> None:
 @flat
 def resume(id: TaskId, at: At, as_json: Json = False) -> None:
     """Go on with a paused task."""
-    from helios_client.lists import task_by_prefix
+    from helios_client.commands.lists import task_by_prefix
 
     with at.connect() as helios:
         task = helios.resume(task_by_prefix(helios, id).id)

@@ -11,9 +11,9 @@ from rich.markup import escape
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
-from helios_client import state_file
-from helios_client.connection import POLL_S
+from helios_client.http.connection import POLL_S
 from helios_client.sdk import Helios
+from helios_client.supervision import state_file
 from helios_client.tasks import Status, Task
 
 STARTING_S = 60.0

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from helios_client import state_file
-from helios_client.stack import port_in_use
+from helios_client.supervision import state_file
+from helios_client.supervision.stack import port_in_use
 
 MIN_PYTHON = (3, 11)
 FREE_BYTES = 500_000_000

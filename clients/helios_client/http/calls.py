@@ -17,7 +17,7 @@ import numpy as np
 from helios_core.errors import Internal
 from numpy.typing import NDArray
 
-from helios_client.http_errors import refused
+from helios_client.http.errors import refused
 from helios_client.tasks import (
     Decision,
     FoundObject,

@@ -8,9 +8,9 @@ from helios_core.errors import HeliosError, Unavailable
 from rich.markup import escape
 from rich.table import Table
 
-from helios_client import state_file
-from helios_client.lists import PLAIN
+from helios_client.commands.lists import PLAIN
 from helios_client.sdk import Helios
+from helios_client.supervision import state_file
 from helios_client.tasks import Status
 
 _COLORS = {"ready": "green", "starting": "cyan", "waiting": "yellow", "restarting": "yellow"}

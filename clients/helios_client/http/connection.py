@@ -7,7 +7,7 @@ from urllib.parse import quote
 
 import httpx
 
-from helios_client.calls import Call, event_query
+from helios_client.http.calls import Call, event_query
 
 POLL_S = 0.3
 SILENCE_S = 30.0  # a gateway is restarted within seconds

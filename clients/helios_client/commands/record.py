@@ -9,7 +9,7 @@ from typing import NoReturn
 
 from helios_core.errors import Unavailable
 
-from helios_client import state_file
+from helios_client.supervision import state_file
 
 
 def record(

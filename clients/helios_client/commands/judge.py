@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from helios_client.options import Json, Port, print_json
+from helios_client.commands.options import Json, Port, print_json
 
 app = typer.Typer()
 
@@ -60,7 +60,7 @@ def doctor(port: Port = 8080, as_json: Json = False) -> None:
     simulator needs; notes name what else there is."""
     from dataclasses import asdict
 
-    from helios_client.doctor import examine
+    from helios_client.commands.doctor import examine
 
     findings = examine(port)
     if as_json:

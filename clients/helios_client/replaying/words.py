@@ -7,8 +7,8 @@ from pathlib import Path
 
 from helios_core.types import SearchContext
 
-from helios_client.stack import RECORDED
-from helios_client.watch_list import watch_list
+from helios_client.replaying.watch_list import watch_list
+from helios_client.supervision.stack import RECORDED
 from helios_client.wrong_use import WrongUse
 
 DETECTORS = "helios.detectors"  # entry points by which packages add some

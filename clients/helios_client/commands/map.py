@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from helios_client.options import At, Json, console, flat, print_json
+from helios_client.commands.options import At, Json, console, flat, print_json
 
 objects_app = typer.Typer()
 app = typer.Typer(
@@ -28,7 +28,7 @@ def objects(
     as_json: Json = False,
 ) -> None:
     """List what is believed to be where, the surest first."""
-    from helios_client.lists import object_table
+    from helios_client.commands.lists import object_table
 
     with at.connect() as helios:
         found = sorted(helios.objects(class_name, min_score), key=lambda o: -o.score)
@@ -50,8 +50,8 @@ def seen(
     as_json: Json = False,
 ) -> None:
     """Where something was seen, with pictures. Believed objects of that name, and past views."""
-    from helios_client.lists import seen_tables
-    from helios_client.map_files import write_views
+    from helios_client.commands.lists import seen_tables
+    from helios_client.commands.map_files import write_views
 
     with at.connect() as helios:
         found = helios.seen(prompt, limit)
@@ -74,7 +74,7 @@ def save(
     as_json: Json = False,
 ) -> None:
     """Save both maps, ground and objects, in one file."""
-    from helios_client.map_files import write_file
+    from helios_client.commands.map_files import write_file
 
     with at.connect() as helios:
         data = helios.save_map()
@@ -96,7 +96,7 @@ def load(
 
     The robot must stand in the world of that map, with the same origin. Refused while a task runs.
     """
-    from helios_client.map_files import read_file
+    from helios_client.commands.map_files import read_file
 
     data = read_file(file)
     with at.connect() as helios:
@@ -124,7 +124,7 @@ def export(
     as_json: Json = False,
 ) -> None:
     """Write the 2D map as pictures (PNG) and arrays (NPZ), or for ROS."""
-    from helios_client.map_files import export_map, export_ros
+    from helios_client.commands.map_files import export_map, export_ros
     from helios_client.wrong_use import WrongUse
 
     if ros and only is not None:

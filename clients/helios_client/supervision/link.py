@@ -11,8 +11,8 @@ from helios_core.bus import Bus
 from helios_core.errors import HeliosError, Unavailable
 from helios_core.topics import SUPERVISOR
 
-from helios_client.board import Board
-from helios_client.supervisor import ProcessInfo
+from helios_client.supervision.board import Board
+from helios_client.supervision.supervisor import ProcessInfo
 
 log = logging.getLogger(__name__)
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from helios_client.options import At, Json, State, console, flat, print_json
+from helios_client.commands.options import At, Json, State, console, flat, print_json
 
 app = typer.Typer()
 
@@ -16,7 +16,7 @@ app = typer.Typer()
 @flat
 def status(at: At, state: State = None, as_json: Json = False) -> None:
     """How every service is, and whether stop-now is latched. Works while the gateway is down."""
-    from helios_client.status import find_status, status_table
+    from helios_client.commands.status import find_status, status_table
 
     with at.connect(timeout_s=3.0) as helios:
         found = find_status(helios, at.port if at.url is None else None, state)
@@ -68,7 +68,7 @@ def key(
     file: Annotated[Path, typer.Option(help="of the keys' hashes")] = Path("keys.toml"),
 ) -> None:
     """Make an API key, shown once. HELIOS_GATEWAY_KEYS=FILE helios up asks for keys."""
-    from helios_client.keys import add_key
+    from helios_client.commands.keys import add_key
 
     print(add_key(file, name, scope))
 

@@ -19,11 +19,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from helios_client.board import Board, ServiceRow
-from helios_client.replay_results import Results, collect, unreadable_frames
-from helios_client.replay_tally import Tally
-from helios_client.stack import Stack, free_port
-from helios_client.supervisor import Supervisor
+from helios_client.replaying.results import Results, collect, unreadable_frames
+from helios_client.replaying.tally import Tally
+from helios_client.supervision.board import Board, ServiceRow
+from helios_client.supervision.stack import Stack, free_port
+from helios_client.supervision.supervisor import Supervisor
 from helios_client.wrong_use import WrongUse
 
 CHECK_PERIOD_S = 0.05

@@ -15,12 +15,12 @@ from helios_core.signals import on_signals
 from rich.console import Console
 from rich.markup import escape
 
-from helios_client import state_file
-from helios_client.board import Board, ServiceRow, as_json, is_ready
-from helios_client.link import Link
-from helios_client.processes import Ending
-from helios_client.stack import Stack, port_in_use
-from helios_client.supervisor import ProcessInfo, State, Supervisor
+from helios_client.supervision import state_file
+from helios_client.supervision.board import Board, ServiceRow, as_json, is_ready
+from helios_client.supervision.link import Link
+from helios_client.supervision.processes import Ending
+from helios_client.supervision.stack import Stack, port_in_use
+from helios_client.supervision.supervisor import ProcessInfo, State, Supervisor
 from helios_client.wrong_use import WrongUse
 
 CHECK_PERIOD_S = 0.05

@@ -1,0 +1,1 @@
+"""The sub-commands of `helios`, and how they print."""

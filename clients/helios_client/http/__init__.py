@@ -1,0 +1,1 @@
+"""The HTTP interface as both SDKs ask it: calls, answers, errors, events."""

@@ -1,0 +1,1 @@
+"""`helios replay`: a data set through the services, and what came of it."""

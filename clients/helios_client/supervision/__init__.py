@@ -1,0 +1,1 @@
+"""`helios up`: which processes there are, and how they are kept running."""
