@@ -17,11 +17,12 @@ from helios_sim.sensor import SENSORS
 from rich.console import Console
 
 from helios_eval import folder as run_folder
-from helios_eval import gather, homes, results, service_settings, spec
 from helios_eval.calibration.command import calibration
-from helios_eval.record import Benchmark, Noise, read
+from helios_eval.episodes import homes, service_settings, spec
+from helios_eval.episodes.record import Benchmark, Noise, read
 from helios_eval.report import MARKDOWN, write_report_of
-from helios_eval.run import Run, run
+from helios_eval.runs import gather, results
+from helios_eval.runs.run import Run, run
 from helios_eval.video.command import video
 
 FIRST_KEPT_BACK = 100_000  # seeds from here on are for others

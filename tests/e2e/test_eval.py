@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from helios_eval import record
-from helios_eval.record import EpisodeRecord
+from helios_eval.episodes import record
+from helios_eval.episodes.record import EpisodeRecord
 
 from tests.support import wait_until
 

@@ -25,10 +25,10 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Observe
 from helios_core.topics import ACT, GAUSSIANS, LEASE, OBJECTS, ROBOT_STATE, SNAPSHOT
-from helios_eval.house import House
-from helios_eval.judging import episode_for
-from helios_eval.play import make_world
-from helios_eval.spec import EpisodeSpec
+from helios_eval.episodes.house import House
+from helios_eval.episodes.judging import episode_for
+from helios_eval.episodes.play import make_world
+from helios_eval.episodes.spec import EpisodeSpec
 from helios_map2d.service import Map2DService
 from helios_map2d.settings import Settings as Map2DSettings
 from helios_objectmap.service import ObjectMapService

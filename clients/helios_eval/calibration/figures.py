@@ -15,7 +15,7 @@ from helios_eval.calibration.summary import (
     Row,
     rows_of,
 )
-from helios_eval.record import EpisodeRecord
+from helios_eval.episodes.record import EpisodeRecord
 
 _SHORT = (
     "setting", "role", "views", "score", "samples", "episodes", "true", "mean", "ece", "ece_low",

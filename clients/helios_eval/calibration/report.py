@@ -11,7 +11,7 @@ from helios_core.errors import InvalidInput
 
 from helios_eval.calibration.figures import Figure, figures
 from helios_eval.calibration.summary import FEWEST, FEWEST_EPISODES, RESAMPLES
-from helios_eval.record import EPISODES, EpisodeRecord, read
+from helios_eval.episodes.record import EPISODES, EpisodeRecord, read
 
 REPORT = "calibration.md"
 

@@ -1,1 +1,1 @@
-"""The object map over long walks; `python -m helios_eval.object_map_growth` is the command."""
+"""The object map over long walks; the command is `helios_eval.studies.object_map_growth`."""

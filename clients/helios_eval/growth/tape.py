@@ -11,10 +11,10 @@ from helios_core.topics import CONTEXT, OBSERVATION, ROBOT_STATE
 from helios_core.types import Observation, SearchContext
 from helios_sim.thread import WorldThread
 
-from helios_eval import homes, spec
+from helios_eval.episodes import homes, spec
+from helios_eval.episodes.house import House
+from helios_eval.episodes.play import LONGEST_S, make_world
 from helios_eval.growth.walk import strided
-from helios_eval.house import House
-from helios_eval.play import LONGEST_S, make_world
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,8 @@ from helios_sim.oracle import Oracle
 from helios_sim.world import World
 from numpy.typing import NDArray
 
-from helios_eval import homes
-from helios_eval.house import truth_of
+from helios_eval.episodes import homes
+from helios_eval.episodes.house import truth_of
 
 BOOT_ID = "walk"
 STEP_NS = 1_000_000_000  # a frame a second of robot time

@@ -8,8 +8,8 @@ from typing import Any
 
 from helios_core.errors import InvalidInput
 
-from helios_eval import record
-from helios_eval.record import EpisodeRecord
+from helios_eval.episodes import record
+from helios_eval.episodes.record import EpisodeRecord
 from helios_eval.report.build import build
 from helios_eval.report.header import run_of
 from helios_eval.report.render_html import html_of

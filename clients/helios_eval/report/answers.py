@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from helios_eval.episodes.spec import MAX_STEPS, SENSOR
 from helios_eval.report import paper, plots, text
 from helios_eval.report.arms import PAPERS, Arm, in_common, noise_parts, plain_arm
 from helios_eval.report.metrics import METRICS, values
 from helios_eval.report.model import Block, Cell, Paragraph, Rows, Section, Table
 from helios_eval.report.ours import asked_of, count, tone_of
 from helios_eval.report.stats import Interval, paired_difference, paired_ratio, untold, wilson
-from helios_eval.spec import MAX_STEPS, SENSOR
 
 NOISY, TRUE = "noisy", "ground-truth"
 SO_FAR = ", so far"

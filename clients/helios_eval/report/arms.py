@@ -6,7 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from helios_eval.record import EpisodeRecord, Noise, Setting
+from helios_eval.episodes.record import EpisodeRecord, Noise, Setting
 from helios_eval.report.asked import Identity
 
 # The order in which agents are shown; others stand between, by name.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from helios_eval.record import Noise, Setting
+from helios_eval.episodes.record import Noise, Setting
 
 KEYS = ("benchmark", "agents", "semantics", "preset", "noise", "settings", "seed0", "episodes")
 

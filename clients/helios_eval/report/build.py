@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from helios_eval import calibration
-from helios_eval.record import EpisodeRecord
+from helios_eval.episodes.record import EpisodeRecord
 from helios_eval.report import answers, failures, header, ours, plots, published, text, timing
 from helios_eval.report.arms import Arm, arms_of
 from helios_eval.report.asked import seeds_asked

@@ -7,8 +7,9 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from helios_eval import homes, keepsake
-from helios_eval.record import EpisodeRecord
+from helios_eval.episodes import homes, keepsake
+from helios_eval.episodes.record import EpisodeRecord
+from helios_eval.episodes.spec import MAX_STEPS, SENSOR, WALKER
 from helios_eval.report import maps, plots, style, text
 from helios_eval.report.arms import Arm, drawn
 from helios_eval.report.metrics import shares_of_causes, values
@@ -24,7 +25,6 @@ from helios_eval.report.model import (
 )
 from helios_eval.report.ours import benchmarks_of, count
 from helios_eval.report.stats import mean_sem, wilson
-from helios_eval.spec import MAX_STEPS, SENSOR, WALKER
 
 MOST_PICTURES = 12  # per agent
 MOST_BODIES = 3

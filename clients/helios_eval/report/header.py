@@ -11,7 +11,7 @@ from typing import Any
 
 from helios_core.errors import InvalidInput
 
-from helios_eval.record import EpisodeRecord
+from helios_eval.episodes.record import EpisodeRecord
 from helios_eval.report import text
 from helios_eval.report.arms import Arm, correlation_name, most_common, noise_parts
 from helios_eval.report.asked import Identity, seeds_asked

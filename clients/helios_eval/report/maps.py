@@ -19,7 +19,7 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
-from helios_eval.keepsake import Keepsake, Marked
+from helios_eval.episodes.keepsake import Keepsake, Marked
 
 SIZE_IN, DPI = 4.0, 110
 COLOURS = 64  # of the PNG: a map has few

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_eval.record import EpisodeRecord
+from helios_eval.episodes.record import EpisodeRecord
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from helios_eval.record import EpisodeRecord
+from helios_eval.episodes.record import EpisodeRecord
 from helios_eval.report import plots, text
 from helios_eval.report.arms import Arm, drawn, in_common, pairs
 from helios_eval.report.metrics import METRICS, NAMES, TITLES, values

@@ -44,9 +44,9 @@ def video(
     from rich.console import Console
     from rich.progress import Progress
 
-    from helios_eval import homes, service_settings
-    from helios_eval import spec as specs
-    from helios_eval.record import Benchmark, Semantics
+    from helios_eval.episodes import homes, service_settings
+    from helios_eval.episodes import spec as specs
+    from helios_eval.episodes.record import Benchmark, Semantics
     from helios_eval.video.episode import film
 
     known_benchmark = next((b for b in get_args(Benchmark) if b == benchmark), None)

@@ -9,11 +9,11 @@ from pathlib import Path
 from helios_sim.judge import Said
 from helios_sim.thread import WorldThread
 
-from helios_eval.homes import home_of
-from helios_eval.house import House
-from helios_eval.judging import verdict
-from helios_eval.play import LONGEST_S, make_world
-from helios_eval.spec import EpisodeSpec
+from helios_eval.episodes.homes import home_of
+from helios_eval.episodes.house import House
+from helios_eval.episodes.judging import verdict
+from helios_eval.episodes.play import LONGEST_S, make_world
+from helios_eval.episodes.spec import EpisodeSpec
 from helios_eval.video.layout import HEIGHT, WIDTH, frame_picture
 from helios_eval.video.scene import Scene
 from helios_eval.video.watch import Watcher, glides

@@ -9,7 +9,7 @@ import pytest
 from detector_scene import frame_of
 from helios_core.errors import Unavailable
 from helios_core.types import Detection, Observation
-from helios_eval.camera_rate import main, middles_of, rate_of
+from helios_eval.studies.camera_rate import main, middles_of, rate_of
 
 SHARED = Path(__file__).resolve().parents[4] / "shared"
 KITCHEN = SHARED / "data" / "redkitchen"

@@ -14,9 +14,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from helios_eval import keepsake, record
-from helios_eval.keepsake import Keepsake, Marked
-from helios_eval.record import Belief, EpisodeRecord, Noise
+from helios_eval.episodes import keepsake, record
+from helios_eval.episodes.keepsake import Keepsake, Marked
+from helios_eval.episodes.record import Belief, EpisodeRecord, Noise
 
 NOISE = Noise(table="synthetic", digest="0" * 64, level=1.0, correlation=None)
 OBJECTS = ("mug", "toy animal", "spray bottle", "book", "sushi mat")

@@ -12,7 +12,7 @@ from helios_eval.calibration.command import calibration
 from helios_eval.calibration.report import markdown_table
 from helios_eval.calibration.samples import VIEWS, by_setting, samples_of
 from helios_eval.calibration.summary import ALL, rows_of
-from helios_eval.record import Noise, append
+from helios_eval.episodes.record import Noise, append
 
 CORRELATED = Noise(table="ovmm-v1", digest="0", level=2.0, correlation=1.0)
 

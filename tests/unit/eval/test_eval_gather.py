@@ -9,12 +9,13 @@ from pathlib import Path
 import pytest
 from helios_client import cli
 from helios_core.errors import InvalidInput
-from helios_eval import gather, record
-from helios_eval.record import PACKED, EpisodeRecord
+from helios_eval.episodes import record
+from helios_eval.episodes.record import PACKED, EpisodeRecord
 from helios_eval.report import published
 from helios_eval.report.arms import arms_of, pairs
 from helios_eval.report.model import Table
-from helios_eval.run import Run, note
+from helios_eval.runs import gather
+from helios_eval.runs.run import Run, note
 from synthetic_episodes import NOISE, episode, write
 
 SWEPT = {"objectmap.alpha_cs": 0.1}

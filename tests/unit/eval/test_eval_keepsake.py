@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
-from helios_eval import keepsake
-from helios_eval.keepsake import Keepsake, Marked
+from helios_eval.episodes import keepsake
+from helios_eval.episodes.keepsake import Keepsake, Marked
 
 KEPT = Keepsake(
     agent="helios", semantics="noisy", seed=7, preset="demo-v1", instruction="Move the mug",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import io
 
 from eval_constructed_records import record
-from helios_eval.progress import Board
-from helios_eval.spec import EpisodeSpec
+from helios_eval.episodes.spec import EpisodeSpec
+from helios_eval.runs.progress import Board
 from rich.console import Console
 
 SPECS = [

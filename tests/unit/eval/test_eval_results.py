@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from eval_constructed_records import record
 from helios_core.errors import InvalidInput
-from helios_eval import results
-from helios_eval.results import UNLIMITED
+from helios_eval.runs import results
+from helios_eval.runs.results import UNLIMITED
 
 NAMES = [
     "FindObj", "Pick", "FindRec", "Place", "SR", "partial", "collisions", "steps",

@@ -14,14 +14,16 @@ import pytest
 from eval_constructed_records import record
 from helios_client.wrong_use import WrongUse
 from helios_core.errors import Conflict, InvalidInput, Unavailable
-from helios_eval import folder, gather, results, service_settings
-from helios_eval import record as records
-from helios_eval import run as runs
-from helios_eval.play import Played
-from helios_eval.pool import Outcome
-from helios_eval.record import EpisodeRecord
-from helios_eval.run import Run, run
-from helios_eval.spec import EpisodeSpec, noise_of
+from helios_eval import folder
+from helios_eval.episodes import record as records
+from helios_eval.episodes import service_settings
+from helios_eval.episodes.play import Played
+from helios_eval.episodes.record import EpisodeRecord
+from helios_eval.episodes.spec import EpisodeSpec, noise_of
+from helios_eval.runs import gather, results
+from helios_eval.runs import run as runs
+from helios_eval.runs.pool import Outcome
+from helios_eval.runs.run import Run, run
 from rich.console import Console
 
 NOISE = noise_of("ovmm-v1", 1.0, None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from helios_client.wrong_use import WrongUse
 from helios_core.agent_settings import AGENT_SETTINGS
-from helios_eval import homes, service_settings, spec
+from helios_eval.episodes import homes, service_settings, spec
 from helios_planner.agents import AGENTS
 from helios_planner.settings import Settings
 

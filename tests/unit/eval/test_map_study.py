@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from helios_client.wrong_use import WrongUse
 from helios_core.types import ObjectInstance, Role
-from helios_eval.beliefs import Role as BeliefRole
-from helios_eval.beliefs import judged
-from helios_eval.map_study import Outcome, arm_of, main, pick, row, tell
-from helios_eval.map_walk import Walk, believed, walk
+from helios_eval.episodes.beliefs import Role as BeliefRole
+from helios_eval.episodes.beliefs import judged
+from helios_eval.studies.map_study import Outcome, arm_of, main, pick, row, tell
+from helios_eval.studies.map_walk import Walk, believed, walk
 from helios_sim.truth import TrueThing
 
 LOW: dict[Role, float] = dict.fromkeys(

@@ -3,7 +3,7 @@
 import cv2
 import pytest
 from helios_core.errors import InvalidInput
-from helios_eval.noise_plot import alike, draw, view_table
+from helios_eval.studies.noise_plot import alike, draw, view_table
 
 
 def test_a_table_is_drawn(tmp_path):

@@ -1,4 +1,4 @@
-"""How the object map grows: short runs of what `helios_eval.object_map_growth` does at length."""
+"""How the object map grows: short runs of `helios_eval.studies.object_map_growth`."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from helios_core.codec import context_to_proto, observation_to_proto
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, OBSERVATION
-from helios_eval import object_map_growth
 from helios_eval.growth import cost, hours, scene, tape
 from helios_eval.growth.hours import Hours, Sample
 from helios_eval.growth.walk import Walk, context_of, record
+from helios_eval.studies import object_map_growth
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.service import ObjectMapService
 from helios_objectmap.settings import ObjectMapSettings

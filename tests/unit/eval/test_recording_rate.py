@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from helios_eval.recording_rate import main
+from helios_eval.studies.recording_rate import main
 
 SHARED = Path(__file__).resolve().parents[4] / "shared"
 KITCHEN = SHARED / "data" / "redkitchen"

@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 
 import pytest
 from helios_core.errors import InvalidInput
-from helios_eval.record import EPISODES
+from helios_eval.episodes.record import EPISODES
 from helios_eval.report import write_report
 from synthetic_episodes import CHANCES, NOISE, episode, write
 

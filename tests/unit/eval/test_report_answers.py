@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import pytest
-from helios_eval.record import EpisodeRecord
+from helios_eval.episodes.record import EpisodeRecord
 from helios_eval.report import answers
 from helios_eval.report.arms import arms_of, drawn
 from helios_eval.report.asked import seeds_asked

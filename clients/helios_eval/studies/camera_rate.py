@@ -1,6 +1,6 @@
 """A camera at its own rate through a detector process: what is dropped, how old an answer is.
 
-    python -m helios_eval.camera_rate /work/shared/data/redkitchen \
+    python -m helios_eval.studies.camera_rate /work/shared/data/redkitchen \
         --detector onnx:/work/shared/models/yolox_nano.onnx --name mug \
         --at 1.80,0.715,0.80 --at 1.655,-0.265,0.785
 
@@ -251,7 +251,7 @@ def _point(text: str) -> NDArray[np.float64]:
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.camera_rate",
+        prog="python -m helios_eval.studies.camera_rate",
         description="A camera at its own rate through a detector process: drops, ages, masks.",
     )
     parser.add_argument("dataset", type=Path, help="folder of posed RGB-D images")

@@ -39,8 +39,8 @@ from helios_sim.thread import WorldThread
 from helios_sim.truth import Segmentation
 
 from helios_eval import kernels
-from helios_eval.record import Noise, Setting
-from helios_eval.service_settings import of_service
+from helios_eval.episodes.record import Noise, Setting
+from helios_eval.episodes.service_settings import of_service
 
 NEVER_S = 86_400.0
 LONGEST_ACTION_S = 600.0  # the bridge allows no more

@@ -8,7 +8,7 @@ from typing import get_args
 from helios_client.wrong_use import WrongUse
 from helios_detector.simulation.noise import load_noise
 
-from helios_eval.record import Benchmark, Noise, Semantics, Setting, key_of
+from helios_eval.episodes.record import Benchmark, Noise, Semantics, Setting, key_of
 
 WALKER = "ground-truth-walker"  # knows the map: what can be reached at all
 DEFAULT_STEPS: dict[Benchmark, int] = {"ovmm": 1250, "objectnav": 500}

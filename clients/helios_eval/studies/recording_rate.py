@@ -1,6 +1,6 @@
 """A camera at its own rate into a recording, with everything else going on: what is lost?
 
-    python -m helios_eval.recording_rate /work/shared/data/redkitchen \
+    python -m helios_eval.studies.recording_rate /work/shared/data/redkitchen \
         --detector onnx:/work/shared/models/yolox_nano.onnx --name mug
 
 Starts a router, detector, both maps and the recorder, and is the camera itself: a stream, of which
@@ -27,8 +27,8 @@ from helios_core.topics import CONTEXT, status_topic
 from helios_core.types import Role, SearchClass, SearchContext
 from mcap.reader import make_reader
 
-from helios_eval.camera_rate import Camera, dataset_frames, use_cores
 from helios_eval.service_process import ServiceProcess
+from helios_eval.studies.camera_rate import Camera, dataset_frames, use_cores
 
 BESIDE = ("objectmap", "map2d", "detector")
 COUNTERS = ("dropped_frames", "dropped_messages", "missed_frames")
@@ -129,7 +129,7 @@ def _in_file(file: Path) -> tuple[dict[str, set[int]], dict[str, int]]:
 
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.recording_rate",
+        prog="python -m helios_eval.studies.recording_rate",
         description="A camera at its own rate into a recording, with everything else going on.",
     )
     parser.add_argument("dataset", type=Path, help="folder of posed RGB-D images")

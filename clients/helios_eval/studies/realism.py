@@ -1,6 +1,6 @@
 """How real the simulator looks to a detector that was trained on real pictures.
 
-    python -m helios_eval.realism --detector onnx:/work/shared/models/yolox_nano.onnx \
+    python -m helios_eval.studies.realism --detector onnx:/work/shared/models/yolox_nano.onnx \
         --seeds 0-9 --out runs/realism
 
 Every thing of every home is looked at from two distances, by the robot's camera, once in parametric
@@ -32,7 +32,7 @@ from helios_sim.assets.pack import Model
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.home.catalogs import CATALOGS
 
-from helios_eval.realism_views import Eye, NotedDressing, Thing, View, iou
+from helios_eval.studies.realism_views import Eye, NotedDressing, Thing, View, iou
 
 COVERS_IOU = 0.5
 NOWHERE_IOU = 0.3  # a detection that covers less of every thing is of nothing there
@@ -216,7 +216,7 @@ def _measure(given: argparse.Namespace) -> None:
         realistic()  # says at once what to bake
     detector = open_detector(given.detector, DetectorOptions(threads=given.threads))
     detector.warm_up()
-    from helios_eval.realism_pictures import Album, chart  # matplotlib takes a second
+    from helios_eval.studies.realism_pictures import Album, chart  # matplotlib takes a second
 
     sights: list[Sight] = []
     album, views, of_nothing = Album(), Counter[str](), Counter[str]()
@@ -265,7 +265,7 @@ def _seeds(text: str) -> tuple[int, ...]:
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.realism",
+        prog="python -m helios_eval.studies.realism",
         description="Which simulated things does a detector of real pictures recognise?",
     )
     parser.add_argument("--detector", required=True, help="onnx:FILE, transformers:ID, …")

@@ -10,7 +10,7 @@ from helios_sim.judge import Said, failure_cause, objectnav_cause
 from helios_sim.robot_model import description
 from helios_sim.world import World
 
-from helios_eval.record import Benchmark
+from helios_eval.episodes.record import Benchmark
 
 
 @dataclass(frozen=True)

@@ -18,18 +18,20 @@ from typing import Any
 from helios_core.errors import InvalidInput
 from rich.console import Console
 
-from helios_eval import folder, homes, keepsake, record, results, service_settings
+from helios_eval import folder
 from helios_eval.bench.run import commit, machine
-from helios_eval.gather import commands_of
-from helios_eval.pool import Outcome, play_all
-from helios_eval.progress import Board
-from helios_eval.record import Benchmark, EpisodeRecord, Noise, Semantics, Setting
+from helios_eval.episodes import homes, keepsake, record, service_settings
+from helios_eval.episodes.record import Benchmark, EpisodeRecord, Noise, Semantics, Setting
+from helios_eval.episodes.service_settings import that_change
+from helios_eval.episodes.spec import EpisodeSpec
 from helios_eval.report import write_report
 from helios_eval.report.asked import KEYS, orders_of
 from helios_eval.report.header import RUN, run_of
-from helios_eval.results import Picks
-from helios_eval.service_settings import that_change
-from helios_eval.spec import EpisodeSpec
+from helios_eval.runs import results
+from helios_eval.runs.gather import commands_of
+from helios_eval.runs.pool import Outcome, play_all
+from helios_eval.runs.progress import Board
+from helios_eval.runs.results import Picks
 
 _LIBRARIES = ("numpy", "mujoco", "numba", "opencv-python-headless", "scipy", "protobuf")
 
@@ -190,7 +192,7 @@ def note(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
 def _outcomes(asked: Run, missing: Sequence[EpisodeSpec], here: str) -> Generator[Outcome]:
     if asked.ray is None:
         return play_all(missing, asked.jobs, here)
-    from helios_eval.ray_pool import play_all_on_ray
+    from helios_eval.runs.ray_pool import play_all_on_ray
 
     return play_all_on_ray(missing, asked.ray, here)
 

@@ -24,9 +24,9 @@ from pathlib import Path
 import psutil
 from helios_core.errors import HeliosError
 
-from helios_eval.play import Played
-from helios_eval.spec import EpisodeSpec
-from helios_eval.worker import serve
+from helios_eval.episodes.play import Played
+from helios_eval.episodes.spec import EpisodeSpec
+from helios_eval.episodes.worker import serve
 
 _PREFIX = "helios-eval-"
 _MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # for temporary files

@@ -11,12 +11,12 @@ from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
 from helios_sim.thread import WorldThread
 
-from helios_eval import homes, spec
-from helios_eval.beliefs import TrueThing
+from helios_eval.episodes import homes, spec
+from helios_eval.episodes.beliefs import TrueThing
+from helios_eval.episodes.house import House
+from helios_eval.episodes.play import make_world
+from helios_eval.episodes.record import Setting
 from helios_eval.growth.tape import Seen, recorded
-from helios_eval.house import House
-from helios_eval.play import make_world
-from helios_eval.record import Setting
 
 # Nothing is ever sure enough to be picked, so that the whole home is searched once.
 _ONLY_LOOKS: Mapping[str, Setting] = {

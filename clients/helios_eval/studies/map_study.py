@@ -1,6 +1,6 @@
 """Which way of weighing evidence tells true things from false ones, over the same frames.
 
-    python -m helios_eval.map_study --out runs/map-study --seed0 100 --homes 40 \\
+    python -m helios_eval.studies.map_study --out runs/map-study --seed0 100 --homes 40 \\
         --arm helios --arm helios-next --arm "helios-next named_from=0.25 size_agreement=on"
 
 `helios` searches each home once without ever picking; what its noisy detector said goes into one
@@ -34,12 +34,12 @@ from helios_planner.decisions.standards import paper, patient
 from helios_planner.searching.object_search import is_on_any, place
 from helios_planner.settings import Settings as PlannerSettings
 
-from helios_eval import service_settings
-from helios_eval.beliefs import Role as BeliefRole
-from helios_eval.beliefs import is_at, judged
 from helios_eval.calibration.statistics import auroc
-from helios_eval.map_walk import Walk, believed, walk
-from helios_eval.record import Belief
+from helios_eval.episodes import service_settings
+from helios_eval.episodes.beliefs import Role as BeliefRole
+from helios_eval.episodes.beliefs import is_at, judged
+from helios_eval.episodes.record import Belief
+from helios_eval.studies.map_walk import Walk, believed, walk
 
 ROLES = ("object", "start", "goal")
 RULES = {"helios": paper, "helios-next": patient}  # agents that have a map of their own
@@ -154,7 +154,7 @@ def table(rows: Mapping[str, Mapping[str, float]]) -> str:
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.map_study", description=__doc__,
+        prog="python -m helios_eval.studies.map_study", description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument(

@@ -1,6 +1,6 @@
 """What the object map believes of posed real frames, under several settings, view after view.
 
-    python -m helios_eval.real_frames ../shared/data/redkitchen --out runs/kitchen \\
+    python -m helios_eval.studies.real_frames ../shared/data/redkitchen --out runs/kitchen \\
         --detector onnx:../shared/models/yolox_nano.onnx \\
         --classes "cup,bowl,microwave,book,dining table,chair,tv" --receptacles "dining table" \\
         --thresholds "microwave=0.45" \\
@@ -37,9 +37,9 @@ from helios_detector.opening import open_detector
 from helios_objectmap.settings import ObjectMapSettings
 from helios_replay.dataset import read_dataset
 
-from helios_eval import service_settings
-from helios_eval.real_frames_courses import Course, Place, courses, names_in
-from helios_eval.real_frames_pictures import draw_beliefs, draw_counts
+from helios_eval.episodes import service_settings
+from helios_eval.studies.real_frames_courses import Course, Place, courses, names_in
+from helios_eval.studies.real_frames_pictures import draw_beliefs, draw_counts
 
 DEFAULT = "default"
 
@@ -109,7 +109,7 @@ def context_of(classes: str, thresholds: str, receptacles: str) -> SearchContext
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.real_frames", description=__doc__,
+        prog="python -m helios_eval.studies.real_frames", description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("dataset", type=Path, help="folder of posed RGB-D images")

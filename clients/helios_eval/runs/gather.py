@@ -16,7 +16,7 @@ from typing import Any
 from helios_client.wrong_use import WrongUse
 from helios_core.errors import InvalidInput
 
-from helios_eval.record import EPISODES, PACKED, EpisodeRecord, read
+from helios_eval.episodes.record import EPISODES, PACKED, EpisodeRecord, read
 from helios_eval.report.asked import orders_of
 from helios_eval.report.header import RUN, run_of
 

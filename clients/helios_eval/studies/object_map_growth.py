@@ -1,6 +1,6 @@
 """How the object map grows: cost per frame, objects only against the full scene, hours of frames.
 
-    python -m helios_eval.object_map_growth --out runs/growth
+    python -m helios_eval.studies.object_map_growth --out runs/growth
 
 `cost` maps 2,000 frames of homes that the map has not seen and draws the time of an update against
 the Gaussians mapped. `scene` is Figure 4 of the paper: one episode with objects only and with every
@@ -29,7 +29,7 @@ PARTS = ("cost", "scene", "hours")
 
 def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.object_map_growth", description=__doc__,
+        prog="python -m helios_eval.studies.object_map_growth", description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, help="folder for figures and pictures")

@@ -17,7 +17,7 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
-from helios_eval.record import EpisodeRecord
+from helios_eval.episodes.record import EpisodeRecord
 from helios_eval.report.metrics import NAMES, values
 from helios_eval.report.stats import mean_sem
 

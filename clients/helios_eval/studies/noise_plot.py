@@ -1,6 +1,6 @@
 """A picture of a noise table: what the simulated detector makes of each class.
 
-    python -m helios_eval.noise_plot ovmm-v1 --out noise.png
+    python -m helios_eval.studies.noise_plot ovmm-v1 --out noise.png
 
 Left: how often each class is missed at four sizes and taken for another. Middle: which class is
 taken for which. Right: scores of true, confused and false detections, sampled, with the paper's

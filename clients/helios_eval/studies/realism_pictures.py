@@ -13,7 +13,7 @@ from helios_sim.assets.pack import Model
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from helios_eval.realism import Judged, Row
+    from helios_eval.studies.realism import Judged, Row
 
 mpl.use("Agg")
 

@@ -19,14 +19,14 @@ from helios_sim.sensor import SENSORS
 from helios_sim.thread import WorldThread
 from numpy.typing import NDArray
 
-from helios_eval import homes
-from helios_eval.beliefs import Role, judged
-from helios_eval.house import House
-from helios_eval.judging import episode_for, verdict
-from helios_eval.keepsake import Keepsake, Marked
-from helios_eval.record import Belief, EpisodeRecord
-from helios_eval.spec import WALKER, EpisodeSpec
-from helios_eval.watched import WatchedWorld
+from helios_eval.episodes import homes
+from helios_eval.episodes.beliefs import Role, judged
+from helios_eval.episodes.house import House
+from helios_eval.episodes.judging import episode_for, verdict
+from helios_eval.episodes.keepsake import Keepsake, Marked
+from helios_eval.episodes.record import Belief, EpisodeRecord
+from helios_eval.episodes.spec import WALKER, EpisodeSpec
+from helios_eval.episodes.watched import WatchedWorld
 
 BELIEFS_EVERY = 20  # steps
 LONGEST_S = 7200.0  # an episode that is stuck ends as a system error

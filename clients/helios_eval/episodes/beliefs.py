@@ -22,7 +22,7 @@ from typing import Literal, Protocol
 from helios_core.types import ObjectInstance
 from helios_detector.vocabulary import normalised
 
-from helios_eval.record import Belief
+from helios_eval.episodes.record import Belief
 
 Role = Literal["object", "start", "goal"]
 
