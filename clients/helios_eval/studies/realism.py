@@ -16,133 +16,35 @@ import json
 import os
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import asdict
 from pathlib import Path
 
 os.environ.setdefault("MUJOCO_GL", "egl")  # before MuJoCo is imported; needs no display
 
 from helios_core.errors import HeliosError, InvalidInput
-from helios_core.types import Detection, Role, SearchClass, SearchContext
+from helios_core.types import Role, SearchClass, SearchContext
 from helios_detector.backend import DetectorBackend, DetectorOptions
 from helios_detector.opening import open_detector
-from helios_detector.vocabulary import accepts, neighbours, normalised
 from helios_sim.assets import realistic
 from helios_sim.assets.pack import Model
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.home.catalogs import CATALOGS
 
-from helios_eval.studies.realism_views import Eye, NotedDressing, Thing, View, iou
+from helios_eval.studies.realism_judging import (
+    PARAMETRIC,
+    REALISTIC,
+    Judged,
+    Sight,
+    judged,
+    names_for,
+    rows_of,
+    table,
+)
+from helios_eval.studies.realism_views import Eye, NotedDressing
 
-COVERS_IOU = 0.5
-NOWHERE_IOU = 0.3  # a detection that covers less of every thing is of nothing there
 LEAST_PX = 400  # smaller things are not judged
 LEAST_OPEN_BOX, LEAST_OPEN_PIXELS = 0.75, 0.35  # nor those that something else, or the edge, hides
-PARAMETRIC, REALISTIC = "parametric", "realistic"
-
-
-@dataclass(frozen=True)
-class Sight:
-    """What the detector made of one thing in one picture."""
-
-    looks: str  # parametric or realistic
-    class_name: str
-    found: str  # the detector's name for it; empty: nothing covers it
-    score: float  # of that detection
-    recognised: bool
-
-
-@dataclass(frozen=True)
-class Row:
-    """One class in one kind of looks."""
-
-    seen: int
-    recognised: int
-    taken_for: tuple[tuple[str, int], ...]  # wrong names, most frequent first
-
-
-@dataclass(frozen=True)
-class Judged:
-    """A view with what was found in it."""
-
-    view: View
-    looks: str
-    detections: tuple[Detection, ...]
-    sights: tuple[tuple[Thing, Sight], ...]
-
-    @property
-    def of_nothing(self) -> int:
-        """Detections where nothing stands."""
-        boxes = [t.box_xyxy for t in self.view.things]
-        return sum(
-            all(iou(d.box_xyxy, box) < NOWHERE_IOU for box in boxes) for d in self.detections
-        )
-
-
-def names_for(class_name: str, vocabulary: Iterable[str] | None) -> frozenset[str]:
-    """The detector's names that are right for a class of the simulator; empty: it knows none.
-
-    Its own name and synonyms; only where there are none, wider or neighbouring kinds.
-    """
-    if vocabulary is None:
-        return frozenset({class_name})
-    known = {normalised(name): name for name in vocabulary}
-    same = accepts(class_name) & known.keys()
-    return frozenset(known[name] for name in same or (neighbours(class_name) & known.keys()))
-
-
-def judged(
-    thing: Thing, looks: str, detections: Iterable[Detection], right: frozenset[str]
-) -> Sight:
-    """The best detection of a right name that covers the thing, else the best of a wrong one."""
-    over = [d for d in detections if iou(d.box_xyxy, thing.box_xyxy) >= COVERS_IOU]
-    over.sort(key=lambda d: (d.class_name in right, d.score), reverse=True)
-    if not over:
-        return Sight(looks, thing.class_name, "", 0.0, False)
-    best = over[0]
-    return Sight(looks, thing.class_name, best.class_name, best.score, best.class_name in right)
-
-
-def rows_of(sights: Iterable[Sight]) -> dict[tuple[str, str], Row]:
-    """(class, looks) -> what became of it."""
-    groups: dict[tuple[str, str], list[Sight]] = {}
-    for sight in sights:
-        groups.setdefault((sight.class_name, sight.looks), []).append(sight)
-    return {
-        key: Row(
-            len(group),
-            sum(s.recognised for s in group),
-            tuple(Counter(s.found for s in group if s.found and not s.recognised).most_common(3)),
-        )
-        for key, group in groups.items()
-    }
-
-
-def table(rows: Mapping[tuple[str, str], Row], right: Mapping[str, frozenset[str]]) -> str:
-    """Markdown; most recognised first."""
-    names = sorted({name for name, _ in rows})
-
-    def share(name: str, looks: str) -> float:
-        row = rows.get((name, looks))
-        return row.recognised / row.seen if row else -1.0
-
-    names.sort(key=lambda n: (-max(share(n, REALISTIC), share(n, PARAMETRIC)), n))
-    lines = [
-        "| thing | counts as | parametric: recognised | else taken for | realistic: recognised "
-        "| else taken for |",
-        "|---|---|---|---|---|---|",
-    ]
-    for name in names:
-        cells = [name, ", ".join(sorted(right[name]))]
-        for looks in (PARAMETRIC, REALISTIC):
-            row = rows.get((name, looks))
-            if row is None:
-                cells += ["–", "–"]
-                continue
-            cells.append(f"{row.recognised / row.seen:.0%} of {row.seen}")
-            cells.append(", ".join(f"{wrong} {n}" for wrong, n in row.taken_for) or "nothing")
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
 
 
 def judge_homes(

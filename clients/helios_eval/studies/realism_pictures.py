@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import cv2
 import matplotlib as mpl
@@ -12,8 +11,7 @@ import numpy as np
 from helios_sim.assets.pack import Model
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from helios_eval.studies.realism import Judged, Row
+from helios_eval.studies.realism_judging import Judged, Row
 
 mpl.use("Agg")
 

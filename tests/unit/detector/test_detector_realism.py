@@ -11,7 +11,8 @@ from helios_core.geometry import Pinhole, project
 from helios_core.types import Detection
 from helios_detector.coco import COCO_NAMES
 from helios_eval.studies import realism
-from helios_eval.studies.realism import Row, Sight, judged, main, names_for, rows_of, table
+from helios_eval.studies.realism import main
+from helios_eval.studies.realism_judging import Row, Sight, judged, names_for, rows_of, table
 from helios_eval.studies.realism_views import Eye, Thing, iou, looking, outline_of
 from helios_sim.home import PRESETS, generate_home
 
