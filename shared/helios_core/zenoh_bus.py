@@ -36,6 +36,7 @@ QUEUE_DEPTH = 256
 SERVE_THREADS = 4  # of each method, started when needed
 RETAINED_HEARTBEAT_S = 0.5  # a late joiner that missed the last message learns of it by then
 DISCOVERY_S = 0.25  # how long a method that nobody serves is looked for
+MEETING_S = 1.0  # the same from a session's opening on: it has yet to hear who serves what
 READERS_END_WITHIN_S = 0.3
 
 
@@ -50,6 +51,7 @@ class ZenohBus(Bus):
             raise Unavailable(
                 f"no router at {router}; start one with `python -m helios_core.router` ({error})"
             ) from error
+        self._opened_s = time.monotonic()
         self._readers: list[threading.Thread] = []
         self._publishers: dict[str, zenoh.Publisher | ext.AdvancedPublisher] = {}
         self._mine = Registrations()
@@ -124,7 +126,8 @@ class ZenohBus(Bus):
         return self._keep(undo)
 
     def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
-        deadline = time.monotonic() + min(timeout_s, DISCOVERY_S)
+        now_s = time.monotonic()
+        deadline = min(now_s + timeout_s, max(now_s + DISCOVERY_S, self._opened_s + MEETING_S))
         while (reply := self._ask(method, request, timeout_s)) is None:
             if time.monotonic() > deadline:
                 raise Unavailable(

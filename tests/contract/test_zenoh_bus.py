@@ -36,6 +36,24 @@ def test_bytes_that_are_no_request_are_refused_as_invalid(
     assert "50 bytes" in error.message
 
 
+def test_a_session_that_has_just_opened_waits_longer_for_whoever_serves(
+    zenoh_bus: ZenohBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It does not know yet who serves what; one that is older is told at once that nobody does."""
+    monkeypatch.setattr("helios_core.zenoh_bus.DISCOVERY_S", 0.0)
+    monkeypatch.setattr("helios_core.zenoh_bus.MEETING_S", 20.0)
+    asked = threading.Event()
+    monkeypatch.setattr(
+        "helios_core.zenoh_bus.assembled",
+        lambda *given: asked.set() or zenoh_messages.assembled(*given),
+    )
+    threading.Thread(target=lambda: asked.wait(20) and zenoh_bus.serve(GET_TASK, _task)).start()
+    assert zenoh_bus.call(GET_TASK, pb.TaskRequest(id="a"), 20).id == "a"
+    monkeypatch.setattr("helios_core.zenoh_bus.MEETING_S", 0.0)
+    with pytest.raises(Unavailable, match="nobody serves"):
+        zenoh_bus.call(STOP, pb.StopRequest(), 20)
+
+
 @pytest.mark.parametrize(
     "head", ["", "x", "1/2", "a/b/c", "0/1/-/-", "3/2/-", "0/0/-", b"\xff/1/-"]
 )
