@@ -37,14 +37,18 @@ FINISH_WITHIN_S = 1.5  # at the end, for the frames that are worked on
 class Desk:
     """One robot's part of the process."""
 
-    def __init__(self, robot: str, bus: Bus, members: Members, lock: threading.Lock) -> None:
-        self.robot, self.bus, self.health = robot, bus, Health()
+    def __init__(
+        self, robot: str, bus: Bus, members: Members, lock: threading.Lock, loading: Health
+    ) -> None:
+        """`loading` says what keeps the models away; it is told here until `begin`."""
+        self.robot, self.bus = robot, bus
+        self._loading, self._health = loading, Health()
         self._members, self._lock = members, lock  # the lock guards members and ledger
         self._ledger = Ledger()
         self._turn = threading.Lock()  # whoever holds it answers keyframes
         self._service: DetectorService | None = None
-        self._not_yet = NotYet(bus, self.health)
-        self._told_s = 0.0
+        self._not_yet = NotYet(bus, loading)
+        self._told, self._told_s = ("", ""), 0.0
         self._closed = False
         self._keeper = threading.Thread(target=self._keep, name=f"keep {robot}", daemon=True)
         bus.announce("detector", members.me)
@@ -53,7 +57,7 @@ class Desk:
     def begin(self, models: Models, workload: Workload, preview_quality: int) -> DetectorService:
         """The models work."""
         service = self._service = DetectorService(
-            self.bus, models.detector, models.scorer, self.health, preview_quality, models.depth,
+            self.bus, models.detector, models.scorer, self._health, preview_quality, models.depth,
             workload=workload, listen=False,
         )  # fmt: skip
         self.bus.subscribe(CLAIM, self._on_claim)
@@ -163,11 +167,10 @@ class Desk:
 
     def _report(self, strangers: bool) -> None:
         now_s = time.monotonic()
-        if not self.health.changed.is_set() and now_s - self._told_s < REPORT_S:
+        state, reason = told = (self._loading if self._service is None else self._health).state
+        if told == self._told and now_s - self._told_s < REPORT_S:
             return
-        self.health.changed.clear()
-        self._told_s = now_s
-        state, reason = self.health.state
+        self._told, self._told_s = told, now_s
         if strangers and state == "ready":
             state, reason = "degraded", (
                 "another detector is given another list of robots and both may answer; give all "
@@ -175,7 +178,7 @@ class Desk:
             )  # fmt: skip
         status = pb.ServiceStatus(
             service="detector", instance=self._members.me, state=state, reason=reason,
-            pid=os.getpid(), metrics=self.health.metrics(),
+            pid=os.getpid(), metrics=self._health.metrics(),
         )  # fmt: skip
         try:
             self.bus.publish(status_topic("detector"), status)
@@ -230,7 +233,7 @@ class Fleet:
             bus = self._connect(robot)
             if bus is None:
                 return
-            self._desks.append(Desk(robot, bus, self._members, self._lock))
+            self._desks.append(Desk(robot, bus, self._members, self._lock, self._health))
         s = self._settings
         models = self._models = load_models(s, None, self._health, self._ending)
         if models is None:
@@ -254,12 +257,8 @@ class Fleet:
         return None
 
     def _watch(self) -> None:
-        """What keeps the models away keeps every robot waiting; idle models are unloaded."""
+        """Idle models are unloaded."""
         unload_s = self._settings.unload_after_s
         while not self._ending.wait(TICK_S):
-            if self._service is None:
-                state, reason = self._health.state
-                for desk in self._desks:
-                    (desk.health.degraded if state == "degraded" else desk.health.waiting)(reason)
-            elif unload_s > 0:
+            if self._service is not None and unload_s > 0:
                 self._service.unload_if_idle(unload_s)

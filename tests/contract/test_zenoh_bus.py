@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import threading
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 import zenoh
+from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from helios_core import proto as pb
 from helios_core import zenoh_messages
 from helios_core.errors import Internal, InvalidInput, Unavailable, error_from_proto
-from helios_core.topics import CONTEXT, FRAME, GET_TASK, STOP
+from helios_core.topics import CONTEXT, FRAME, GET_TASK, KEYFRAME, STOP
 from helios_core.zenoh_bus import ZenohBus
 
 from tests.support import wait_until
@@ -134,3 +137,28 @@ def test_a_bus_that_closes_while_something_is_declared_takes_it_back(
         zenoh_bus.serve(STOP, lambda _: pb.Empty())
     assert len(zenoh_bus._mine) == 0
     wait_until(lambda: set(threading.enumerate()) <= before, 5, "its threads end")
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="asks Linux for the memory")
+def test_buses_that_are_closed_hold_no_shared_memory(router: str) -> None:
+    """Each that sends frames takes 16 MB."""
+
+    def sends_frames() -> None:
+        bus = ZenohBus(router, "r")
+        heard = threading.Event()
+        bus.subscribe(KEYFRAME, lambda _: heard.set())
+        frame = pb.Frame(raw_color=RawImage(data=bytes(1_500_000)))
+        wait_until(lambda: bus.publish(KEYFRAME, frame) or heard.is_set(), 10, "a frame is heard")
+        bus.close()
+
+    before_mb = _shared_memory_mb()
+    for _ in range(8):
+        sends_frames()
+    wait_until(
+        lambda: gc.collect() >= 0 and _shared_memory_mb() < before_mb + 40, 10, "it is freed"
+    )
+
+
+def _shared_memory_mb() -> float:
+    status = Path("/proc/self/status").read_text()
+    return int(status.partition("RssShmem:")[2].split()[0]) / 1024

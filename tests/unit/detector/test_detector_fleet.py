@@ -4,13 +4,14 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 import outside_package
 import pytest
-from detector_scene import context_of, frame_of
+from detector_scene import SceneTruth, context_of, frame_of
 from helios_core import proto as pb
 from helios_core.codec import context_to_proto, frame_to_proto
 from helios_core.errors import InvalidInput, Unavailable
@@ -27,8 +28,13 @@ from helios_core.topics import (
     status_topic,
 )
 from helios_core.zenoh_bus import ZenohBus
-from helios_detector.fleet import HOME, Fleet
+from helios_detector.fleet import HOME, Desk, Fleet
+from helios_detector.models import Models
+from helios_detector.scorer import LexicalScorer
 from helios_detector.settings import Settings
+from helios_detector.share import Members
+from helios_detector.simulation.ground_truth import GroundTruthDetector
+from helios_detector.workload import Workload
 
 from tests.support import free_port, wait_until
 
@@ -204,6 +210,27 @@ def test_a_model_that_cannot_work_is_said_to_every_robot(fleets: Fleets):
     finally:
         for robot in robots:
             robot.bus.close()
+
+
+def test_a_robot_is_told_what_keeps_the_models_away_until_they_work_and_never_after():
+    hub, loading, members = MemoryHub(), Health(), Members("me", ["ada"])
+    told: list[str] = []
+    MemoryBus(hub, "ada").subscribe(status_topic("detector"), lambda s: told.append(s.state))
+    loading.waiting("loading the models")
+    desk = Desk("ada", MemoryBus(hub, "ada"), members, threading.Lock(), loading)
+    try:
+        wait_until(lambda: told[-1:] == ["waiting"], 10, "it is told to wait")
+        models = Models(GroundTruthDetector(SceneTruth()), LexicalScorer())
+        desk.begin(models, Workload(), preview_quality=80)
+        members.change(members.me, True, 0.0)
+        wait_until(lambda: told[-1:] == ["ready"], 10, "it is told that they work")
+        del told[:]
+        loading.waiting("said late")
+        wait_until(lambda: len(told) >= 2, 10, "it is told again")
+        assert set(told) == {"ready"}
+    finally:
+        desk.stop()
+        desk.finish(1.0)
 
 
 def test_no_robot_has_the_name_under_which_detectors_meet():
