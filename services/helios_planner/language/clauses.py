@@ -49,7 +49,11 @@ def clauses_of(words: list[str]) -> list[Clause]:
     """The clauses of a sentence; empty where it has no verb that is known."""
     words = _spelled(_without_politeness(words))
     words = _active(_verb_first(words))
-    return [_clause(part) for part in _split(words)] if _verb_at(words, 0)[0] else []
+    remark, words = _remark(words)
+    out = [_clause(part) for part in _split(words)] if _verb_at(words, 0)[0] else []
+    if out and remark:
+        out[0].asides.insert(0, remark)
+    return out
 
 
 def noun(words: list[str]) -> list[str]:
@@ -158,10 +162,31 @@ def _active(words: list[str]) -> list[str]:
     return ["move", *words] if verbless and {Place.FROM, Place.TO} <= places else words
 
 
+def _remark(words: list[str]) -> tuple[str, list[str]]:
+    """ "I am thirsty. Bring the cup to the desk": what is said before a wish that is whole without
+    it, and the wish. No condition: "if I am thirsty, bring the cup to the desk"."""
+    if not words or _verb_at(words, 0)[0] or length_at(words, 0, w.CONDITIONS):
+        return "", words
+    for at, word in enumerate(words):
+        wish = _spelled(_without_politeness(words[at + 1 :])) if word == w.PAUSE else []
+        verb, n = _verb_at(wish, 0)
+        if verb and n < len(wish) and not _is_place(wish, n) and wish[n] not in w.PRONOUNS:
+            return " ".join(words[:at]), wish
+    return "", words
+
+
 def _spelled(words: list[str]) -> list[str]:
-    """With a slip of the finger in the verb mended, where one verb alone is meant."""
+    """With a slip of the finger in the verb mended, where one verb alone is meant, and without
+    the ending of "moving the mug"."""
     if not words or _verb_at(words, 0)[0]:
         return words
+    if words[0].endswith("ing") and length_at(words, 1, w.DETERMINERS):  # no "carrying case"
+        stem = words[0][:-3]
+        for verb in (stem, stem + "e", stem[:-1]):
+            if (verb,) in w.VERBS:
+                return [verb, *words[1:]]
+    if tuple(apart := words[0].split("-")) in w.VERBS:  # "pick-up"
+        return [*apart, *words[1:]]
     meant = {verb for (verb, *more) in w.VERBS if not more and _slip(words[0], verb)}
     return [meant.pop(), *words[1:]] if len(meant) == 1 else words
 

@@ -81,6 +81,7 @@ def _move_or_find(clauses: list[Clause], text: str) -> Instruction:
         return _found(roles)
     if not roles.things and len(clauses) == 1 and len(roles.goals) == 1 and not roles.starts and (
         clauses[0].verb_words in ("move", "return")
+        and not any(word in w.PRONOUNS for word in clauses[0].thing)  # "move it to the sofa"
     ):  # fmt: skip
         return Instruction(Kind.GO_TO, goal=roles.goals[0], unused=tuple(roles.unused))
     return _moved(roles)

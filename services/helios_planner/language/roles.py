@@ -35,7 +35,7 @@ class Roles:
             if clause.verb is Verb.FIND:
                 roles._find(clause)
             elif clause.verb is Verb.GO:
-                roles._go(clause, number)
+                roles._go(clause, number, any(c.verb is Verb.PUT for c in clauses[number + 1 :]))
             else:
                 roles._move(clause)
             roles.unused += clause.asides
@@ -75,7 +75,10 @@ class Roles:
             self._add_thing(list(sought[0].words))
             if noun(clause.thing):
                 phrase = PlacePhrase(Place.ON, "in", tuple(clause.thing))
-                self._add(self.starts, phrase)
+                if tuple(phrase.name.split()) in w.ROOMS:
+                    self.unused.append(str(phrase))
+                else:
+                    self._add(self.starts, phrase)
         else:
             self._add_thing([t for t in clause.thing if t not in ("is", "are")])
         for place in places:
@@ -84,8 +87,13 @@ class Roles:
             elif place.kind is Place.TO:
                 self._add_goal(place)
 
-    def _go(self, clause: Clause, number: int) -> None:
-        """ "Go to the desk and take the mug": where to take it from."""
+    def _go(self, clause: Clause, number: int, then_put: bool) -> None:
+        """ "Go to the desk and take the mug": where to take it from. "Take the mug, go to the
+        desk and put it down": where to put it."""
+        if number and then_put and self.things:
+            for place in self._usable(clause, beside=True):
+                self._add_goal(place)
+            return
         if number:
             raise InvalidInput(
                 f"{short(self.text)} asks for several things at once; submit a task for each"
@@ -172,9 +180,9 @@ def one_name(words: list[str], text: str) -> str:
     parts: list[list[str]] = [[]]
     at = 0
     while at < len(words):
-        between_adjectives = words[at] == w.PAUSE and parts[-1] and parts[-1][-1] in w.ADJECTIVES
         n = 1 if words[at] == w.PAUSE else length_at(words, at, w.LISTS)
-        if between_adjectives:
+        if _between_adjectives(words, at):
+            parts[-1] += [] if words[at] == w.PAUSE else [words[at]]
             at += 1
         elif n:
             parts.append([])
@@ -192,3 +200,11 @@ def one_name(words: list[str], text: str) -> str:
             "and one place, and submit a task for each"
         )
     return names[0]
+
+
+def _between_adjectives(words: list[str], at: int) -> bool:
+    """Whether a pause or "and" joins what is said of one thing: "the black and white ball"."""
+    if at == 0 or words[at - 1] not in w.ADJECTIVES:
+        return False
+    more = words[at] == "and" and at + 1 < len(words) and words[at + 1] in w.ADJECTIVES
+    return words[at] == w.PAUSE or more

@@ -6,6 +6,7 @@ separated by commas.
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Collection
 from enum import Enum, auto
@@ -51,7 +52,8 @@ VERBS: dict[Phrase, Verb] = {
         PUT="move, bring, put, place, set, lay, carry, transport, relocate, transfer, deliver, "
         "drop, shift, return, leave, store, stow, pass, give, hand, hand over, put down, set down, "
         "lay down, put away, drop off, send, insert, stick, rest, stash, load, throw, throw away, "
-        "toss, dispose of, i want, i need, i'd like, i would like, need, want",
+        "toss, dispose of, slide, stack, dump, haul, position, i want, i need, i'd like, "
+        "i would like, need, want",
         TAKE="take, fetch, grab, get, pick, pick up, collect, retrieve, remove, lift, lift up, "
         "grasp, get hold of, clear",
         FIND="find, find out where, locate, look for, search for, search, seek, spot, look, "
@@ -63,7 +65,8 @@ VERBS: dict[Phrase, Verb] = {
         "check whether there is, see if there is, look if there is, do you know where, "
         "any idea where, i lost, i've lost, i have lost, i can't find, i cannot find, "
         "i am looking for, i'm looking for",
-        GO="go, drive, navigate, walk, head, come, travel, run, roll, go over, come over",
+        GO="go, drive, navigate, walk, head, come, travel, run, roll, go over, come over, "
+        "approach, visit, get to, get back to",
     ).items()
 }  # fmt: skip
 
@@ -86,7 +89,7 @@ PLACES: dict[Phrase, Place] = {
 
 # Words that open what does not change the task; it is told that it was not used.
 ASIDES = frozenset(_phrases(
-    "with, that, which, that has, which has, that have, because, since, so that, so"
+    "with, that, which, that has, which has, that have, because, since, so that, so, where"
 ))  # fmt: skip
 # Words that open a condition: what comes after it would have to be judged, so it is refused.
 CONDITIONS = frozenset(_phrases(
@@ -104,7 +107,8 @@ RELATIVES = frozenset(_phrases(
     "is, are, was, i left, i put, i see, you see, you find, you can see, you will find, "
     "that i left, that i put, that you see, that you find, which you see, which you find, "
     "which are, which was, which lies, which stands, which sits, currently, now, lying, standing, "
-    "sitting, located, placed, resting, hanging, kept, stored, left, lie, lies, stands, sits"
+    "sitting, located, placed, resting, hanging, kept, stored, left, lie, lies, stands, sits, "
+    "should be, must be, might be, may be, could be, probably, usually, often, always, still, maybe"
 ))  # fmt: skip
 
 JOINERS = frozenset(_phrases("and then, and afterwards, and, then, afterwards, after that"))
@@ -114,11 +118,12 @@ POLITE = frozenset(_phrases(
     "hey, hi, hello, ok, okay, alright, yes, robot, helios, please, pls, plz, pleas, plese, "
     "pleese, pelase, kindly, now, then, just, why don't you, why not, are you able to, "
     "would you be able to, is it possible to, i need to, i would like to, i'd like to, "
-    "can you, could you, would you, will you, may you, can u, i want you to, i would like you to, "
-    "i'd like you to, i need you to, i want to, you should, you must, your task is to, "
-    "your job is to, task, try to, let's, lets, go ahead and, go and, come and, help me to, "
-    "help me, would you mind, do me a favour and, do me a favor and, be so kind as to, first, "
-    "next, quickly, carefully, good morning, dear"
+    "can you, could you, would you, will you, may you, can u, could u, would u, "
+    "will u, i want you to, i would like you to, i'd like you to, i need you to, i want to, "
+    "you should, you must, your task is to, your job is to, task, try to, let's, lets, "
+    "go ahead and, go and, come and, help me to, help me, would you mind, do you mind, "
+    "how about, what about, do me a favour and, do me a favor and, be so kind as to, first, next, "
+    "quickly, carefully, good morning, dear"
 ))  # fmt: skip
 # What people add to a wish, wherever in it: no condition, where nothing follows that could be one
 # ("if you can see it").
@@ -142,7 +147,8 @@ DETERMINERS = frozenset(_phrases(
 ))  # fmt: skip
 MANY = frozenset(_phrases(
     "all of the, all the, all of my, all my, all, every, both, both of the, many, several, two, "
-    "three, four, five, six, seven, eight, nine, ten, a few, a couple of, everything, things"
+    "three, four, five, six, seven, eight, nine, ten, a few, few, a couple of, couple of, lot of, "
+    "lots of, everything, things"
 ))  # fmt: skip
 PARTICLES = _words(
     "up over back away down again there here out together off along very carefully gently slowly "
@@ -178,9 +184,13 @@ MODALS = _words("can could may should would must will")  # "could the mug be bro
 WANTS = frozenset(_phrases("i want, i need, i'd like, i would like, want, need"))
 # "There is a mug on the table. Bring it to the sofa": what opens the first sentence.
 STATED = frozenset(
-    _phrases("there is, there's, theres, there are, i think, i believe, i see, i have")
+    _phrases(
+        "there is, there are, i think, i believe, i see, i have, i left, i put, i forgot, i saw"
+    )
 )
-BELONGS = frozenset(_phrases("belongs, should go, goes, has to go, needs to go, must go"))
+BELONGS = frozenset(_phrases(
+    "belongs, should go, goes, has to go, needs to go, must go, needs to be, has to be, must be"
+))  # fmt: skip
 
 # Enough of other languages to name them in a refusal: how an instruction begins, and small words
 # of which two that differ tell the language wherever they stand.
@@ -222,7 +232,17 @@ def language_of(words: list[str], surely: bool = False) -> str | None:
 
 _MARKS = dict.fromkeys(map(ord, ".,;:!?…—–|"), f" {PAUSE} ")
 _SPELLED = str.maketrans(
-    {"’": "'", "ʼ": "'", "`": "'", "_": " ", "&": " and ", "/": " or ", "→": " to ", "⇒": " to "}
+    {
+        "’": "'",
+        "ʼ": "'",
+        "`": "'",
+        "_": " ",
+        "&": " and ",
+        "/": " or ",
+        "→": " to ",
+        "⇒": " to ",
+        "@": " at ",
+    }
 )
 
 
@@ -231,6 +251,7 @@ def tokens(text: str) -> list[str]:
     what cannot be seen is dropped, symbols count as spaces."""
     plain = unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", text).lower())
     plain = plain.replace("->", "→").replace("=>", "→").translate(_SPELLED).translate(_MARKS)
+    plain = re.sub(r"\bthere'?s\b", "there is", plain)
     kept = []
     for c in plain:
         kind = unicodedata.category(c)
