@@ -47,6 +47,8 @@ class Task(_FromJson):
     created_s: float = 0.0
     started_s: float = 0.0
     ended_s: float = 0.0
+    on_hold: bool = False  # somebody paused it, and nobody has resumed it yet
+    unused: list[str] = field(default_factory=list)  # of the instruction
 
     @property
     def ended(self) -> bool:

@@ -65,7 +65,8 @@ def task(message: pb.Task) -> models.Task:
         progress=finite(message.progress), created_s=_time(message.created_s),
         started_s=_time(message.started_s), ended_s=_time(message.ended_s),
         context_id=message.context_id, agent=message.agent, priority=message.priority,
-        settings=dict(sorted(message.settings.items())),
+        settings=dict(sorted(message.settings.items())), on_hold=message.on_hold,
+        unused=list(message.unused),
     )  # fmt: skip
 
 

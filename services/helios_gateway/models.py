@@ -121,6 +121,10 @@ class Task(BaseModel):
     settings: dict[str, str] = Field(
         description="of the planner, for this task alone", examples=[{"alpha_d": "0.01"}]
     )
+    on_hold: bool = Field(description="somebody paused it, and nobody has resumed it yet")
+    unused: list[str] = Field(
+        description="what was said and does not change the task", examples=[["in the kitchen"]]
+    )
 
     @property
     def ended(self) -> bool:

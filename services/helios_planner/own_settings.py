@@ -17,6 +17,8 @@ OWN = (
     "vlfm_confidence",
 )  # fmt: skip
 
+MOST = 1e9  # beyond all sense for any of them
+
 
 def for_task(settings: Settings, own: Mapping[str, str]) -> Settings:
     """The settings with a task's own, as typed: "alpha_d" -> "0.01". Raises InvalidInput."""
@@ -26,12 +28,14 @@ def for_task(settings: Settings, own: Mapping[str, str]) -> Settings:
         raise InvalidInput(
             f"a task has no setting {unknown[0][:80]!r} of its own; choose among {', '.join(OWN)}"
         )
-    for name, text in own.items():
-        if text.strip().lower().lstrip("+-") in ("nan", "inf", "infinity"):
-            raise InvalidInput(f"{name} is {text!r}; wanted a finite number")
     try:
-        return type(settings).model_validate(settings.model_dump() | dict(own))
+        made = type(settings).model_validate(settings.model_dump() | dict(own))
     except ValidationError as error:
         first = error.errors()[0]
         name = str(first["loc"][0])
         raise InvalidInput(f"{name} is {own.get(name)!r:.80}: {first['msg']}") from error
+    for name, text in own.items():
+        value = getattr(made, name)
+        if isinstance(value, int | float) and not abs(value) <= MOST:  # neither is "not a number"
+            raise InvalidInput(f"{name} is {text!r:.80}; wanted a number of at most {MOST:.0f}")
+    return made

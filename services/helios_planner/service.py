@@ -34,7 +34,7 @@ from helios_planner.language.language_model import language_model, parse_with_he
 from helios_planner.own_settings import for_task
 from helios_planner.robot.acks import AckBook
 from helios_planner.settings import Settings
-from helios_planner.task import Cause, State, Task
+from helios_planner.task import HELD, Cause, State, Task
 from helios_planner.tasks.book import UNDER_WAY, TaskBook, waiting_words
 from helios_planner.tasks.context import check_able, in_vocabulary
 from helios_planner.tasks.hold import Hold
@@ -46,6 +46,7 @@ from helios_planner.warm_up import warm_up
 log = logging.getLogger(__name__)
 
 MOST_PRIORITY = 100
+PULSE_S = 5.0
 VOCABULARY_S = 1.5  # longest wait at submission; the worker asks again with patience
 
 
@@ -56,7 +57,6 @@ class PlannerService:
         self._bus, self._settings, self._health = bus, settings, health
         self._lock = threading.Lock()
         self._wake = threading.Condition(self._lock)
-        self._running: tuple[str, Hold] | None = None
         self._description: pb.RobotDescription | None = None
         self._described, self._warm = threading.Event(), threading.Event()
         self._ending = threading.Event()
@@ -66,6 +66,7 @@ class PlannerService:
         self._book = TaskBook(bus, settings, health, self._store)
         self._queue = deque(self._book.restore())
         self._cancels = {id: threading.Event() for id in self._queue}
+        self._holds = {id: self._new_hold(id) for id in self._queue if self._is_under_way(id)}
         bus.subscribe(ROBOT_DESCRIPTION, self._on_description)
         bus.subscribe(MAP2D_ACK, self._acks.add)
         bus.subscribe(OBJECTMAP_ACK, self._acks.add)
@@ -78,6 +79,8 @@ class PlannerService:
         bus.serve(DECISIONS, self.decisions)
         self._worker = threading.Thread(target=self._work, name="worker", daemon=True)
         self._worker.start()
+        self._heart = threading.Thread(target=self._pulse, name="pulse", daemon=True)
+        self._heart.start()
         self._tell_health()
 
     def close(self) -> None:
@@ -90,6 +93,7 @@ class PlannerService:
                 event.set()
             self._wake.notify_all()
         self._worker.join(1.5)
+        self._heart.join(1.5)
         self._book.close()
 
     # --- methods -------------------------------------------------------------------------------
@@ -152,23 +156,20 @@ class PlannerService:
             if event := self._cancels.get(request.id):
                 event.set()
         if queued:
-            self._book.end(request.id, State.CANCELLED, "cancelled before it began")
+            begun = f"after {task.steps} steps" if task.state in UNDER_WAY else "before it began"
+            self._book.end(request.id, State.CANCELLED, f"cancelled {begun}")
             task = self._book.known(request.id)
         elif not task.state.ended:
-            self._book.ask(request.id, State.CANCELLED)
+            self._book.cancel(request.id)
         return task_to_proto(task)
 
     def pause(self, request: pb.TaskRequest) -> pb.Task:
-        """The action that runs is finished; none is begun until `resume`."""
-        self._hold_of(request.id, "paused").pause()
-        self._book.ask(request.id, State.PAUSED)
-        return task_to_proto(self._book.known(request.id))
+        """The action that runs is finished; none is begun until `resume`. A queued task is not
+        begun until then."""
+        return self._on_hold(request.id, True)
 
     def resume(self, request: pb.TaskRequest) -> pb.Task:
-        hold = self._hold_of(request.id, "resumed")
-        self._book.ask(request.id, None)
-        hold.resume()
-        return task_to_proto(self._book.known(request.id))
+        return self._on_hold(request.id, False)
 
     def decisions(self, request: pb.TaskRequest) -> pb.DecisionList:
         """All that were kept; with settings, each with what it would have been under them."""
@@ -204,13 +205,22 @@ class PlannerService:
             if self._ending.is_set():
                 return None
         with self._lock:
-            while not self._queue and not self._ending.is_set():
+            while not (ready := [id for id in self._queue if self._may_go(id)]):
+                if self._ending.is_set():
+                    return None
                 self._wake.wait(0.5)
             if self._ending.is_set():
                 return None
-            id = max(self._queue, key=self._rank)  # of equal ones the first
+            id = max(ready, key=self._rank)  # of equal ones the first
             self._queue.remove(id)
             return id
+
+    def _may_go(self, id: str) -> bool:
+        """What was under way is taken up though it is on hold: to settle its last action."""
+        return self._is_under_way(id) or not self._book.known(id).on_hold
+
+    def _is_under_way(self, id: str) -> bool:
+        return self._book.known(id).state in UNDER_WAY
 
     def _rank(self, id: str) -> tuple[bool, int]:
         """What was under way goes on before anything is begun."""
@@ -222,34 +232,57 @@ class PlannerService:
         task = self._book.known(id)
         began_s = task.started_s or time.time()
         word = "goes on where it was" if task.started_s else "starting"
-        was = task.state
-        task = self._book.change(id, state=State.RUNNING, started_s=began_s, message=word)
+        state = State.PAUSED if task.on_hold else State.RUNNING
+        word = HELD if task.on_hold else word
+        task = self._book.change(id, state=state, started_s=began_s, message=word)
         cancelled = self._cancels[id]
-        hold = Hold(task.time_limit_s, began_s + task.time_limit_s, cancelled)
-        if was is State.PAUSED:
-            hold.pause()
+        with self._lock:
+            hold = self._holds.setdefault(id, self._new_hold(id))
         settings = for_task(self._settings, task.settings)
         run = TaskRun(
             self._bus, settings, self._description, self._acks, self._store, self._book, task,
             cancelled, hold,
         )  # fmt: skip
-        with self._lock:
-            self._running = (id, hold)
         try:
             run.run()
         finally:
             with self._lock:
-                self._running = None
+                self._holds.pop(id, None)
                 self._cancels.pop(id, None)
 
-    def _hold_of(self, id: str, what: str) -> Hold:
-        """Of a task that runs. Raises Conflict for another."""
+    def _new_hold(self, id: str) -> Hold:
+        """Of a task that has begun; paused where somebody had paused it."""
         task = self._book.known(id)
+        cancelled = self._cancels[id]
+        hold = Hold(task.time_limit_s, task.started_s + task.time_limit_s, cancelled)
+        if task.on_hold:
+            hold.pause()
+        return hold
+
+    def _on_hold(self, id: str, on_hold: bool) -> pb.Task:
+        """Kept before it is obeyed. Raises Conflict for a task that has ended."""
+        task = self._book.known(id)
+        if task.state.ended:
+            what = "paused" if on_hold else "resumed"
+            raise Conflict(f"task {id} is {task.state}; what has ended cannot be {what}")
+        changes: dict[str, object] = {"on_hold": on_hold}
         with self._lock:
-            running = self._running
-        if running is None or running[0] != id:
-            raise Conflict(f"task {id} is {task.state}; only one that runs can be {what}")
-        return running[1]
+            if id in self._queue:
+                known = self._description is not None
+                changes["message"] = HELD if on_hold else waiting_words(task.instruction, known)
+                if task.state in UNDER_WAY:
+                    changes["state"] = State.PAUSED if on_hold else State.RUNNING
+        told = self._book.change(id, **changes)
+        with self._lock:
+            if hold := self._holds.get(id):
+                (hold.pause if on_hold else hold.resume)()
+            self._wake.notify_all()
+        return task_to_proto(told)
+
+    def _pulse(self) -> None:
+        """Say that the planner lives, so that the next one knows how long none did."""
+        while not self._ending.wait(PULSE_S):
+            self._book.pulse()
 
     def _on_description(self, description: pb.RobotDescription) -> None:
         self._description = description

@@ -9,6 +9,8 @@ from typing import Any
 
 from helios_planner.language.instruction import Instruction
 
+HELD = "paused; resume or cancel it"
+
 
 class State(StrEnum):
     QUEUED = "queued"
@@ -81,6 +83,7 @@ class Task:
     agent: str = "helios"
     priority: int = 0  # a higher one is begun first
     settings: Mapping[str, str] = field(default_factory=dict)  # of the planner, for it alone
+    on_hold: bool = False  # somebody paused it, and nobody has resumed it yet
 
     def with_(self, **changes: Any) -> Task:
         """A copy with some fields changed."""

@@ -60,6 +60,9 @@ def task(
             wait_while_starting(helios, at.port, console(stderr=True))
         # With --json the live view goes to stderr, so that stdout holds JSON and nothing else.
         asked = helios.submit(instruction, max_steps, agent, time_limit_s, priority, settings)
+        if asked.unused:
+            said = ", ".join(f"“{words}”" for words in asked.unused)
+            print(f"helios: not used: {said}", file=sys.stderr)
         say_stopped(helios, console(stderr=True))
         ended = watch_task(helios, asked, timeout_s, console(stderr=as_json))
     if as_json:
@@ -105,7 +108,7 @@ def cancel(id: TaskId, at: At, as_json: Json = False) -> None:
 @app.command()
 @flat
 def pause(id: TaskId, at: At, as_json: Json = False) -> None:
-    """Let a running task wait where it is, until helios resume."""
+    """Let a task wait, a running one where it is, until helios resume."""
     from helios_client.commands.lists import task_by_prefix
 
     with at.connect() as helios:

@@ -42,6 +42,8 @@ _READS: dict[str, dict[str, str]] = {
     BY_OBJECTIVE: _GLOBAL, RECEPTACLES_FIRST: _GLOBAL,
     "pick (eq. 7, 11)": _PICK, "stop (eq. 7, 11)": _PICK, "place (eq. 7, 11)": _PLACE,
 }  # fmt: skip
+_TAU = "tau"  # of Table 3, as a kept decision has it
+MOST = 1e6
 SETTINGS = ("alpha_d", "tau_g", "tau_b", "tau_inc", "cs_a", "cs_g", "cs_b")
 
 
@@ -68,18 +70,30 @@ def changes_of(texts: Mapping[str, str]) -> dict[str, float]:
             changes[name] = float(text)
         except ValueError:
             changes[name] = math.nan
-        if not math.isfinite(changes[name]) or changes[name] < 0:
-            raise InvalidInput(f"{name} is {text!r}; wanted a number of at least 0")
+        if not 0 <= changes[name] <= MOST:
+            raise InvalidInput(f"{name} is {text!r:.80}; wanted a number from 0 to {MOST:.0f}")
     return changes
 
 
-def with_class_threshold(decision: Decision, settings: Settings) -> Decision:
-    """The decision with the class score that let its candidates in, as it is kept."""
-    setting = _READS.get(decision.rule, {}).get("class_threshold")
-    if setting is None:
-        return decision
-    used = decision.settings | {"class_threshold": float(getattr(settings, setting))}
-    return replace(decision, settings=used)
+def as_kept(decision: Decision, settings: Settings) -> Decision:
+    """The decision with what else must be known to take it again: the class score that let its
+    candidates in, and the τ of which its threshold was a share."""
+    reads = _READS.get(decision.rule, {})
+    more = {
+        name: float(getattr(settings, reads[own]))
+        for name, own in (("class_threshold", "class_threshold"), (_TAU, "threshold"))
+        if own in reads
+    }
+    return replace(decision, settings=decision.settings | more)
+
+
+def _own_value(decision: Decision, own: str, value: float) -> float:
+    """What a rule makes of a setting. An agent that is patient wants more than τ at first, and in
+    the end is content with less: its share stays."""
+    then, tau = decision.settings.get(own, value), decision.settings.get(_TAU, 0.0)
+    if own != "threshold" or tau <= 0 or then == tau:
+        return value
+    return then if value == tau else value * then / tau
 
 
 def recompute(decision: Decision, changes: Mapping[str, float]) -> Recomputed:
@@ -88,7 +102,7 @@ def recompute(decision: Decision, changes: Mapping[str, float]) -> Recomputed:
     if reads is None:  # no setting enters: detector trusted, frontier by value, best view
         return Recomputed(decision, flips=False, certain=True)
     used = decision.settings | {
-        own: changes[setting] for own, setting in reads.items()
+        own: _own_value(decision, own, changes[setting]) for own, setting in reads.items()
         if setting in changes and not (own == "threshold" and decision.settings[own] == ANY_SCORE)
     }  # fmt: skip
     before, after = decision.settings.get("class_threshold"), used.get("class_threshold")

@@ -14,8 +14,7 @@ from helios_core.topics import DECISION, TASK, M, Topic
 
 from helios_planner.language.instruction import Instruction
 from helios_planner.settings import Settings
-from helios_planner.task import Cause, State, Task
-from helios_planner.tasks.journal import Entry
+from helios_planner.task import HELD, Cause, State, Task
 from helios_planner.tasks.store import Store
 from helios_planner.tasks.telling import task_from_proto, task_to_proto
 
@@ -30,31 +29,43 @@ class TaskBook:
 
     def __init__(self, bus: Bus, settings: Settings, health: Health, store: Store) -> None:
         self._bus, self._settings, self._health, self._store = bus, settings, health, store
-        self._lock = threading.Lock()
+        self._lock, self._writing = threading.Lock(), threading.Lock()
         self._tasks: dict[str, Task] = {}
-        self._asked: dict[str, State] = {}  # for what a running task is to be, but is not yet
+        self._cancelled: set[str] = set()  # running tasks that are to end, but have not yet
         self.closing = threading.Event()
 
     def restore(self) -> list[str]:
         """Read what was kept; the tasks to do, first what ran when the planner died a moment
-        ago."""
+        ago. Where that is longer ago, or the planner was stopped, the robot begins nothing by
+        itself: what is queued waits to be resumed."""
+        away_s = time.time() - self._store.alive_s()
+        just_left = away_s <= self._settings.resume_within_s
         again, queued = [], []
         for stored in self._store.tasks():
             task = self._tasks[stored.id] = task_from_proto(stored)
             if task.state is State.QUEUED:
                 queued.append(task.id)
+                if not (just_left or task.on_hold):
+                    self.change(task.id, on_hold=True, message=f"was queued before; {HELD}")
+            elif task.state in UNDER_WAY and just_left:
+                again.append(task.id)
+                state = State.PAUSED if task.on_hold else State.RUNNING
+                self.change(task.id, state=state, message="the planner was restarted")
             elif task.state in UNDER_WAY:
-                if _just_left(task, self._store.entry(task.id), self._settings.resume_within_s):
-                    again.append(task.id)
-                else:
-                    self._leave(task.id, "was away for too long")
+                self._leave(task.id, "was away for too long")
+        self.pulse()
         return [*again, *queued]
+
+    def pulse(self) -> None:
+        """The planner is alive now."""
+        self._store.pulse(time.time())
 
     def close(self) -> None:
         """End what is still under way, and the store."""
         for task in self.tasks():
             if task.state in UNDER_WAY:
                 self._leave(task.id, "was stopped")
+        self._store.pulse(0.0)
         self._store.close()
 
     def _leave(self, id: str, why: str) -> None:
@@ -72,7 +83,7 @@ class TaskBook:
         with self._lock:
             task = self._tasks.get(id)
         if task is None:
-            raise InvalidInput(f"there is no task {id!r}; list them with GET /v1/tasks")
+            raise InvalidInput(f"there is no task {id[:40]!r}; list them with GET /v1/tasks")
         return task
 
     def add(self, task: Task) -> pb.Task:
@@ -93,16 +104,12 @@ class TaskBook:
         self._tell(task)
         return task
 
-    def ask(self, id: str, state: State | None) -> None:
-        """Somebody wants a running task paused or cancelled, or None: on. It is kept at once, so
-        that a planner which dies before the task obeys does not go on against it."""
+    def cancel(self, id: str) -> None:
+        """A running task is to end. It is kept at once, so that a planner which dies before the
+        task obeys does not go on against it."""
         with self._lock:
-            if state is None:
-                self._asked.pop(id, None)
-            else:
-                self._asked[id] = state
-            task = self._tasks[id]
-        self._keep(task)
+            self._cancelled.add(id)
+        self._keep(id)
 
     def end(self, id: str, state: State, message: str, cause: Cause | None = None) -> None:
         if state is State.CANCELLED and self.closing.is_set():
@@ -111,25 +118,26 @@ class TaskBook:
         self.change(id, state=state, message=message, cause=cause, ended_s=time.time(), **done)
         self._store.settle(id)
         with self._lock:
-            self._asked.pop(id, None)
+            self._cancelled.discard(id)
         self._health.count(f"tasks_{state}")
         log.info("task %s %s: %s", id, state, message)
 
     # --- telling -------------------------------------------------------------------------------
     def _tell(self, task: Task) -> pb.Task:
-        self._keep(task)
+        self._keep(task.id)
         told = task_to_proto(task)
         self.publish(TASK, told)
         return told
 
-    def _keep(self, task: Task) -> None:
-        with self._lock:
-            asked = self._asked.get(task.id)
-        if asked is State.CANCELLED and not task.state.ended:
-            task = task.with_(state=asked, message="cancelled", ended_s=time.time())
-        elif asked is State.PAUSED and not task.state.ended:
-            task = task.with_(state=asked)
-        self._store.put(task_to_proto(task))
+    def _keep(self, id: str) -> None:
+        with self._writing:  # what is written last is what is newest
+            with self._lock:
+                task, cancelled = self._tasks.get(id), id in self._cancelled
+            if task is None:
+                return
+            if cancelled and not task.state.ended:
+                task = task.with_(state=State.CANCELLED, message="cancelled", ended_s=time.time())
+            self._store.put(task_to_proto(task))
 
     def keep(self, decision: pb.Decision) -> None:
         """Store a decision and tell it."""
@@ -151,9 +159,3 @@ def waiting_words(instruction: Instruction, robot_known: bool) -> str:
     if instruction.unused:
         words += f"; not used: {', '.join(f'“{u}”' for u in instruction.unused)}"
     return words
-
-
-def _just_left(task: Task, entry: Entry | None, within_s: float) -> bool:
-    """Whether the planner that did it died no longer ago."""
-    since_s = entry.saved_s if entry is not None else task.started_s
-    return time.time() - since_s <= within_s

@@ -53,6 +53,8 @@ class Mission:
     def run(self) -> str:
         """Raises TaskFailed and TaskCancelled."""
         i = self.instruction
+        if i.kind is Kind.MOVE and self.picked_at_m is None and not self.placed:
+            self._take_over(i.object or "")
         if not self.looked_around:
             phase = Phase.FIND_RECEPTACLE if i.kind is Kind.GO_TO else Phase.FIND_OBJECT
             self.body.tell_phase(phase, i.object or i.goal or "", "looking around")
@@ -78,6 +80,17 @@ class Mission:
                 self.picked_at_m = None
                 self.body.tell_phase(Phase.FIND_OBJECT, i.object, f"the {i.object} fell: {fall}")
         return "; ".join([f"put the {i.object} on the {i.goal}", seen, *self.unsure.values()])
+
+    def _take_over(self, name: str) -> None:
+        """What an earlier task left in the gripper: what is asked for is only to be placed, and
+        anything else is in the way. Raises TaskFailed."""
+        held = self.body.held()
+        if held and held != name:
+            message = f"the gripper is not free for the {name}: a {held} is in it"
+            raise TaskFailed(Cause.PICK_FAILED, message)
+        if held:
+            self.picked_at_m = np.array([*self.body.pose().xy, 0.0])
+            self.kit.legs.mishaps.carrying = True
 
     def _begun(self, search: Search) -> Search:
         """The search that goes on from now; one that was cut off remembers what it knew."""
@@ -126,7 +139,7 @@ class Mission:
         self._recalled = memory["search"]
         name = self.instruction.object or ""
         if isinstance(last.action, Pick) and self.picked_at_m is None:
-            if last.succeeded or last.held:
+            if last.succeeded or (last.succeeded is None and last.held):
                 self._was_picked(name)
             elif last.reason:
                 self.skills.last_reason = last.reason

@@ -31,7 +31,6 @@ class Entry:
     result: pb.ActionResult | None = None
     memory: Memory = field(default_factory=dict)
     epoch: tuple[str, int] | None = None  # the world that its poses live in
-    saved_s: float = 0.0
 
 
 class Keeper(Protocol):
@@ -46,6 +45,11 @@ class Journal:
     def __init__(self, keeper: Keeper, task_id: str, entry: Entry) -> None:
         self._keeper, self._task_id, self.entry = keeper, task_id, entry
         self.memory: Callable[[], Memory] = lambda: self.entry.memory
+
+    @property
+    def settled(self) -> bool:
+        """Whether it is known what came of the newest action."""
+        return self.entry.request is None or self.entry.result is not None
 
     def before(self, request: pb.ActionRequest) -> None:
         self._keep(replace(self.entry, request=request, result=None, memory=self.memory()))

@@ -63,16 +63,35 @@ class TaskRun:
             body.begin()
             self._book.end(id, State.SUCCEEDED, mission.run() + _contacts(body))
         except TaskCancelled:
-            self._book.end(id, State.CANCELLED, "cancelled; the robot stands")
+            self._book.end(id, State.CANCELLED, f"cancelled; {self._left(body)}")
         except TaskFailed as failure:
             by_robot = failure.cause is not Cause.SYSTEM_ERROR and body is not None
             message = failure.message + (_contacts(body) if by_robot else "")
+            if by_robot and (held := self._held(body)):
+                message += f"; {held}"
             self._book.end(id, State.FAILED, message, failure.cause)
         except HeliosError as error:
             self._book.end(id, State.FAILED, error.message, Cause.SYSTEM_ERROR)
         finally:
             if body is not None:
                 body.end()
+
+    def _left(self, body: BusBody | None) -> str:
+        """How the robot is left by a task that does not go on."""
+        if not self._journal.settled:
+            return "the robot has not answered its last action and may still be at it"
+        held = self._held(body)
+        return f"the robot stands; {held}" if held else "the robot stands"
+
+    def _held(self, body: BusBody | None) -> str:
+        """What the robot still holds; empty for nothing, and where it is not asked."""
+        if body is None or not self._journal.settled:
+            return ""
+        try:
+            thing = body.held()
+        except (TaskCancelled, TaskFailed):
+            return ""
+        return f"it holds a {thing} (“put the {thing} on the …” sets it down)" if thing else ""
 
     def _line(self) -> Line:
         return Line(self._bus, self._settings, self._cancelled, self._voice.on_wait)

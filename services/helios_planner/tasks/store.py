@@ -31,6 +31,7 @@ CREATE TABLE IF NOT EXISTS journal (
     task_id TEXT PRIMARY KEY, life INTEGER NOT NULL, request BLOB, result BLOB,
     memory TEXT NOT NULL, epoch TEXT NOT NULL, saved_s REAL NOT NULL
 );
+CREATE TABLE IF NOT EXISTS pulse (one INTEGER PRIMARY KEY CHECK (one = 1), at_s REAL NOT NULL);
 """
 
 
@@ -121,12 +122,12 @@ class Store:
         """What was kept of a running task."""
         with self._lock:
             row = self._db.execute(
-                "SELECT life, request, result, memory, epoch, saved_s FROM journal "
-                "WHERE task_id = ?", (task_id,),
-            ).fetchone()  # fmt: skip
+                "SELECT life, request, result, memory, epoch FROM journal WHERE task_id = ?",
+                (task_id,),
+            ).fetchone()
         if row is None:
             return None
-        life, request, result, memory, epoch, saved_s = row
+        life, request, result, memory, epoch = row
         boot = json.loads(epoch)
         return Entry(
             life,
@@ -134,12 +135,22 @@ class Store:
             None if result is None else pb.ActionResult.FromString(result),
             json.loads(memory),
             None if boot is None else (str(boot[0]), int(boot[1])),
-            saved_s,
         )
 
     def settle(self, task_id: str) -> None:
         """The task has ended: its journal is needed no more."""
         self._write(("DELETE FROM journal WHERE task_id = ?", (task_id,)))
+
+    # --- the planner itself --------------------------------------------------------------------
+    def pulse(self, at_s: float) -> None:
+        """The planner was alive then; 0: it was stopped."""
+        self._write(("INSERT OR REPLACE INTO pulse VALUES (1, ?)", (at_s,)))
+
+    def alive_s(self) -> float:
+        """When a planner was alive last; 0: it was stopped, or there was none."""
+        with self._lock:
+            row = self._db.execute("SELECT at_s FROM pulse").fetchone()
+        return float(row[0]) if row else 0.0
 
     def close(self) -> None:
         with self._lock:

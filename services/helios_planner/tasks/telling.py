@@ -60,6 +60,8 @@ def task_to_proto(task: Task) -> pb.Task:
         agent=task.agent,
         priority=task.priority,
         settings=task.settings,
+        on_hold=task.on_hold,
+        unused=i.unused,
     )
 
 
@@ -69,7 +71,11 @@ def task_from_proto(task: pb.Task) -> Task:
         id=task.id,
         text=task.instruction,
         instruction=Instruction(
-            Kind(task.kind), task.object or None, task.start or None, task.goal or None
+            Kind(task.kind),
+            task.object or None,
+            task.start or None,
+            task.goal or None,
+            tuple(task.unused),
         ),
         state=State(task.state),
         max_steps=task.max_steps,
@@ -88,6 +94,7 @@ def task_from_proto(task: pb.Task) -> Task:
         agent=task.agent or "helios",
         priority=task.priority,
         settings=dict(task.settings),
+        on_hold=task.on_hold,
     )
 
 

@@ -12,10 +12,10 @@ from helios_core.types import FrameId
 from numpy.typing import NDArray
 
 from helios_planner.decisions.decide import Decision
-from helios_planner.decisions.recompute import with_class_threshold
+from helios_planner.decisions.recompute import as_kept
 from helios_planner.ground.grid import Pose2
 from helios_planner.settings import Settings
-from helios_planner.task import Phase, State, Task
+from helios_planner.task import HELD, Phase, State, Task
 from helios_planner.tasks.telling import decision_to_proto, plan_to_proto, progress
 
 
@@ -70,13 +70,13 @@ class TaskVoice:
     def on_hold(self, paused: bool) -> None:
         """Somebody paused the task, or lets it go on."""
         if paused:
-            self._desk.change(self._id, state=State.PAUSED, message="paused; resume or cancel it")
+            self._desk.change(self._id, state=State.PAUSED, message=HELD)
         else:
             self.on_resumed()
 
     def on_decision(self, decision: Decision, frame: FrameId | None) -> None:
         task = self._desk.known(self._id)
-        kept = with_class_threshold(decision, self._settings)
+        kept = as_kept(decision, self._settings)
         told = decision_to_proto(kept, task, self._decisions, frame, time.time())
         self._decisions += 1
         self._desk.keep(told)

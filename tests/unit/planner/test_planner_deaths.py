@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import threading
+import time
+from pathlib import Path
 
 import pytest
 from helios_core import proto as pb
-from helios_core.topics import CANCEL, DECISIONS, PAUSE
-from planner_bus import ended, submit, task
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import CANCEL, DECISIONS, PAUSE, RESUME
+from helios_planner.language.instruction import parse
+from helios_planner.service import PlannerService
+from helios_planner.task import State, Task
+from helios_planner.tasks.book import TaskBook
+from helios_planner.tasks.store import Store
+from helios_planner.tasks.telling import task_to_proto
+from planner_bus import ended, hasty, submit, task
 from planner_flat import GO, flat_with_mug
 from planner_house import House
 from planner_world import FakeWorld
@@ -109,3 +119,90 @@ def test_a_robot_that_restarted_meanwhile_does_not_go_on(house: House) -> None:
     done = ended(house.planner(), id)
     assert (done.state, done.cause) == ("failed", "system error")
     assert "restarted" in done.message
+
+
+def test_a_pause_outlives_a_second_death_while_the_task_is_taken_up(house: House) -> None:
+    peers = house.peers(flat_with_mug())
+    mortal, bus = house.mortal(lambda _: True)
+    id = submit(bus, GO).id
+    wait_until(mortal.dead.is_set, 60, "its worker is dead")
+    bus.call(PAUSE, pb.TaskRequest(id=id), 5)
+    mortal.close()
+    nowhere = MemoryBus(MemoryHub())  # no bridge is there
+    PlannerService(nowhere, hasty(house.state_dir / "robot"), Health())
+    assert task(nowhere, id).state == "paused"
+    bus = house.planner()
+    wait_until(lambda: "resume" in task(bus, id).message, 60, "it waits")
+    assert peers.world.steps == 1
+    bus.call(RESUME, pb.TaskRequest(id=id), 5)
+    assert ended(bus, id).state == "succeeded"
+
+
+def test_a_task_is_paused_and_cancelled_while_it_waits_to_be_taken_up(house: House) -> None:
+    house.peers(flat_with_mug())
+    mortal, bus = house.mortal(lambda _: True)
+    id = submit(bus, GO).id
+    wait_until(mortal.dead.is_set, 60, "its worker is dead")
+    mortal.close()
+    bus = MemoryBus(MemoryHub())  # no bridge is there
+    PlannerService(bus, hasty(house.state_dir / "robot"), Health())
+    assert task(bus, id).state == "running"
+    assert bus.call(PAUSE, pb.TaskRequest(id=id), 5).state == "paused"
+    assert bus.call(RESUME, pb.TaskRequest(id=id), 5).state == "running"
+    cancelled = bus.call(CANCEL, pb.TaskRequest(id=id), 5)
+    assert (cancelled.state, cancelled.message[:16]) == ("cancelled", "cancelled after ")
+
+
+def test_clearing_the_stop_resumes_a_task_whose_planner_died_meanwhile(house: House) -> None:
+    peers = house.peers(flat_with_mug())
+    mortal, bus = house.mortal(lambda r: r.action.HasField("turn"))
+    id = submit(bus, GO).id
+    wait_until(mortal.dead.is_set, 60, "its worker is dead")
+    peers.stopped = True
+    mortal.close()
+    bus = house.planner()
+    wait_until(lambda: "is stopped" in task(bus, id).message, 60, "it says so")
+    assert task(bus, id).state == "paused"
+    peers.stopped = False
+    assert ended(bus, id).state == "succeeded"
+
+
+def test_how_long_a_task_was_paused_does_not_count_as_the_planner_being_away(
+    tmp_path: Path,
+) -> None:
+    move, long_ago_s = parse("go to the sofa"), time.time() - 10_000
+    store = Store(tmp_path)
+    paused = Task("a", "go", move, State.PAUSED, 9, long_ago_s, started_s=long_ago_s, on_hold=True)
+    store.put(task_to_proto(paused))
+    settings, bus = hasty(tmp_path), MemoryBus(MemoryHub())
+    store.pulse(time.time())
+    book = TaskBook(bus, settings, Health(), store)
+    assert book.restore() == ["a"]
+    assert book.known("a").state is State.PAUSED
+    store.pulse(long_ago_s)
+    book = TaskBook(bus, settings, Health(), store)
+    assert book.restore() == []
+    assert book.known("a").state is State.FAILED
+
+
+def test_what_was_queued_when_the_planner_was_stopped_waits_to_be_resumed(house: House) -> None:
+    peers = house.peers(flat_with_mug())
+    bus = house.planner()
+    peers.gate = threading.Event()
+    submit(bus, GO)
+    wait_until(peers.acting.is_set, 60, "it acts")
+    queued = submit(bus, GO).id
+    stopping = threading.Thread(target=house.planners[0].close)
+    stopping.start()
+    peers.gate.set()
+    stopping.join(10)
+    steps = peers.world.steps
+    bus = house.planner()
+    third = submit(bus, "find the mug").id
+    assert ended(bus, third).state == "succeeded"
+    assert peers.world.steps > steps
+    waiting = task(bus, queued)
+    assert (waiting.state, waiting.on_hold) == ("queued", True)
+    assert "was queued before" in waiting.message
+    bus.call(RESUME, pb.TaskRequest(id=queued), 5)
+    assert ended(bus, queued).state == "succeeded"

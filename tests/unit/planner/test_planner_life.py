@@ -44,22 +44,34 @@ def test_a_paused_task_can_be_cancelled(house: House) -> None:
     assert peers.world.steps == 1
 
 
-def test_only_a_task_that_runs_can_be_paused(house: House) -> None:
+def test_a_queued_task_that_is_paused_is_not_begun_until_it_is_resumed(house: House) -> None:
     peers = house.peers(flat_with_mug())
     bus = house.planner()
     peers.gate = threading.Event()
-    first, second = submit(bus, GO).id, submit(bus, GO).id
+    first, second, third = (submit(bus, GO).id for _ in range(3))
     wait_until(peers.acting.is_set, 60, "it acts")
-    with pytest.raises(Conflict, match=f"task {second} is queued"):
-        bus.call(PAUSE, pb.TaskRequest(id=second), 5)
-    with pytest.raises(InvalidInput, match="there is no task"):
-        bus.call(RESUME, pb.TaskRequest(id="nobody"), 5)
-    bus.call(CANCEL, pb.TaskRequest(id=second), 5)
-    bus.call(CANCEL, pb.TaskRequest(id=first), 5)
+    paused = bus.call(PAUSE, pb.TaskRequest(id=second), 5)
+    assert (paused.state, paused.on_hold) == ("queued", True)
+    assert "resume" in paused.message
     peers.gate.set()
-    ended(bus, first)
-    with pytest.raises(Conflict, match="is cancelled"):
-        bus.call(RESUME, pb.TaskRequest(id=first), 5)
+    ended(bus, third)
+    assert task(bus, second).state == "queued"
+    resumed = bus.call(RESUME, pb.TaskRequest(id=second), 5)
+    assert "waits for its turn" in resumed.message
+    assert ended(bus, second).state == "succeeded"
+    assert task(bus, first).ended_s < task(bus, third).ended_s < task(bus, second).started_s
+
+
+def test_what_has_ended_or_never_was_is_neither_paused_nor_resumed(house: House) -> None:
+    house.peers(flat_with_mug())
+    bus = house.planner()
+    id = submit(bus, GO).id
+    ended(bus, id)
+    for method in (PAUSE, RESUME):
+        with pytest.raises(Conflict, match="is succeeded"):
+            bus.call(method, pb.TaskRequest(id=id), 5)
+        with pytest.raises(InvalidInput, match="there is no task"):
+            bus.call(method, pb.TaskRequest(id="nobody" * 1000), 5)
 
 
 def test_a_task_ends_when_its_time_is_over(house: House) -> None:

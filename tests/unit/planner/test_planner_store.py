@@ -37,12 +37,20 @@ def test_a_journal_comes_back_as_it_was(tmp_path: Path) -> None:
         store.keep("a", entry)
         again = store.entry("a")
         assert again is not None
-        assert again.saved_s > 0
         assert (again.life, again.request, again.result, again.memory, again.epoch) == (
             entry.life, entry.request, entry.result, entry.memory, entry.epoch
         )  # fmt: skip
     store.settle("a")
     assert store.entry("a") is None
+    store.close()
+
+
+def test_the_newest_pulse_is_kept(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    assert store.alive_s() == 0
+    store.pulse(5.0)
+    store.pulse(7.5)
+    assert store.alive_s() == 7.5
     store.close()
 
 

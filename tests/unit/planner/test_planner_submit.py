@@ -59,7 +59,8 @@ def test_a_task_has_settings_of_its_own_and_the_next_one_has_not(start: Start) -
 @pytest.mark.parametrize(
     ("name", "text", "says"),
     [("ack_timeout_s", "9", "choose among alpha_d"), ("alpha_d", "much", "alpha_d is 'much'"),
-     ("alpha_d", "-1", "alpha_d is '-1'"), ("tau_g", "nan", "finite"),
+     ("alpha_d", "-1", "alpha_d is '-1'"), ("tau_g", "nan", "at most 1000000000"),
+     ("alpha_d", "1e999", "at most 1000000000"), ("rounds", "9" * 30, "at most 1000000000"),
      ("gain_norm", "none", "gain_norm is 'none'")],
 )  # fmt: skip
 def test_a_setting_that_no_task_can_have_is_refused_by_name(

@@ -25,7 +25,7 @@ from helios_planner.decisions.objective import (
     SearchMemory,
     frontier_scale,
 )
-from helios_planner.decisions.recompute import SETTINGS, changes_of, recompute, with_class_threshold
+from helios_planner.decisions.recompute import SETTINGS, as_kept, changes_of, recompute
 from helios_planner.settings import Settings
 from helios_planner.tasks.telling import decision_from_proto, decision_to_proto
 from hypothesis import given, settings
@@ -47,7 +47,7 @@ def thing(id: int, name: str = "mug", score: float = 0.4, class_score: float = 0
 
 def kept(decision: Decision) -> Decision:
     """As it comes back from the store."""
-    told = with_class_threshold(decision, USED)
+    told = as_kept(decision, USED)
     return decision_from_proto(decision_to_proto(told, a_task(), 0, None, 1.0))
 
 
@@ -176,7 +176,8 @@ def test_a_higher_class_threshold_drops_candidates_and_a_lower_one_is_not_certai
 @pytest.mark.parametrize(
     ("texts", "says"),
     [({"alpha": "1"}, "choose among alpha_d"), ({"alpha_d": "much"}, "wanted a number"),
-     ({"tau_g": "nan"}, "wanted a number"), ({"alpha_d": "-1"}, "at least 0")],
+     ({"tau_g": "nan"}, "wanted a number"), ({"alpha_d": "-1"}, "from 0 to 1000000"),
+     ({"alpha_d": "1e308"}, "from 0 to 1000000")],
 )  # fmt: skip
 def test_settings_that_make_no_sense_are_refused(texts: dict[str, str], says: str) -> None:
     with pytest.raises(InvalidInput, match=says):
@@ -224,6 +225,19 @@ decisions = st.one_of(
     frontiers.map(lambda f: highest_value(f, "place", RNG)),
     frontiers.map(lambda f: nearest(f, "place", RNG)),
 )  # fmt: skip
+
+
+@pytest.mark.parametrize(("share", "flips"), [(1.0, False), (1.25, True)])
+def test_a_threshold_that_was_a_share_of_tau_stays_that_share(share: float, flips: bool) -> None:
+    there = [ViewOption(thing(1, score=0.6), 0.6, None, 2.0, True)]
+    tau, share_of_tau = USED.tau_g, share * USED.tau_g
+    then = kept(act_or_look(there, share_of_tau, 0.05, "object", "pick", True))
+    for same in (tau, tau + 1e-6):
+        assert not recompute(then, {"tau_g": same}).flips
+    lower = recompute(then, {"tau_g": 0.9 * tau})
+    assert (lower.decision.settings["threshold"], lower.flips) == (
+        pytest.approx(0.9 * share_of_tau), flips
+    )  # fmt: skip
 
 
 @settings(deadline=None)

@@ -1,0 +1,92 @@
+"""What is in the gripper when a task begins or ends: it is neither lost nor taken for another."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.robot import Action, ActionResult, Pick, Place
+from helios_core.topics import CANCEL
+from helios_planner.language.instruction import parse
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, TaskFailed
+from helios_planner.tasks.flow import Mission
+from helios_planner.tasks.recovery import LastAction
+from planner_bus import ended, submit, task
+from planner_flat import MOVE, flat_with_mug
+from planner_house import House
+from planner_things import Thing
+from planner_world import FakeWorld
+
+from tests.support import wait_until
+
+
+def holding_a_mug() -> FakeWorld:
+    world = flat_with_mug()
+    world._held = world.things[3]
+    return world
+
+
+def mission(world: FakeWorld, text: str) -> Mission:
+    return Mission(world, parse(text), Settings(rounds=1))
+
+
+def test_what_is_held_already_is_only_placed() -> None:
+    world = holding_a_mug()
+    assert mission(world, MOVE).run().startswith("put the mug on the counter")
+    assert not any(isinstance(action, Pick) for action in world.log)
+    assert world.released is world.things[3]
+
+
+def test_another_thing_in_the_gripper_is_said_at_once() -> None:
+    world = holding_a_mug()
+    with pytest.raises(TaskFailed, match="not free for the can: a mug is in it") as failure:
+        mission(world, "Move the can to the counter").run()
+    assert failure.value.cause is Cause.PICK_FAILED
+    assert world.steps == 0
+
+
+@pytest.mark.parametrize("text", ["find the can", "go to the counter"])
+def test_who_needs_no_gripper_may_carry_something(text: str) -> None:
+    world = holding_a_mug()
+    near = world.things[3]
+    world.things[4] = Thing(4, "can", near.center_m + np.array([0.2, 0, 0]), near.size_m)
+    mission(world, text).run()
+    assert world.held() == "mug"
+
+
+def test_a_pick_that_was_refused_took_nothing_whatever_is_held() -> None:
+    again = mission(holding_a_mug(), "Move the can to the counter")
+    memory = again.memory() | {"target_m": [1.0, 1.0, 0.5]}
+    again.recall(memory, LastAction(Pick((1.0, 1.0, 0.5), "can"), False, "it is full", "mug"))
+    assert again.picked_at_m is None
+    assert again.skills.last_reason == "it is full"
+
+
+def test_a_cancelled_task_says_what_it_leaves_in_the_gripper_and_the_next_one_places_it(
+    house: House,
+) -> None:
+    peers = house.peers(flat_with_mug())
+    bus = house.planner()
+    gate = threading.Event()
+    act = peers.world.act
+
+    def slow_when_carrying(action: Action) -> ActionResult:
+        if peers.world.held():
+            gate.wait(60)
+        return act(action)
+
+    peers.world.act = slow_when_carrying
+    id = submit(bus).id
+    wait_until(lambda: bool(peers.world.held()), 60, "it carries the mug")
+    bus.call(CANCEL, pb.TaskRequest(id=id), 5)
+    gate.set()
+    done = ended(bus, id)
+    assert done.state == "cancelled"
+    assert "it holds a mug (“put the mug on the …” sets it down)" in done.message
+    second = submit(bus, "put the mug on the counter").id
+    assert ended(bus, second).state == "succeeded", task(bus, second).message
+    kinds = [type(action) for action in peers.world.log]
+    assert (kinds.count(Pick), kinds.count(Place)) == (1, 1)
