@@ -133,5 +133,10 @@ def _sentence(error: RequestValidationError) -> str:
     parts = []
     for e in error.errors()[:5]:
         where = ".".join(str(part) for part in e["loc"] if part != "body") or "the body"
+        if e["loc"] == ("body",) and e["type"] in ("model_attributes_type", "dict_type"):
+            return (
+                "the body is no JSON object; send one, with the header "
+                "content-type: application/json"
+            )
         parts.append(f"{where}: {e['msg'].removeprefix('Value error, ')}")
     return "; ".join(parts)

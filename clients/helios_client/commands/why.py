@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from helios_client.commands.options import At, Json, console, flat, print_json
+from helios_client.commands.options import At, Json, console, flat, named_values, print_json
 
 if TYPE_CHECKING:
     from helios_client.sdk import Helios
@@ -40,6 +40,7 @@ def why(
     """Why a task did what it did. Every decision, its candidates, and one sentence."""
     from helios_client.commands.why_view import flips, report
 
+    named_values(changes or ())  # refused before anybody is asked
     with at.connect() as helios:
         found = _task(helios, task)
         decisions = helios.decisions(found.id, changes or ())

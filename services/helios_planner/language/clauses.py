@@ -47,7 +47,7 @@ class Clause:
 
 def clauses_of(words: list[str]) -> list[Clause]:
     """The clauses of a sentence; empty where it has no verb that is known."""
-    words = _spelled(_without_politeness(words))
+    words = _spelled(without_politeness(words))
     words = _active(_verb_first(words))
     remark, words = _remark(words)
     out = [_clause(part) for part in _split(words)] if _verb_at(words, 0)[0] else []
@@ -72,7 +72,8 @@ _EMPTY = frozenset(["the", "a", "an", "my", "your", "our"])  # no thing by thems
 
 
 # --- the order of words ------------------------------------------------------------------------
-def _without_politeness(words: list[str]) -> list[str]:
+def without_politeness(words: list[str]) -> list[str]:
+    """Without what people say around a wish."""
     changed = True
     while changed:
         words, changed = _without_additions(words), False
@@ -125,7 +126,7 @@ def _verb_first(words: list[str]) -> list[str]:
     for at, word in enumerate(words[:-1]):
         if word != w.PAUSE:
             continue
-        after = _without_politeness(words[at + 1 :])
+        after = without_politeness(words[at + 1 :])
         verb, n = _verb_at(after, 0)
         if not verb:
             continue
@@ -168,7 +169,7 @@ def _remark(words: list[str]) -> tuple[str, list[str]]:
     if not words or _verb_at(words, 0)[0] or length_at(words, 0, w.CONDITIONS):
         return "", words
     for at, word in enumerate(words):
-        wish = _spelled(_without_politeness(words[at + 1 :])) if word == w.PAUSE else []
+        wish = _spelled(without_politeness(words[at + 1 :])) if word == w.PAUSE else []
         verb, n = _verb_at(wish, 0)
         if verb and n < len(wish) and not _is_place(wish, n) and wish[n] not in w.PRONOUNS:
             return " ".join(words[:at]), wish
@@ -261,6 +262,13 @@ def _clause(words: list[str]) -> Clause:
             (n := length_at(words, at, w.RELATIVES)) and _leads_to_place(words, at + n)
         ):
             relative, at = True, at + n
+        elif words[at] == w.PAUSE and _locates(words, at + 1):
+            relative, at = True, at + 1 + length_at(words, at + 1, w.LOCATED)
+        elif words[at] == w.PAUSE and length_at(words, at + 1, w.REMARKS):
+            close()
+            end = next((k for k in range(at + 1, len(words)) if words[k] == w.PAUSE), len(words))
+            out.asides.append(" ".join(words[at + 1 : end]))
+            here, at = [], end
         elif not nothing_yet and (n := length_at(words, at, w.ASIDES)):
             close()
             end = next((k for k in range(at + n, len(words)) if _is_place(words, k)), len(words))
@@ -278,6 +286,11 @@ def _clause(words: list[str]) -> Clause:
             at += 1
     close()
     return out
+
+
+def _locates(words: list[str], at: int) -> bool:
+    n = length_at(words, at, w.LOCATED)
+    return bool(n) and _leads_to_place(words, at + n)
 
 
 def _leads_to_place(words: list[str], at: int) -> bool:

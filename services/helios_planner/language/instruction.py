@@ -19,6 +19,7 @@ from helios_planner.language.refusals import (
     no_verb,
     refuse_conditions,
     refuse_negation,
+    refuse_return,
     short,
 )
 from helios_planner.language.roles import Roles, one_name
@@ -65,6 +66,7 @@ def parse(text: str) -> Instruction:
             f"script ({strange[1]}); write in English, for example {EXAMPLE}"
         )
     refuse_negation(words, text)
+    refuse_return(words, text)
     clauses = clauses_of(words)
     if not clauses or w.language_of(words, surely=True):
         raise NotRead(no_verb(words, text))
@@ -119,7 +121,8 @@ def _check_thing(thing: str, start: str | None, goal: str | None) -> None:
 def _go_to(clauses: list[Clause], text: str) -> Instruction:
     places, unused = [], [aside for c in clauses for aside in c.asides]
     for clause in clauses:
-        named = [p for p in clause.places if p.kind is not Place.FOR]
+        named = [p for p in clause.places if p.kind not in (Place.FOR, Place.FROM)]
+        unused += [str(p) for p in clause.places if p.kind is Place.FROM]
         if noun(clause.thing) and not named:
             named = [PlacePhrase(Place.TO, "to", tuple(clause.thing))]
         rooms = [p for p in named if tuple(p.name.split()) in w.ROOMS]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from helios_core.errors import InvalidInput
 
 from helios_planner.language import words as w
-from helios_planner.language.clauses import Clause
+from helios_planner.language.clauses import Clause, without_politeness
 from helios_planner.language.words import length_at
 
 EXAMPLE = '"Move the mug from the coffee table to the kitchen counter"'
@@ -32,6 +32,14 @@ def refuse_negation(words: list[str], text: str) -> None:
             )
 
 
+def refuse_return(words: list[str], text: str) -> None:
+    """Raises InvalidInput for "bring the mug to the sofa and back"."""
+    if words[-2:] == ["and", "back"]:
+        raise InvalidInput(
+            f"{short(text)} asks for several things at once (“and back”); submit a task for each"
+        )
+
+
 def refuse_conditions(clauses: list[Clause], text: str) -> None:
     """Raises InvalidInput for a phrase such as "the mug if it is dirty"."""
     for clause in clauses:
@@ -48,7 +56,7 @@ def _a_condition(said: str, text: str) -> str:
 
 def no_verb(words: list[str], text: str) -> str:
     """What to say of a sentence without a verb that is known."""
-    if words[0] in w.HALTS:
+    if (bare := without_politeness(words)) and bare[0] in w.HALTS:
         return (
             f"{short(text)} is no task: a robot is stopped at once by `helios stop` (HTTP: "
             "POST /v1/robot/stop), and a task is ended by `helios cancel`"

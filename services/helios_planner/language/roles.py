@@ -105,7 +105,7 @@ class Roles:
         """The places of a clause without rooms; a room narrows a place, and is none itself."""
         usable = []
         for at, place in enumerate(clause.places):
-            if place.kind is Place.BESIDE and self._says_which(clause, at):
+            if self._says_which(clause, at):
                 self.unused.append(str(place))
                 continue
             if place.kind is Place.BESIDE and not beside:
@@ -131,9 +131,13 @@ class Roles:
     @staticmethod
     def _says_which(clause: Clause, at: int) -> bool:
         """Whether a place beside something says where the place before it is, from which a thing
-        is taken: "from the table next to the sofa"."""
-        before = clause.places[at - 1] if at else None
+        is taken: "from the table next to the sofa"; "on the chair at the desk" says which chair."""
+        place, before = clause.places[at], clause.places[at - 1] if at else None
         if before is None or not before.name:
+            return False
+        if place.preposition == "at":
+            return before.kind in (Place.ON, Place.TO, Place.FROM)
+        if place.kind is not Place.BESIDE:
             return False
         on = before.kind is Place.ON and (
             clause.verb is not Verb.PUT or any(p.kind is Place.TO for p in clause.places[at:])

@@ -82,14 +82,14 @@ PLACES: dict[Phrase, Place] = {
         "over in, upon, atop, on, inside of, inside, within, in, at",
         BESIDE="next to, close to, closer to, nearer to, in front of, to the left of, "
         "to the right of, left of, right of, near, beside, by, behind, under, underneath, "
-        "below, beneath, between, above, against, around, opposite",
+        "below, beneath, between, above, against, around, opposite, via, avoiding",
         FOR="for",
     ).items()
 }  # fmt: skip
 
 # Words that open what does not change the task; it is told that it was not used.
 ASIDES = frozenset(_phrases(
-    "with, that, which, that has, which has, that have, because, since, so that, so, where"
+    "with, without, that, which, that has, which has, that have, because, since, so that, so, where"
 ))  # fmt: skip
 # Words that open a condition: what comes after it would have to be judged, so it is refused.
 CONDITIONS = frozenset(_phrases(
@@ -99,7 +99,12 @@ CONDITIONS = frozenset(_phrases(
     "the next time"
 ))  # fmt: skip
 HALTS = _words("stop halt cancel abort pause quit")  # no tasks; there are commands for them
-NEGATIONS = frozenset(_phrases("not, don't, dont, never, do not, doesn't, nothing, nowhere"))
+NEGATIONS = frozenset(_phrases(
+    "not, don't, dont, never, do not, doesn't, nothing, nowhere, no, none, neither, nor, except, "
+    "except for, but, instead of, other than, rather than, apart from"
+))  # fmt: skip
+# Words that tie those before and after them together: neither can be left out.
+BINDING = _words("of for and or but nor no not any anything anywhere every via without avoiding")
 
 # "the mug that is standing on the desk": what is meant by the place that follows is the start.
 RELATIVES = frozenset(_phrases(
@@ -111,6 +116,13 @@ RELATIVES = frozenset(_phrases(
     "should be, must be, might be, may be, could be, probably, usually, often, always, still, maybe"
 ))  # fmt: skip
 
+# What follows a wish: where the thing is ("…, it is on the table"), or something else.
+LOCATED = frozenset(_phrases(
+    "it is, it's, its, they are, i left it, i left them, i put it, i put them, it should be, "
+    "you find it, you will find it"
+))  # fmt: skip
+REMARKS = frozenset(_phrases("i, i'm, it, it's, he, she, we, they, there is"))
+
 JOINERS = frozenset(_phrases("and then, and afterwards, and, then, afterwards, after that"))
 LISTS = frozenset(_phrases("and, or, as well as, plus, then"))
 
@@ -118,7 +130,8 @@ POLITE = frozenset(_phrases(
     "hey, hi, hello, ok, okay, alright, yes, robot, helios, please, pls, plz, pleas, plese, "
     "pleese, pelase, kindly, now, then, just, why don't you, why not, are you able to, "
     "would you be able to, is it possible to, i need to, i would like to, i'd like to, "
-    "can you, could you, would you, will you, may you, can u, could u, would u, "
+    "can you, could you, would you, will you, may you, can't you, couldn't you, "
+    "won't you, wouldn't you, can u, could u, would u, "
     "will u, i want you to, i would like you to, i'd like you to, i need you to, i want to, "
     "you should, you must, your task is to, your job is to, task, try to, let's, lets, "
     "go ahead and, go and, come and, help me to, help me, would you mind, do you mind, "
@@ -143,12 +156,12 @@ POLITE_END = frozenset(_phrases(
 
 DETERMINERS = frozenset(_phrases(
     "one of the, one of my, any of the, a piece of, a pair of, the, teh, a, an, my, your, our, "
-    "his, her, their, its, this, that, these, those, some, any, one, 1, another, each"
+    "his, her, their, its, this, that, these, those, some, any, one, 1, another"
 ))  # fmt: skip
 MANY = frozenset(_phrases(
     "all of the, all the, all of my, all my, all, every, both, both of the, many, several, two, "
     "three, four, five, six, seven, eight, nine, ten, a few, few, a couple of, couple of, lot of, "
-    "lots of, everything, things"
+    "lots of, dozen, a dozen, each, each of the, everything, things"
 ))  # fmt: skip
 PARTICLES = _words(
     "up over back away down again there here out together off along very carefully gently slowly "
@@ -223,7 +236,7 @@ def language_of(words: list[str], surely: bool = False) -> str | None:
     """The language other than English that a sentence looks like. surely: by its small words, as
     a verb may be English too ("bring die Tasse zum Sofa")."""
     small = {language: len(its & set(words)) for language, its in SMALL_FOREIGN.items()}
-    begins = [FOREIGN[word] for word in words[:4] if word in FOREIGN]
+    begins = [FOREIGN[word] for word in words[:4] if word in FOREIGN and (word,) not in VERBS]
     likely = max(small, key=lambda language: small[language] + begins.count(language))
     if small[likely] > 1:
         return likely

@@ -11,6 +11,7 @@ from helios_core.errors import InvalidInput
 from helios_core.types import Role, SearchClass, SearchContext
 
 from helios_planner.language.instruction import Instruction, Kind
+from helios_planner.language.words import BINDING
 from helios_planner.searching.explore import PICK_LAYER, PLACE_LAYER
 from helios_planner.settings import Settings
 
@@ -34,16 +35,18 @@ def search_context(id: str, instruction: Instruction, settings: Settings) -> Sea
 
 def in_vocabulary(instruction: Instruction, vocabulary: pb.VocabularyReply) -> Instruction:
     """The instruction in the detector's own names: a name as it is, its singular, or the known
-    name that it ends with ("red coffee mug" is a mug). Raises InvalidInput for what is unknown."""
+    name that it ends with ("red coffee mug" is a mug, "bowl of oranges" a bowl); the rest counts as
+    unused. Raises InvalidInput for what is unknown."""
     if vocabulary.open:
         return instruction
     known = {name.replace("_", " ").lower(): name for name in vocabulary.names}
-    return replace(
-        instruction,
-        object=_known("object", instruction.object, known, vocabulary.detector),
-        start=_known("start", instruction.start, known, vocabulary.detector),
-        goal=_known("goal", instruction.goal, known, vocabulary.detector),
-    )
+    named: dict[str, str] = {}
+    unused: list[str] = []
+    for role in ("object", "start", "goal"):
+        if said := getattr(instruction, role):
+            named[role], rest = _known(role, said, known, vocabulary.detector)
+            unused += rest
+    return replace(instruction, unused=(*instruction.unused, *unused), **named)
 
 
 def closest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
@@ -68,15 +71,17 @@ def check_able(instruction: Instruction, robot: pb.RobotDescription) -> None:
         )
 
 
-def _known(role: str, name: str | None, known: dict[str, str], detector: str) -> str | None:
-    if name is None:
-        return None
-    words = name.split()
-    for k in range(len(words)):
-        tail = " ".join(words[k:])
-        for form in (tail, tail.removesuffix("s"), tail.removesuffix("es")):
-            if form in known:
-                return known[form]
+def _known(role: str, name: str, known: dict[str, str], detector: str) -> tuple[str, list[str]]:
+    """The detector's name, and what was said beside it. What a thing is "of" is not the thing, and
+    what says another thing or none ("anything but the mug") is not left out."""
+    head, of, rest = name.partition(" of ")
+    for said, beside in ((name, []), (head, [of.strip() + " " + rest] if of else [])):
+        words = said.split()
+        for k in range(len(words)):
+            tail = " ".join(words[k:])
+            for form in (tail, tail.removesuffix("s"), tail.removesuffix("es")):
+                if form in known and not BINDING & set(words[:k]):
+                    return known[form], [*([" ".join(words[:k])] if k else []), *beside]
     near = closest(name, list(known))
     hint = f"did you mean {' or '.join(near)}?" if near else "ask for what it knows"
     raise InvalidInput(f"the detector ({detector}) does not know the {role} “{name}”; {hint}")

@@ -21,6 +21,7 @@ from helios_planner.moving.pose_legs import legs_of
 from helios_planner.robot.body import Body
 from helios_planner.searching.explore import Kit, Search
 from helios_planner.searching.look import Looking, nearest_to
+from helios_planner.searching.scored_search import ScoredSearch
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed
 from helios_planner.tasks.recovery import LastAction
@@ -66,7 +67,10 @@ class Mission:
             return f"stands at the {i.goal}"
         assert i.object
         if i.kind is Kind.FIND:
-            return self._show(self._begun(self.agent.seek_object(self.kit, i.object, i.start)))
+            search = self.agent.seek_object(self.kit, i.object, i.start)
+            if isinstance(search, ScoredSearch):
+                search.what = "stop"  # in its sentences
+            return self._show(self._begun(search))
         assert i.goal
         seen = "it was not seen there yet"
         while not self.placed:

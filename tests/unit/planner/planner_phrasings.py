@@ -165,6 +165,13 @@ the mug needs to be on the counter                 | mug | | counter
 pick up the mug from the table, go to the sofa and place it | mug | table | sofa
 go to the table, pick up the mug, go to the sofa, and put it down | mug | table | sofa
 find mug, pick it, go to sofa, place it            | mug | | sofa
+put the mug on the chair at the desk               | mug | | chair
+bring the mug without a handle to the sofa         | mug | | sofa
+Can't you bring the mug to the sofa?               | mug | | sofa
+bring the mug to the sofa, it is on the table      | mug | table | sofa
+Bring the mug to the sofa. It's still on the table. | mug | table | sofa
+Bring the mug to the sofa, I left it on the table  | mug | table | sofa
+Bring the mug to the sofa. I am thirsty.           | mug | | sofa
 """
 
 # object | start
@@ -202,6 +209,7 @@ check if there is a mug on the table   | mug | table
 serach for the mug                     | mug |
 can you see if there's a banana on the counter     | banana | counter
 search the house for a fire extinguisher           | fire extinguisher |
+Find my keys, they are on the sofa                 | keys | sofa
 """
 
 GOES = r"""
@@ -220,6 +228,8 @@ return to the bench                    | bench
 pls drvie to the kitchen counter thx   | kitchen counter
 approach the sofa                                  | sofa
 get to the sofa                                    | sofa
+go from the desk to the sofa                       | sofa
+Go to the sofa. There is a party on the balcony.   | sofa
 """
 
 # what it says
@@ -323,6 +333,20 @@ take the red and the blue mug to the sofa           | several things at once (re
 move a couple of mugs to the table                  | several things
 the red mug, move to the sofa                       | no verb
 if I am thirsty, bring the cup to the desk          | a condition (“if”)
+Bring the mug to the sofa instead of the bed        | not to be done (“instead of”)
+Find anything but the mug                           | not to be done (“but”)
+bring no can to the sofa                            | not to be done (“no”)
+bring neither the mug nor the can to the sofa       | not to be done (“neither”)
+bring anything other than the mug to the sofa       | not to be done (“other than”)
+go anywhere except the sofa                         | not to be done (“except”)
+go to the bed via the sofa                          | more than one place
+go away from the bed                                | a piece of furniture to go to
+bring the mug to the sofa and back                  | several things at once (“and back”)
+bring a dozen cans to the sofa                      | several things
+bring each can to the sofa                          | several things
+PLEASE STOP!!!                                      | `helios stop`
+Hey robot, could you stop now                       | `helios stop`
+Refuse to bring the mug to the sofa                 | to the sofa”; start with move
 """
 
 

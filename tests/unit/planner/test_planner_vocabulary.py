@@ -1,0 +1,44 @@
+"""An instruction in the names of a detector whose vocabulary is closed."""
+
+from __future__ import annotations
+
+import pytest
+from helios_core import proto as pb
+from helios_core.errors import InvalidInput
+from helios_planner.language.instruction import parse
+from helios_planner.tasks.context import in_vocabulary
+
+NAMES = ("mug", "bowl", "orange", "pan", "coffee_table", "sofa", "bed")
+
+
+def named(text: str, names: tuple[str, ...] = NAMES) -> tuple:
+    reply = pb.VocabularyReply(open=not names, names=names, detector="a few")
+    got = in_vocabulary(parse(text), reply)
+    return got.object, got.start, got.goal, got.unused
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("bring the mugs to the sofa", ("mug", None, "sofa", ())),
+        ("bring the red coffee mug to the sofa", ("mug", None, "sofa", ("red coffee",))),
+        ("bring the mug from the coffee table to the sofa", ("mug", "coffee_table", "sofa", ())),
+        ("bring the bowl of oranges to the bed", ("bowl", None, "bed", ("of oranges",))),
+    ],
+)
+def test_a_thing_is_named_as_the_detector_does_and_what_is_left_out_is_told(
+    text: str, wanted: tuple
+) -> None:
+    assert named(text) == wanted
+
+
+def test_an_open_vocabulary_takes_every_name() -> None:
+    assert named("bring the lid of the pan to the sofa", ()) == ("lid of the pan", None, "sofa", ())
+
+
+def test_what_a_thing_belongs_to_is_not_the_thing() -> None:
+    with pytest.raises(InvalidInput, match="does not know the object “lid of the pan”") as refusal:
+        named("bring the lid of the pan to the sofa")
+    assert "did you mean pan?" in refusal.value.message
+    with pytest.raises(InvalidInput, match="does not know the start “edge of the bed”"):
+        named("find the mug on the edge of the bed")
