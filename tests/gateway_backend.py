@@ -162,11 +162,11 @@ class Backend(MadeUpTasks):
             goal=pb.Pose2(x_m=2.45, y_m=2.0, yaw_rad=-2.5), purpose="to a gaze point of mug 1",
         ))  # fmt: skip
 
-    def reset(self, state: str = "queued") -> None:
-        """No stop is latched, and every task is in this state."""
+    def reset(self) -> None:
+        """No stop is latched, and every task is queued."""
         self._latch(False, "")
         for task in self.tasks.values():
-            task.state = state
+            task.state = "queued"
 
     def serve_settings(self, service: str, settings: dict) -> None:
         """A service that tells its settings."""

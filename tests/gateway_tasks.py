@@ -35,8 +35,8 @@ class MadeUpTasks:
         serve(GET_TASK, self._get)
         serve(LIST_TASKS, lambda _: pb.TaskList(tasks=self.tasks.values()))
         serve(CANCEL, self._cancel)
-        serve(PAUSE, lambda request: self._go(request, "running", "paused"))
-        serve(RESUME, lambda request: self._go(request, "paused", "running"))
+        serve(PAUSE, lambda request: self._hold(request, True))
+        serve(RESUME, lambda request: self._hold(request, False))
         serve(DECISIONS, self._decisions)
 
     def submit(self, instruction: str) -> pb.Task:
@@ -87,11 +87,12 @@ class MadeUpTasks:
         self.bus.publish(TASK, task)
         return task
 
-    def _go(self, request: pb.TaskRequest, before: str, after: str) -> pb.Task:
+    def _hold(self, request: pb.TaskRequest, on_hold: bool) -> pb.Task:
         task = self._get(request)
-        if task.state != before:
-            raise Conflict(f"task {task.id} is {task.state}, not {before}")
-        self.change_task(task.id, after)
+        if task.state in ("succeeded", "failed", "cancelled"):
+            raise Conflict(f"task {task.id} has ended ({task.state})")
+        begun = "paused" if on_hold else "running"
+        self.change_task(task.id, task.state if task.state == "queued" else begun, on_hold=on_hold)
         return task
 
     def _decisions(self, request: pb.TaskRequest) -> pb.DecisionList:

@@ -109,8 +109,13 @@ def test_a_task_is_cancelled(page: Page, house: Served) -> None:
 
 def test_a_task_is_paused_and_goes_on(page: Page, house: Served) -> None:
     submit(page)
-    expect(page.locator("#pause")).to_be_hidden()
+    page.click("#pause")
+    expect(page.locator("#pause")).to_have_text("Resume")
+    expect(page.locator("#task-state")).to_have_text("queued")
+    page.click("#pause")
+    expect(page.locator("#pause")).to_have_text("Pause")
     house.backend.change_task("t1", "running", phase="pick")
+    expect(page.locator("#task-state")).to_have_text("running")
     page.click("#pause")
     expect(page.locator("#task-state")).to_have_text("paused")
     expect(page.locator("#pause")).to_have_text("Resume")

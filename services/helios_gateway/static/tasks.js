@@ -38,7 +38,7 @@ export class Tasks {
     });
     $("cancel").addEventListener("click", () => this.tell("cancel"));
     $("pause").addEventListener("click", () =>
-      this.tell(this.tasks.get(this.inView)?.state === "paused" ? "resume" : "pause"),
+      this.tell(this.tasks.get(this.inView)?.on_hold ? "resume" : "pause"),
     );
   }
 
@@ -126,9 +126,9 @@ export class Tasks {
     $("task-empty").hidden = Boolean(task);
     $("task-state").hidden = !task;
     $("cancel").hidden = !task || ENDED.includes(task.state);
-    $("pause").hidden = !["running", "paused"].includes(task?.state);
+    $("pause").hidden = !["queued", "running", "paused"].includes(task?.state);
     if (!task) return;
-    $("pause").textContent = task.state === "paused" ? "Resume" : "Pause";
+    $("pause").textContent = task.on_hold ? "Resume" : "Pause";
     $("task-state").textContent = task.state;
     $("task-state").dataset.state = task.state;
     $("task-instruction").textContent = task.instruction;
@@ -147,6 +147,7 @@ export class Tasks {
     const seconds = task.started_s && (task.ended_s ?? Date.now() / 1000) - task.started_s;
     facts($("task-facts"), [
       ["seeks", ENDED.includes(task.state) ? "" : task.seeking],
+      ["not used", (task.unused ?? []).map((words) => `“${words}”`).join(", ")],
       ["steps", task.max_steps ? `${task.steps} of ${task.max_steps}` : task.steps],
       ["picks", task.picks || ""],
       ["priority", task.priority || ""],

@@ -67,7 +67,7 @@ def test_an_instruction_that_is_not_understood_says_what_was(
     [
         (b"", "required"),
         (b"{", "JSON"),
-        (b"[1]", "dictionary"),
+        (b"[1]", "no JSON object"),
         (b'{"instruction": 5}', "instruction: Input should be a valid string"),
         (b'{"instruction": "  "}', "instruction: the instruction is empty"),
         (b'{"instruction": "move \\ud800 it"}', "half a character"),
