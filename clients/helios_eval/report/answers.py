@@ -191,7 +191,7 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
                 settled.append(f"{metric} {'better' if tone == 'good' else 'worse'}")
         of = asked_of(arm, base, len(mine))
         so = (", ".join(settled) or "nothing settled") + (SO_FAR if of else "")
-        rows.add([_idea_name(arm, base), *cells, Cell(str(len(mine)), of), so])
+        rows.add([arm.label, *cells, Cell(str(len(mine)), of), so])
     return rows.table(
         "Ideas beyond the paper, against the paper's method",
         ["idea − helios", *IDEA_METRICS, "n", "so"],
@@ -201,11 +201,6 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
         f"any one metric. {text.RULE}",
         words=["so"],
     ) if rows.rows else None  # fmt: skip
-
-
-def _idea_name(arm: Arm, base: Arm) -> str:
-    changed = [f"{k}={v}" for k, v in arm.settings if (k, v) not in base.settings]
-    return " ".join(([] if changed and arm.agent == base.agent else [arm.agent]) + changed)
 
 
 def _is_idea(arm: Arm, base: Arm) -> bool:

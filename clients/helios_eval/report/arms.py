@@ -30,6 +30,8 @@ REFERENCES = {  # of a benchmark: the first that was run
     "objectnav": ("vlfm-helios-stop", "helios", "vlfm"),
 }
 
+MOST_NAMED = 2  # settings of an arm, in its label
+
 
 @dataclass(frozen=True)
 class Arm:
@@ -90,8 +92,14 @@ def arms_of(
         )  # fmt: skip
     arms.sort(key=_order)
     counts = {identity: len(seeds) for identity, seeds in (asked or {}).items()}
+    short = [_label(arm, arms, MOST_NAMED) for arm in arms]
+    labels = [
+        label if short.count(label) == 1 else _label(arm, arms, len(arm.settings))
+        for arm, label in zip(arms, short, strict=True)
+    ]
     return [
-        replace(arm, label=_label(arm, arms), asked=counts.get(arm.identity, 0)) for arm in arms
+        replace(arm, label=label, asked=counts.get(arm.identity, 0))
+        for arm, label in zip(arms, labels, strict=True)
     ]
 
 
@@ -102,8 +110,9 @@ def _order(arm: Arm) -> tuple[object, ...]:
             str(arm.noise), str(arm.settings))  # fmt: skip
 
 
-def _label(arm: Arm, arms: Sequence[Arm]) -> str:
-    """The agent, and of its condition what tells it from the other arms."""
+def _label(arm: Arm, arms: Sequence[Arm], most: int) -> str:
+    """The agent, and of its condition what tells it from the other arms; at most so many of its
+    settings by name (the header of a report has all)."""
     same = [a for a in arms if a.benchmark == arm.benchmark]
     parts = [arm.agent]
     if len({a.preset for a in same}) > 1:
@@ -118,9 +127,12 @@ def _label(arm: Arm, arms: Sequence[Arm]) -> str:
             noise_parts(arm.noise) if len({(n.level, n.correlation) for n in noises}) > 1 else []
         )
     mine = [dict(a.settings) for a in same if a.agent == arm.agent]
-    for key, setting in arm.settings:
-        if any(other.get(key, _MISSING) != setting for other in mine):
-            parts.append(f"{key}={setting}")
+    own = [
+        f"{_bare(key)}={setting}" for key, setting in arm.settings
+        if any(other.get(key, _MISSING) != setting for other in mine)
+    ]  # fmt: skip
+    more = len(own) - most
+    parts += own if more < 2 else [*own[:most], f"{more} more settings"]
     return " · ".join(parts)
 
 
