@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from helios_eval.episodes.record import Setting
 from helios_eval.episodes.spec import MAX_STEPS, SENSOR
 from helios_eval.report import paper, plots, text
 from helios_eval.report.arms import PAPERS, Arm, in_common, noise_parts, plain_arm
@@ -69,7 +70,14 @@ def section(arms: Sequence[Arm]) -> Section | None:
                 group = f"The same at {noise}"
                 bars.append(_row(rows, question, metric, first, second, group, noise))
     levels, ideas = _levels(arms), _ideas(arms)
-    if not rows.rows and ideas is None:
+    plain = plain_arm(arms, "ovmm", "helios", NOISY)
+    alone = plain is not None and bool(_own_settings(plain))
+    if alone:
+        unanswered.append(
+            "HELIOS without settings of its own, beside which the rows with settings say something "
+            "(name the folder that has it, too)"
+        )
+    if not rows.rows and ideas is None and not alone:
         return None
     blocks: list[Block] = [Paragraph(
         "Judged by the truth of this project's simulator, unlimited picks. What was run, and why "
@@ -153,7 +161,7 @@ def _levels(arms: Sequence[Arm]) -> Table | None:
     rows = Rows()
     for name, who, wanted in LEVELS:
         arm = plain_arm(arms, "ovmm", *who)
-        if arm is None or _noise_of(arm):
+        if arm is None or _noise_of(arm) or _own_settings(arm):
             continue
         met = values(arm.records, "SR")
         i = wilson(int(met.sum()), len(met))
@@ -172,7 +180,7 @@ def _levels(arms: Sequence[Arm]) -> Table | None:
 def _ideas(arms: Sequence[Arm]) -> Table | None:
     """What is not the paper's, against the paper's method under the same noise."""
     base = plain_arm(arms, "ovmm", "helios", NOISY)
-    if base is None:
+    if base is None or _own_settings(base):
         return None
     rows = Rows()
     for arm in arms:
@@ -203,13 +211,14 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
     ) if rows.rows else None  # fmt: skip
 
 
+def _own_settings(arm: Arm) -> dict[str, Setting]:
+    """Settings of the method; those of the homes and the camera are conditions for all."""
+    return {k: v for k, v in arm.settings if k not in (MAX_STEPS, SENSOR)}
+
+
 def _is_idea(arm: Arm, base: Arm) -> bool:
     """Another agent than the paper's, or settings that the paper did not sweep."""
-    conditions = {MAX_STEPS, SENSOR}
-    changed = {
-        k: v for k, v in arm.settings
-        if k not in conditions and (k, v) not in base.settings
-    }  # fmt: skip
+    changed = {k: v for k, v in _own_settings(arm).items() if (k, v) not in base.settings}
     if arm.agent not in PAPERS:
         return True
     swept = {row.setting for table in paper.SWEEPS for row in table.rows}

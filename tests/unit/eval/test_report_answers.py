@@ -95,6 +95,13 @@ def test_a_short_run_against_a_long_one_is_whole_when_it_is() -> None:
 IDEAS = "Ideas beyond the paper, against the paper's method"
 
 
+def test_settings_alone_are_neither_helios_nor_beside_it() -> None:
+    new = {"planner.tau_g": 0.4}
+    tables, said = answered([*wins("helios", 20, settings=new), *wins("helios-next", 22)])
+    assert not tables
+    assert "HELIOS without settings of its own" in said
+
+
 def test_ideas_are_what_the_paper_has_not() -> None:
     swept, new = {"planner.tau_g": 0.3}, {"planner.tau_g": 0.4}
     tables, _ = answered([
