@@ -59,7 +59,7 @@ def test_several_folders_together_make_every_table_and_the_pairs(tmp_path: Path)
         "helios against trusting",
         "helios · noise ×2 against trusting · noise ×2",
         "helios against helios-5050",
-        "helios · objectmap.alpha_cs=0.1 against helios",
+        "helios · alpha_cs=0.1 against helios",
         "vlfm-helios-stop against vlfm",
         "helios · ground truth against trusting · ground truth",
     }, found  # fmt: skip
