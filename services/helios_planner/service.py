@@ -153,6 +153,7 @@ class PlannerService:
             queued = request.id in self._queue
             if queued:
                 self._queue.remove(request.id)
+                self._holds.pop(request.id, None)
             if event := self._cancels.get(request.id):
                 event.set()
         if queued:
@@ -166,10 +167,10 @@ class PlannerService:
     def pause(self, request: pb.TaskRequest) -> pb.Task:
         """The action that runs is finished; none is begun until `resume`. A queued task is not
         begun until then."""
-        return self._on_hold(request.id, True)
+        return self._set_on_hold(request.id, True)
 
     def resume(self, request: pb.TaskRequest) -> pb.Task:
-        return self._on_hold(request.id, False)
+        return self._set_on_hold(request.id, False)
 
     def decisions(self, request: pb.TaskRequest) -> pb.DecisionList:
         """All that were kept; with settings, each with what it would have been under them."""
@@ -259,7 +260,7 @@ class PlannerService:
             hold.pause()
         return hold
 
-    def _on_hold(self, id: str, on_hold: bool) -> pb.Task:
+    def _set_on_hold(self, id: str, on_hold: bool) -> pb.Task:
         """Kept before it is obeyed. Raises Conflict for a task that has ended."""
         task = self._book.known(id)
         if task.state.ended:

@@ -9,7 +9,7 @@ from typing import Any
 
 from helios_planner.language.instruction import Instruction
 
-HELD = "paused; resume or cancel it"
+HELD = "paused; resume or cancel it"  # what a task says that is on hold
 
 
 class State(StrEnum):

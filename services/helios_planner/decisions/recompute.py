@@ -43,7 +43,7 @@ _READS: dict[str, dict[str, str]] = {
     "pick (eq. 7, 11)": _PICK, "stop (eq. 7, 11)": _PICK, "place (eq. 7, 11)": _PLACE,
 }  # fmt: skip
 _TAU = "tau"  # of Table 3, as a kept decision has it
-MOST = 1e6
+MOST = 1e6  # of any setting that is tried
 SETTINGS = ("alpha_d", "tau_g", "tau_b", "tau_inc", "cs_a", "cs_g", "cs_b")
 
 

@@ -75,7 +75,7 @@ def _known(role: str, name: str, known: dict[str, str], detector: str) -> tuple[
     """The detector's name, and what was said beside it. What a thing is "of" is not the thing, and
     what says another thing or none ("anything but the mug") is not left out."""
     head, of, rest = name.partition(" of ")
-    for said, beside in ((name, []), (head, [of.strip() + " " + rest] if of else [])):
+    for said, beside in ((name, []), (head, [f"of {rest}"] if of else [])):
         words = said.split()
         for k in range(len(words)):
             tail = " ".join(words[k:])

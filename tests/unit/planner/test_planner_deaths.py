@@ -29,6 +29,14 @@ def kinds(world: FakeWorld) -> list[str]:
     return [type(a).__name__ for a in world.log]
 
 
+def stop(house: House, gate: threading.Event) -> None:
+    """End the first planner properly, in the middle of an action that ends when the gate opens."""
+    stopping = threading.Thread(target=house.planners[0].close)
+    stopping.start()
+    gate.set()
+    stopping.join(10)
+
+
 @pytest.mark.parametrize("answered", [True, False], ids=["done", "never sent"])
 def test_a_planner_that_dies_in_a_pick_goes_on_and_picks_once(house: House, answered: bool) -> None:
     peers = house.peers(flat_with_mug())
@@ -97,10 +105,7 @@ def test_a_planner_that_is_stopped_leaves_no_task_that_starts_by_itself(house: H
     peers.gate = threading.Event()
     id = submit(bus, GO).id
     wait_until(peers.acting.is_set, 60, "it acts")
-    stopping = threading.Thread(target=house.planners[0].close)
-    stopping.start()
-    peers.gate.set()
-    stopping.join(10)
+    stop(house, peers.gate)
     steps = peers.world.steps
     bus = house.planner()
     done = task(bus, id)
@@ -192,10 +197,7 @@ def test_what_was_queued_when_the_planner_was_stopped_waits_to_be_resumed(house:
     submit(bus, GO)
     wait_until(peers.acting.is_set, 60, "it acts")
     queued = submit(bus, GO).id
-    stopping = threading.Thread(target=house.planners[0].close)
-    stopping.start()
-    peers.gate.set()
-    stopping.join(10)
+    stop(house, peers.gate)
     steps = peers.world.steps
     bus = house.planner()
     third = submit(bus, "find the mug").id
