@@ -5,7 +5,9 @@
         cell_m: float = Field(default=0.025, description="edge of a cell")
 
 Flag `--cell-m 0.05`, variable `HELIOS_MAP2D_CELL_M=0.05`, or in the file that `--config FILE` or
-`HELIOS_CONFIG` names: `[map2d]` `cell_m = 0.05`. Nothing else reads the environment.
+`HELIOS_CONFIG` names: `[map2d]` `cell_m = 0.05`. Its table `[all]` holds what every service has
+(router, robot, log_level), where the service's own says nothing. Nothing else in a service reads
+the environment.
 """
 
 from __future__ import annotations
@@ -110,7 +112,7 @@ class ServiceSettings(BaseSettings):
                 for e in error.errors()
             )
             print(f"helios-{cls.service_name()}: wrong setting: {wrong}", file=sys.stderr)
-        except (OSError, tomllib.TOMLDecodeError) as error:
+        except (OSError, ValueError) as error:
             print(f"helios-{cls.service_name()}: cannot read settings: {error}", file=sys.stderr)
         sys.exit(2)
 
@@ -134,4 +136,11 @@ def _table(cls: type[ServiceSettings]) -> dict[str, Any]:
     if not path:
         return {}
     tables = tomllib.loads(Path(path).read_text())
-    return tables.get(cls.service_name(), {})
+    of_all = tables.get("all", {})
+    common = {name for name in ServiceSettings.model_fields if name != "config"}
+    if unknown := sorted(set(of_all) - common):
+        raise ValueError(
+            f"table [all] of {path} has {', '.join(unknown)}; it may hold what every service has: "
+            f"{', '.join(sorted(common))}"
+        )
+    return of_all | tables.get(cls.service_name(), {})

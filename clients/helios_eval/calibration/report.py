@@ -17,8 +17,9 @@ REPORT = "calibration.md"
 
 _INTRO = """# Does the uncertainty mean anything?
 
-Every instance of the object map says how sure it is of its class: the class score S (eq. 6), its
-uncertainty U, and Ψ = S − α U (eq. 7). Here they are held against the truth of the simulator.
+Every instance of the object map says how sure it is of its class: the class score S, its
+uncertainty U (both section 3.1.3), and Ψ = S − α U (eq. 7). Here they are held against the truth of
+the simulator.
 
 - **Right** is an instance whose centre lies in the box of a true thing of its class, grown by
   0.10 m (objects), or over the footprint of a true receptacle of its class, grown by 0.15 m.

@@ -29,7 +29,7 @@ ROLES = ("object", "receptacle")
 class Samples:
     """Beliefs as columns, each [n]."""
 
-    class_score: NDArray[np.float64]  # S, eq. 6
+    class_score: NDArray[np.float64]  # S, section 3.1.3
     score: NDArray[np.float64]  # Ψ, eq. 7
     uncertainty: NDArray[np.float64]  # U
     views: NDArray[np.int64]

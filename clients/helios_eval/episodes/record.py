@@ -46,7 +46,7 @@ class Belief(_Frozen):
     instance: int = Field(description="id in the object map, never used again in an episode")
     role: Literal["object", "start", "goal"]
     class_name: str
-    class_score: float = Field(description="S, eq. 6")
+    class_score: float = Field(description="S, section 3.1.3")
     score: float = Field(description="Psi, eq. 7")
     uncertainty: float = Field(description="U, of the Dirichlet")
     views: int

@@ -85,7 +85,7 @@ def expected(
         asked = member.asked.astype(np.float64)
         asked[seen] += evidence
         after = entropy(concentration_of(positive, asked[seen], rates.prior, n_classes))
-        gain = float((before[seen] - after).sum())  # eq. 12; one Gaussian's share may be negative
+        gain = float((before[seen] - after).sum())  # eq. 6 as eq. 12; a share may be negative
         own = base[:, wanted].copy()
         own[seen] = positive[:, wanted]
         mean, deviation = marginal(own, asked, rates.prior, n_classes)

@@ -274,9 +274,9 @@ def _clause(words: list[str]) -> Clause:
             end = next((k for k in range(at + n, len(words)) if _is_place(words, k)), len(words))
             out.asides.append(" ".join(trimmed(words[at:end])))
             here, at = [], end
-        elif n := length_at(words, at, w.PLACES):
+        elif n := _place_at(words, at, nothing_yet):
             close()
-            kind = w.PLACES[tuple(words[at : at + n])]
+            kind = w.PLACES.get(tuple(words[at : at + n]), Place.ON)
             if relative and kind is Place.ON:
                 kind = Place.FROM
             opened, relative = (kind, " ".join(words[at : at + n])), False
@@ -286,6 +286,15 @@ def _clause(words: list[str]) -> Clause:
             at += 1
     close()
     return out
+
+
+def _place_at(words: list[str], at: int, nothing_yet: bool) -> int:
+    """Number of words of the preposition here. "Over" is one in "the towel over the chair", and
+    none in "bring over the mug" and "take the mug over to the sink"."""
+    if n := length_at(words, at, w.PLACES):
+        return n
+    over = words[at] == "over" and not nothing_yet and length_at(words, at + 1, w.DETERMINERS)
+    return 1 if over else 0
 
 
 def _locates(words: list[str], at: int) -> bool:

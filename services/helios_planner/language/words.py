@@ -52,8 +52,8 @@ VERBS: dict[Phrase, Verb] = {
         PUT="move, bring, put, place, set, lay, carry, transport, relocate, transfer, deliver, "
         "drop, shift, return, leave, store, stow, pass, give, hand, hand over, put down, set down, "
         "lay down, put away, drop off, send, insert, stick, rest, stash, load, throw, throw away, "
-        "toss, dispose of, slide, stack, dump, haul, position, i want, i need, i'd like, "
-        "i would like, need, want",
+        "toss, dispose of, slide, stack, dump, haul, position, hang, drape, spread, "
+        "i want, i need, i'd like, i would like, need, want",
         TAKE="take, fetch, grab, get, pick, pick up, collect, retrieve, remove, lift, lift up, "
         "grasp, get hold of, clear",
         FIND="find, find out where, locate, look for, search for, search, seek, spot, look, "

@@ -34,6 +34,30 @@ def test_a_flag_wins_over_the_environment_and_that_over_the_file(
     assert loaded.robot == "spot"
 
 
+def test_a_table_for_all_services_counts_where_their_own_says_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "helios.toml"
+    file.write_text("[all]\nrouter = 'tcp/hub:7447'\nrobot = 'ada'\n[sample]\nrobot = 'bob'\n")
+    monkeypatch.setenv("HELIOS_CONFIG", str(file))
+    loaded = Settings.load([])
+    assert (loaded.router, loaded.robot) == ("tcp/hub:7447", "bob")
+
+
+def test_a_table_for_all_services_holds_nothing_that_one_alone_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "helios.toml"
+    file.write_text("[all]\ncell_m = 0.1\n")
+    monkeypatch.setenv("HELIOS_CONFIG", str(file))
+    with pytest.raises(SystemExit) as ended:
+        Settings.load([])
+    assert ended.value.code == 2
+    assert "[all]" in (said := capsys.readouterr().err)
+    assert "cell_m" in said
+    assert "router" in said
+
+
 @pytest.mark.parametrize("argv", [["--cell-m", "-1"], ["--cell-m", "wide"], ["--no-such-flag"]])
 def test_wrong_use_exits_with_2(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:

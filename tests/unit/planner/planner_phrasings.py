@@ -34,6 +34,11 @@ place a mug upon the bench                         | mug | | bench
 set the mug on the nightstand                      | mug | | nightstand
 set down the mug on the nightstand                 | mug | | nightstand
 lay the towel over on the bed                      | towel | | bed
+lay the towel over the chair                       | towel | | chair
+hang the towel from the bed over the chair         | towel | bed | chair
+drape the blanket over a sofa                      | blanket | | sofa
+take the mug over the sink and put it on the desk  | mug | sink | desk
+bring over the mug to the sofa                     | mug | | sofa
 carry the teddy bear to the bed                    | teddy bear | | bed
 transport the box from the desk to the bench       | box | desk | bench
 transfer the bowl from the counter to the dining table | bowl | counter | dining table
