@@ -12,7 +12,6 @@ import numpy as np
 from helios_core.bus import Bus
 from helios_core.codec import frame_id_from_proto, frame_to_proto
 from helios_core.errors import InvalidInput
-from helios_core.health import Health
 from helios_core.robot import Capture, EndOfRecording, RobotDriver
 from helios_core.topics import FRAME, KEYFRAME
 from helios_core.types import Frame, FrameId, RobotState
@@ -21,6 +20,7 @@ from helios_bridge.acks import AckBook
 from helios_bridge.depth import with_estimated_depth
 from helios_bridge.plausible import check_poses
 from helios_bridge.settings import Settings
+from helios_bridge.wellbeing import Wellbeing
 
 SAY_WAITING_S = 3.0  # a keyframe that waits longer for the maps says so
 
@@ -33,7 +33,7 @@ class Lookout:
         bus: Bus,
         driver: RobotDriver,
         settings: Settings,
-        health: Health,
+        health: Wellbeing,
         acks: AckBook,
         first_number: int,
     ) -> None:

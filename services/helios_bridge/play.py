@@ -13,11 +13,11 @@ from collections.abc import Callable
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError, InvalidInput
-from helios_core.health import Health
 from helios_core.robot import EndOfRecording, Observe, RobotDriver
 from helios_core.topics import ANY_STATUS, CONTEXT
 
 from helios_bridge.lookout import Lookout
+from helios_bridge.wellbeing import Wellbeing
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +35,7 @@ class Player:
         driver: RobotDriver,
         lookout: Lookout,
         turn: threading.Lock,
-        health: Health,
+        health: Wellbeing,
         brings_contexts: bool,
         strict: bool,
     ) -> None:

@@ -6,6 +6,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Sequence
+from typing import NoReturn
 
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from helios_core import proto as pb
@@ -159,7 +160,7 @@ class PushDesk:
         self._sought.set()
 
 
-def refuse_push(robot: str) -> pb.PushReply:
+def refuse_push(robot: str) -> NoReturn:
     """Of a robot that has a camera of its own. Raises Conflict."""
     raise Conflict(
         f"the robot {robot!r} has a camera of its own; frames from outside are taken by "

@@ -49,6 +49,7 @@ from helios_bridge.lookout import Lookout
 from helios_bridge.play import Player
 from helios_bridge.push import PushDesk, PushDriver, refuse_push
 from helios_bridge.settings import Settings
+from helios_bridge.wellbeing import Wellbeing
 
 log = logging.getLogger(__name__)
 
@@ -74,19 +75,21 @@ class BridgeService:
         bridge to the next while the robot stays up, so by default they start at the clock's.
         `crew`: whose threads use the driver."""
         first = time.time_ns() // 1_000_000 if first_number is None else first_number
-        self._bus, self._driver, self._settings, self._health = bus, driver, settings, health
+        self._bus, self._driver, self._settings = bus, driver, settings
+        self._health = Wellbeing(health)
         self._turn = threading.Lock()  # whoever holds it uses the driver
         self._stopped_why = ""
         self._busy_until_s: float | None = None  # when the running action has outlived its time
         self._stop_call: Future[None] | None = None  # the driver's last stop
         self._stop_lock = threading.Lock()
+        self._stops = 0
         self._stop_late = False
         self._ending = threading.Event()
         self._crew = crew or Crew()
         self._acks, self._actions = AckBook(), ActionLog()
         self._lease = Lease(settings.lease_s, first)
         self._description = driver.describe()
-        self._lookout = Lookout(bus, driver, settings, health, self._acks, first)
+        self._lookout = Lookout(bus, driver, settings, self._health, self._acks, first)
         self._player: Player | None = None
         self._desk: PushDesk | None = None
         if isinstance(driver, PushDriver):
@@ -96,8 +99,9 @@ class BridgeService:
             )  # fmt: skip
         elif not self._description.can_move and settings.autoplay:
             self._player = Player(
-                bus, driver, self._lookout, self._turn, health, settings.contexts, settings.strict
-            )
+                bus, driver, self._lookout, self._turn, self._health,
+                settings.contexts, settings.strict,
+            )  # fmt: skip
         bus.publish(ROBOT_DESCRIPTION, description_to_proto(self._description))
         bus.subscribe(MAP2D_ACK, self._acks.add)
         bus.subscribe(OBJECTMAP_ACK, self._acks.add)
@@ -145,10 +149,11 @@ class BridgeService:
     def stop(self, request: pb.StopRequest) -> pb.Empty:
         """Raises DeadlineExceeded when the driver does not come back: then no action begins, but
         whether the robot stands nobody here knows."""
-        self._stopped_why = request.reason or "stop-now"
-        log.warning("stopped: %s", self._stopped_why)
         self._health.count("stops")
         with self._stop_lock:  # not in turn: an action may be running
+            self._stopped_why = request.reason or "stop-now"
+            self._stops += 1
+            log.warning("stopped: %s", self._stopped_why)
             if not self._stop_hangs():
                 self._stop_call = self._crew.begin("stop", self._stop)
             call = self._stop_call
@@ -160,23 +165,33 @@ class BridgeService:
                 "the robot may still move: use its own emergency stop"
             )
             self._stop_late = True
-            self._health.degraded(late)
+            self._health.stop_fails(late)
             log.error("%s", late)
             raise DeadlineExceeded(late)
         call.result()  # raises what the driver raised
         return pb.Empty()
 
     def clear_stop(self, _: pb.Empty) -> pb.Empty:
-        if self._stop_hangs():
-            raise Conflict("the driver has not come back from its stop; see to the robot first")
-        self._driver.clear_stop()
-        self._stopped_why = ""
+        """Raises Conflict while a stop hangs, and where another one came meanwhile, which holds."""
+        with self._stop_lock:
+            if self._stop_hangs():
+                raise Conflict("the driver has not come back from its stop; see to the robot first")
+            stops = self._stops
+        self._driver.clear_stop()  # takes its time: a robot is asked over a network
+        with self._stop_lock:
+            anew = self._stopped_why if self._stops != stops else ""
+            if not anew:
+                self._stopped_why = ""
+        if anew:  # the driver may have forgotten it; no action could begin in between
+            self.stop(pb.StopRequest(reason=anew))
+            raise Conflict(f"the robot was stopped again meanwhile ({anew}); clear that stop, too")
+        self._health.stop_works()
         self._publish_state()
         return pb.Empty()
 
     def push(self, request: pb.PushRequest) -> pb.PushReply:
         if self._desk is None:
-            return refuse_push(self._description.name)
+            refuse_push(self._description.name)
         reply = self._desk.push(request, self._publish_state)
         self._health.ready()
         return reply
@@ -214,12 +229,12 @@ class BridgeService:
         except Exception as error:
             if self._stop_late:  # nobody waits for it any more
                 log.error("the stop failed: %s", error)
-                self._health.degraded(f"the stop failed: {error}")
+                self._health.stop_fails(f"the stop failed: {error}")
             raise
         if self._stop_late:
             self._stop_late = False
-            self._health.ready()
             log.warning("the driver has come back from its stop after all")
+        self._health.stop_works()
         self._publish_state()
 
     def _stop_hangs(self) -> bool:

@@ -87,18 +87,6 @@ def near_matches(asked: str, vocabulary: Iterable[str], count: int = 3) -> list[
     return list(dict.fromkeys([*shared, *alike]))[:count]
 
 
-def merged(context: SearchContext) -> tuple[SearchClass, ...]:
-    """One entry per asked name: a name in two roles takes the lower threshold, all synonyms."""
-    out: dict[str, SearchClass] = {}
-    for c in context.classes:
-        old = out.get(normalised(c.name))
-        if old is not None:
-            synonyms = tuple(dict.fromkeys((*old.synonyms, *c.synonyms)))
-            c = SearchClass(old.name, old.role, min(old.threshold, c.threshold), synonyms)
-        out[normalised(c.name)] = c
-    return tuple(out.values())
-
-
 def _wanted(c: SearchClass, names: frozenset[str], context: SearchContext) -> Wanted:
     roles = {o.role for o in context.classes if normalised(o.name) == normalised(c.name)}
     receptacle = any(r.is_receptacle for r in roles)
@@ -107,7 +95,7 @@ def _wanted(c: SearchClass, names: frozenset[str], context: SearchContext) -> Wa
 
 def open_wanted(context: SearchContext) -> tuple[Wanted, ...]:
     """For an open vocabulary: every class is understood; a name asked for itself goes to itself."""
-    classes = merged(context)
+    classes = context.distinct(normalised)
     exact = {normalised(c.name) for c in classes}
     return tuple(
         _wanted(c, accepts(c.name, c.synonyms) - (exact - {normalised(c.name)}), context)
@@ -125,7 +113,7 @@ def fixed_wanted(
     Exact names are served first, then synonyms and kinds, then neighbours, then similar ones.
     """
     known = {normalised(n): n for n in vocabulary}
-    classes = merged(context)
+    classes = context.distinct(normalised)
     taken: dict[str, str] = {}
     got: dict[str, frozenset[str]] = {}
     ways: list[Callable[[SearchClass], frozenset[str]]] = [

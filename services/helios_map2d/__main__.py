@@ -7,7 +7,7 @@ import threading
 
 from helios_core.bus import Bus
 from helios_core.health import Health
-from helios_core.service import run_service
+from helios_core.service import run_service, until_warm
 
 from helios_map2d.service import Map2DService
 from helios_map2d.settings import Settings
@@ -23,8 +23,7 @@ class Hosted:
         settings.rules(robot_max_depth_m=settings.max_depth_m, robot_radius_m=0.3)
 
         def prepare() -> None:
-            warm_up()
-            if not self._ending.is_set():
+            if until_warm(health, warm_up, self._ending) and not self._ending.is_set():
                 self._service = Map2DService(bus, settings, health)
 
         health.waiting("compiling its kernels; a minute at the first start")

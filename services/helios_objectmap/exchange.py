@@ -13,6 +13,7 @@ from helios_core.codec import object_to_proto, vector_to_proto
 from helios_core.codec.frames import pinhole_from_proto, transform_from_proto
 from helios_core.errors import InvalidInput
 from helios_core.health import Health
+from helios_core.kept_file import Kept, KeptFile
 from helios_core.topics import (
     EXPORT_OBJECTS,
     LOAD_OBJECTS,
@@ -24,12 +25,12 @@ from numpy.typing import NDArray
 
 from helios_objectmap.epochs import EpochMaps
 from helios_objectmap.files import export, mapfile
-from helios_objectmap.keeper import Keeper, Kept
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.view import View
 
 log = logging.getLogger(__name__)
 
+FILE_NAME = "objects.npz"
 MOST_PIXELS = 1920 * 1200
 _FORMATS = {"ply": export.ply, "npz": export.npz}
 
@@ -46,43 +47,50 @@ class Exchange:
         maps: EpochMaps,
         version: Callable[[], int],
         replaced: Callable[[], None],
+        say: Callable[[], None],
     ) -> None:
-        """version: of the map, under the lock; replaced: called under it after a load."""
+        """version: of the map, under the lock; replaced: called under it after a load; say: called
+        when `said` has changed."""
         self._lock, self._maps, self._health = lock, maps, health
-        self._version, self._replaced = version, replaced
-        self._kept_version = 0
-        self._keeper: Keeper | None = None
+        self._version, self._replaced, self._say = version, replaced, say
+        self._note = ""  # of the map of an earlier process
+        self._trouble = ""  # with keeping the present one
+        self._kept: KeptFile | None = None
         if settings.state_dir is not None:
-            self._keeper = Keeper(settings.state_dir, settings.save_every_s, self._unkept, health)
+            path = settings.state_dir / FILE_NAME
+            self._kept = KeptFile(path, settings.save_every_s, self._unkept, self._troubled)
         bus.serve(SAVE_OBJECTS, self.save)
         bus.serve(LOAD_OBJECTS, self.load)
         bus.serve(EXPORT_OBJECTS, self.export)
         bus.serve(RENDER_OBJECTS, self.render)
         bus.serve(OBJECT_DETAIL, self.detail)
 
-    def begin(self) -> str:
-        """Take up the map of an earlier process, if one was kept; returns what there is to say."""
-        if self._keeper is None:
-            return ""
-        note = ""
+    @property
+    def said(self) -> str:
+        """That a map was restored or refused, and what is wrong with keeping the present one."""
+        return "; ".join(part for part in (self._trouble, self._note) if part)
+
+    def begin(self) -> None:
+        """Take up the map of an earlier process, if one was kept, and begin to keep."""
+        if self._kept is None:
+            return
         try:
-            kept = self._keeper.found()
-            if kept is not None:
-                note = self._restored(kept)
+            found = self._kept.found()
+            if found is not None:
+                self._note = self._restored(found)
         except InvalidInput as error:
             self._health.count("maps_refused")
-            note = f"the kept map was refused and put aside as {self._keeper.put_aside()}: {error}"
+            self._note = f"the kept map was refused and {self._kept.put_aside()}: {error}"
         except OSError as error:
-            note = f"the kept map cannot be read: {error}"
-        if note:
-            log.warning("%s", note)
-        self._keeper.start()
-        return note
+            self._note = f"the kept map cannot be read: {error}"
+        if self._note:
+            log.warning("%s", self._note)
+        self._kept.start()
 
     def close(self) -> None:
         """Keep what is not kept yet."""
-        if self._keeper is not None:
-            self._keeper.close()
+        if self._kept is not None:
+            self._kept.close()
 
     # --- what is asked ------------------------------------------------------------------------
     def save(self, _: pb.Empty) -> pb.ObjectMapFile:
@@ -172,15 +180,20 @@ class Exchange:
         log.info("%d Gaussians read in %.1f s", gaussians, time.perf_counter() - began)
         return pb.ObjectMapLoaded(gaussians=gaussians, objects=objects)
 
-    def _unkept(self) -> bytes | None:
+    def _unkept(self, kept_version: int) -> tuple[int, bytes] | None:
         with self._lock:
             version = self._version()
-            if version == self._kept_version:
+            if version == kept_version:
                 return None
             arrays = self._arrays()
-        data = mapfile.written(arrays)
-        self._kept_version = version
-        return data
+        return version, mapfile.written(arrays)
+
+    def _troubled(self, reason: str) -> None:
+        if reason:
+            self._health.count("saves_failed")
+        if reason != self._trouble:
+            self._trouble = reason
+            self._say()
 
     def _arrays(self) -> dict[str, NDArray]:
         maps = self._maps

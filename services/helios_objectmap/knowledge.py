@@ -222,7 +222,7 @@ class Knowledge:
 
     @property
     def _names(self) -> list[str]:
-        return [c.name for c in self._context.classes] if self._context is not None else []
+        return [c.name for c in self._context.distinct()] if self._context is not None else []
 
     @property
     def _n_classes(self) -> int:

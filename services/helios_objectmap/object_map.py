@@ -57,7 +57,7 @@ class ObjectMap(Knowledge):
         classes = {r.class_name for r in self._registry.records.values()}
         voxels = {name: self._voxel_m(name) for name in classes}
         self._context = context
-        for c in context.classes:
+        for c in context.distinct():
             store.column(c.name)
             self._roles.pop(c.name, None)  # those at the end were asked for last
             self._roles[c.name] = c.role

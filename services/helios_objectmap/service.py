@@ -27,6 +27,7 @@ from helios_core.codec import (
 from helios_core.codec.frames import pinhole_from_proto, transform_from_proto
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.health import Health
+from helios_core.service import until_warm
 from helios_core.topics import (
     CONTEXT,
     GAUSSIANS,
@@ -82,20 +83,32 @@ class ObjectMapService:
         bus.serve(RESET_OBJECTS, self.reset)
         bus.serve(GAUSSIANS, self.gaussians)
         self._exchange = Exchange(
-            bus, settings, health, self._lock, self._maps, lambda: self._version, self._replaced
-        )
-        self._note = self._exchange.begin()
+            bus, settings, health, self._lock, self._maps, lambda: self._version, self._replaced,
+            self._say,
+        )  # fmt: skip
+        self._warm, self._ending = False, threading.Event()
+        self._exchange.begin()
         bus.subscribe(OBSERVATION, self.on_observation)
 
     def warm_up(self) -> None:
         """Compile the kernels, then be ready. Observations wait meanwhile; nothing is lost."""
-        with self._lock:
-            warm_up(self._settings)
-        self._health.ready(self._note)
+
+        def compile() -> None:
+            with self._lock:
+                warm_up(self._settings)
+
+        if until_warm(self._health, compile, self._ending):
+            self._warm = True
+            self._say()
 
     def close(self) -> None:
         """Keep the map. The bus ends with the process."""
+        self._ending.set()
         self._exchange.close()
+
+    def _say(self) -> None:
+        if self._warm:
+            self._health.ready(self._exchange.said)
 
     # --- what comes in ------------------------------------------------------------------------
     def on_context(self, message: pb.SearchContext) -> None:

@@ -13,6 +13,7 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.health import Health
+from helios_core.service import until_warm
 from helios_core.topics import (
     CANCEL,
     DECISIONS,
@@ -133,9 +134,10 @@ class PlannerService:
             priority=request.priority,
             settings=dict(request.settings),
         )
+        with self._lock:
+            self._cancels[id] = threading.Event()  # it may be cancelled as soon as it is told
         told = self._book.add(task)  # before the worker can tell that it runs
         with self._lock:
-            self._cancels[id] = threading.Event()
             self._queue.append(id)
             self._wake.notify_all()
         return told
@@ -156,6 +158,8 @@ class PlannerService:
                 self._holds.pop(request.id, None)
             if event := self._cancels.get(request.id):
                 event.set()
+            if queued:
+                self._cancels.pop(request.id, None)
         if queued:
             begun = f"after {task.steps} steps" if task.state in UNDER_WAY else "before it began"
             self._book.end(request.id, State.CANCELLED, f"cancelled {begun}")
@@ -185,7 +189,8 @@ class PlannerService:
 
     # --- the worker ----------------------------------------------------------------------------
     def _work(self) -> None:
-        warm_up()
+        if not until_warm(self._health, warm_up, self._ending):
+            return
         self._warm.set()
         self._tell_health()
         while (id := self._next()) is not None:

@@ -67,6 +67,25 @@ def stop_on_signals(stopped: threading.Event) -> None:
     threading.Thread(target=leave, name="leave", daemon=True).start()
 
 
+def until_warm(
+    health: Health, warm_up: Callable[[], None], ending: threading.Event, again_s: float = 10.0
+) -> bool:
+    """Compile a service's kernels; whether that was done before the end. Where it fails (a damaged
+    cache, a compiler that is missing) that is said, and it is tried again every `again_s`."""
+    while not ending.is_set():
+        try:
+            warm_up()
+            return True
+        except Exception as error:  # of any library
+            log.exception("the kernels could not be compiled")
+            health.degraded(
+                f"its kernels cannot be compiled ({type(error).__name__}: {str(error)[:200]}); "
+                f"tried again every {again_s:g} s; the log has the rest"
+            )
+        ending.wait(again_s)
+    return False
+
+
 def run_service(
     name: str, settings: ServiceSettings, build: Callable[[Bus, Health], Closeable]
 ) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -105,8 +106,17 @@ class SearchContext:
     classes: tuple[SearchClass, ...]
     prompts: dict[str, str] = field(default_factory=dict)  # value layer -> prompt
 
-    def of_role(self, role: Role) -> tuple[SearchClass, ...]:
-        return tuple(c for c in self.classes if c.role == role)
+    def distinct(self, same: Callable[[str], str] = str) -> tuple[SearchClass, ...]:
+        """One entry for each name, in the order of their coming: a name in two roles ("from a table
+        to another table") keeps the first role, takes the lower threshold and all synonyms. same:
+        what of a name tells it from others."""
+        out: dict[str, SearchClass] = {}
+        for c in self.classes:
+            if (old := out.get(same(c.name))) is not None:
+                synonyms = tuple(dict.fromkeys((*old.synonyms, *c.synonyms)))
+                c = SearchClass(old.name, old.role, min(old.threshold, c.threshold), synonyms)
+            out[same(c.name)] = c
+        return tuple(out.values())
 
 
 @dataclass(frozen=True)

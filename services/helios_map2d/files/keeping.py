@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import logging
 import threading
-import time
 from collections.abc import Callable
 from pathlib import PurePosixPath
 
 from helios_core import proto as pb
 from helios_core.codec import frame_id_to_proto
 from helios_core.errors import InvalidInput, Unavailable
+from helios_core.kept_file import Kept, KeptFile
 
 from helios_map2d.answers import DEFAULT_PICTURE_PX, known
 from helios_map2d.epochs import EpochMaps
 from helios_map2d.files.exchange import decode_exported, decode_ros, encode_ros
 from helios_map2d.files.kept import (
     FILE_NAME,
-    Keeper,
     decode_map,
     encode_map,
-    put_aside,
     rebuilt,
 )
 from helios_map2d.layers.occupancy import OCCUPIED, UNKNOWN
@@ -50,9 +48,10 @@ class Keeping:
         self._refused = ""  # why the kept map was, to be told as long as the process lives
         self._restored = ("", "")  # id of the map that was kept, and what to say once it goes on
         self._lock, self._maps, self._say = lock, maps, say
-        self._path = None if settings.state_dir is None else settings.state_dir / FILE_NAME
-        self._period_s = settings.keep_period_s
-        self._keeper: Keeper | None = None
+        self._kept: KeptFile | None = None
+        if settings.state_dir is not None:
+            path = settings.state_dir / FILE_NAME
+            self._kept = KeptFile(path, settings.keep_period_s, self._newer, self._troubled)
 
     def said(self) -> str:
         """What is wrong with keeping the map, and that it was restored; "" when neither is so."""
@@ -65,30 +64,28 @@ class Keeping:
     def recover(self, maps: EpochMaps) -> None:
         """Park the map that was kept until the robot says that it is in its epoch, and begin to
         keep. A file that cannot be used is put aside and told of. The caller holds the lock."""
-        if self._path is None:
+        if self._kept is None:
             return
-        self._keeper = Keeper(self._path, self._period_s, self._encoded, self._troubled)
         try:
-            written_s = self._path.stat().st_mtime
-            data = self._path.read_bytes()
-        except FileNotFoundError:
-            return
+            found = self._kept.found()
+            if found is not None:
+                self._restore(found, maps)
         except OSError as error:
-            self._troubled(f"the kept map {self._path} cannot be read: {error.strerror}")
-            return
-        try:
-            state, epoch = decode_map(data, maps.rules, maps.footprint_radius_m, maps.version)
+            self._troubled(f"the kept map cannot be read: {error}")
         except InvalidInput as error:
-            aside = put_aside(self._path)
-            self._refused = f"the kept map was refused and put aside as {aside}: {error.message}"
+            aside = self._kept.put_aside()
+            self._refused = f"the kept map was refused and {aside}: {error.message}"
             log.warning("%s", self._refused)
             self._trouble = self._refused
-            return
+        self._kept.start()
+
+    def _restore(self, found: Kept, maps: EpochMaps) -> None:
+        state, epoch = decode_map(found.data, maps.rules, maps.footprint_radius_m, maps.version)
         state.go_on_from(state.version + LOST_VERSIONS)
         newest = "" if state.frame_id is None else f", frames up to number {state.frame_id.seq}"
         note = (
-            f"the map was restored as it was written {max(0.0, time.time() - written_s):.1f} s "
-            f"ago: {areas_m2(state.published)[0]:.0f} m² known, {len(state.memory)} views{newest}"
+            f"the map was restored as it was written {found.age_s:.1f} s ago: "
+            f"{areas_m2(state.published)[0]:.0f} m² known, {len(state.memory)} views{newest}"
         )
         log.info("%s; it goes on while the robot is in %s", note, epoch)
         self._restored = (state.map_id, note)
@@ -96,8 +93,8 @@ class Keeping:
 
     def forget(self) -> None:
         """Keep nothing of what was known until now."""
-        if self._keeper is not None:
-            self._keeper.forget()
+        if self._kept is not None:
+            self._kept.forget()
 
     def save(self, request: pb.SaveMap2DRequest) -> pb.SaveMap2DReply:
         """The present map as files; Unavailable while there is none."""
@@ -147,8 +144,8 @@ class Keeping:
 
     def close(self) -> None:
         """Keep the map a last time."""
-        if self._keeper is not None:
-            self._keeper.close()
+        if self._kept is not None:
+            self._kept.close()
 
     def _file(self) -> tuple[int, bytes]:
         with self._lock:
@@ -159,11 +156,12 @@ class Keeping:
             epoch = maps.key if maps is not None else None
         return published.version, encode_map(published, views, epoch)
 
-    def _encoded(self) -> tuple[int, bytes] | None:
+    def _newer(self, kept_version: int) -> tuple[int, bytes] | None:
         try:
-            return self._file()
-        except Unavailable:
+            file = self._file()
+        except Unavailable:  # there is no map
             return None
+        return None if file[0] == kept_version else file
 
     def _troubled(self, reason: str) -> None:
         reason = reason or self._refused

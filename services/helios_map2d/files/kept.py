@@ -8,17 +8,12 @@ and a file that was cut short, changed or never ours is told apart from a good o
 from __future__ import annotations
 
 import hashlib
-import logging
-import os
-import threading
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from google.protobuf.message import DecodeError
 from helios_core import proto as pb
 from helios_core.codec import frame_id_from_proto, frame_id_to_proto
-from helios_core.errors import HeliosError, InvalidInput, Unavailable
+from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
 from helios_map2d.epochs import EpochKey
@@ -31,8 +26,6 @@ from helios_map2d.state import MapState
 from helios_map2d.versions.snapshot import MapSnapshot
 from helios_map2d.versions.tiles import ValueTile, read_ground, read_values
 from helios_map2d.versions.trajectory import Trajectory
-
-log = logging.getLogger(__name__)
 
 HEAD = b"helios map2d 1\n"
 FILE_NAME = "map2d.map"
@@ -151,91 +144,3 @@ def _pairs(numbers: NDArray) -> NDArray:
             f"the map file has places of {len(numbers)} numbers, not x, y: it is damaged"
         )
     return numbers.reshape(-1, 2)
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Replace a file so that after a crash there is the old one or the new one.
-
-    Raises Unavailable where that cannot be done.
-    """
-    new = path.with_suffix(".new")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with new.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        new.replace(path)
-    except OSError as error:
-        raise Unavailable(
-            f"the map cannot be kept in {path}: {error.strerror}; make room there, or give another "
-            "--state-dir"
-        ) from error
-
-
-def put_aside(path: Path) -> Path:
-    """Move a file that is refused out of the way, under a name that is free."""
-    n = 1
-    while (aside := path.with_name(f"{path.name}.refused-{n}")).exists():
-        n += 1
-    path.replace(aside)
-    return aside
-
-
-class Keeper:
-    """Writes the file of the present map every `period_s` while it changes."""
-
-    def __init__(
-        self,
-        path: Path,
-        period_s: float,
-        encoded: Callable[[], tuple[int, bytes] | None],
-        troubled: Callable[[str], None],
-    ) -> None:
-        """`encoded` gives version and file, None while there is no map; `troubled` is told why
-        writing failed, or "" once it has not."""
-        self._path, self._period_s = path, period_s
-        self._encoded, self._troubled = encoded, troubled
-        self._version = 0
-        self._stopped = threading.Event()
-        self._turn = threading.Lock()
-        self._thread = threading.Thread(target=self._run, name="keep map", daemon=True)
-        self._thread.start()
-
-    def write(self) -> bool:
-        """Write now if anything has changed; whether it was written."""
-        with self._turn:
-            try:
-                made = self._encoded()
-                if made is None or made[0] == self._version:
-                    return False
-                write_whole(self._path, made[1])
-                self._version = made[0]
-                self._troubled("")
-                return True
-            except HeliosError as error:
-                log.warning("%s", error.message)
-                self._troubled(error.message)
-                return False
-
-    def close(self) -> None:
-        """Write a last time and end."""
-        self._stopped.set()
-        self._thread.join(1.0)
-        self.write()
-
-    def forget(self) -> None:
-        """Remove the file: a map that was forgotten on purpose does not come back."""
-        with self._turn:
-            self._version = 0
-            try:
-                self._path.unlink(missing_ok=True)
-            except OSError as error:
-                self._troubled(f"the kept map {self._path} cannot be removed: {error.strerror}")
-
-    def _run(self) -> None:
-        while not self._stopped.wait(self._period_s):
-            try:
-                self.write()
-            except Exception:  # a fault here must not end the keeping
-                log.exception("the map could not be kept")

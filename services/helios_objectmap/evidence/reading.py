@@ -47,8 +47,9 @@ def read(
     usable = (depth_m >= min_depth_m) & (depth_m <= max_depth_m)  # False for NaN
     depth_m = np.where(usable, depth_m, np.float32(0))
     labels = np.zeros(depth_m.shape, np.int32)
-    number = {c.name: 1 + i for i, c in enumerate(context.classes)}
-    threshold = {c.name: c.threshold for c in context.classes}
+    classes = context.distinct()
+    number = {c.name: 1 + i for i, c in enumerate(classes)}
+    threshold = {c.name: c.threshold for c in classes}
     # Small things are painted last, so that a mug is not painted over by its table.
     for d in sorted(
         observation.detections, key=lambda d: (-np.count_nonzero(d.mask), d.class_name, d.box_xyxy)
@@ -69,7 +70,7 @@ def without_held(
     """
     if not held:
         return reading
-    things = [1 + i for i, c in enumerate(context.classes) if not c.role.is_receptacle]
+    things = [1 + i for i, c in enumerate(context.distinct()) if not c.role.is_receptacle]
     mine = np.isin(reading.labels, things) & (reading.depth_m < held_object_m)
     return replace(
         reading,

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +20,7 @@ from helios_objectmap.evidence import sides
 from helios_objectmap.instances.registry import InstanceRecord, InstanceRegistry, Moment
 from helios_objectmap.instances.trust import N_BANDS, Ended
 from helios_objectmap.store.gaussians import NO_INSTANCE, OTHER, GaussianStore
-from helios_objectmap.store.viewpoints import Viewpoints
+from helios_objectmap.store.viewpoints import NEVER, Viewpoints
 
 FORMAT = "helios-objectmap"
 VERSION = 1
@@ -106,8 +105,7 @@ def read(data: bytes, viewpoints: Viewpoints) -> Found:
         newest = FrameId(*epoch, int(seq)) if epoch is not None and seq is not None else None
     except InvalidInput:
         raise
-    except (OSError, ValueError, KeyError, TypeError, IndexError, EOFError,
-            zipfile.BadZipFile, AttributeError) as error:  # fmt: skip
+    except Exception as error:  # whatever the readers of ZIP, arrays and JSON think of it
         raise InvalidInput(
             f"this is no whole object map ({type(error).__name__}: {error}): give a file that "
             "`helios map save` wrote"
@@ -134,7 +132,7 @@ def _memory(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) ->
         for name, (true, everything) in header.get("ended", {}).items()
     }
     roles = {str(name): Role(role) for name, role in header["roles"].items()}
-    _check(store, registry, roles)
+    _check(store, registry, roles, viewpoints)
     return Memory(store, registry, viewpoints, roles, int(header["updates"]))
 
 
@@ -156,7 +154,9 @@ def _by_band(values: list) -> NDArray[np.float64]:
     return out
 
 
-def _check(store: GaussianStore, registry: InstanceRegistry, roles: dict[str, Role]) -> None:
+def _check(
+    store: GaussianStore, registry: InstanceRegistry, roles: dict[str, Role], viewpoints: Viewpoints
+) -> None:
     """Everything that is referred to is there. Raises ValueError."""
     labels = set(np.unique(store.instance).tolist()) - {NO_INSTANCE}
     if labels != set(registry.records) or max(labels, default=0) >= registry.next_label:
@@ -169,5 +169,10 @@ def _check(store: GaussianStore, registry: InstanceRegistry, roles: dict[str, Ro
         raise ValueError("a Gaussian is believed to be of no known class")
     if not all(np.isfinite(a).all() for a in (store.means, store.positive, store.asked)):
         raise ValueError("a number is not finite")
+    if not all(np.isfinite(a).all() for a in (store.radius_m, store.opacity)):
+        raise ValueError("a radius or an opacity is not finite")
+    through = store.through_from
+    if len(store) and (through.min() < NEVER or through.max() >= len(viewpoints)):
+        raise ValueError("a Gaussian was seen through from a viewpoint that is not there")
     if (store.votes[..., 0] > store.votes[..., 1]).any():
         raise ValueError("more votes are for a class than there are")

@@ -66,6 +66,8 @@ class Viewpoints:
         self._positions, self._rotations = np.empty((size, 3)), np.empty((size, 3, 3))
         self._positions[:n] = arrays["positions"]
         self._rotations[:n] = arrays["rotations"]
+        if n < 0 or not np.isfinite([*self._positions[:n].flat, *self._rotations[:n].flat]).all():
+            raise ValueError("a viewpoint is not finite")
         for name, last in arrays.items():
             if name.startswith("last."):
                 kept = self._last[name.removeprefix("last.")] = np.full(size, NEVER, np.int64)

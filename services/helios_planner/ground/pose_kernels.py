@@ -40,7 +40,7 @@ def turn_slack(clearance, row, column, yaw, angle, half, radius):
 @njit(cache=True)
 def march_poses(
     clearance, start, steps, headings, seeds, seed_turns, half, radius, needed, here, leave,
-    saturation, turn_cost, spacing, times, came, following, state_of, head,
+    saturation, turn_cost, spacing, cell_m, times, came, following, state_of, head,
 ):  # fmt: skip
     """Dijkstra over a lattice of poses by moves ahead and turns to the next heading, every
     intermediate pose checked; bucket queue as in `kernels.march`, buckets one cell wide.
@@ -103,7 +103,7 @@ def march_poses(
             goal = (m * rows + p) * columns + q
             if now + cost >= t[goal]:
                 continue
-            if kind != 0 and middle - radius < needed + half * 0.025:
+            if kind != 0 and middle - radius < needed + half * cell_m:
                 slack = turn_slack(clearance, row, column, headings[k], angle, half, radius)
             away = spacing * math.hypot(p - row0, q - column0)
             least = needed

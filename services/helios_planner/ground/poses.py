@@ -258,7 +258,7 @@ def pose_reach(
         clear, np.array([*first, i0, j0], float), _STEPS, _HEADINGS, np.array(seeds, np.int64),
         np.array(seed_turns, float), capsule.half_m / cell, capsule.radius_m,
         rules.margin_m - 0.5 * cell, reached.least_slack_m, rules.leave_m / cell,
-        rules.saturation_m, TURN_COST_M / cell, spacing, times, came,
+        rules.saturation_m, TURN_COST_M / cell, spacing, cell, times, came,
         np.empty(queue, np.int64), np.empty(queue, np.int64),
         np.empty(1 << span.bit_length(), np.int64),
     ):  # fmt: skip

@@ -69,9 +69,11 @@ class LanguageModel:
         headers = {"Content-Type": "application/json"}
         if self.key:
             headers["Authorization"] = f"Bearer {self.key}"
-        request = urllib.request.Request(
-            f"{self.url.rstrip('/')}/chat/completions", data=body, headers=headers, method="POST"
-        )
+        url = f"{self.url.rstrip('/')}/chat/completions"
+        try:
+            request = urllib.request.Request(url, data=body, headers=headers, method="POST")
+        except ValueError as error:
+            raise NoHelp(f"its address {self.url!r} is none") from error
         opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
         deadline_s = time.monotonic() + self.timeout_s
         parts: list[bytes] = []

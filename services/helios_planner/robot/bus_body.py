@@ -128,6 +128,7 @@ class BusBody(Body):
     def act(self, action: Action) -> ActionResult:
         """See Body. A keyframe that a map lost, by a restart for example, is taken anew."""
         result, _, missing = self._do(action, ACK_PATIENCE_S)
+        cut_short = self.cut_short
         deadline = time.monotonic() + self._settings.ack_timeout_s
         while missing:
             whom = _listed([PARTS[p] for p in missing])
@@ -141,6 +142,7 @@ class BusBody(Body):
                 )
             log.warning("keyframe %s lacks %s; looking again", self._frame, ", ".join(missing))
             _, _, missing = self._do(Observe(), ACK_PATIENCE_S)
+        self.cut_short = cut_short  # of the action, not of looking anew
         self._line.waits_for("")
         return result
 

@@ -8,6 +8,7 @@ left out.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
@@ -78,12 +79,15 @@ class TaskBus(Bus):
     ) -> None:
         self.robot = bus.robot
         self._bus, self._journal, self._hold, self._on_hold = bus, journal, hold, on_hold
+        self.held_s = 0.0  # for how long the pauses lasted that calls had to wait for
 
     def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
         self._hold.check()
         if not isinstance(request, pb.ActionRequest) or method.name != ACT.name:
             return self._bus.call(method, request, timeout_s)
+        since_s = time.monotonic()
         self._hold.wait(self._on_hold)
+        self.held_s += time.monotonic() - since_s
         self._journal.before(request)
         reply = self._bus.call(method, request, timeout_s)
         assert isinstance(reply, pb.ActionResult)

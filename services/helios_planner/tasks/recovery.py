@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from helios_core import proto as pb
@@ -33,8 +34,11 @@ class LastAction:
     held: str
 
 
-def last_action(line: Line, settings: Settings, journal: Journal) -> LastAction:
-    """Settle what was in flight, and say what came of it.
+def last_action(
+    line: Line, settings: Settings, journal: Journal, held_s: Callable[[], float] = lambda: 0.0
+) -> LastAction:
+    """Settle what was in flight, and say what came of it. held_s: for how long somebody has paused
+    the task until now, which is nobody's fault.
 
     Raises TaskFailed when the robot is not in the world that the journal speaks of.
     """
@@ -42,7 +46,7 @@ def last_action(line: Line, settings: Settings, journal: Journal) -> LastAction:
     entry = journal.entry
     request, result = entry.request, entry.result
     if request is not None and result is None:
-        result = _again(line, settings, journal, request)
+        result = _again(line, settings, journal, request, held_s)
     held = _state(line).held
     action = action_from_proto(request.action) if request is not None else None
     if result is None:
@@ -67,11 +71,15 @@ def _state(line: Line) -> RobotState:
 
 
 def _again(
-    line: Line, settings: Settings, journal: Journal, request: pb.ActionRequest
+    line: Line,
+    settings: Settings,
+    journal: Journal,
+    request: pb.ActionRequest,
+    held_s: Callable[[], float],
 ) -> pb.ActionResult | None:
     """Ask under the same id until somebody answers; None where it is refused and so was not done,
     for example because stop-now is latched."""
-    deadline_s = time.monotonic() + settings.away_s + settings.action_timeout_s
+    began_s, within_s = time.monotonic(), settings.away_s + settings.action_timeout_s
     again = pb.ActionRequest()
     again.CopyFrom(request)
     again.time_remaining_s = settings.action_timeout_s
@@ -85,6 +93,6 @@ def _again(
         except (Conflict, Unavailable, DeadlineExceeded) as error:
             if isinstance(error, Conflict) and _state(line).stopped:
                 return None
-            if time.monotonic() > deadline_s:
+            if time.monotonic() - began_s - held_s() > within_s:
                 raise TaskFailed(Cause.SYSTEM_ERROR, error.message) from error
             line.rest(RETRY_S)

@@ -43,7 +43,7 @@ class TaskRun:
         self._again = kept is not None
         entry = Entry() if kept is None else replace(kept, life=kept.life + 1)
         self._journal = Journal(store, task.id, entry)
-        self._voice = TaskVoice(book, task.id, settings, store.last_number(task.id) + 1)
+        self._voice = TaskVoice(book, task, settings, store.last_number(task.id) + 1)
         self._bus = TaskBus(bus, self._journal, hold, self._voice.on_hold)
 
     def run(self) -> None:
@@ -111,7 +111,7 @@ class TaskRun:
     def _take_up(self, mission: Mission) -> None:
         """Settle the action in flight, and remember what was known."""
         log.info("task %s is taken up again, life %d", self._task.id, self._journal.entry.life)
-        last = last_action(self._line(), self._settings, self._journal)
+        last = last_action(self._line(), self._settings, self._journal, lambda: self._bus.held_s)
         if self._journal.entry.memory:
             mission.recall(self._journal.entry.memory, last)
 

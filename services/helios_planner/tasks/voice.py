@@ -31,10 +31,11 @@ class Desk(Protocol):
 class TaskVoice:
     """Tells how one task goes; called from the worker alone."""
 
-    def __init__(self, desk: Desk, id: str, settings: Settings, first_decision: int = 0) -> None:
-        self._desk, self._id, self._settings = desk, id, settings
+    def __init__(self, desk: Desk, task: Task, settings: Settings, first_decision: int = 0) -> None:
+        self._desk, self._id, self._settings = desk, task.id, settings
         self._phase: Phase | None = None
-        self._phase_began, self._steps, self._decisions = 0, 0, first_decision
+        self._steps, self._decisions = task.steps, first_decision
+        self._phase_began = task.steps
         self._before: str | None = None  # what was told before it had to wait
 
     def on_phase(self, phase: Phase, seeking: str, message: str) -> None:

@@ -15,7 +15,7 @@ from helios_bridge.acks import PARTS, AckBook
 from helios_bridge.crew import Crew
 from helios_core import proto as pb
 from helios_core.errors import Conflict, DeadlineExceeded, Unavailable
-from helios_core.topics import CLEAR_STOP, STOP, status_topic
+from helios_core.topics import CLEAR_STOP, FRAME, STOP, status_topic
 from helios_core.types import FrameId
 
 from tests.support import free_port, wait_until
@@ -55,6 +55,25 @@ def test_a_stop_that_hangs_is_said_and_no_action_begins(stage: Stage) -> None:
     with pytest.raises(Conflict, match="a person"):
         stage.drive("a")
     assert stage.robot.done == []
+
+
+def test_frames_of_the_stream_do_not_hide_that_the_stop_hangs() -> None:
+    robot = Hanging()
+    stage = Stage(robot, stop_timeout_s=0.1, stream_hz=30.0, lockstep=False)
+    try:
+        stage.bridge.start()
+        with pytest.raises(DeadlineExceeded):
+            stop(stage)
+        streamed: list[pb.Frame] = []
+        stage.other.subscribe(FRAME, streamed.append)
+        wait_until(lambda: len(streamed) > 3, 5, "the stream goes on")
+        assert stage.health.state[0] == "degraded"
+        assert "emergency stop" in stage.health.state[1]
+        robot.go_on.set()
+        wait_until(lambda: stage.health.state[0] == "ready", 5, "it comes back")
+    finally:
+        robot.go_on.set()
+        stage.bridge.close()
 
 
 def test_stops_that_come_while_one_hangs_are_no_further_calls_of_the_driver(stage: Stage) -> None:

@@ -54,3 +54,37 @@ def test_the_watchdog_outlives_a_robot_that_does_not_answer() -> None:
         assert "outlived" in stage.drive(action_id, left_s=0.2).reason
         stage.other.call(CLEAR_STOP, pb.Empty(), 1)
     stage.bridge.close()
+
+
+def test_a_stop_that_comes_while_another_is_cleared_holds() -> None:
+    """A clear takes its time (a robot is asked over a network), and at its end the driver forgets
+    every stop."""
+    stage = Stage()
+    asked, go_on = threading.Event(), threading.Event()
+
+    def slow() -> None:
+        asked.set()
+        go_on.wait(5)
+        LineRobot.clear_stop(stage.robot)
+
+    stage.robot.clear_stop = slow
+    stage.other.call(STOP, pb.StopRequest(reason="a child"), 1)
+    said: list[Conflict] = []
+
+    def clear() -> None:
+        with pytest.raises(Conflict) as refused:
+            stage.other.call(CLEAR_STOP, pb.Empty(), 10)
+        said.append(refused.value)
+
+    clearing = threading.Thread(target=clear)
+    clearing.start()
+    assert asked.wait(5)
+    stage.other.call(STOP, pb.StopRequest(reason="a dog"), 1)
+    go_on.set()
+    clearing.join(5)
+    assert "a dog" in said[0].message
+    assert stage.robot.stopped == "a dog"
+    with pytest.raises(Conflict, match="a dog"):
+        stage.drive("a")
+    stage.other.call(CLEAR_STOP, pb.Empty(), 10)
+    assert stage.drive("b").succeeded

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 from helios_core import proto as pb
 from helios_core.grids import decode_snapshot
+from helios_core.kept_file import KeptFile
 from helios_core.topics import MAP_CHANGES, PICTURE, RESET_MAP2D
-from helios_map2d.files.kept import FILE_NAME, Keeper
+from helios_map2d.files.kept import FILE_NAME
 from map2d_house import House
 from map2d_kept import assert_same_state, load, saved, state_of, walked
 
@@ -19,8 +20,8 @@ def kept(tmp_path: Path) -> tuple[str, ...]:
     return "--state-dir", str(tmp_path), "--keep-period-s", "3600"
 
 
-def keeper(house: House) -> Keeper:
-    found = house.service._keeping._keeper
+def keeper(house: House) -> KeptFile:
+    found = house.service._keeping._kept
     assert found is not None
     return found
 

@@ -32,8 +32,10 @@ from helios_core.topics import (
     SAVE_OBJECTS,
 )
 from helios_core.types import RobotState
+from helios_objectmap.exchange import FILE_NAME
+from helios_objectmap.files import mapfile
 from helios_objectmap.files.export import SH_C0
-from helios_objectmap.keeper import FILE_NAME
+from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.service import ObjectMapService
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -130,6 +132,34 @@ def test_a_damaged_file_never_changes_what_is_known(rig, share):
     with contextlib.suppress(InvalidInput):
         rig.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=bytes(data)), 5.0)
     assert rig.objects() == before
+
+
+@pytest.mark.parametrize("bit", [1, 2, 8, 0x20, 0x40])
+def test_no_flipped_bit_of_the_directory_of_a_file_is_anything_but_refused(rig, bit):
+    """There a ZIP says how its parts are packed, encrypted and named."""
+    data = rig.saved()
+    viewpoints = ObjectMap(SETTINGS).no_viewpoints()
+    for at in range(data.rindex(b"PK\x01\x02") - 300, len(data)):
+        damaged = bytearray(data)
+        damaged[at] ^= bit
+        with contextlib.suppress(InvalidInput):
+            mapfile.read(bytes(damaged), viewpoints)
+
+
+@pytest.mark.parametrize(
+    ("array", "value", "said"),
+    [
+        ("store.through_from", 10_000, "seen through"),
+        ("store.radius_m", np.nan, "not finite"),
+        ("viewpoints.positions", np.inf, "not finite"),
+    ],
+)
+def test_a_file_that_is_whole_but_makes_no_sense_is_refused(rig, array, value, said):
+    with np.load(io.BytesIO(rig.saved())) as file:
+        arrays = {name: file[name] for name in file.files}
+    arrays[array][0] = value
+    with pytest.raises(InvalidInput, match=said):
+        mapfile.read(mapfile.written(arrays), ObjectMap(SETTINGS).no_viewpoints())
 
 
 def test_a_foreign_file_is_refused():
@@ -254,14 +284,14 @@ def test_a_kept_map_that_is_cut_off_is_put_aside_and_said(tmp_path, rig):
 KILLED = """
 import sys, time, pathlib
 from test_objectmap_exchange import Rig
-from helios_objectmap.keeper import FILE_NAME
+from helios_objectmap.exchange import FILE_NAME
 folder = pathlib.Path(sys.argv[1])
 rig = Rig(folder).look_around()
-rig.service._exchange._keeper.write()
+rig.service._exchange._kept.write()
 print(rig.mug().id, flush=True)
 while True:
     rig.look_around()
-    rig.service._exchange._keeper.write()
+    rig.service._exchange._kept.write()
 """
 
 

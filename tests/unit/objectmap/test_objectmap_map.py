@@ -69,6 +69,16 @@ def test_a_mug_seen_around_is_one_believed_object_at_its_place():
     assert len(table.outline_m) >= 3
 
 
+def test_a_class_that_is_start_and_goal_is_believed_as_one_that_is_either():
+    """ "Move the mug from a table to another table"."""
+    another = SearchClass("table", Role.GOAL_RECEPTACLE, 0.5)
+    once = of_class(built(seen_from(AROUND)), "table")
+    twice = of_class(
+        built(seen_from(AROUND), SearchContext(CONTEXT.id, (*CONTEXT.classes, another))), "table"
+    )
+    assert [t.score for t in twice] == pytest.approx([t.score for t in once])
+
+
 def test_two_mugs_0_3_m_apart_are_two_objects():
     objects = built(seen_from(AROUND, (*ROOM, mug_at(1.2, -0.15), mug_at(1.2, 0.15))))
     centers = sorted(m.center_m[1] for m in of_class(objects, "mug"))

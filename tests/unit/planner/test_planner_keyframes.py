@@ -9,8 +9,9 @@ from unittest.mock import create_autospec
 import pytest
 from helios_core import proto as pb
 from helios_core.codec import description_to_proto
+from helios_core.errors import Conflict
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.robot import Observe, Turn
+from helios_core.robot import Action, ActionResult, Observe, Turn
 from helios_core.topics import ACT, MAP2D_ACK, OBJECTMAP_ACK
 from helios_planner.robot import bus_body
 from helios_planner.robot.acks import AckBook
@@ -18,6 +19,7 @@ from helios_planner.robot.bus_body import BusBody, Listener
 from helios_planner.robot.driving import Line
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
+from helios_planner.tasks import recovery
 from helios_planner.tasks.journal import Entry, Journal
 from helios_planner.tasks.recovery import last_action
 from helios_planner.tasks.store import Store
@@ -94,3 +96,51 @@ def test_a_keyframe_that_a_map_lost_is_taken_anew_and_the_action_is_not_done_twi
     told = [cast("str | None", call.args[0]) for call in scene.listener.on_wait.call_args_list]
     assert "to answer keyframe" in (told[0] or "")
     assert told[-1] is None
+
+
+def test_looking_anew_after_a_stop_does_not_hide_that_the_action_was_cut_short(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scene = Scene()
+    scene.peers.silent.add("value")
+    act = scene.peers.world.act
+
+    def stopped(action: Action) -> ActionResult:
+        if isinstance(action, Turn):
+            scene.peers.stopped = True
+            return ActionResult(False, "a person")
+        return act(action)
+
+    monkeypatch.setattr(scene.peers.world, "act", stopped)
+    scene.listener.on_paused.side_effect = lambda _: setattr(scene.peers, "stopped", False)
+    scene.listener.on_wait.side_effect = lambda _: scene.peers.silent.clear()
+    assert not scene.body.act(Turn(0.3)).succeeded
+    assert scene.done()[-1] is Observe
+    assert scene.body.cut_short
+
+
+def test_a_long_pause_does_not_count_against_settling_the_last_action(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A task that is on hold when it is taken up, until its lease has run out meanwhile."""
+    peers, clock = Peers(hub := MemoryHub(), flat()), [0.0]
+    monkeypatch.setattr(recovery.time, "monotonic", lambda: clock[0])
+    late = Settings(away_s=20.0)
+    line = Line(MemoryBus(hub), late, threading.Event(), lambda _: None)
+    asked: list[pb.ActionRequest] = []
+
+    def act(request: pb.ActionRequest) -> pb.ActionResult:
+        asked.append(request)
+        if len(asked) == 1:
+            clock[0] += 1000.0
+            raise Conflict("the lease ran out after 10 s; ask anew")
+        return pb.ActionResult(action_id=request.action_id, succeeded=True)
+
+    peers.bus.serve(ACT, act)
+    turn = pb.ActionRequest(action_id="t-1", action=pb.Action(turn=pb.Action.Turn(angle_rad=0.3)))
+    entry = Entry(request=turn)
+    journal = Journal(create_autospec(Store, instance=True), "task", entry)
+    assert last_action(line, late, journal, held_s=lambda: clock[0]).succeeded
+    asked.clear()
+    with pytest.raises(TaskFailed, match="ran out"):
+        last_action(line, late, journal)

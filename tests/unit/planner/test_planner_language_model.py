@@ -123,6 +123,12 @@ def test_an_endpoint_that_is_away_is_said() -> None:
         parse_with_help(GERMAN, model)
 
 
+def test_an_address_that_is_none_is_said() -> None:
+    model = LanguageModel("http//127.0.0.1/v1", "tiny", "", 1.0)
+    with pytest.raises(InvalidInput, match=r"its address .http//127\.0\.0\.1/v1. is none"):
+        parse_with_help(GERMAN, model)
+
+
 def test_without_an_endpoint_the_grammar_alone_decides() -> None:
     assert Settings().llm_url == ""
     with pytest.raises(InvalidInput, match="looks like German"):

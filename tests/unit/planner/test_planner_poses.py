@@ -73,6 +73,22 @@ def test_in_a_door_it_stands_lengthwise_only() -> None:
     assert not reached.fits(Pose2(3.5, 2.0, math.pi / 2))
 
 
+@pytest.mark.parametrize("cell_m", [0.0125, 0.025, 0.05])
+def test_it_does_not_plan_to_turn_where_it_cannot_whatever_the_cells(cell_m: float) -> None:
+    """In a corridor that is a little too narrow to turn in."""
+    occupancy = np.zeros((round(1.35 / cell_m), round(4.0 / cell_m)), np.int8)
+    occupancy[[0, -1]], occupancy[:, [0, -1]] = 100, 100
+    ground = GroundMap(occupancy, np.zeros(occupancy.shape, np.float32), cell_m, (0.0, 0.0))
+    reached = pose_reach(ground, Pose2(2.0, 0.675, 0.0), SPOT, RULES)
+    across = reached.best_near(Pose2(2.5, 0.675, math.pi / 2), 0.2)
+    assert across is not None  # it comes there, but faces along the corridor
+    assert reached.next_move(reached.way_to(across), RULES) is not None
+    headings = np.unique(np.argwhere(np.isfinite(reached.times))[:, 0])
+    assert not {6, 7, 8, 9, 10} & set(headings.tolist()), (
+        "of 32 from -180 degrees on, those that face a wall"
+    )
+
+
 @settings(max_examples=60, deadline=None)
 @example(6.34375, 0.625, 0.5)  # as near to what is behind as its front is to what is ahead
 @given(st.floats(0.6, 6.4), st.floats(0.6, 3.4), st.floats(-3.1, 3.1))

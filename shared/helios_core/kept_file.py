@@ -1,0 +1,118 @@
+"""A service's map on disk: written while it changes, read when the service starts again.
+
+The file is replaced as a whole, so that a process that is killed leaves the old or the new one. One
+that cannot be read is put aside under another name.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+log = logging.getLogger(__name__)
+
+CLOSE_WITHIN_S = 1.0  # of a write that is under way
+
+# The version that is on the disk -> the present one and its file, or None where nothing is newer.
+Newer = Callable[[int], tuple[int, bytes] | None]
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A file of an earlier process."""
+
+    data: bytes
+    age_s: float  # since it was written
+
+
+class KeptFile:
+    """Writes what `newer` gives every `period_s`, in a thread of its own, from `start` to `close`.
+    A disk that refuses is told of, and tried again the next time."""
+
+    def __init__(
+        self, path: Path, period_s: float, newer: Newer, troubled: Callable[[str], None]
+    ) -> None:
+        """troubled: told why the file cannot be written, or "" once it can."""
+        self._path, self._period_s = path, period_s
+        self._newer, self._troubled = newer, troubled
+        self._version = 0
+        self._stopped = threading.Event()
+        self._turn = threading.Lock()
+        self._thread = threading.Thread(target=self._run, name=f"keep {path.name}", daemon=True)
+
+    def found(self) -> Kept | None:
+        """The file of an earlier process; None where there is none. Raises OSError."""
+        try:
+            written_s = self._path.stat().st_mtime
+            return Kept(self._path.read_bytes(), max(0.0, time.time() - written_s))
+        except FileNotFoundError:
+            return None
+
+    def put_aside(self) -> str:
+        """Move a file that cannot be used out of the way; what became of it, in words."""
+        n = 1
+        while (aside := self._path.with_name(f"{self._path.name}.refused-{n}")).exists():
+            n += 1
+        try:
+            self._path.replace(aside)
+        except OSError as error:
+            return f"left at {self._path}, for it cannot be moved ({error.strerror})"
+        return f"put aside as {aside}"
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def write(self) -> bool:
+        """Write now if there is something newer; whether it was written."""
+        with self._turn:
+            try:
+                newer = self._newer(self._version)
+                if newer is None:
+                    return False
+                self._replace(newer[1])
+            except Exception as error:  # of the disk, or of memory: the map goes on without
+                known = isinstance(error, OSError)
+                log.error("%s cannot be written: %s", self._path, error, exc_info=not known)
+                self._troubled(
+                    f"the map cannot be kept in {self._path}: "
+                    f"{(error.strerror if known else '') or repr(error)}; "
+                    "make room there, or give another --state-dir"
+                )
+                return False
+            self._version = newer[0]
+        self._troubled("")
+        return True
+
+    def forget(self) -> None:
+        """Remove the file: a map that was forgotten on purpose does not come back."""
+        with self._turn:
+            self._version = 0
+            try:
+                self._path.unlink(missing_ok=True)
+            except OSError as error:
+                self._troubled(f"the kept map {self._path} cannot be removed: {error.strerror}")
+
+    def close(self) -> None:
+        """Write a last time and end."""
+        self._stopped.set()
+        if self._thread.ident is not None:
+            self._thread.join(CLOSE_WITHIN_S)
+        self.write()
+
+    def _replace(self, data: bytes) -> None:
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        new = self._path.with_name(f".{self._path.name}.new")
+        with new.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(self._path)
+
+    def _run(self) -> None:
+        while not self._stopped.wait(self._period_s):
+            self.write()

@@ -1,0 +1,105 @@
+"""A map on disk: whole after every crash, tried again after every refusal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from helios_core.kept_file import KeptFile
+
+from tests.support import wait_until
+
+
+class Map:
+    """Something that changes, and who hears what is wrong with keeping it."""
+
+    def __init__(self, path: Path, period_s: float = 3600.0) -> None:
+        self.version, self.data = 0, b""
+        self.said: list[str] = []
+        self.fails: Exception | None = None
+        self.kept = KeptFile(path, period_s, self.newer, self.said.append)
+
+    def change(self, data: bytes) -> None:
+        self.version, self.data = self.version + 1, data
+
+    def newer(self, version: int) -> tuple[int, bytes] | None:
+        if self.fails is not None:
+            raise self.fails
+        return None if version == self.version else (self.version, self.data)
+
+
+def test_what_has_changed_is_written_once(tmp_path: Path) -> None:
+    map = Map(tmp_path / "a" / "m.map")
+    assert not map.kept.write()
+    map.change(b"one")
+    assert map.kept.write()
+    assert not map.kept.write()
+    assert [p.name for p in (tmp_path / "a").iterdir()] == ["m.map"]
+    found = map.kept.found()
+    assert found is not None
+    assert found.data == b"one"
+    assert 0 <= found.age_s < 60
+
+
+def test_a_disk_that_refuses_is_said_and_tried_again_without_a_further_change(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "state").write_text("no folder")
+    map = Map(tmp_path / "state" / "m.map")
+    map.change(b"one")
+    assert not map.kept.write()
+    assert "another --state-dir" in map.said[-1]
+    (tmp_path / "state").unlink()
+    assert map.kept.write()
+    assert map.said[-1] == ""
+    assert (tmp_path / "state" / "m.map").read_bytes() == b"one"
+
+
+def test_a_fault_in_making_the_file_does_not_end_the_keeping(tmp_path: Path) -> None:
+    map = Map(tmp_path / "m.map", period_s=0.01)
+    map.fails = MemoryError()
+    map.change(b"one")
+    map.kept.start()
+    wait_until(lambda: any("MemoryError" in said for said in map.said), 10, "it is said")
+    map.fails = None
+    wait_until((tmp_path / "m.map").exists, 10, "it is written after all")
+    map.kept.close()
+
+
+def test_closing_writes_what_is_not_written_yet(tmp_path: Path) -> None:
+    map = Map(tmp_path / "m.map")
+    map.kept.start()
+    map.change(b"last")
+    map.kept.close()
+    assert (tmp_path / "m.map").read_bytes() == b"last"
+
+
+def test_files_put_aside_never_take_one_anothers_place(tmp_path: Path) -> None:
+    map = Map(tmp_path / "m.map")
+    for data in (b"bad", b"worse"):
+        (tmp_path / "m.map").write_bytes(data)
+        assert map.kept.put_aside().startswith("put aside as")
+    assert {p.read_bytes() for p in tmp_path.glob("m.map.refused-*")} == {b"bad", b"worse"}
+    assert map.kept.found() is None
+
+
+def test_a_file_that_cannot_be_moved_is_said_to_be_where_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    map = Map(tmp_path / "m.map")
+    monkeypatch.setattr(Path, "replace", refuse)
+    assert map.kept.put_aside() == f"left at {tmp_path / 'm.map'}, for it cannot be moved " + (
+        "(Permission denied)"
+    )
+
+
+def test_what_was_forgotten_on_purpose_does_not_come_back(tmp_path: Path) -> None:
+    map = Map(tmp_path / "m.map")
+    map.change(b"one")
+    map.kept.write()
+    map.kept.forget()
+    assert map.kept.found() is None
+    assert map.kept.write()  # what is known now is kept anew
