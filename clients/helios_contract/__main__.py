@@ -23,7 +23,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         prog="python -m helios_contract",
         description="Test a robot driver. THE ROBOT MOVES: it turns on the spot and drives ahead "
-        "one and a half times the distance given; keep a hand on its emergency stop.",
+        "one and a half times the distance given; one that can move back does so once by at most "
+        "that distance, and drives ahead once more. Keep a hand on its emergency stop.",
         epilog="What follows -- goes to pytest: -- -x -k stop",
     )
     parser.add_argument("driver", help="my_package:MyRobot, importable from here")

@@ -22,11 +22,12 @@ BACK_WITHIN_S = 60.0
 class Rig:
     """One driver, how far it may move, and how exact it is. The scene before it stays as it is.
 
-    The suite drives ahead twice and turns on the spot, to the left first.
+    The suite drives ahead, three times and back once where the robot can move back, else twice,
+    and turns on the spot, to the left first.
     """
 
     driver: RobotDriver
-    forward_m: float = 0.3  # of one drive; in all it is half as far again
+    forward_m: float = 0.3  # of one drive; one is half as far
     turn_rad: float = 0.4
     tolerance_m: float = 0.05  # of where it says it is after a drive
     tolerance_rad: float = 0.06

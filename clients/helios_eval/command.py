@@ -13,13 +13,12 @@ from typing import Annotated
 import typer
 from helios_client.wrong_use import WrongUse
 from helios_core.errors import InvalidInput
-from helios_sim.sensor import SENSORS
 from rich.console import Console
 
 from helios_eval import folder as run_folder
 from helios_eval.calibration.command import calibration
-from helios_eval.episodes import homes, service_settings, spec
-from helios_eval.episodes.record import Benchmark, Noise, read
+from helios_eval.episodes.condition import checked
+from helios_eval.episodes.record import Benchmark, read
 from helios_eval.report import MARKDOWN, write_report_of
 from helios_eval.runs import gather, results
 from helios_eval.runs.run import Run, run
@@ -152,33 +151,23 @@ def _run(
     ray: str | None,
 ) -> None:
     names = _names(agents, "--agents")
-    spec.check_agents(names, benchmark)
-    homes.check_kind(preset)
-    if semantics not in ("noisy", "ground-truth"):
-        raise WrongUse(f"--semantics is {semantics!r}; wanted noisy or ground-truth")
-    if sensor not in SENSORS:
-        raise WrongUse(f"--sensor is {sensor!r}; wanted one of {', '.join(SENSORS)}")
+    under = checked(
+        names, benchmark, semantics=semantics, preset=preset, table=noise, level=level,
+        correlation=correlation, sensor=sensor, assignments=assignments, max_steps=max_steps,
+    )  # fmt: skip
+    try:
+        limits = tuple(results.picks_of(p) for p in _names(picks, "--picks"))
+    except InvalidInput as error:
+        raise WrongUse(error.message) from error
     if seed0 + episodes > FIRST_KEPT_BACK:
         print(
             f"helios: seeds from {FIRST_KEPT_BACK} on are kept back, so that others can check what "
             "was built; look at no single one of them",
             file=sys.stderr,
         )
-    settings = service_settings.parsed(assignments)
-    if max_steps is not None and max_steps != spec.DEFAULT_STEPS[benchmark]:
-        settings[spec.MAX_STEPS] = max_steps
-    if sensor != "none":
-        settings[spec.SENSOR] = sensor
-    told: Noise | None = None
-    try:
-        limits = tuple(results.picks_of(p) for p in _names(picks, "--picks"))
-        if semantics == "noisy":
-            told = spec.noise_of(noise or homes.noise_of(preset), level, correlation)
-    except InvalidInput as error:
-        raise WrongUse(error.message) from error
     asked = Run(
-        benchmark, tuple(names), limits, semantics, preset, episodes, seed0, out,
-        jobs or os.cpu_count() or 1, told, settings, ray,
+        under.benchmark, tuple(names), limits, under.semantics, under.preset, episodes, seed0, out,
+        jobs or os.cpu_count() or 1, under.noise, under.settings, ray,
     )  # fmt: skip
     console = Console()
     try:

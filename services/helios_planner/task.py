@@ -13,6 +13,8 @@ HELD = "paused; resume or cancel it"  # what a task says that is on hold
 
 
 class State(StrEnum):
+    """Where a task stands in its life."""
+
     QUEUED = "queued"
     RUNNING = "running"
     PAUSED = "paused"
@@ -26,6 +28,8 @@ class State(StrEnum):
 
 
 class Phase(StrEnum):
+    """What a running task is at (paper, figure 3)."""
+
     FIND_OBJECT = "find_object"
     PICK = "pick"
     FIND_RECEPTACLE = "find_receptacle"

@@ -29,7 +29,6 @@ class QoS(Enum):
     LATEST_WINS = auto()  # a slow reader sees the newest; older ones are dropped
     NEVER_DROP = auto()  # every message, in order; the sender paces itself by acknowledgements
     RETAINED = auto()  # as NEVER_DROP, and the last one is given to late joiners
-    URGENT = auto()  # small, ahead of everything else, latest wins
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ How the qualities of service map (why: `docs/decisions/0002-bus.md`):
     LATEST_WINS   blocks for the first message only; read through a ring of one
     NEVER_DROP    blocks; read through a queue, senders pace themselves by acknowledgements
     RETAINED      as NEVER_DROP, kept by the publisher for whoever comes later
-    URGENT        real-time priority, unbatched, ring of one
 """
 
 from __future__ import annotations
@@ -66,7 +65,7 @@ class ZenohBus(Bus):
 
     def subscribe(self, topic: Topic[M], handler: Callable[[M], None]) -> Registration:
         key = topic.key(self.robot)
-        latest = topic.qos in (QoS.LATEST_WINS, QoS.URGENT)
+        latest = topic.qos is QoS.LATEST_WINS
         channel = (
             zenoh.handlers.RingChannel(1) if latest else zenoh.handlers.FifoChannel(QUEUE_DEPTH)
         )
@@ -227,11 +226,6 @@ class ZenohBus(Bus):
             return self._session.declare_publisher(
                 key, congestion_control=zenoh.CongestionControl.BLOCK_FIRST
             )
-        if topic.qos is QoS.URGENT:
-            return self._session.declare_publisher(
-                key, congestion_control=zenoh.CongestionControl.DROP,
-                priority=zenoh.Priority.REAL_TIME, express=True,
-            )  # fmt: skip
         return self._session.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.BLOCK
         )

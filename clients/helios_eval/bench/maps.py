@@ -26,10 +26,12 @@ BAND_M = (0.10, 1.50)
 
 
 def grid() -> GridSpec:
+    """The square of `CELLS` by `CELLS` cells of `CELL_M` metres round the world's origin."""
     return GridSpec.centred_on(0.0, 0.0, CELL_M, CELLS)
 
 
 def lay(frame: Frame, on: GridSpec) -> View:
+    """What a frame shows between `MIN_M` and `MAX_M` metres, on the cells of a grid."""
     return view_of(frame.depth_m, frame.camera, frame.T_world_cam, on, MIN_M, MAX_M)
 
 
@@ -122,6 +124,7 @@ class OurMaps:
 
 
 def occupancy_update() -> Row:
+    """Milliseconds to fold one depth picture into occupancy, searched area and frontiers."""
     ours, plain = OurMaps(), PlainMaps()
     return compare(
         "occupancy_update", f"640x480 depth into {CELLS}x{CELLS} cells",
@@ -131,6 +134,7 @@ def occupancy_update() -> Row:
 
 
 def value_fusion() -> Row:
+    """Milliseconds to fold the scores of one frame into both value layers."""
     layers, plain, on = ValueLayers(grid(), ValueRules()), PlainMaps(), grid()
     layers.reset(("pick", "place"))
     scores = {"pick": 0.3, "place": 0.6}

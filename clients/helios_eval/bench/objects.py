@@ -28,6 +28,7 @@ OWN = "our render of 50000, 12 channels, 640x480"
 
 
 def view_of(T_world_cam: NDArray[np.float64]) -> View:
+    """What the benchmark's camera sees from a pose [4, 4] in the world, metres."""
     c = CAMERA
     return View(c.fx, c.fy, c.cx, c.cy, c.width, c.height, T_world_cam)
 
@@ -111,6 +112,7 @@ def side_step(i: int, columns: int) -> Observation:
 def built(
     updates: int, columns: int = 430, evidence: Literal["views", "sides"] = "views"
 ) -> ObjectMap:
+    """A map after so many updates by one side step (2 cm) after another; columns: of the table."""
     objects = ObjectMap(ObjectMapSettings(evidence=evidence))
     for i in range(updates):
         objects.update(side_step(i, columns), CONTEXT)

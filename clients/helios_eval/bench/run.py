@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import importlib
 import json
-import os
-import platform
-import subprocess
 from pathlib import Path
 
 from helios_core.errors import InvalidInput
 from rich.console import Console
 from rich.table import Table
+
+from helios_eval.origin import commit, machine
 
 ROWS = {
     "occupancy_update": "maps",
@@ -53,24 +52,3 @@ def main(only: str | None = None, json_path: Path | None = None) -> None:
         }
         json_path.parent.mkdir(parents=True, exist_ok=True)
         json_path.write_text(json.dumps(document, indent=1) + "\n")
-
-
-def machine() -> str:
-    """Processor, cores, system."""
-    name = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        for line in info.read_text().splitlines():
-            if line.startswith("model name"):
-                name = line.partition(":")[2].strip()
-                break
-    return f"{name}, {os.cpu_count()} cores, {platform.system()}"
-
-
-def commit() -> str:
-    """The commit that this source is at, or "unknown" outside a checkout."""
-    done = subprocess.run(
-        ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    return done.stdout.strip() or "unknown"

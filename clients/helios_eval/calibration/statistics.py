@@ -84,9 +84,12 @@ def reliability(score: Scores, truth: Truths, edges: Scores) -> Bins:
     return Bins(edges[:-1][kept], edges[1:][kept], n, total[kept] / n, k / n, low, high)
 
 
-def wilson(right: NDArray, count: NDArray, z: float = Z_95) -> tuple[Scores, Scores]:
-    """Wilson's interval of a share of `right` among `count`."""
-    share = right / count
+def wilson(right: NDArray, count: NDArray) -> tuple[Scores, Scores]:
+    """95 % score interval of a share of `right` among `count`, arrays of one shape.
+
+    Wilson, J. Am. Stat. Assoc. 22, 1927.
+    """
+    share, z = right / count, Z_95
     denominator = 1 + z**2 / count
     middle = (share + z**2 / (2 * count)) / denominator
     half = z / denominator * np.sqrt(share * (1 - share) / count + z**2 / (4 * count**2))

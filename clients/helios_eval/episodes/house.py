@@ -40,7 +40,7 @@ from helios_sim.truth import Segmentation
 
 from helios_eval import kernels
 from helios_eval.episodes.record import Noise, Setting
-from helios_eval.episodes.service_settings import of_service
+from helios_eval.episodes.service_settings import of_house, of_service
 
 NEVER_S = 86_400.0
 LONGEST_ACTION_S = 600.0  # the bridge allows no more
@@ -83,8 +83,10 @@ class House:
         on_step: Callable[[], None] = lambda: None,
     ) -> None:
         """seed: of the detector's errors, and of an agent that draws. noise: None for ground-truth
-        semantics. on_step: called after each action, when every map holds what was seen; it may
-        ask the house."""
+        semantics. settings: those that differ from what the agent's house runs with anyway.
+        on_step: called after each action, when every map holds what was seen; it may ask the
+        house."""
+        settings = of_house(agent, settings)
         self._folder = tempfile.TemporaryDirectory(prefix="helios-eval-")
         self._ended = threading.Event()
         self._hub = MemoryHub()

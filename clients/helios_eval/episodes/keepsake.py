@@ -1,11 +1,16 @@
 """What is kept of a failed episode, so that a picture of it can be drawn later.
 
-One small NPZ for each: `<folder>/failed/<agent>-<semantics>-<seed>.npz`.
+One small NPZ for each: `<folder>/failed/<agent>-<semantics>-<seed>-<digest>.npz`, with a digest of
+the episode's key, so that what was played under other noise or settings lies beside it.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
+import re
+import zipfile
+import zlib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +21,7 @@ from numpy.typing import NDArray
 
 FAILED = "failed"
 MOST_KEPT = 12  # failures of one agent
+_NAME = re.compile(r"(?P<agent>.+)-(noisy|ground-truth)-\d+-[0-9a-f]{12}\.npz")
 
 
 @dataclass(frozen=True)
@@ -38,10 +44,10 @@ class Keepsake:
     the truth there. `trajectory_m` float64 [n, 2] is where the base truly was.
     """
 
+    key: str  # of the record
     agent: str
     semantics: str
     seed: int
-    preset: str
     instruction: str
     cause: str
     message: str  # of the agent
@@ -56,14 +62,15 @@ class Keepsake:
     camera_jpeg: bytes  # the last picture of the robot; empty where there is none
 
 
-def path_of(folder: Path, agent: str, semantics: str, seed: int) -> Path:
-    """Where the keepsake of an episode lies."""
-    return folder / FAILED / f"{agent}-{semantics}-{seed}.npz"
+def path_of(folder: Path, kept: Keepsake) -> Path:
+    """Where a keepsake lies."""
+    digest = hashlib.sha256(kept.key.encode()).hexdigest()[:12]
+    return folder / FAILED / f"{kept.agent}-{kept.semantics}-{kept.seed}-{digest}.npz"
 
 
 def save(folder: Path, kept: Keepsake) -> Path:
     """Write it, whole or not at all; returns the file."""
-    path = path_of(folder, kept.agent, kept.semantics, kept.seed)
+    path = path_of(folder, kept)
     path.parent.mkdir(parents=True, exist_ok=True)
     words = {name: value for name, value in asdict(kept).items() if name not in _ARRAYS}
     part = path.with_suffix(".part")
@@ -95,15 +102,16 @@ def load(path: Path) -> Keepsake:
                 camera_jpeg=file["camera_jpeg"].tobytes(),
                 **words,
             )
-    except (OSError, KeyError, TypeError, ValueError) as error:
+    except _UNREADABLE as error:
         raise InvalidInput(
             f"{path} is no keepsake of an episode ({type(error).__name__}: {error}); delete it"
         ) from error
 
 
-def all_of(folder: Path, agent: str = "*") -> list[Path]:
+def all_of(folder: Path, agent: str | None = None) -> list[Path]:
     """The keepsakes of a run, of one agent or all, by name."""
-    return sorted((folder / FAILED).glob(f"{agent}-[ng]*-*.npz"))
+    found = ((path, _NAME.fullmatch(path.name)) for path in (folder / FAILED).glob("*.npz"))
+    return sorted(path for path, named in found if named and agent in (None, named["agent"]))
 
 
 def _marked(raw: dict[str, Any]) -> Marked:
@@ -111,4 +119,8 @@ def _marked(raw: dict[str, Any]) -> Marked:
     return Marked(raw["label"], center_m, size_m, raw["score"], raw["class_score"])
 
 
+_UNREADABLE = (  # what numpy and zipfile raise of a damaged file
+    OSError, EOFError, KeyError, TypeError, ValueError, RuntimeError, zipfile.BadZipFile,
+    zlib.error,
+)  # fmt: skip
 _ARRAYS = frozenset({"occupancy", "trajectory_m", "camera_jpeg"})

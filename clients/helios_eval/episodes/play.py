@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from helios_core.agent_settings import settings_for
 from helios_core.grids import FREE, OCCUPIED
 from helios_core.types import ObjectInstance
 from helios_sim.events import PickTried
@@ -88,6 +88,21 @@ def make_world(spec: EpisodeSpec, home: Home) -> WatchedWorld:
     return WatchedWorld(home, episode, boot_id="evaluation", sensor=SENSORS[spec.sensor])
 
 
+@contextmanager
+def housed(spec: EpisodeSpec) -> Iterator[tuple[WorldThread, House]]:
+    """The world of an episode and the house of its agent, until the block ends.
+
+    Raises HeliosError.
+    """
+    home = homes.home_of(spec.preset, spec.seed)
+    thread = WorldThread(lambda: make_world(spec, home))
+    try:
+        with House(thread, spec.agent, spec.noise, spec.seed, spec.settings) as house:
+            yield thread, house
+    finally:
+        thread.close()
+
+
 def _watched(world: object) -> WatchedWorld:
     assert isinstance(world, WatchedWorld)
     return world
@@ -135,8 +150,7 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Told:
             look(house)
 
     house: House | None = None
-    settings = {**settings_for(spec.agent), **spec.settings}
-    house = House(thread, spec.agent, spec.noise, spec.seed, settings, on_step)
+    house = House(thread, spec.agent, spec.noise, spec.seed, spec.settings, on_step)
     with house:
         began = time.perf_counter()
         task = house.run(episode.instruction, spec.max_steps, LONGEST_S)
@@ -192,7 +206,7 @@ def _played(spec: EpisodeSpec, commit: str, world: WatchedWorld, said: _Told) ->
 def _keepsake(record: EpisodeRecord, world: WatchedWorld, said: _Told) -> Keepsake:
     targets = world.tracker.targets
     return Keepsake(
-        agent=record.agent, semantics=record.semantics, seed=record.seed, preset=record.preset,
+        key=record.key, agent=record.agent, semantics=record.semantics, seed=record.seed,
         instruction=record.instruction, cause=record.cause, message=record.message,
         occupancy=said.floor.occupancy, origin_m=said.floor.origin_m, cell_m=said.floor.cell_m,
         trajectory_m=world.trajectory_m, start_pose=world.home.start_pose,

@@ -46,17 +46,36 @@ def parsed(assignments: Iterable[str]) -> dict[str, Setting]:
     return out
 
 
-def that_change(agent: str, settings: Mapping[str, Setting]) -> dict[str, Setting]:
-    """Those that differ from what the agent's house runs with anyway; they name an episode."""
-    return {n: value for n, value in settings.items() if not _holds_anyway(agent, n, value)}
+def of_house(agent: str, settings: Mapping[str, Setting]) -> dict[str, Setting]:
+    """What an agent's house runs with: the given settings, else the agent's own."""
+    return {**settings_for(agent), **settings}
 
 
-def _holds_anyway(agent: str, name: str, value: Setting) -> bool:
+def that_change(
+    agent: str, settings: Mapping[str, Setting], ran: Mapping[str, str] | None = None
+) -> dict[str, Setting]:
+    """Those that differ from what the agent's house runs with anyway; they name an episode.
+
+    ran: what `ran_with` told when the episodes were played; where it says nothing, today's holds.
+    """
+    ran = ran or {}
+    return {n: value for n, value in settings.items() if not _holds_anyway(agent, n, value, ran)}
+
+
+def _holds_anyway(agent: str, name: str, value: Setting, ran: Mapping[str, str]) -> bool:
     service, _, field = name.partition(".")
     if service not in SERVICES:  # one of the evaluation's own
         return False
-    default = SERVICES[service].model_fields[field].default
-    return _value(service, field, str(value)) == settings_for(agent).get(name, default)
+    info = SERVICES[service].model_fields.get(field)
+    if info is None:  # of another version
+        return False
+    try:
+        given = _value(service, field, str(value))
+    except WrongUse:  # allowed in another version
+        return False
+    if name in ran:
+        return str(given) == ran[name]
+    return given == settings_for(agent).get(name, info.default)
 
 
 def ran_with(agent: str) -> dict[str, str]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from helios_eval.growth.walk import Walk, context_of
 
 SPACING_M = 30.0  # between homes: none is in view from another
-NO_LIMIT = 100_000_000
+NO_LIMIT = 100_000_000  # Gaussians
 
 
 @dataclass(frozen=True)

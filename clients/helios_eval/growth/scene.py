@@ -15,9 +15,9 @@ from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
 from numpy.typing import NDArray
 
+from helios_eval.growth.cost import NO_LIMIT
 from helios_eval.growth.tape import Seen
 
-NO_LIMIT = 100_000_000
 MAPS = {"objects only": False, "full scene": True}  # name -> setting full_scene
 
 

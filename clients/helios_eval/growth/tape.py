@@ -9,11 +9,12 @@ from helios_core import proto as pb
 from helios_core.codec import context_from_proto, observation_from_proto, state_from_proto
 from helios_core.topics import CONTEXT, OBSERVATION, ROBOT_STATE
 from helios_core.types import Observation, SearchContext
-from helios_sim.thread import WorldThread
 
-from helios_eval.episodes import homes, spec
+from helios_eval.episodes import homes
 from helios_eval.episodes.house import House
-from helios_eval.episodes.play import LONGEST_S, make_world
+from helios_eval.episodes.play import LONGEST_S, housed
+from helios_eval.episodes.record import Setting
+from helios_eval.episodes.spec import EpisodeSpec, noise_of
 from helios_eval.growth.walk import strided
 
 
@@ -26,20 +27,20 @@ class Seen:
     held: str
 
 
+def by_helios(preset: str, seed: int, settings: dict[str, Setting]) -> EpisodeSpec:
+    """An episode of the agent `helios` with the preset's noise. Raises InvalidInput without one."""
+    noise = noise_of(homes.noise_of(preset), 1.0, None)
+    return EpisodeSpec("ovmm", "helios", "noisy", preset, seed, noise, settings)
+
+
 def play(preset: str, seed: int, max_steps: int, stride_px: int) -> list[Seen]:
     """An episode of the agent `helios` with the preset's noise.
 
     Frames are kept on the pixels that a map with that stride takes. Raises HeliosError.
     """
-    noise = spec.noise_of(homes.noise_of(preset), 1.0, None)
-    episode = spec.EpisodeSpec("ovmm", "helios", "noisy", preset, seed, noise)
-    thread = WorldThread(lambda: make_world(episode, homes.home_of(preset, seed)))
-    try:
+    with housed(by_helios(preset, seed, {})) as (thread, house):
         instruction = thread.run(lambda world: world.episode.instruction)
-        with House(thread, "helios", noise, seed, {}) as house:
-            tape = recorded(house, instruction, max_steps, stride_px)
-    finally:
-        thread.close()
+        tape = recorded(house, instruction, max_steps, stride_px)
     if not tape:
         raise WrongUse(f"the episode of seed {seed} showed nothing in {max_steps} steps")
     return tape

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from helios_eval.episodes.record import Setting
 from helios_eval.episodes.spec import MAX_STEPS, SENSOR
 from helios_eval.report import paper, plots, text
-from helios_eval.report.arms import PAPERS, Arm, in_common, noise_parts, plain_arm
+from helios_eval.report.arms import KNOWN, Arm, in_common, noise_parts, plain_arm
 from helios_eval.report.metrics import METRICS, values
 from helios_eval.report.model import Block, Cell, Paragraph, Rows, Section, Table
 from helios_eval.report.ours import asked_of, count, tone_of
@@ -217,9 +217,9 @@ def _own_settings(arm: Arm) -> dict[str, Setting]:
 
 
 def _is_idea(arm: Arm, base: Arm) -> bool:
-    """Another agent than the paper's, or settings that the paper did not sweep."""
+    """An agent beyond the paper, or settings that the paper did not sweep."""
     changed = {k: v for k, v in _own_settings(arm).items() if (k, v) not in base.settings}
-    if arm.agent not in PAPERS:
+    if arm.agent not in KNOWN:
         return True
     swept = {row.setting for table in paper.SWEEPS for row in table.rows}
     return arm.agent == base.agent and any(

@@ -23,8 +23,9 @@ FIRST = (
     "vlfm-unfiltered",
 )
 LAST = ("random-frontier",)
-# Agents of the paper, and what they are measured by; all others are ideas beyond it.
-PAPERS = frozenset(FIRST) - {"helios-next"} | {*LAST, "ground-truth-walker"}
+# Agents of the paper, and those that show what can be had at most and at least; all others are
+# ideas beyond the paper.
+KNOWN = frozenset((*FIRST, *LAST)) - {"helios-next"}
 REFERENCES = {  # of a benchmark: the first that was run
     "ovmm": ("helios", "trusting"),
     "objectnav": ("vlfm-helios-stop", "helios", "vlfm"),
@@ -199,7 +200,7 @@ def pairs(arms: Sequence[Arm]) -> list[tuple[Arm, Arm]]:
         for agent, other in plain.items():
             if agent == name:
                 continue
-            new = agent not in PAPERS  # comes first: above 0 means that it helps
+            new = agent not in KNOWN  # comes first: above 0 means that it helps
             out.append((other, plain[name]) if new else (plain[name], other))
     for arm in arms:
         same = [a for a in arms if (a.benchmark, a.agent) == (arm.benchmark, arm.agent)]

@@ -7,16 +7,19 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from helios_core.errors import InvalidInput
+
 from helios_eval.episodes import homes, keepsake
 from helios_eval.episodes.record import EpisodeRecord
 from helios_eval.episodes.spec import MAX_STEPS, SENSOR, WALKER
 from helios_eval.report import maps, plots, style, text
 from helios_eval.report.arms import Arm, drawn
-from helios_eval.report.metrics import shares_of_causes, values
+from helios_eval.report.metrics import counts_of_causes, values
 from helios_eval.report.model import (
     Block,
     Cell,
     Gallery,
+    Notice,
     Paragraph,
     Picture,
     Rows,
@@ -36,7 +39,7 @@ def causes_section(arms: Sequence[Arm]) -> Section:
     for benchmark in benchmarks_of(arms):
         mine = [a for a in arms if a.benchmark == benchmark]
         shown = drawn(mine, plots.MOST_ARMS)
-        counts = [shares_of_causes(a.records) for a in shown]
+        counts = [counts_of_causes(a.records) for a in shown]
         blocks.append(plots.causes([a.label for a in shown], counts))
         blocks.append(_table_of_causes(mine))
         hits = [sum(r.collisions > 0 for r in a.records) for a in shown]
@@ -52,7 +55,7 @@ def causes_section(arms: Sequence[Arm]) -> Section:
 
 
 def _table_of_causes(arms: Sequence[Arm]) -> Table:
-    counts = [shares_of_causes(a.records) for a in arms]
+    counts = [counts_of_causes(a.records) for a in arms]
     found = {c for row in counts for c in row if c}
     named = [c for c in style.CAUSES if c in found] + sorted(found.difference(style.CAUSES))
     rows = Rows()
@@ -100,11 +103,10 @@ def _table_of_collisions(arms: Sequence[Arm]) -> Table:
 
 def gallery_section(folder: Path, arms: Sequence[Arm]) -> Section:
     """A map of each failed episode that was kept, at most 12 per agent, spread over the causes."""
-    kept = [keepsake.load(path) for path in keepsake.all_of(folder)]
-    by_run = {(k.agent, k.semantics, k.preset, k.seed): k for k in kept}
+    by_key, damaged = _kept(folder)
     galleries: list[Block] = []
     for arm in arms:
-        failed = [(r, by_run.get((r.agent, r.semantics, r.preset, r.seed))) for r in arm.records]
+        failed = [(r, by_key.get(r.key)) for r in arm.records]
         pairs = [
             (r, k) for r, k in failed if k and r.cause == k.cause and r.instruction == k.instruction
         ]
@@ -117,13 +119,31 @@ def gallery_section(folder: Path, arms: Sequence[Arm]) -> Section:
         galleries.append(Gallery(arm.label, pictures, caption))
     if not galleries:
         why = "No picture of a failed episode was kept, or none failed."
-        return Section("pictures", "Failed episodes", (Paragraph(why),))
+        return Section("pictures", "Failed episodes", (*damaged, Paragraph(why)))
     intro = Paragraph(
         "Each map is what the robot knew at the end: free floor white, what stands in the way "
         "dark, unknown grey. Blue: where the robot drove; green: the truth that was asked for; "
         "orange: what the object map believed. The commands play the episode again, and film it."
     )
-    return Section("pictures", "Failed episodes", (intro, *galleries))
+    return Section("pictures", "Failed episodes", (*damaged, intro, *galleries))
+
+
+def _kept(folder: Path) -> tuple[dict[str, keepsake.Keepsake], list[Notice]]:
+    """What was kept, by the key of its episode; and which files cannot be read."""
+    by_key: dict[str, keepsake.Keepsake] = {}
+    damaged: list[str] = []
+    for path in keepsake.all_of(folder):
+        try:
+            kept = keepsake.load(path)
+        except InvalidInput:
+            damaged.append(path.name)
+        else:
+            by_key[kept.key] = kept
+    if not damaged:
+        return by_key, []
+    what = text.plural(len(damaged), "picture")
+    told = f"Without {what}: {', '.join(damaged)} cannot be read; delete what is damaged."
+    return by_key, [Notice(told)]
 
 
 Kept = tuple[EpisodeRecord, keepsake.Keepsake]

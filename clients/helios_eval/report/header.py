@@ -14,14 +14,14 @@ from helios_core.errors import InvalidInput
 from helios_eval.episodes.record import EpisodeRecord
 from helios_eval.report import text
 from helios_eval.report.arms import Arm, correlation_name, most_common, noise_parts
-from helios_eval.report.asked import Identity, seeds_asked
-from helios_eval.report.metrics import TITLES, shares_of_causes
+from helios_eval.report.asked import Identity, commands_of, seeds_asked
+from helios_eval.report.metrics import TITLES, counts_of_causes
 from helios_eval.report.model import Block, Command, Facts, Notice, Rows, Section, Table
 from helios_eval.report.ours import benchmarks_of
 
 RUN = "run.json"
 MOST_NAMED = 6  # rows of tables in a sentence
-CALIBRATED = "ground truth: no noise"
+NO_NOISE = "ground truth: no noise"
 
 NOTICE = (
     "These episodes ran in the simulator of this project: homes by seed, shapes made of formulas, "
@@ -72,8 +72,7 @@ def section(
         warnings.append(f"{what} ended by a system error; they count as failures.")
     blocks += [Notice(w) for w in warnings]
     blocks.append(Facts(tuple(_facts(records, arms, run, commits))))
-    commands = run.get("commands") or [c for c in [run.get("command")] if c]
-    blocks += [Command(_command(c)) for c in commands]
+    blocks += [Command(_command(c)) for c in commands_of(run)]
     if lacking:
         blocks.append(_progress(arms, asked, lacking))
     return Section("run", "What was run", tuple(blocks))
@@ -210,7 +209,7 @@ def _hashed(pairs: Sequence[tuple[str, str]]) -> list[str]:
 def _noise(records: Sequence[EpisodeRecord]) -> list[tuple[str, str]]:
     noises = [n for n in dict.fromkeys(r.noise for r in records) if n is not None]
     if not noises:
-        return [("noise of the detector", CALIBRATED)]
+        return [("noise of the detector", NO_NOISE)]
     tables = _hashed([(n.table, n.digest) for n in noises])
     levels = dict.fromkeys(f"{n.level:g}" for n in noises)
     correlations = dict.fromkeys(correlation_name(n) for n in noises)
@@ -237,7 +236,7 @@ def title(records: Sequence[EpisodeRecord], arms: Sequence[Arm]) -> tuple[str, s
     """The headline, and the line below it."""
     benchmarks = " and ".join(TITLES[b] for b in benchmarks_of(arms))
     agents = list(dict.fromkeys(a.agent for a in arms))
-    causes = shares_of_causes(records)
+    causes = counts_of_causes(records)
     most = max((n for c, n in causes.items() if c), default=0)
     worst = sorted(c for c, n in causes.items() if c and n == most)
     lead = (

@@ -70,7 +70,7 @@ def values(
     return np.array([value(r, name, picks) for r in records], dtype=np.float64)
 
 
-def shares_of_causes(records: Iterable[EpisodeRecord]) -> dict[str, int]:
+def counts_of_causes(records: Iterable[EpisodeRecord]) -> dict[str, int]:
     """How often each cause ended an episode; "" for success."""
     counts: dict[str, int] = {}
     for record in records:

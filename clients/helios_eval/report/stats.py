@@ -17,7 +17,8 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
-Z_95 = 1.959963984540054
+from helios_eval.calibration import statistics
+
 DRAWS = 10_000
 SEED = 20260
 FEWEST = 6  # smallest n with 2 / 2**n <= 0.05
@@ -62,17 +63,16 @@ def mean_sem(values: Values) -> Mean:
     return Mean(float(x.mean()), sem, int(x.size))
 
 
-def wilson(successes: int, n: int, z: float = Z_95) -> Interval:
-    """Score interval of a proportion (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
+def wilson(successes: int, n: int) -> Interval:
+    """Wilson's interval of a proportion; exact where all or none succeeded."""
     if not 0 <= successes <= n or n == 0:
         raise InvalidInput(f"{successes} successes of {n} came; wanted 0 <= successes <= n, n > 0")
-    p = successes / n
-    grown = 1 + z * z / n
-    middle = (p + z * z / (2 * n)) / grown
-    half = z / grown * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    low = 0.0 if successes == 0 else middle - half  # exact there, but for rounding
-    high = 1.0 if successes == n else middle + half
-    return Interval(p, low, high)
+    low, high = statistics.wilson(np.array(successes), np.array(n))
+    return Interval(
+        successes / n,
+        0.0 if successes == 0 else float(low),  # not a rounding error beside it
+        1.0 if successes == n else float(high),
+    )
 
 
 def _resampled_sums(columns: Values, draws: int, seed: int) -> Values:

@@ -17,7 +17,7 @@ from helios_client.wrong_use import WrongUse
 from helios_core.errors import InvalidInput
 
 from helios_eval.episodes.record import EPISODES, PACKED, EpisodeRecord, read
-from helios_eval.report.asked import orders_of
+from helios_eval.report.asked import commands_of, orders_of
 from helios_eval.report.header import RUN, run_of
 
 # What may differ between two times that an episode was played.
@@ -57,11 +57,6 @@ def run(folders: Sequence[Path]) -> dict[str, Any]:
     for r in told:
         ran = r.get("ran_with", {}) | ran
     return shared | together | ({"ran_with": ran} if ran else {})
-
-
-def commands_of(run: dict[str, Any]) -> list[list[str]]:
-    """What was given in a folder, oldest first."""
-    return run.get("commands") or [c for c in [run.get("command")] if c]
 
 
 def pack(folder: Path, records: Sequence[EpisodeRecord], run: dict[str, Any]) -> None:

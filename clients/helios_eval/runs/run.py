@@ -19,16 +19,15 @@ from helios_core.errors import InvalidInput
 from rich.console import Console
 
 from helios_eval import folder
-from helios_eval.bench.run import commit, machine
 from helios_eval.episodes import homes, keepsake, record, service_settings
 from helios_eval.episodes.record import Benchmark, EpisodeRecord, Noise, Semantics, Setting
 from helios_eval.episodes.service_settings import that_change
 from helios_eval.episodes.spec import EpisodeSpec
+from helios_eval.origin import commit, machine
 from helios_eval.report import write_report
-from helios_eval.report.asked import KEYS, orders_of
+from helios_eval.report.asked import KEYS, commands_of, orders_of
 from helios_eval.report.header import RUN, run_of
 from helios_eval.runs import results
-from helios_eval.runs.gather import commands_of
 from helios_eval.runs.pool import Outcome, play_all
 from helios_eval.runs.progress import Board
 from helios_eval.runs.results import Picks

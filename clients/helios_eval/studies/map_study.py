@@ -25,7 +25,6 @@ from pathlib import Path
 import numba
 import numpy as np
 from helios_client.wrong_use import WrongUse
-from helios_core.agent_settings import settings_for
 from helios_core.errors import HeliosError
 from helios_core.types import ObjectInstance, Role
 from helios_detector.vocabulary import normalised
@@ -81,7 +80,7 @@ def arm_of(text: str) -> Arm:
     agent, *assignments = text.split() or [""]
     if agent not in RULES:
         raise WrongUse(f"--arm {text!r}: begin with an agent, {' or '.join(RULES)}")
-    settings = {**settings_for(agent), **service_settings.parsed(assignments)}
+    settings = service_settings.of_house(agent, service_settings.parsed(assignments))
     planner = PlannerSettings(**service_settings.of_service("planner", settings))
     of_map = ObjectMapSettings(**service_settings.of_service("objectmap", settings))
     thresholds = {

@@ -9,14 +9,11 @@ from helios_client.wrong_use import WrongUse
 from helios_core.types import ObjectInstance, Role, SearchContext
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
-from helios_sim.thread import WorldThread
 
-from helios_eval.episodes import homes, spec
 from helios_eval.episodes.beliefs import TrueThing
-from helios_eval.episodes.house import House
-from helios_eval.episodes.play import make_world
+from helios_eval.episodes.play import housed
 from helios_eval.episodes.record import Setting
-from helios_eval.growth.tape import Seen, recorded
+from helios_eval.growth.tape import Seen, by_helios, recorded
 
 # Nothing is ever sure enough to be picked, so that the whole home is searched once.
 _ONLY_LOOKS: Mapping[str, Setting] = {
@@ -52,18 +49,12 @@ def walk(
     thresholds: of the detector. Frames are kept on the pixels that a map with that stride takes.
     Raises HeliosError.
     """
-    noise = spec.noise_of(homes.noise_of(preset), 1.0, None)
-    episode = spec.EpisodeSpec("ovmm", "helios", "noisy", preset, seed, noise)
     settings = {**_ONLY_LOOKS, **{THRESHOLDS[role]: least for role, least in thresholds.items()}}
-    thread = WorldThread(lambda: make_world(episode, homes.home_of(preset, seed)))
-    try:
+    with housed(by_helios(preset, seed, settings)) as (thread, house):
         task = thread.run(lambda world: world.episode)
         things = thread.run(lambda world: tuple(world.things()))
         names = thread.run(lambda world: frozenset(world.tracker.targets.objects))
-        with House(thread, "helios", noise, seed, settings) as house:
-            seen = recorded(house, task.instruction, max_steps, stride_px)
-    finally:
-        thread.close()
+        seen = recorded(house, task.instruction, max_steps, stride_px)
     if not seen:
         raise WrongUse(f"the walk of seed {seed} showed nothing in {max_steps} steps")
     return Walk(

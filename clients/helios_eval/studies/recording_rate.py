@@ -79,7 +79,6 @@ def measure(given: argparse.Namespace) -> Recorded:
             bus.publish(CONTEXT, context_to_proto(context))
             camera = Camera(bus, frames)
             camera.meet(frames[0])
-            met = camera.number
             recorder = psutil.Process(pid)
             before, began = recorder.cpu_times(), time.monotonic()
             camera.stream(given.hz, given.seconds)
@@ -98,7 +97,7 @@ def measure(given: argparse.Namespace) -> Recorded:
         len(camera.sent_s),
         sum(n in numbers[STREAM] for n in camera.sent_s),
         len(camera.keyframes),
-        sum(n in numbers[KEYFRAMES] for n in camera.keyframes if n > met),
+        sum(n in numbers[KEYFRAMES] for n in camera.keyframes),
         counted,
         round(mb, 1), round(cores, 2), messages,
     )  # fmt: skip

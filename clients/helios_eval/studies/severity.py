@@ -101,6 +101,7 @@ def scaled_table(text: str, factors: Factors) -> str:
 def play(
     asked: argparse.Namespace, noise: Noise | None, out: Path, console: Console
 ) -> list[EpisodeRecord]:
+    """The trusting agent's episodes into `out`; noise None: with ground-truth semantics."""
     console.print(f"[bold]{out.name}[/]")
     return run(
         Run(
@@ -131,6 +132,7 @@ def compare(asked: argparse.Namespace, console: Console) -> list[Kept]:
 
 
 def show(found: Sequence[Kept], wanted: Mapping[str, float], console: Console) -> None:
+    """Print a row for each figure: shares of episodes and what is kept of them, 0 to 1."""
     table = Table("factors", "metric", "ground truth", "noisy", "kept", "95 %", "wanted")
     for k in found:
         table.add_row(

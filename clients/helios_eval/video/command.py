@@ -36,55 +36,33 @@ def video(
     ] = None,
 ) -> None:
     """Play one episode and film it. Camera, maps and decisions side by side."""
-    from typing import get_args
-
     from helios_client.wrong_use import WrongUse
-    from helios_core.errors import InvalidInput
-    from helios_sim.sensor import SENSORS
     from rich.console import Console
     from rich.progress import Progress
 
-    from helios_eval.episodes import homes, service_settings
-    from helios_eval.episodes import spec as specs
-    from helios_eval.episodes.record import Benchmark, Semantics
+    from helios_eval.episodes.condition import checked
+    from helios_eval.episodes.service_settings import that_change
+    from helios_eval.episodes.spec import WALKER, EpisodeSpec
     from helios_eval.video.episode import film
 
-    known_benchmark = next((b for b in get_args(Benchmark) if b == benchmark), None)
-    known_semantics = next((s for s in get_args(Semantics) if s == semantics), None)
-    if known_benchmark is None:
-        raise WrongUse(f"--benchmark is {benchmark!r}; wanted ovmm or objectnav")
-    if known_semantics is None:
-        raise WrongUse(f"--semantics is {semantics!r}; wanted noisy or ground-truth")
-    specs.check_agents([agent], known_benchmark)
-    if agent == specs.WALKER:
+    under = checked(
+        [agent], benchmark, semantics=semantics, preset=preset, table=noise_table,
+        level=noise_level, correlation=noise_correlation, sensor=sensor,
+        assignments=assignments or [], max_steps=max_steps,
+    )  # fmt: skip
+    if agent == WALKER:
         raise WrongUse(f"{agent} has no maps to film; choose another agent")
-    homes.check_kind(preset)
-    if sensor not in SENSORS:
-        raise WrongUse(f"--sensor is {sensor!r}; wanted one of {', '.join(SENSORS)}")
     path = out or Path("runs/video") / f"{agent}-{seed}.mp4"
     if path.suffix.lower() != ".mp4":
         raise WrongUse(f"--out is {str(path)!r}; a video is written as FILE.mp4")
-    try:
-        noise = (
-            specs.noise_of(noise_table or homes.noise_of(preset), noise_level, noise_correlation)
-            if semantics == "noisy"
-            else None
-        )
-    except InvalidInput as error:
-        raise WrongUse(error.message) from error
-    settings = service_settings.parsed(assignments or [])
-    if max_steps is not None:
-        settings[specs.MAX_STEPS] = max_steps
-    if sensor != "none":
-        settings[specs.SENSOR] = sensor
-    asked = specs.EpisodeSpec(
-        known_benchmark,
+    asked = EpisodeSpec(
+        under.benchmark,
         agent,
-        known_semantics,
-        preset,
+        under.semantics,
+        under.preset,
         seed,
-        noise,
-        service_settings.that_change(agent, settings),
+        under.noise,
+        that_change(agent, under.settings),
     )
     console = Console()
     with Progress(console=console, transient=True) as progress:

@@ -7,12 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from helios_sim.judge import Said
-from helios_sim.thread import WorldThread
 
-from helios_eval.episodes.homes import home_of
-from helios_eval.episodes.house import House
 from helios_eval.episodes.judging import verdict
-from helios_eval.episodes.play import LONGEST_S, make_world
+from helios_eval.episodes.play import LONGEST_S, housed
 from helios_eval.episodes.spec import EpisodeSpec
 from helios_eval.video.layout import HEIGHT, WIDTH, frame_picture
 from helios_eval.video.scene import Scene
@@ -26,51 +23,43 @@ def film(
     spec: EpisodeSpec, out: Path, fps: float, on_step: Callable[[int], None] = lambda _: None
 ) -> str:
     """Writes the video of an agent of the planner; returns the verdict. Raises HeliosError."""
-    home = home_of(spec.preset, spec.seed)
-    thread = WorldThread(lambda: make_world(spec, home))
-    try:
+    with housed(spec) as (thread, house), VideoFile(out, WIDTH, HEIGHT, fps) as video:
         world = thread.run(lambda w: w)
-        with (
-            House(thread, spec.agent, spec.noise, spec.seed, spec.settings) as house,
-            VideoFile(out, WIDTH, HEIGHT, fps) as video,
-        ):
-            last: Scene | None = None
+        last: Scene | None = None
 
-            def shoot(scene: Scene) -> None:
-                nonlocal last
-                scene = replace(scene, step=world.progress.steps)
-                if last is None:
-                    video.write(frame_picture(scene), max(0, round(FIRST_S * fps) - 1))
-                for between in glides(last, scene):
-                    video.write(frame_picture(between))
-                video.write(frame_picture(scene))
-                last = scene
-                on_step(scene.step)
+        def shoot(scene: Scene) -> None:
+            nonlocal last
+            scene = replace(scene, step=world.progress.steps)
+            if last is None:
+                video.write(frame_picture(scene), max(0, round(FIRST_S * fps) - 1))
+            for between in glides(last, scene):
+                video.write(frame_picture(between))
+            video.write(frame_picture(scene))
+            last = scene
+            on_step(scene.step)
 
-            broken: list[Exception] = []  # a bus only logs what its listeners raise
+        broken: list[Exception] = []  # a bus only logs what its listeners raise
 
-            def shoot_or_note(scene: Scene) -> None:
-                try:
-                    shoot(scene)
-                except Exception as error:
-                    broken.append(error)
+        def shoot_or_note(scene: Scene) -> None:
+            try:
+                shoot(scene)
+            except Exception as error:
+                broken.append(error)
 
-            watcher = Watcher(house.bus(), _title(spec), shoot_or_note)
-            task = house.run(world.episode.instruction, spec.max_steps, LONGEST_S)
-            if broken:
-                raise broken[0]
-            said = Said(task.state, task.cause, task.message)
-            found = thread.run(lambda w: verdict(spec.benchmark, w, said, spec.max_steps))
-            told = "the truth: success" if found.success else f"the truth: {found.cause}"
-            end = replace(
-                watcher.now(), task=task, step=world.progress.steps, verdict=told,
-                right=found.success,
-            )  # fmt: skip
-            watcher.close()
-            video.write(frame_picture(end), max(1, round(LAST_S * fps)))
-            return told
-    finally:
-        thread.close()
+        watcher = Watcher(house.bus(), _title(spec), shoot_or_note)
+        task = house.run(world.episode.instruction, spec.max_steps, LONGEST_S)
+        if broken:
+            raise broken[0]
+        said = Said(task.state, task.cause, task.message)
+        found = thread.run(lambda w: verdict(spec.benchmark, w, said, spec.max_steps))
+        told = "the truth: success" if found.success else f"the truth: {found.cause}"
+        end = replace(
+            watcher.now(), task=task, step=world.progress.steps, verdict=told,
+            right=found.success,
+        )  # fmt: skip
+        watcher.close()
+        video.write(frame_picture(end), max(1, round(LAST_S * fps)))
+        return told
 
 
 def _title(spec: EpisodeSpec) -> str:

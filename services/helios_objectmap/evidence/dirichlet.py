@@ -58,7 +58,7 @@ def marginal(
     """
     total = asked + prior * n_classes
     mean = (positive + prior) / total
-    return mean, np.sqrt(mean * (1 - mean) / (1 + total))
+    return mean, np.sqrt(mean * (1 - mean) / (1 + total))  # eq. 4
 
 
 def concentration_of(positive: Floats, asked: Floats, prior: float, n_classes: int = 0) -> Floats:

@@ -9,8 +9,8 @@ from numba import njit
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def accumulate_kernel(rows, kappa, columns, weights, alpha_cpa, positive, asked, took):
-    """Add evidence to positive and asked [., columns]; lists in took [k] which of the rows took
-    some, and returns how many."""
+    """Add evidence (eq. 3) to positive and asked [., columns]; lists in took [k] which of the rows
+    took some, and returns how many."""
     n = 0
     for k in range(rows.size):
         total = np.float32(0)
@@ -45,9 +45,10 @@ def tell_kernel(
     asked,
     took,
 ):
-    """Add votes from sectors [k] to votes [., columns, sectors, (own, all)]: `unit` is one vote,
-    `full` a side that counts in full, `most` the limit of a side. Adds what they change to positive
-    and asked [., columns]; lists in took [k] which of the rows took some, and returns how many."""
+    """By sides, in place of eq. 3: add votes from sectors [k] to votes [., columns, sectors, (own,
+    all)]: `unit` is one vote, `full` a side that counts in full, `most` the limit of a side. Adds
+    what they change to positive and asked [., columns]; lists in took [k] which of the rows took
+    some, and returns how many."""
     n = 0
     for k in range(rows.size):
         total = 0.0

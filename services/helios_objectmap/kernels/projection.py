@@ -15,7 +15,6 @@ U, V, QUADRATIC_UU, QUADRATIC_UV, QUADRATIC_VV, LOG2_OPACITY, DEPTH, RADIUS = ra
 COLUMNS = 8
 
 _f4 = np.float32
-_i4 = np.int32
 _i8 = np.int64
 _LOG2E = 1.4426950408889634
 _RUN = 2048  # Gaussians that one thread projects at a time

@@ -41,12 +41,6 @@ class Projection(Protocol):
     """Gaussians as one view sees them: those that touch the image."""
 
     @property
-    def width(self) -> int: ...
-
-    @property
-    def height(self) -> int: ...
-
-    @property
     def rows(self) -> NDArray[np.int32]:
         """[k] which of the Gaussians given."""
         ...

@@ -123,7 +123,9 @@ def act_or_look(
     )  # fmt: skip
     rule = f"{what} (eq. 7, 11)"
     settings = {"threshold": threshold, "tau_inc": tau_inc, "anywhere": float(anywhere)}
-    sure = [k for k, t in enumerate(things) if t.total >= threshold and (anywhere or t.in_place)]
+    sure = [  # eq. 7 against tau
+        k for k, t in enumerate(things) if t.total >= threshold and (anywhere or t.in_place)
+    ]
     if sure:
         k = max(sure, key=lambda k: (things[k].in_place, things[k].total, -things[k].distance_m))
         why = sentences.act(what, candidates[k], threshold, len(sure))
@@ -166,5 +168,6 @@ def best_of(candidates: Sequence[Candidate]) -> int:
 
 
 def position_of(instance: ObjectInstance) -> tuple[float, float, float]:
+    """Its centre: x, y, z in the world, m."""
     x, y, z = (float(v) for v in instance.center_m)
     return x, y, z

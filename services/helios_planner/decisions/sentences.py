@@ -43,6 +43,7 @@ def nearest_receptacle(candidates: Sequence[Candidate], winner: int) -> str:
 
 
 def highest_frontier(candidates: Sequence[Candidate], winner: int, layer: str) -> str:
+    """Of who trusts, and of VLFM's beginning."""
     c = candidates[winner]
     return (
         f"explore {c.name}{_away(c)}: its {layer} value {c.terms['value']:.2f} is the highest"
@@ -51,6 +52,7 @@ def highest_frontier(candidates: Sequence[Candidate], winner: int, layer: str) -
 
 
 def kept_frontier(candidates: Sequence[Candidate], winner: int, layer: str, value: float) -> str:
+    """Of VLFM, which keeps to a frontier; value: when it was chosen."""
     c = candidates[winner]
     return (
         f"go on to {c.name}{_away(c)}: its {layer} value was {value:.2f} and is "
@@ -59,16 +61,19 @@ def kept_frontier(candidates: Sequence[Candidate], winner: int, layer: str, valu
 
 
 def nearest_frontier(candidates: Sequence[Candidate], winner: int) -> str:
+    """Of the heuristic."""
     c = candidates[winner]
     return f"explore {c.name}{_away(c)}: the nearest of {_count(len(candidates), 'frontier')}"
 
 
 def drawn_frontier(candidates: Sequence[Candidate], winner: int) -> str:
+    """Of who explores at random."""
     c = candidates[winner]
     return f"explore {c.name}{_away(c)}: drawn from {_count(len(candidates), 'frontier')}"
 
 
 def nothing_left(receptacles: bool) -> str:
+    """A search that is over. receptacles: whether these were candidates, too."""
     if receptacles:
         return "nothing is left: no receptacle to search and no frontier to explore is in reach"
     return "nothing is left: no frontier to explore is in reach"
@@ -127,6 +132,7 @@ def _scored(terms: Mapping[str, float], name: str) -> str:
 
 
 def best_view(name: str, score: float, candidates: Sequence[Candidate], winner: int) -> str:
+    """Which gaze point raises Ψ most (eq. 11); score: Ψ now."""
     after = candidates[winner].terms["score_after_view"]
     rest = sorted((c.terms["total"] for k, c in enumerate(candidates) if k != winner), reverse=True)
     other = f"; the next one to {rest[0]:.2f}" if rest else ""
@@ -137,12 +143,14 @@ def best_view(name: str, score: float, candidates: Sequence[Candidate], winner: 
 
 
 def trusted(candidates: Sequence[Candidate], winner: int) -> str:
+    """Whoever trusts goes to what was reported."""
     c = candidates[winner]
     of = f", the nearest of {len(candidates)}" if len(candidates) > 1 else ""
     return f"go to the {c.name} that the detector reported{_away(c)}{of}"
 
 
 def none_reported(name: str) -> str:
+    """Whoever trusts has nothing to trust yet."""
     return f"search on: the detector has reported no {name} yet"
 
 

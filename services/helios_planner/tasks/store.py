@@ -81,12 +81,6 @@ class Store:
             ("DELETE FROM tasks WHERE id = ?", (id,)),
         )
 
-    def get(self, id: str) -> pb.Task | None:
-        """A task by its id."""
-        with self._lock:
-            row = self._db.execute("SELECT message FROM tasks WHERE id = ?", (id,)).fetchone()
-        return pb.Task.FromString(row[0]) if row else None
-
     def tasks(self) -> list[pb.Task]:
         """All tasks, oldest first."""
         with self._lock:

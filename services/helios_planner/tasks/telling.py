@@ -35,6 +35,7 @@ def progress(phase: Phase | None, steps_in_phase: int) -> float:
 
 
 def task_to_proto(task: Task) -> pb.Task:
+    """As it is told and kept."""
     i = task.instruction
     return pb.Task(
         id=task.id,
@@ -101,6 +102,8 @@ def task_from_proto(task: pb.Task) -> Task:
 def decision_to_proto(
     decision: Decision, task: Task, index: int, frame: FrameId | None, made_s: float
 ) -> pb.Decision:
+    """index: number of the decision in its task; frame: the newest keyframe that it knew; made_s:
+    seconds since 1970."""
     out = pb.Decision(
         task_id=task.id,
         index=index,
@@ -134,6 +137,7 @@ def decision_from_proto(message: pb.Decision) -> Decision:
 
 
 def recomputed_to_proto(recomputed: Recomputed) -> pb.Recomputed:
+    """What a decision would have been under other settings."""
     d = recomputed.decision
     return pb.Recomputed(
         do=d.do,
@@ -168,6 +172,7 @@ def _candidate_from_proto(c: pb.Candidate) -> Candidate:
 def plan_to_proto(
     task_id: str, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str
 ) -> pb.Plan:
+    """route_m: [n, 2], world; goal: the pose at its end, None where none is asked for."""
     out = pb.Plan(task_id=task_id, path_m=route_m.ravel().tolist(), purpose=purpose)
     if goal is not None:
         out.goal.CopyFrom(pb.Pose2(x_m=goal.x_m, y_m=goal.y_m, yaw_rad=goal.yaw_rad))

@@ -104,9 +104,9 @@ def kept(episode: EpisodeRecord) -> Keepsake:
     camera = rng.integers(60, 200, (12, 9, 3), dtype=np.uint8)
     camera = cv2.resize(camera, (120, 160), interpolation=cv2.INTER_CUBIC)
     return Keepsake(
-        agent=episode.agent, semantics=episode.semantics, seed=episode.seed,
-        preset=episode.preset, instruction=episode.instruction, cause=episode.cause,
-        message=episode.message, occupancy=grid, origin_m=(0.0, 0.0), cell_m=cell_m,
+        key=episode.key, agent=episode.agent, semantics=episode.semantics, seed=episode.seed,
+        instruction=episode.instruction, cause=episode.cause, message=episode.message,
+        occupancy=grid, origin_m=(0.0, 0.0), cell_m=cell_m,
         trajectory_m=path, start_pose=(2.0, 2.2, 0.6),
         candidates=(Marked(episode.object_class, (6.2, 5.9, 0.8), (0.1, 0.1, 0.1)),),
         goals=(Marked("bed", (2.5, 6.5, 0.3), (1.9, 1.2, 0.6)),),

@@ -13,6 +13,7 @@ from helios_eval.episodes import record
 from helios_eval.episodes.record import PACKED, EpisodeRecord
 from helios_eval.report import published
 from helios_eval.report.arms import arms_of, pairs
+from helios_eval.report.asked import commands_of
 from helios_eval.report.model import Table
 from helios_eval.runs import gather
 from helios_eval.runs.run import Run, note
@@ -92,7 +93,7 @@ def test_a_folder_tells_every_command_that_was_given_in_it(
     for setting in ("alpha_d=0.1", "tau_g=0.3", "tau_g=0.3"):  # the last one goes on
         monkeypatch.setattr(sys, "argv", ["helios", "eval", "ovmm", "--set", setting])
         note(asked, "0" * 7, 0.0, None)
-    told = [c[-1] for c in gather.commands_of(gather.run([tmp_path]))]
+    told = [c[-1] for c in commands_of(gather.run([tmp_path]))]
     assert told == ["alpha_d=0.1", "tau_g=0.3"]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,9 +11,12 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_eval.episodes import keepsake
 from helios_eval.episodes.keepsake import Keepsake, Marked
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 KEPT = Keepsake(
-    agent="helios", semantics="noisy", seed=7, preset="demo-v1", instruction="Move the mug",
+    key="ovmm|helios|noisy|demo-v1|7||{}", agent="helios", semantics="noisy", seed=7,
+    instruction="Move the mug",
     cause="object not found", message="nowhere",
     occupancy=np.array([[-1, 0, 100], [0, 0, 0]], np.int8), origin_m=(-1.5, 2.0), cell_m=0.025,
     trajectory_m=np.array([[0.0, 0.0], [0.5, 0.25]]), start_pose=(0.0, 0.0, 1.5),
@@ -23,13 +27,31 @@ KEPT = Keepsake(
 
 def test_a_keepsake_comes_back_as_it_was(tmp_path: Path) -> None:
     path = keepsake.save(tmp_path, KEPT)
-    assert path == tmp_path / "failed" / "helios-noisy-7.npz"
+    assert path.parent == tmp_path / "failed"
+    assert path.name.startswith("helios-noisy-7-")
     assert keepsake.all_of(tmp_path) == [path]
     back = keepsake.load(path)
     np.testing.assert_array_equal(back.occupancy, KEPT.occupancy)
     np.testing.assert_array_equal(back.trajectory_m, KEPT.trajectory_m)
     same = {"occupancy": KEPT.occupancy, "trajectory_m": KEPT.trajectory_m}
     assert replace(back, **same) == KEPT
+
+
+def test_the_failures_of_an_agent_are_those_of_no_other(tmp_path: Path) -> None:
+    """Though its name begins as another's does."""
+    mine = keepsake.save(tmp_path, KEPT)
+    others = [keepsake.save(tmp_path, replace(KEPT, key=name, agent=name))
+              for name in ("helios-next", "helios-ground")]  # fmt: skip
+    assert keepsake.all_of(tmp_path, "helios") == [mine]
+    assert keepsake.all_of(tmp_path, "helios-next") == others[:1]
+    assert keepsake.all_of(tmp_path) == sorted([mine, *others])
+
+
+def test_an_episode_played_under_something_else_is_kept_beside_it(tmp_path: Path) -> None:
+    other = replace(KEPT, key=KEPT.key.replace("{}", '{"planner.tau_g": 0.3}'), cause="stuck")
+    paths = [keepsake.save(tmp_path, kept) for kept in (KEPT, other)]
+    assert [keepsake.load(path).cause for path in paths] == ["object not found", "stuck"]
+    assert keepsake.all_of(tmp_path) == sorted(paths)
 
 
 def test_an_agent_that_never_moved_has_an_empty_trajectory(tmp_path: Path) -> None:
@@ -42,3 +64,21 @@ def test_a_file_that_is_none_is_refused_by_name(tmp_path: Path) -> None:
     path.write_bytes(b"no zip")
     with pytest.raises(InvalidInput, match=r"x\.npz"):
         keepsake.load(path)
+
+
+@given(data=st.data())
+@settings(max_examples=200, deadline=None)
+def test_a_damaged_file_is_refused_or_whole(
+    data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Cut short, or with a byte changed."""
+    path = keepsake.save(tmp_path_factory.mktemp("run"), KEPT)
+    written = bytearray(path.read_bytes())
+    at = data.draw(st.integers(0, len(written) - 1))
+    if data.draw(st.booleans()):
+        written[at] ^= data.draw(st.integers(1, 255))
+    else:
+        del written[at:]
+    path.write_bytes(written)
+    with contextlib.suppress(InvalidInput):
+        assert keepsake.load(path).key == KEPT.key

@@ -104,6 +104,17 @@ def test_other_settings_are_other_episodes(stage: Stage, tmp_path: Path) -> None
     ]
 
 
+def test_a_setting_that_an_agent_runs_with_anyway_leaves_nothing_to_play(
+    stage: Stage, tmp_path: Path
+) -> None:
+    settings = {"planner.tau_g": 0.5, "objectmap.evidence": "hindsight"}
+    agents = ("helios", "helios-next")
+    told = Run("ovmm", agents, (1,), "noisy", "ovmm-v1", 2, 0, tmp_path, 1, NOISE, settings)
+    played = run(told, quiet())
+    assert [tuple(r.settings) for r in played[:2]] == [("objectmap.evidence",), ("planner.tau_g",)]
+    assert "Not complete" not in (tmp_path / "report.md").read_text()
+
+
 @pytest.mark.parametrize("end", [KeyboardInterrupt(), Unavailable("no OpenGL context")])
 def test_what_was_played_until_it_ended_has_results(
     end: BaseException, stage: Stage, tmp_path: Path

@@ -37,6 +37,18 @@ def test_what_an_agent_runs_with_anyway_is_no_setting_and_a_default_is_one() -> 
     assert service_settings.that_change("helios", found) == {"objectmap.evidence": "hindsight"}
 
 
+def test_of_a_run_that_is_over_what_its_house_ran_with_counts() -> None:
+    ran = {"planner.tau_g": "0.6", "planner.stop_distances_m": str((0.5, 0.6))}
+    given = {"planner.tau_g": 0.6, "planner.stop_distances_m": "0.5,0.6", "planner.tau_b": 0.5}
+    assert service_settings.that_change("helios", given, ran) == {}
+    assert service_settings.that_change("helios", {"planner.tau_g": 0.5}, ran)
+
+
+def test_a_setting_of_another_version_is_one_that_changes_something() -> None:
+    given = {"planner.gone": 1, "gone.tau_g": 0.5, "planner.alpha_d": -1.0}
+    assert service_settings.that_change("helios", given) == given
+
+
 def test_every_setting_of_an_agent_is_one_of_a_service() -> None:
     for agent, settings in AGENT_SETTINGS.items():
         assert agent in AGENTS

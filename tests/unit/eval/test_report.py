@@ -129,14 +129,6 @@ def test_pictures_of_failures_come_with_cause_and_command(whole):
     assert base64.b64decode(png[1]).startswith(b"\x89PNG")
 
 
-def test_at_most_twelve_pictures_an_agent(tmp_path):
-    lost = {"success": False, "place": False, "cause": "stuck"}
-    write(tmp_path, [episode(s, "helios", **lost) for s in range(15)])
-    write_report(tmp_path)
-    assert (tmp_path / "report.html").read_text().count('alt="Map of the episode') == 12
-    assert "12 of 15 failures" in (tmp_path / "report.md").read_text()
-
-
 def test_hostile_words_stay_words(tmp_path):
     wicked = {"instruction": HOSTILE, "message": HOSTILE, "cause": HOSTILE, "preset": HOSTILE,
               "commit": HOSTILE, "settings": {HOSTILE: HOSTILE}, "stage_ms": {HOSTILE: 1.0},

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
+from helios_eval.calibration import statistics
 from helios_eval.report import stats
 from hypothesis import given
 from hypothesis import strategies as st
@@ -36,6 +37,16 @@ def test_wilson_interval_holds_its_share_and_mirrors(case):
     found, mirrored = stats.wilson(k, n), stats.wilson(n - k, n)
     assert 0 <= found.low <= found.value <= found.high <= 1
     assert found.low == pytest.approx(1 - mirrored.high, abs=1e-12)
+
+
+def test_one_share_has_the_interval_that_it_has_among_many():
+    """To the last bit; where all or none succeeded, the bound is exact."""
+    for n in (1, 7, 60, 1199):
+        successes = np.arange(n + 1)
+        low, high = statistics.wilson(successes, np.full(n + 1, n))
+        low[0], high[n] = 0.0, 1.0
+        found = [stats.wilson(int(k), n) for k in successes]
+        assert [(i.low, i.high) for i in found] == list(zip(low, high, strict=True))
 
 
 def test_mean_and_its_error_as_in_the_textbook():

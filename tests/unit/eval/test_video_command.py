@@ -2,7 +2,14 @@
 
 import cv2
 import pytest
+from helios_client import cli
 from helios_client.wrong_use import WrongUse
+from helios_core.topics import CONTEXT
+from helios_eval import command
+from helios_eval.episodes.house import House
+from helios_eval.episodes.play import play
+from helios_eval.episodes.spec import EpisodeSpec
+from helios_eval.video import episode
 from helios_eval.video.command import video
 
 
@@ -19,6 +26,44 @@ def test_a_short_episode_is_filmed(tmp_path, capsys):
     assert len(frames) >= 8 + 1 + 24  # the first step for a second, the second, the end for three
     assert frames[0][110:, :360].std() > 20  # the camera
     assert frames[0][110:, 380:840].std() > 20  # the maps
+
+
+@pytest.mark.parametrize("agent", ["helios", "helios-next"])
+def test_what_is_filmed_is_what_is_played(tmp_path, monkeypatch, agent):
+    """The same house: its planner asks the detector for the same classes above the same scores."""
+    asked = []
+    run = House.run
+
+    def heard(house, *given):
+        asked.append([])
+        house.bus().subscribe(CONTEXT, lambda context: asked[-1].append(context.classes))
+        return run(house, *given)
+
+    monkeypatch.setattr(House, "run", heard)
+    spec = EpisodeSpec("ovmm", agent, "ground-truth", "demo-v1", 4, None, {"max_steps": 1})
+    play(spec, "here")
+    episode.film(spec, tmp_path / "film.mp4", 8.0)
+    played, filmed = asked
+    assert played
+    assert filmed == played
+    weak_too = {round(c.threshold, 2) for c in played[0]} == {0.2}
+    assert weak_too == (agent == "helios-next")
+
+
+def test_a_film_is_of_the_episode_that_the_same_flags_play(tmp_path, monkeypatch):
+    specs = []
+    monkeypatch.setattr(command, "run", lambda asked, _: specs.extend(asked.specs()))
+    monkeypatch.setattr(episode, "film", lambda spec, *_: specs.append(spec) or "success")
+    flags = ["--preset", "demo-v1", "--noise-level", "2", "--sensor", "realistic",
+             "--max-steps", "1250", "--set", "tau_g=0.3",
+             "--set", "evidence=hindsight"]  # fmt: skip
+    once = ["--agents", "helios-next", "--episodes", "1", "--seed0", "4", "--out", str(tmp_path)]
+    film = ["--agent", "helios-next", "--seed", "4", "--out", str(tmp_path / "film.mp4")]
+    assert cli.run(["eval", "ovmm", *once, *flags]) == 0
+    assert cli.run(["eval", "video", *film, *flags]) == 0
+    played, filmed = specs
+    assert filmed == played
+    assert filmed.settings == {"planner.tau_g": 0.3, "sensor": "realistic"}
 
 
 @pytest.mark.parametrize(
