@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from helios_core.codec.frames import FARTHEST_M
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.types import Frame, FrameId, Observation, SearchContext
 
@@ -85,7 +86,7 @@ class EpochMaps:
                 f"{key.robot_boot_id!r}, which is over: its map is parked"
             )
         base = check_pose(frame.T_world_base, "T_world_base")
-        if np.abs(base[:2, 3]).max() > 1e6:
+        if np.abs(base[:2, 3]).max() > FARTHEST_M:
             raise InvalidInput(
                 f"the first pose is at {base[:2, 3].tolist()} m: send a pose in the local world"
             )

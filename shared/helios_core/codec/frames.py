@@ -22,7 +22,7 @@ from helios_core.geometry import (
 )
 from helios_core.types import Detection, Embedding, Frame, FrameId, Observation
 
-FARTHEST_M = 1e6  # from the world's origin; beyond it nothing is a home
+FARTHEST_M = 2e4  # from the world's origin: float32 still tells 2 mm apart there
 WIDEST_FOCAL, LONGEST_FOCAL = 0.02, 100.0  # of the image's longer side: 176 to 0.6 degrees
 FARTHEST_CENTRE = 10.0  # of the principal point, in images
 LATEST_S = 9_000_000_000  # what 64 bits of nanoseconds hold
