@@ -9,6 +9,7 @@ import time
 import uuid
 
 import numpy as np
+from helios_core.acks import AckBook
 from helios_core.bus import Bus
 from helios_core.codec import frame_id_from_proto, frame_to_proto
 from helios_core.errors import InvalidInput
@@ -16,7 +17,7 @@ from helios_core.robot import Capture, EndOfRecording, RobotDriver
 from helios_core.topics import FRAME, KEYFRAME
 from helios_core.types import Frame, FrameId, RobotState
 
-from helios_bridge.acks import AckBook
+from helios_bridge.acks import PARTS
 from helios_bridge.depth import with_estimated_depth
 from helios_bridge.plausible import check_poses
 from helios_bridge.settings import Settings
@@ -105,10 +106,10 @@ class Lookout:
 
     def _wait_for_maps(self, id: FrameId) -> None:
         within_s = self._settings.ack_timeout_s
-        missing = self._acks.wait(id, min(within_s, SAY_WAITING_S))
+        missing = self._acks.wait(id, PARTS, min(within_s, SAY_WAITING_S))
         if missing and not self._acks.ended:
             self._health.ready(f"keyframe {id} waits for {', '.join(sorted(missing))}")
-            missing = self._acks.wait(id, max(0.0, within_s - SAY_WAITING_S))
+            missing = self._acks.wait(id, PARTS, max(0.0, within_s - SAY_WAITING_S))
         if self._acks.ended:
             return
         if not missing:

@@ -10,6 +10,7 @@ from typing import NoReturn
 
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from helios_core import proto as pb
+from helios_core.acks import AckBook
 from helios_core.bus import Bus
 from helios_core.codec import context_to_proto, frame_from_proto, frame_id_to_proto
 from helios_core.codec.images import MAX_PIXELS
@@ -19,7 +20,7 @@ from helios_core.robot import Action, ActionResult, Capture, Observe, RobotDrive
 from helios_core.topics import CONTEXT
 from helios_core.types import RobotDescription, RobotState, Role, SearchClass, SearchContext
 
-from helios_bridge.acks import OCCUPANCY, PARTS, AckBook
+from helios_bridge.acks import OCCUPANCY, PARTS
 from helios_bridge.lookout import Lookout
 from helios_bridge.plausible import check_poses
 
@@ -143,9 +144,11 @@ class PushDesk:
         told()
         wanted = PARTS if self._sought.is_set() else frozenset({OCCUPANCY})
         left_s = max(0.0, deadline_s - time.monotonic())
-        missing = self._acks.wait(id, left_s, wanted)
+        missing = self._acks.wait(id, wanted, left_s)
         return pb.PushReply(
-            id=frame_id_to_proto(id), acks=self._acks.answers(id), unanswered=sorted(missing)
+            id=frame_id_to_proto(id),
+            acks=self._acks.answers(id).values(),
+            unanswered=sorted(missing),
         )
 
     def _look_for(self, classes: tuple[str, ...]) -> None:

@@ -15,6 +15,7 @@ from concurrent import futures
 from concurrent.futures import Future
 
 from helios_core import proto as pb
+from helios_core.acks import AckBook
 from helios_core.bus import Bus
 from helios_core.codec import (
     action_from_proto,
@@ -41,7 +42,7 @@ from helios_core.topics import (
 )
 from helios_core.types import RobotState
 
-from helios_bridge.acks import AckBook
+from helios_bridge.acks import part_of
 from helios_bridge.actions import ActionLog
 from helios_bridge.crew import Crew
 from helios_bridge.lease import Lease
@@ -86,7 +87,7 @@ class BridgeService:
         self._stop_late = False
         self._ending = threading.Event()
         self._crew = crew or Crew()
-        self._acks, self._actions = AckBook(), ActionLog()
+        self._acks, self._actions = AckBook(part_of), ActionLog()
         self._lease = Lease(settings.lease_s, first)
         self._description = driver.describe()
         self._lookout = Lookout(bus, driver, settings, self._health, self._acks, first)

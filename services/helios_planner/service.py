@@ -10,6 +10,7 @@ import uuid
 from collections import deque
 
 from helios_core import proto as pb
+from helios_core.acks import AckBook
 from helios_core.bus import Bus
 from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.health import Health
@@ -33,7 +34,6 @@ from helios_planner.agents import agent_named
 from helios_planner.decisions.recompute import changes_of, recompute
 from helios_planner.language.language_model import language_model, parse_with_help
 from helios_planner.own_settings import for_task
-from helios_planner.robot.acks import AckBook
 from helios_planner.settings import Settings
 from helios_planner.task import HELD, Cause, State, Task
 from helios_planner.tasks.book import UNDER_WAY, TaskBook, waiting_words

@@ -10,6 +10,7 @@ from typing import Protocol
 
 import numpy as np
 from helios_core import proto as pb
+from helios_core.acks import AckBook
 from helios_core.bus import Bus
 from helios_core.codec import (
     description_from_proto,
@@ -38,7 +39,7 @@ from numpy.typing import NDArray
 
 from helios_planner.decisions.decide import Decision
 from helios_planner.ground.grid import GroundMap, Pose2
-from helios_planner.robot.acks import PARTS, AckBook
+from helios_planner.robot.acks import PARTS
 from helios_planner.robot.body import Body, Frontier, WhatIf
 from helios_planner.robot.calls import RETRY_S, system_error
 from helios_planner.robot.driving import Driver, Line
@@ -169,8 +170,9 @@ class BusBody(Body):
                 "the robot restarted or its localisation jumped; submit the task again",
             )
         self._frame = frame
-        answers, missing = self._acks.wait(frame, self._parts, ack_s, self._line.cancelled)
+        missing = self._acks.wait(frame, self._parts, ack_s, self._line.cancelled)
         self._line.check()
+        answers = {p: a for p, a in self._acks.answers(frame).items() if p in self._parts}
         return result, answers, missing
 
     # --- knowing -------------------------------------------------------------------------------

@@ -27,13 +27,7 @@ class ReceptacleSearch(ScoredSearch):
         self._explorer = ByRule(self, PLACE_LAYER, highest_value)
 
     def explore(self) -> bool:
-        before = {o.id for o in self.candidates()}
-
-        def found() -> bool:
-            now = self.candidates()
-            return any(o.score >= self.threshold or o.id not in before for o in now)
-
-        return self._explorer.step(found)
+        return self.until_candidates(self._explorer)
 
     def holds_up(self, near: ObjectInstance | None) -> bool:
         """At last there is no time for another, whatever this one looks like from near."""

@@ -13,6 +13,7 @@ from helios_planner.decisions.decide import Decision, Do, act_or_look
 from helios_planner.decisions.remembered import Remembered
 from helios_planner.decisions.standards import Standard, Standards, in_the_end
 from helios_planner.searching.explore import Kit, Search
+from helios_planner.searching.explorers import Explorer
 from helios_planner.searching.look import BestView
 from helios_planner.task import Phase
 
@@ -37,6 +38,16 @@ class ScoredSearch(Search):
     @abstractmethod
     def candidates(self) -> list[ObjectInstance]:
         """What may be what is sought, by its class score."""
+
+    def until_candidates(self, explorer: Explorer) -> bool:
+        """Explore a step, or until there is a new candidate or one that may be acted on."""
+        before = {o.id for o in self.candidates()}
+
+        def found() -> bool:
+            now = self.candidates()
+            return any(o.score >= self.threshold or o.id not in before for o in now)
+
+        return explorer.step(found)
 
     def in_place(self, candidate: ObjectInstance) -> bool:
         """Whether it is where it was said to be."""

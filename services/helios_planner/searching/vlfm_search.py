@@ -32,13 +32,7 @@ class StopSearch(ScoredSearch):
         ]  # fmt: skip
 
     def explore(self) -> bool:
-        before = {o.id for o in self.candidates()}
-
-        def found() -> bool:
-            now = self.candidates()
-            return any(o.score >= self.threshold or o.id not in before for o in now)
-
-        return self._explorer.step(found)
+        return self.until_candidates(self._explorer)
 
     def memory(self) -> dict[str, Any]:
         return super().memory() | {"explorer": self._explorer.memory()}

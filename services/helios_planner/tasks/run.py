@@ -7,13 +7,13 @@ import threading
 from dataclasses import replace
 
 from helios_core import proto as pb
+from helios_core.acks import AckBook
 from helios_core.bus import Bus
 from helios_core.codec import context_to_proto
 from helios_core.errors import HeliosError
 from helios_core.topics import CONTEXT, VOCABULARY
 
 from helios_planner.agents import agent_named
-from helios_planner.robot.acks import AckBook
 from helios_planner.robot.bus_body import BusBody
 from helios_planner.robot.driving import Line
 from helios_planner.settings import Settings

@@ -11,9 +11,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from helios_bridge.acks import PARTS, AckBook
+from helios_bridge.acks import PARTS
 from helios_bridge.crew import Crew
 from helios_core import proto as pb
+from helios_core.acks import AckBook
 from helios_core.errors import Conflict, DeadlineExceeded, Unavailable
 from helios_core.topics import CLEAR_STOP, FRAME, STOP, status_topic
 from helios_core.types import FrameId
@@ -126,7 +127,7 @@ def test_ending_ends_the_wait_for_the_maps() -> None:
     book, crew = AckBook(), Crew()
 
     def wait() -> None:
-        book.wait(FrameId("a", 0, 1), 60.0, PARTS)
+        book.wait(FrameId("a", 0, 1), PARTS, 60.0)
 
     crew.start("wait", wait)
     assert crew.wait(0.05) == ["wait"]

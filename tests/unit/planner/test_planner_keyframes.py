@@ -8,13 +8,13 @@ from unittest.mock import create_autospec
 
 import pytest
 from helios_core import proto as pb
+from helios_core.acks import AckBook
 from helios_core.codec import description_to_proto
 from helios_core.errors import Conflict
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Action, ActionResult, Observe, Turn
 from helios_core.topics import ACT, MAP2D_ACK, OBJECTMAP_ACK
 from helios_planner.robot import bus_body
-from helios_planner.robot.acks import AckBook
 from helios_planner.robot.bus_body import BusBody, Listener
 from helios_planner.robot.driving import Line
 from helios_planner.settings import Settings

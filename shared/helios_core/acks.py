@@ -1,0 +1,62 @@
+"""Which part of the house has answered which keyframe, and what."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Collection
+
+from helios_core import proto as pb
+from helios_core.codec import frame_id_from_proto
+from helios_core.types import FrameId
+
+LOOKS_S = 0.2  # whether whoever waits is ending
+
+
+class AckBook:
+    """Fed with every Ack, asked by who waits for some; thread-safe. Remembers the newest frames."""
+
+    def __init__(
+        self, part: Callable[[pb.Ack], str] = lambda ack: ack.part, remembered: int = 64
+    ) -> None:
+        """part: what an answer is known by; remembered: so many frames."""
+        self._part, self._remembered = part, remembered
+        self._changed = threading.Condition()
+        self._answers: dict[FrameId, dict[str, pb.Ack]] = {}
+        self.ended = False  # nobody waits any more
+
+    def add(self, ack: pb.Ack) -> None:
+        with self._changed:
+            self._answers.setdefault(frame_id_from_proto(ack.id), {})[self._part(ack)] = ack
+            while len(self._answers) > self._remembered:
+                del self._answers[next(iter(self._answers))]
+            self._changed.notify_all()
+
+    def end(self) -> None:
+        """End every wait, now and later."""
+        with self._changed:
+            self.ended = True
+            self._changed.notify_all()
+
+    def answers(self, id: FrameId) -> dict[str, pb.Ack]:
+        """What came so far by part, in the order of its coming."""
+        with self._changed:
+            return dict(self._answers.get(id, {}))
+
+    def wait(
+        self,
+        id: FrameId,
+        parts: Collection[str],
+        timeout_s: float,
+        ending: threading.Event | None = None,
+    ) -> list[str]:
+        """Those of `parts` that have not answered when all have, the time is over, or it ends."""
+        deadline = time.monotonic() + timeout_s
+        with self._changed:
+            while True:
+                missing = [part for part in parts if part not in self._answers.get(id, {})]
+                left_s = deadline - time.monotonic()
+                over = self.ended or (ending is not None and ending.is_set())
+                if not missing or left_s <= 0 or over:
+                    return missing
+                self._changed.wait(left_s if ending is None else min(left_s, LOOKS_S))
