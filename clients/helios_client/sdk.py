@@ -159,11 +159,18 @@ class Helios:
         return self._do(calls.map_info())
 
     def occupancy(self) -> dict[str, NDArray]:
-        """The arrays of `/v1/map/occupancy.npz`: `occupancy` int8 (-1 unknown, 0, 100) and more."""
+        """The arrays of `/v1/map/occupancy.npz`, by name. Of a shape [rows, columns], row 0 the
+        smallest y, column 0 the smallest x: `occupancy` int8 (-1 unknown, 0 free, 100 occupied),
+        `explored` uint8 (1: seen since the search began), `top_m` float32 (m, highest obstacle,
+        0: none). `origin_m` [2] is the corner of the cell [0, 0] and `cell_m` its size, in metres
+        of the world; `trajectory_m` [n, 2]; `robot_pose` [3] x (m), y (m), yaw (rad); `version`;
+        of each frontier `frontier_id`, `_center_m` [n, 2], `_size_m`, `_reachable`."""
         return self._do(calls.arrays("occupancy"))
 
     def value_layer(self, layer: str) -> dict[str, NDArray]:
-        """The arrays of one value layer: `pick` or `place`."""
+        """The arrays of one value layer, `pick` or `place`: `value` float32, which has no
+        unit, and `explored`, cell by cell as those of `occupancy`; `origin_m`, `cell_m`,
+        `robot_pose`, `version`."""
         return self._do(calls.arrays(f"value/{layer}"))
 
     def picture(self, what: str = "occupancy") -> bytes:
@@ -231,10 +238,12 @@ class Helios:
         while True:
             try:
                 for event in self._stream(asked, task_id, last_id, silence_s):
-                    heard_s, last_id = time.monotonic(), event.id or last_id
-                    yield event
-                    if task_id and event.ends_task:
-                        return
+                    if event is not None:
+                        last_id = event.id or last_id
+                        yield event
+                        if task_id and event.ends_task:
+                            return
+                    heard_s = time.monotonic()
                 trouble = Unavailable(f"{self._to.url} ended the stream of events; try again")
             except (Unavailable, DeadlineExceeded) as error:
                 trouble = error
@@ -243,6 +252,7 @@ class Helios:
             time.sleep(EVENT_RETRY_S)
 
     def close(self) -> None:
+        """Let go of the connections."""
         self._http.close()
 
     def __enter__(self) -> Self:
@@ -266,7 +276,8 @@ class Helios:
 
     def _stream(
         self, types: tuple[str, ...], task_id: str | None, last_id: str, silence_s: float
-    ) -> Iterator[Event]:
+    ) -> Iterator[Event | None]:
+        """One for each line that comes: the event that it completes, or None."""
         request = self._to.event_request(types, task_id, last_id, silence_s)
         parser = EventParser()
         try:
@@ -275,7 +286,6 @@ class Helios:
                     response.read()
                     raise refused(response)
                 for line in response.iter_lines():
-                    if event := parser.feed(line):
-                        yield event
+                    yield parser.feed(line)
         except httpx.TransportError as error:
             raise lost(error, self._to.url) from error

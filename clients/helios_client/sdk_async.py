@@ -64,28 +64,35 @@ class AsyncHelios:
         priority: int = 0,
         settings: Mapping[str, str | float] | None = None,
     ) -> Task:
+        """Queue a task. Raises InvalidInput when the instruction cannot be understood."""
         return await self._do(calls.submit(
             instruction, max_steps, agent, time_limit_s, priority, settings
         ))  # fmt: skip
 
     async def task(self, id: str) -> Task:
+        """How a task is."""
         return await self._do(calls.task(id))
 
     async def tasks(self, state: str | None = None, limit: int | None = None) -> tuple[Task, ...]:
+        """Tasks, newest first: all, or those in a state."""
         return await self._do(calls.tasks(state, limit))
 
     async def cancel(self, id: str) -> Task:
+        """Ask a task to end."""
         return await self._do(calls.cancel(id))
 
     async def pause(self, id: str) -> Task:
+        """Begin no further action of a task until `resume`."""
         return await self._do(calls.pause(id))
 
     async def resume(self, id: str) -> Task:
+        """Go on with a paused task."""
         return await self._do(calls.resume(id))
 
     async def wait(
         self, id: str, timeout_s: float, on_update: Callable[[Task], None] | None = None
     ) -> Task:
+        """The task once it has ended; `on_update` is told whenever it changed."""
         waiting = Waiting(id, timeout_s, SILENCE_S)
         while True:
             try:
@@ -102,70 +109,91 @@ class AsyncHelios:
             await asyncio.sleep(POLL_S)
 
     async def decisions(self, id: str, changes: Sequence[str] = ()) -> tuple[Decision, ...]:
+        """Why the task went as it did, oldest first."""
         return await self._do(calls.decisions(id, changes))
 
     # --- maps and robot -----------------------------------------------------------------------
     async def objects(
         self, class_name: str | None = None, min_score: float | None = None
     ) -> tuple[FoundObject, ...]:
+        """The instances of the object map: all, or of a class, or from a score Ψ on."""
         return await self._do(calls.objects(class_name, min_score))
 
     async def object(self, id: int) -> FoundObject:
+        """One instance of the object map."""
         return await self._do(calls.found_object(id))
 
     async def seen(self, prompt: str, limit: int = 5) -> Seen:
+        """Where something was seen: believed objects, and at most `limit` past views."""
         return await self._do(calls.seen(prompt, limit))
 
     async def object_views(self, id: int, limit: int = 5) -> tuple[SeenView, ...]:
+        """Pictures that an object is in, from different sides, best first."""
         return await self._do(calls.object_views(id, limit))
 
     async def save_map(self) -> bytes:
+        """Both maps as one file (ZIP): all that they need to go on."""
         return await self._do(calls.save_map())
 
     async def load_map(self, data: bytes) -> LoadedMaps:
+        """Both maps from `save_map`, in the place of the present ones: both, or neither."""
         return await self._do(calls.load_map(data))
 
     async def map_info(self) -> MapInfo:
+        """The 2D map's size, place and layers."""
         return await self._do(calls.map_info())
 
     async def occupancy(self) -> dict[str, NDArray]:
+        """The arrays of the 2D map by name; shapes and units stand at `Helios.occupancy`."""
         return await self._do(calls.arrays("occupancy"))
 
     async def value_layer(self, layer: str) -> dict[str, NDArray]:
+        """The arrays of one value layer by name; see `Helios.value_layer`."""
         return await self._do(calls.arrays(f"value/{layer}"))
 
     async def picture(self, what: str = "occupancy") -> bytes:
+        """PNG of the map: `occupancy` or `value/<layer>`."""
         return await self._do(calls.map_file(what, "png"))
 
     async def map_file(self, what: str, ending: str) -> bytes:
+        """The map as it travels: `occupancy` or `value/<layer>`, as `png` or `npz`."""
         return await self._do(calls.map_file(what, ending))
 
     async def ros_map(self) -> dict[str, bytes]:
+        """`map.pgm` and `map.yaml`, as ROS's map_server reads them."""
         return await self._do(calls.ros_map())
 
     async def frontiers(self) -> list[Frontier]:
+        """The borders of what was seen since the search began."""
         return await self._do(calls.frontiers())
 
     async def camera(self) -> bytes:
+        """JPEG of what the robot sees now."""
         return await self._do(calls.camera())
 
     async def robot(self) -> RobotAnswer:
+        """How the robot is, and what it is."""
         return await self._do(calls.robot())
 
     async def stop_robot(self, reason: str = "asked for by the Python SDK") -> RobotAnswer:
+        """Stop now; latches until `clear_stop`."""
         return await self._do(calls.stop_robot(reason))
 
     async def clear_stop(self) -> RobotAnswer:
+        """Allow the robot to move again."""
         return await self._do(calls.clear_stop())
 
     # --- the whole ----------------------------------------------------------------------------
     async def status(self) -> Status:
+        """How every service is."""
         return await self._do(calls.status())
 
     async def settings(self, service: str) -> dict[str, Any]:
+        """The settings that a running service has, by name."""
         return await self._do(calls.service_settings(service))
 
     async def ready(self) -> bool:
+        """Whether a task submitted now would start; False where nobody answers."""
         try:
             return (await self.status())["ready"]
         except (Unavailable, DeadlineExceeded):
@@ -178,15 +206,18 @@ class AsyncHelios:
         last_id: str = "",
         silence_s: float = SILENCE_S,
     ) -> AsyncIterator[Event]:
+        """What happens, as it happens; a connection that is lost is taken up again."""
         heard_s = time.monotonic()
         asked = tuple(types)
         while True:
             try:
                 async for event in self._stream(asked, task_id, last_id, silence_s):
-                    heard_s, last_id = time.monotonic(), event.id or last_id
-                    yield event
-                    if task_id and event.ends_task:
-                        return
+                    if event is not None:
+                        last_id = event.id or last_id
+                        yield event
+                        if task_id and event.ends_task:
+                            return
+                    heard_s = time.monotonic()
                 trouble = Unavailable(f"{self._to.url} ended the stream of events; try again")
             except (Unavailable, DeadlineExceeded) as error:
                 trouble = error
@@ -195,6 +226,7 @@ class AsyncHelios:
             await asyncio.sleep(EVENT_RETRY_S)
 
     async def close(self) -> None:
+        """Let go of the connections."""
         await self._http.aclose()
 
     async def __aenter__(self) -> Self:
@@ -218,7 +250,8 @@ class AsyncHelios:
 
     async def _stream(
         self, types: tuple[str, ...], task_id: str | None, last_id: str, silence_s: float
-    ) -> AsyncIterator[Event]:
+    ) -> AsyncIterator[Event | None]:
+        """One for each line that comes: the event that it completes, or None."""
         request = self._to.event_request(types, task_id, last_id, silence_s)
         parser = EventParser()
         try:
@@ -227,7 +260,6 @@ class AsyncHelios:
                     await response.aread()
                     raise refused(response)
                 async for line in response.aiter_lines():
-                    if event := parser.feed(line):
-                        yield event
+                    yield parser.feed(line)
         except httpx.TransportError as error:
             raise lost(error, self._to.url) from error

@@ -27,7 +27,7 @@ class DiskFull(Exception):
 
 class RecordingFile:
     """Made with its folder. All calls but the constructor may raise OSError, and from then on only
-    `abandon` makes sense."""
+    `abandon` makes sense. After DiskFull all is in order, and `finish` ends the file."""
 
     def __init__(self, path: Path, settings: Settings) -> None:
         """Raises OSError, and DiskFull where too little is free."""
@@ -63,16 +63,20 @@ class RecordingFile:
             self._sequence,
         )  # fmt: skip
 
-    def tend(self) -> None:
-        """Write out the chunk when it is time. Raises DiskFull where little is left."""
+    def tend(self) -> bool:
+        """Write out the chunk when it is time; whether it was."""
         now_s = time.monotonic()
         if now_s - self._flushed_s < self._settings.flush_s:
-            return
+            return False
         self._flushed_s = now_s
         self._writer.flush()
         if now_s - self._synced_s >= self._settings.sync_s:
             self._synced_s = now_s
             os.fdatasync(self._stream.fileno())
+        return True
+
+    def check_room(self) -> None:
+        """Raises DiskFull where little is left."""
         _check_room(self.path.parent, self._settings)
 
     @property

@@ -96,9 +96,11 @@ class Recording:
         before = file.bytes
         if item is not None:
             self._write(file, item)
-        file.tend()
+        tended = file.tend()
         if file.bytes > before:
             self._unwritten = 0
+        if tended:
+            file.check_room()
         self._health.set("file_mb", round(file.bytes / MB, 3))
         self._health.set("queue_mb", round(self.inbox.bytes / MB, 3))
         self._health.set("writer_cpu_s", round(time.thread_time(), 3))
@@ -150,12 +152,15 @@ class Recording:
         self._health.count("messages")
 
     def _stop(self, error: OSError | DiskFull) -> None:
-        """Say why, count what is lost, and let go of the file."""
-        self._count_lost()
+        """Say why, end the file where there is room for that, and count what is lost."""
         self._again_s = time.monotonic() + self._settings.retry_s
         if self._file is not None:
-            self._file.abandon()
+            if isinstance(error, DiskFull) and _finished(self._file):
+                self._unwritten = 0
+            else:
+                self._file.abandon()
             self._file = None
+        self._count_lost()
         full = isinstance(error, DiskFull) or error.errno in (errno.ENOSPC, errno.EDQUOT)
         why = "the disk is full" if full else "the disk cannot be written"
         said = f"the recording stopped: {why} ({error}); make room in {self._settings.out}"
@@ -167,3 +172,12 @@ class Recording:
     def _count_lost(self) -> None:
         self._health.count("dropped_while_stopped", self._unwritten)
         self._unwritten = 0
+
+
+def _finished(file: RecordingFile) -> bool:
+    """Whether the disk took the rest of the file, its indexes too."""
+    try:
+        file.finish()
+    except OSError:
+        return False
+    return True

@@ -4,7 +4,7 @@
     sys.exit(run_service("map2d", Settings.load(), build))
 
 The process waits for its router for as long as it takes, says so, and ends within two seconds of
-SIGTERM or SIGINT, or when the process that started it is gone.
+SIGTERM, SIGINT or SIGHUP, or when the process that started it is gone.
 """
 
 from __future__ import annotations
@@ -41,14 +41,23 @@ class Closeable(Protocol):
     def close(self) -> None: ...
 
 
+def ending_signals() -> tuple[int, ...]:
+    """Those that ask a process to end: SIGTERM, SIGINT, and SIGHUP, which a terminal sends when its
+    session is closed, unless the process was started with `nohup`."""
+    hangup = getattr(signal, "SIGHUP", None)  # not on every system
+    if hangup is None or signal.getsignal(hangup) is signal.SIG_IGN:
+        return (signal.SIGTERM, signal.SIGINT)
+    return (signal.SIGTERM, signal.SIGINT, hangup)
+
+
 def stop_on_signals(stopped: threading.Event) -> None:
-    """Set `stopped` on SIGTERM and SIGINT, and when the parent process ends.
+    """Set `stopped` on `ending_signals`, and when the parent process ends.
 
     Two seconds later the process is gone, whatever it was doing: a start that takes long, or a
     library that hangs while it closes. Where that hinders every Python thread, also after `main`
     has returned, the system's alarm clock ends it; later, since a busy machine may be slow there.
     """
-    on_signals((signal.SIGTERM, signal.SIGINT), stopped.set)
+    on_signals(ending_signals(), stopped.set)
     parent = os.getppid()
 
     def watch_parent() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes.util
+import errno
 import importlib.util
 import os
 import shutil
@@ -12,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from helios_client.supervision import state_file
-from helios_client.supervision.stack import port_in_use
+from helios_client.supervision.stack import port_trouble
 
 MIN_PYTHON = (3, 11)
 FREE_BYTES = 500_000_000
@@ -75,14 +76,12 @@ def examine(
         name = f"helios-ovmm[{extra}]" if extra else "helios-ovmm"
         out.append(Finding(f"package {package}", has_package(package), f"pip install '{name}'"))
     out += _libraries(find_library)
-    out.append(
-        Finding(
-            f"port {port} free",
-            not port_in_use(port),
-            f"something listens there (HELIOS itself?); or: helios up --port {port + 1}",
-            optional=True,
-        )
-    )
+    trouble = port_trouble(port)
+    said = "something listens there (HELIOS itself?)"
+    if trouble is not None and trouble.errno != errno.EADDRINUSE:
+        said = f"nothing can listen there: {trouble.strerror}"
+    mend = f"{said}; or: helios up --port {8080 if port < 1024 else port + 1}"
+    out.append(Finding(f"port {port} free", trouble is None, mend, optional=True))
     out.append(_state_dir(state_file.default_state_dir(port)))
     for package, (extra, purpose) in FURTHER.items():
         what = f"package {package}, for {purpose}"

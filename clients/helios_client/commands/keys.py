@@ -11,29 +11,38 @@ from pathlib import Path
 
 from helios_core.errors import Conflict, InvalidInput
 
+from helios_client.wrong_use import WrongUse
+
 BYTES = 32
 
 
 def add_key(file: Path, name: str, scope: str) -> str:
     """A new key, its hash appended to the file; nobody can read the key from there.
 
-    Raises Conflict where the file has a key of that name, InvalidInput where it cannot be used.
+    Raises WrongUse for a name that cannot be read, Conflict where the file has a key of that name,
+    InvalidInput where it cannot be used.
     """
-    try:
-        text = file.read_text() if file.exists() else ""
-        names = [entry.get("name") for entry in tomllib.loads(text).get("key", [])]
-    except (OSError, tomllib.TOMLDecodeError, AttributeError) as error:
-        raise InvalidInput(f"{file} is no file of keys: {error}") from error
-    if name in names:
-        raise Conflict(f"{file} has a key {name!r}; take that entry out, or choose another name")
+    if not (name.strip() and name.isprintable()):
+        raise WrongUse(f"the name of a key is {name!r}; wanted letters that can be read: tablet")
     key = secrets.token_urlsafe(BYTES)
     digest = hashlib.sha256(key.encode()).hexdigest()
-    quoted = json.dumps(name)  # a JSON string is a TOML string, too
+    quoted = json.dumps(name, ensure_ascii=False)  # such a JSON string is a TOML string, too
     entry = f'[[key]]\nname = {quoted}\nscope = "{scope}"\nsha256 = "{digest}"\n'
     try:
+        text = file.read_text(encoding="utf-8") if file.exists() else ""
+        names = [entry.get("name") for entry in tomllib.loads(text).get("key", [])]
+        added = ("\n" if text else "") + entry
+        tomllib.loads(text + added)  # as `key = []` takes no more entries
+    except (OSError, ValueError, AttributeError, TypeError) as error:
+        raise InvalidInput(
+            f"{file} is no file of keys: {error}; mend it, or name another with --file"
+        ) from error
+    if name in names:
+        raise Conflict(f"{file} has a key {name!r}; take that entry out, or choose another name")
+    try:
         descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
-        with os.fdopen(descriptor, "a") as out:
-            out.write(("\n" if text else "") + entry)
+        with os.fdopen(descriptor, "a", encoding="utf-8") as out:
+            out.write(added)
     except OSError as error:
         raise InvalidInput(f"{file} cannot be written: {error.strerror}") from error
     return key

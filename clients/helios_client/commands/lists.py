@@ -13,7 +13,7 @@ from helios_client.sdk import Helios
 from helios_client.tasks import FoundObject, Seen, Task
 from helios_client.wrong_use import WrongUse
 
-_COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "running": "cyan"}
+TASK_COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "running": "cyan"}
 PLAIN: dict[str, Any] = {"box": None, "pad_edge": False, "header_style": "dim"}
 
 
@@ -23,7 +23,7 @@ def task_table(tasks: Sequence[Task]) -> Table:
     columns = ["id", "state", *(["priority"] if ranked else []), "took", "steps", "instruction"]
     out = Table(*columns, "message", **PLAIN)
     for task in tasks:
-        color = _COLORS.get(task.state, "default")
+        color = TASK_COLORS.get(task.state, "default")
         priority = [str(task.priority)] if ranked else []
         out.add_row(
             task.id, f"[{color}]{task.state}[/]", *priority, _took(task), str(task.steps),

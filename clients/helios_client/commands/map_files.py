@@ -66,4 +66,6 @@ def read_file(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise WrongUse(f"{path} cannot be read: {error.strerror}") from error
+        raise WrongUse(
+            f"{path} cannot be read: {error.strerror}; name a file that `helios map save` wrote"
+        ) from error

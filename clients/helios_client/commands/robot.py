@@ -19,7 +19,7 @@ def status(at: At, state: State = None, as_json: Json = False) -> None:
     from helios_client.commands.status import find_status, status_table
 
     with at.connect(timeout_s=3.0) as helios:
-        found = find_status(helios, at.port if at.url is None else None, state)
+        found = find_status(helios, at.port if at.url is None else None, state, at.robot)
     if as_json:
         print_json(found)
         return

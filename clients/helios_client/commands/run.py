@@ -60,9 +60,10 @@ def up(
     from helios_core.errors import InvalidInput
     from helios_core.naming import robot_name
 
-    from helios_client.replaying.words import check_detector, default_detector
+    from helios_client.replaying.words import check_detector, check_source, default_detector
     from helios_client.supervision import state_file
     from helios_client.supervision.stack import Stack, free_port
+    from helios_client.supervision.up import Screen
     from helios_client.supervision.up import up as run_up
     from helios_client.wrong_use import WrongUse
 
@@ -83,6 +84,8 @@ def up(
         raise WrongUse(f"no furniture is called {furniture!r}; wanted parametric or realistic")
     if (source is None) is (robot == "replay"):
         raise WrongUse("--source DATASET goes with --robot replay, and only with it")
+    if source is not None:
+        check_source(source)
     state_dir = state or state_file.default_state_dir(port)
     if record and record_dir is None:
         record_dir = state_dir / "recordings"
@@ -93,7 +96,7 @@ def up(
             preset=preset, furniture=furniture, detector=detector, agent=agent, source=source,
             robot_host=spot_host, rate=rate if robot == "replay" else None, record=record_dir,
         ),
-        console(),
+        Screen(),
     )  # fmt: skip
 
 
@@ -148,13 +151,14 @@ def replay(
     """Play a recording or data set, and write what was found. Through the same services."""
     from helios_client.replaying.replay import Pace, ReplayJob
     from helios_client.replaying.replay import replay as run_replay
-    from helios_client.replaying.words import check_detector, what_to_seek
+    from helios_client.replaying.words import check_detector, check_source, what_to_seek
 
     screen = console()
+    check_source(dataset)
     context, detector = what_to_seek(dataset, classes, thresholds, detector)
     check_detector(detector)
     pace = Pace(limit, from_s, to_s, rate, free_running, topics, strict)
     results = run_replay(ReplayJob(dataset, context, detector, out, pace), screen)
+    screen.print(results.table())  # first, for a full disk must not take it along
     results.write(out)
-    screen.print(results.table())
     screen.print(f"written to {out}", highlight=False)

@@ -16,21 +16,25 @@ from helios_client.tasks import Status
 _COLORS = {"ready": "green", "starting": "cyan", "waiting": "yellow", "restarting": "yellow"}
 
 
-def find_status(helios: Helios, port: int | None, state_dir: Path | None) -> Status:
+def find_status(
+    helios: Helios, port: int | None, state_dir: Path | None, robot: str | None = None
+) -> Status:
     """`{ready, stopped, services: [{name, state, reason, restarts, pid}]}`.
 
     The supervisor's file of `port` knows the services while the gateway is down; whether stop-now
-    is latched only the gateway can say. Raises Unavailable when neither is there.
+    is latched only the gateway can say. `robot`: the one that is asked for by name; of another than
+    the supervisor's only the gateway knows. Raises Unavailable when neither is there.
     """
-    found = None
+    known = None
     if port is not None:
-        found = state_file.read(state_dir or state_file.default_state_dir(port))
+        known = state_file.read(state_dir or state_file.default_state_dir(port))
+    found = known if known and robot in (None, known.get("robot")) else None
     try:
         live = helios.status()
     except HeliosError as error:
         if found is not None:
             return {"ready": found["ready"], "stopped": None, "services": found["services"]}
-        if port is not None and isinstance(error, Unavailable):
+        if port is not None and known is None and isinstance(error, Unavailable):
             raise Unavailable(
                 f"no HELIOS runs with port {port} on this machine; start it with `helios up`"
             ) from error

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import time
 
-from helios_core.errors import DeadlineExceeded, HeliosError, Unavailable
+from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, Unavailable
 from rich.console import Console
 from rich.live import Live
 from rich.markup import escape
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
+from helios_client.commands.lists import TASK_COLORS
 from helios_client.http.connection import POLL_S
 from helios_client.sdk import Helios
 from helios_client.supervision import state_file
 from helios_client.tasks import Status, Task
 
 STARTING_S = 60.0
-CANCEL_S = 30.0  # longest wait for a cancelled task to end
-_COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow"}
+CANCEL_S = 30.0  # longest time until a cancel is heard, and longest wait for the task to end
 
 
 def panel(task: Task, why: str) -> Table:
@@ -26,7 +26,7 @@ def panel(task: Task, why: str) -> Table:
     out = Table.grid(padding=(0, 2))
     out.add_column(style="dim")
     out.add_column()
-    color = _COLORS.get(task.state, "bold")
+    color = TASK_COLORS.get(task.state, "bold")
     out.add_row("task", escape(task.instruction))
     out.add_row("state", f"[{color}]{task.state}[/]")
     if not task.ended:
@@ -78,20 +78,51 @@ def run_task(helios: Helios, instruction: str, timeout_s: float, console: Consol
     return watch_task(helios, helios.submit(instruction), timeout_s, console)
 
 
-def watch_task(helios: Helios, task: Task, timeout_s: float, console: Console) -> Task:
+def watch_task(
+    helios: Helios,
+    task: Task,
+    timeout_s: float,
+    console: Console,
+    notes: Console | None = None,
+) -> Task:
     """The task once it has ended. Interrupting cancels it first, and waits until the robot stands.
 
-    Without a terminal each change of phase or message is a line. Raises HeliosError.
+    Without a terminal each change of phase or message is a line. `notes`: where it is told that the
+    task waits for a person. Raises HeliosError.
     """
     try:
+        if notes is not None:
+            say_stopped(helios, notes)
         if console.is_terminal:
             return _watch_live(helios, task, timeout_s, console)
         return _watch_lines(helios, task, timeout_s, console)
     except KeyboardInterrupt:
         console.print("cancelling the task")
-        helios.cancel(task.id)
+        try:
+            _cancel(helios, task)
+        except (HeliosError, KeyboardInterrupt):
+            console.print(
+                "nobody has confirmed the cancel, so the task may go on; end it with: "
+                f"helios cancel {task.id}", highlight=False, markup=False, soft_wrap=True,
+            )  # fmt: skip
+            raise
         console.print(helios.wait(task.id, CANCEL_S).message, highlight=False, markup=False)
         raise
+
+
+def _cancel(helios: Helios, task: Task) -> None:
+    """Ask until somebody hears it: a gateway starts again within seconds. Raises HeliosError."""
+    deadline_s = time.monotonic() + CANCEL_S
+    while True:
+        try:
+            helios.cancel(task.id)
+            return
+        except Conflict:  # it has ended by itself
+            return
+        except (Unavailable, DeadlineExceeded):
+            if time.monotonic() >= deadline_s:
+                raise
+        time.sleep(POLL_S)
 
 
 def _watch_live(helios: Helios, task: Task, timeout_s: float, console: Console) -> Task:

@@ -52,7 +52,7 @@ def task(
 
     On a stopped robot it waits until helios clear-stop, and says so.
     """
-    from helios_client.commands.task_view import say_stopped, wait_while_starting, watch_task
+    from helios_client.commands.task_view import wait_while_starting, watch_task
 
     settings = named_values(own or ())
     with at.connect() as helios:
@@ -63,8 +63,8 @@ def task(
         if asked.unused:
             said = ", ".join(f"“{words}”" for words in asked.unused)
             print(f"helios: not used: {said}", file=sys.stderr)
-        say_stopped(helios, console(stderr=True))
-        ended = watch_task(helios, asked, timeout_s, console(stderr=as_json))
+        notes = console(stderr=True)
+        ended = watch_task(helios, asked, timeout_s, console(stderr=as_json), notes)
     if as_json:
         print_json(ended.raw)
     if not ended.succeeded:

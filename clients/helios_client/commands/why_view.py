@@ -11,9 +11,9 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from helios_client.commands.lists import TASK_COLORS
 from helios_client.tasks import Decision, Task
 
-_COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "running": "cyan"}
 _ORDER = (  # what a term is made of stands before it
     "class_score", "uncertainty", "information_gain", "value", "frontier_scale", "distance_m",
     "views", "in_place", "place", "score", "score_after_view", "total",
@@ -51,7 +51,7 @@ def report(
 
 # --- parts -------------------------------------------------------------------------------------
 def _head(task: Task, decisions: Sequence[Decision]) -> Group:
-    color = _COLORS.get(task.state, "default")
+    color = TASK_COLORS.get(task.state, "default")
     count = f"{len(decisions)} decision{'' if len(decisions) == 1 else 's'}"
     ended = f"[{color}]{task.state}[/]" + (f": {escape(task.message)}" if task.message else "")
     return Group(

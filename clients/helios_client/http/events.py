@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
 
 from helios_client.tasks import Event
 
@@ -31,11 +30,3 @@ class EventParser:
         if not isinstance(data, dict):
             return None
         return Event(fields.get("event", "message"), data, fields.get("id", ""))
-
-
-def parse_events(lines: Iterable[str]) -> Iterator[Event]:
-    """All events of these lines."""
-    parser = EventParser()
-    for line in lines:
-        if event := parser.feed(line):
-            yield event

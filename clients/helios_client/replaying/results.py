@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +13,7 @@ from typing import Any
 import numpy as np
 from helios_core import proto as pb
 from helios_core.bus import Bus
+from helios_core.errors import InvalidInput
 from helios_core.grids import MapView, decode_snapshot
 from helios_core.topics import OBJECTS, PICTURE, SNAPSHOT
 from rich.markup import escape
@@ -32,12 +36,16 @@ class Results:
     summary: dict[str, Any]
 
     def write(self, out: Path) -> None:
-        """Into a folder that exists."""
-        (out / "objects.json").write_text(json.dumps(self.objects, indent=1))
-        (out / "summary.json").write_text(json.dumps(self.summary, indent=1))
-        (out / "occupancy.png").write_bytes(self.picture_png)
+        """Into a folder that exists, each file as a whole. A number that is not finite is null.
+
+        Raises InvalidInput where one cannot be written.
+        """
+        _replace(out / "objects.json", _json(self.objects))
+        _replace(out / "summary.json", _json(self.summary))
+        _replace(out / "occupancy.png", self.picture_png)
+        arrays = io.BytesIO()
         np.savez_compressed(
-            out / "occupancy.npz",
+            arrays,
             occupancy=self.map.occupancy,
             explored=self.map.explored.astype(np.uint8),
             top_m=self.map.top_m,
@@ -45,6 +53,7 @@ class Results:
             origin_m=np.array(self.map.origin_m),
             cell_m=np.array(self.map.cell_m),
         )
+        _replace(out / "occupancy.npz", arrays.getvalue())
 
     def table(self) -> Table:
         """The objects, best first: what fits a terminal."""
@@ -121,6 +130,33 @@ def _object_json(o: pb.ObjectInstance) -> dict[str, Any]:
         "gaussians": o.gaussians,
         "probabilities": dict(sorted(o.probabilities.items())),
     }
+
+
+def _json(value: Any) -> bytes:
+    return json.dumps(_finite(value), indent=1, allow_nan=False).encode()
+
+
+def _finite(value: Any) -> Any:
+    """The same, with None for each number that JSON does not have."""
+    if isinstance(value, dict):
+        return {name: _finite(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _replace(path: Path, data: bytes) -> None:
+    half = path.with_name(f".{path.name}.new")
+    try:
+        half.write_bytes(data)
+        half.replace(path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            half.unlink(missing_ok=True)
+        raise InvalidInput(
+            f"{path} cannot be written: {error.strerror}; make room there, or name another folder "
+            "with --out"
+        ) from error
 
 
 def _metres(v: list[float]) -> str:

@@ -28,6 +28,14 @@ def check_detector(detector: str) -> None:
         )
 
 
+def check_source(source: Path) -> None:
+    """Whether there is something to play; what it is is looked at later. Raises WrongUse."""
+    if not source.exists():
+        raise WrongUse(
+            f"there is no data set at {source}; name a recording (.mcap), a data set or a ROS bag"
+        )
+
+
 def default_detector(robot: str, source: Path | None) -> str:
     """Of `helios up` where none is named. Raises WrongUse where one must be."""
     if robot == "sim":

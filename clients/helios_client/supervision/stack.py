@@ -132,12 +132,12 @@ def free_port() -> int:
         return int(s.getsockname()[1])
 
 
-def port_in_use(port: int) -> bool:
-    """Whether somebody listens there, or may not listen there."""
+def port_trouble(port: int) -> OSError | None:
+    """Why nothing can listen there, such as another program that does; None where it can."""
     with socket.socket() as s:
         s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as servers do
         try:
             s.bind((LOOPBACK, port))
-        except OSError:
-            return True
-    return False
+        except OSError as error:
+            return error
+    return None

@@ -1,8 +1,9 @@
 """A table of processes that are kept running: whichever ends is started again.
 
 The first restart comes at once, further ones wait longer and longer, up to five seconds; a process
-that has run steadily for a while is forgiven. Wrong use (exit status 2) is reported, not repeated.
-One thread calls `start`, `check` and `stop`.
+that has run steadily for a while is forgiven. Wrong use (exit status 2) is reported and not
+repeated, unless the process has run steadily before: then somebody has spoilt a file under way, and
+it is tried every five seconds until that is mended. One thread calls `start`, `check` and `stop`.
 """
 
 from __future__ import annotations
@@ -53,6 +54,7 @@ class _Row:
     started_s: float = 0.0
     restarts: int = 0
     failures: int = 0  # in a row
+    proven: bool = False  # has run steadily, so what it was told can be right
     due_s: float | None = None  # when it is to be started again
     reason: str = ""
     state: State = field(default=State.STOPPED)
@@ -117,12 +119,14 @@ class Supervisor:
 
     def _note_ending(self, row: _Row, ending: Ending, now_s: float) -> None:
         steady = now_s - row.started_s >= STEADY_S
+        row.proven |= steady
         row.failures = 1 if steady else row.failures + 1
         row.child, row.reason = None, ending.reason
-        if not self._restart or ending.usage_error:
+        if not self._restart or (ending.usage_error and not row.proven):
             row.state = State.STOPPED
             return
-        row.state, row.due_s = State.RESTARTING, now_s + restart_delay_s(row.failures)
+        delay_s = RESTART_DELAYS_S[-1] if ending.usage_error else restart_delay_s(row.failures)
+        row.state, row.due_s = State.RESTARTING, now_s + delay_s
 
     def _end(self, rows: list[_Row], within_s: float) -> None:
         running = [(row, row.child) for row in rows if row.child]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import signal
+import errno
 import threading
 import time
 from collections.abc import Sequence
@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from helios_core.errors import Conflict, InvalidInput
+from helios_core.service import ending_signals
 from helios_core.signals import on_signals
 from rich.console import Console
 from rich.markup import escape
@@ -19,7 +20,7 @@ from helios_client.supervision import state_file
 from helios_client.supervision.board import Board, ServiceRow, as_json, is_ready
 from helios_client.supervision.link import Link
 from helios_client.supervision.processes import Ending
-from helios_client.supervision.stack import Stack, port_in_use
+from helios_client.supervision.stack import Stack, port_trouble
 from helios_client.supervision.supervisor import ProcessInfo, State, Supervisor
 from helios_client.wrong_use import WrongUse
 
@@ -28,17 +29,23 @@ WRITE_PERIOD_S = 2.0
 SAY_WAITING_AFTER_S = 20.0
 
 
-def up(stack: Stack, console: Console) -> None:
-    """Run until SIGINT or SIGTERM.
+class Screen(Console):
+    """A console whose reader may end, as in `helios up | tee log`: the robot goes on unseen."""
+
+    def on_broken_pipe(self) -> None:
+        """Be quiet from now on. Rich would end the program, too."""
+        with contextlib.suppress(SystemExit):
+            super().on_broken_pipe()
+
+
+def up(stack: Stack, screen: Screen) -> None:
+    """Run until SIGINT, SIGTERM or SIGHUP.
 
     Raises HeliosError, with nothing left running: a port or state directory in use, wrong flags.
     """
     assert stack.port is not None
     for port, flag in ((stack.port, "--port"), (stack.router_port, "--router-port")):
-        if port_in_use(port):
-            raise Conflict(
-                f"port {port} is in use; stop what listens there, or choose another with {flag}"
-            )
+        _check_port(port, flag)
     stack = replace(stack, state_dir=stack.state_dir.resolve())
     try:
         held = state_file.lock(stack.state_dir)
@@ -52,16 +59,31 @@ def up(stack: Stack, console: Console) -> None:
             "another with --state"
         ) from error
     stopping = threading.Event()
-    on_signals((signal.SIGINT, signal.SIGTERM, signal.SIGHUP), stopping.set)
+    on_signals(ending_signals(), stopping.set)
     with held:
-        _Run(stack, console).run(stopping)
+        _Run(stack, screen).run(stopping)
+
+
+def _check_port(port: int, flag: str) -> None:
+    """Raises Conflict where nothing can listen there."""
+    error = port_trouble(port)
+    if error is None:
+        return
+    if error.errno == errno.EADDRINUSE:
+        raise Conflict(
+            f"port {port} is in use; stop what listens there, or choose another with {flag}"
+        )
+    low = " (ports below 1024 are the system's)" if error.errno == errno.EACCES else ""
+    raise Conflict(
+        f"nothing can listen on port {port}: {error.strerror}{low}; choose another with {flag}"
+    )
 
 
 class _Run:
-    def __init__(self, stack: Stack, console: Console) -> None:
+    def __init__(self, stack: Stack, screen: Screen) -> None:
         assert stack.port is not None
         specs = stack.specs()
-        self._stack, self._console = stack, console
+        self._stack, self._screen = stack, screen
         self._supervisor = Supervisor(specs, stack.log_dir)
         self._board = Board()
         self._names = [spec.name for spec in specs]
@@ -110,9 +132,10 @@ class _Run:
             self._was_ready.discard(name)
             self._all_ready = False
             info = rows[name]
-            if ending.usage_error and not self._ever_ready:
+            stays_down = info.state is State.STOPPED
+            if stays_down and ending.usage_error and not self._ever_ready:
                 raise WrongUse(ending.reason)
-            if info.state is State.STOPPED:
+            if stays_down:
                 self._say(f"[red]{name} ended and stays down[/]: {escape(ending.reason)}")
             elif info.state is State.RUNNING:
                 self._say(
@@ -151,7 +174,8 @@ class _Run:
         return time.monotonic() - self._began_s
 
     def _say(self, text: str) -> None:
-        with contextlib.suppress(OSError):  # nobody reads any more; that must not stop the robot
-            self._console.print(
-                f"[dim]{self._age_s():6.1f} s[/]  {text}", highlight=False, soft_wrap=True
-            )
+        line = f"[dim]{self._age_s():6.1f} s[/]  {text}"
+        encoding = self._screen.encoding
+        line = line.encode(encoding, "replace").decode(encoding)  # a path in letters it has not
+        with contextlib.suppress(OSError):  # a full disk, say; that must not stop the robot
+            self._screen.print(line, highlight=False, soft_wrap=True)

@@ -7,13 +7,12 @@ from pathlib import Path
 
 from helios_client.supervision.processes import ProcessSpec
 from helios_client.supervision.stack import Stack, free_port
-from helios_client.supervision.up import up
+from helios_client.supervision.up import Screen, up
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError
 from helios_core.health import Health
 from helios_core.service import run_service
 from helios_core.settings import ServiceSettings
-from rich.console import Console
 
 
 class Small:
@@ -45,7 +44,7 @@ def main() -> int:
     port, folder, preset = int(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
     stack = SmallStack("sim", free_port(), folder, port=port, preset=preset)
     try:
-        up(stack, Console(width=200))
+        up(stack, Screen(width=200))
     except HeliosError as error:
         print(error.message, file=sys.stderr)
         return 1

@@ -88,6 +88,7 @@ def test_every_command_has_help(command: list[str], helios: Helios) -> None:
         ["up", "--port", "0"],
         ["up", "--robot", "replay", "--detector", "simulated"],
         ["up", "--robot", "my_package:MyRobot"],
+        ["up", "--robot", "replay", "--source", "/none.mcap"],
         ["replay", "x", "--classes", "cup,,", "--detector", "simulated", "--out", "y"],
         ["replay", "x", "--classes", "cup", "--detector", "bogus", "--out", "y"],
         ["up", "--detector", "onnx:"],
@@ -133,10 +134,18 @@ def test_a_port_in_use_is_named_and_nothing_is_left(helios: Helios) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
-    [("tour.mcap", "no recording"), ("nowhere", "no data set at"), (".", "meta.json")],
+    ("name", "status", "words"),
+    [
+        ("tour.mcap", 2, "no data set at"),
+        ("nowhere", 2, "no data set at"),
+        ("empty.mcap", 1, "no MCAP file"),
+        (".", 1, "meta.json"),
+    ],
 )
-def test_a_data_set_that_cannot_be_played_is_said(name: str, words: str, helios: Helios) -> None:
+def test_a_data_set_that_cannot_be_played_is_said(
+    name: str, status: int, words: str, helios: Helios
+) -> None:
+    (helios.home / "empty.mcap").touch()
     done = helios(
         "replay",
         str(helios.home / name),
@@ -147,7 +156,7 @@ def test_a_data_set_that_cannot_be_played_is_said(name: str, words: str, helios:
         "--out",
         str(helios.home / "out"),
     )
-    assert (done.status, done.error.count("\n")) == (1, 1)
+    assert (done.status, done.error.count("\n")) == (status, 1)
     assert words in done.error
 
 

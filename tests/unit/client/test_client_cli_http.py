@@ -139,6 +139,7 @@ def test_both_maps_are_saved_in_one_file_and_come_back(
     assert "40 m² of ground, 4 objects" in helios("map", "load", str(file))
     helios("map", "load", str(tmp_path / "none.zip"), status=2)
     assert "No such file" in helios.error
+    assert "helios map save" in helios.error
     (tmp_path / "note.zip").write_text("not a map")
     helios("map", "load", str(tmp_path / "note.zip"), status=1)
     assert "helios map save" in helios.error
@@ -201,10 +202,31 @@ def test_an_interrupted_task_is_cancelled_first(
     assert house.backend.tasks["t1"].state == "cancelled"
 
 
+def test_an_interrupt_while_the_stop_is_told_cancels_too(
+    house: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> NoReturn:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("helios_client.commands.task_view.say_stopped", interrupted)
+    helios("task", INSTRUCTION, status=130)
+    assert house.backend.tasks["t1"].state == "cancelled"
+
+
 def test_another_robot_is_named(helios: Helios) -> None:
     assert helios.json("tasks", "--robot", "robot") == {"tasks": []}
     helios("tasks", "--robot", "spot", status=1)
     assert "there are: robot" in helios.error
+
+
+def test_the_status_of_another_robot_is_its_own(helios: Helios, tmp_path: Path) -> None:
+    row = {"name": "only-here", "state": "ready", "reason": "", "restarts": 0, "pid": 7}
+    here = {"ready": True, "services": [row], "robot": "here"}  # as a `helios up` leaves it
+    state_file.write([tmp_path / "helios" / str(helios.house.port)], here)
+    assert "only-here" in helios("status")
+    told = helios("status", "--robot", "robot")
+    assert "only-here" not in told
+    assert "gateway" in told
 
 
 def test_every_failure_is_one_sentence(helios: Helios) -> None:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import math
 import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from helios_client.replaying.results import collect, stage_medians_ms
+from helios_client.replaying.results import Results, collect, stage_medians_ms
 from helios_client.replaying.tally import PARTS, Tally
 from helios_client.supervision.board import Board
 from helios_core import proto as pb
-from helios_core.errors import Unavailable
+from helios_core.errors import InvalidInput, Unavailable
+from helios_core.grids import decode_snapshot
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import MAP2D_ACK, OBJECTMAP_ACK, OBJECTS, PICTURE, ROBOT_STATE, SNAPSHOT
 
@@ -83,6 +86,43 @@ def test_results_are_asked_for_and_written(tmp_path: Path) -> None:
     assert summary["ms_per_frame"]["value"] == 5.0
     np.testing.assert_array_equal(np.load(tmp_path / "occupancy.npz")["occupancy"], cells)
     assert (tmp_path / "occupancy.png").read_bytes() == b"occupancy"
+
+
+def results(score: float = 0.6, **summary: object) -> Results:
+    found = {"id": 1, "class": "cup", "center_m": [0.0, math.nan, 1.0], "size_m": [0.1] * 3,
+             "score": score, "uncertainty": 0.1, "views": 2}  # fmt: skip
+    snapshot = pb.MapSnapshot(version=1, cell_m=0.05, width=0, height=0)
+    return Results([found], b"png", decode_snapshot(snapshot), summary)
+
+
+def test_what_is_written_is_json_whatever_the_numbers_are(tmp_path: Path) -> None:
+    def refuse(constant: str) -> None:
+        raise AssertionError(f"{constant} is no JSON")
+
+    results(score=math.inf, wall_s=math.nan, frames=3).write(tmp_path)
+    read = [
+        json.loads((tmp_path / name).read_text(), parse_constant=refuse)
+        for name in ("objects.json", "summary.json")
+    ]
+    assert (read[0][0]["score"], read[0][0]["center_m"]) == (None, [0.0, None, 1.0])
+    assert read[1] == {"wall_s": None, "frames": 3}
+
+
+def test_a_disk_that_is_full_keeps_the_files_of_before_and_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    results(frames=1).write(tmp_path)
+
+    def full(path: Path, data: bytes) -> None:
+        path.touch()  # as much as there is room for
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(InvalidInput, match=r"objects.json cannot be written: No space.*--out"):
+        results(frames=2).write(tmp_path)
+    assert json.loads((tmp_path / "objects.json").read_text())[0]["id"] == 1
+    assert json.loads((tmp_path / "summary.json").read_text()) == {"frames": 1}
+    assert len(list(tmp_path.iterdir())) == 4
 
 
 def test_a_map_that_is_not_there_is_an_error() -> None:

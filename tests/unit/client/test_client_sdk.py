@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import httpx
 import numpy as np
 import pytest
-from helios_client.commands.task_view import panel, run_task
-from helios_client.http.events import parse_events
+from helios_client.http.events import EventParser
 from helios_client.sdk import Helios
-from helios_client.tasks import Event, Task
+from helios_client.tasks import Event
 from helios_core.errors import (
     Conflict,
     DeadlineExceeded,
@@ -24,11 +23,32 @@ from helios_core.errors import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
-from rich.console import Console
 
 from tests.support import free_port
 
 Answer = Callable[[httpx.Request], httpx.Response]
+
+
+NEXT_EVENT = 'id: b-2\nevent: map\ndata: {"map2d": 2}\n\n'
+
+
+class QuietHour(httpx.SyncByteStream):
+    """A stream of signs of life that breaks off after an hour, and the clock that sees it pass."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def __iter__(self) -> Iterator[bytes]:
+        for _ in range(240):
+            self.now_s += 15
+            yield b": still here\n\n"
+        raise httpx.ReadError("reset by peer")
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def sleep(self, seconds: float) -> None:
+        self.now_s += seconds
 
 
 def helios(answer: Answer) -> Helios:
@@ -148,6 +168,16 @@ def test_events_go_on_where_the_connection_broke_off() -> None:
     assert asked == [None, "b-2", "b-2"]
 
 
+def test_signs_of_life_count_when_a_quiet_connection_is_lost(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = QuietHour()
+    monkeypatch.setattr("helios_client.sdk.time", clock)
+    answers = iter([httpx.Response(200, stream=clock), httpx.Response(200, text=NEXT_EVENT)])
+    events = helios(lambda _: next(answers)).events(silence_s=30)
+    assert next(events).data == {"map2d": 2}
+
+
 def test_events_of_a_task_end_with_it() -> None:
     text = "".join(
         f'event: task\ndata: {{"id": "t1", "state": "{state}"}}\n\n'
@@ -174,33 +204,13 @@ def test_a_key_and_a_robot_s_name_go_with_every_call() -> None:
 
 @given(st.lists(st.text(alphabet=st.characters(exclude_characters="\n\r"))))
 def test_no_line_breaks_the_event_parser(lines: list[str]) -> None:
-    list(parse_events(lines))
+    parser = EventParser()
+    for line in lines:
+        parser.feed(line)
 
 
 @given(st.dictionaries(st.text(), st.integers() | st.text()))
 def test_events_round_trip(data: dict[str, Any]) -> None:
     lines = ["id: 7", "event: map", f"data: {json.dumps(data)}", ""]
-    assert list(parse_events(lines)) == [Event("map", data, "7")]
-
-
-def test_watching_without_a_terminal_prints_each_change_once() -> None:
-    answers = iter([
-        httpx.Response(202, json=task_json(state="queued")),
-        httpx.Response(200, json=task_json()),
-        httpx.Response(200, json=task_json(steps=4)),
-        httpx.Response(200, json=task_json(state="failed", message="no [mug] found")),
-    ])  # fmt: skip
-    out = io.StringIO()
-    console = Console(file=out, width=100)
-    ended = run_task(helios(lambda _: next(answers)), "move it", 30, console)
-    assert ended.state == "failed"
-    assert out.getvalue().count("drives to the mug") == 1
-    assert "no [mug] found" in out.getvalue()
-
-
-def test_the_live_view_says_phase_what_is_sought_and_why() -> None:
-    out = io.StringIO()
-    task = Task(state="running", phase="find_object", seeking="mug [red]", progress=0.5, steps=3)
-    Console(file=out, width=100).print(panel(task, "the sofa scores best"))
-    for words in ("find object", "mug [red]", "the sofa scores best"):
-        assert words in out.getvalue()
+    parser = EventParser()
+    assert [parser.feed(line) for line in lines] == [None, None, None, Event("map", data, "7")]

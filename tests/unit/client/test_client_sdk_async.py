@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import inspect
 import io
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from types import SimpleNamespace
+from typing import Any
 
 import httpx
 import numpy as np
@@ -69,6 +71,38 @@ def test_events_come_as_an_iterator_and_go_on_after_a_break() -> None:
         return out
 
     assert asyncio.run(run()) == [1, 2]
+
+
+def test_signs_of_life_count_when_a_quiet_connection_is_lost(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now_s = 0.0
+
+    async def signs_of_life() -> AsyncIterator[bytes]:
+        nonlocal now_s
+        for _ in range(240):
+            now_s += 15
+            yield b": still here\n\n"
+        raise httpx.ReadError("reset by peer")
+
+    answers = iter([
+        httpx.Response(200, content=signs_of_life()),
+        httpx.Response(200, text='id: b-2\nevent: map\ndata: {"map2d": 2}\n\n'),
+    ])  # fmt: skip
+
+    async def run() -> dict[str, Any]:
+        async for event in helios(lambda _: next(answers)).events(silence_s=30):
+            return event.data
+        return {}
+
+    clock = SimpleNamespace(monotonic=lambda: now_s)
+    monkeypatch.setattr("helios_client.sdk_async.time", clock)
+    assert asyncio.run(run()) == {"map2d": 2}
+
+
+def test_every_method_says_what_it_does() -> None:
+    for kind in (Helios, AsyncHelios):
+        assert [name for name in public(kind) if not vars(kind)[name].__doc__] == []
 
 
 def test_arrays_are_numpy_and_problems_are_typed() -> None:

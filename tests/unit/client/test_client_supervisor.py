@@ -125,6 +125,37 @@ def test_wrong_use_is_reported_and_not_repeated(bench: Bench) -> None:
     assert (row.state, row.restarts, row.reason) == (State.STOPPED, 0, "wrong setting: seed")
 
 
+def test_a_process_that_ran_steadily_is_tried_every_5_s_when_its_settings_are_spoilt(
+    bench: Bench,
+) -> None:
+    good = bench.folder / "good"
+    good.touch()
+    supervisor = bench(
+        f"import pathlib, sys, time\nif pathlib.Path({str(good)!r}).exists(): time.sleep(60)\n"
+        "print('keys.toml is no TOML'); sys.exit(2)"
+    )
+    supervisor.start()
+    bench.clock.now_s += STEADY_S + 1
+    good.unlink()
+    os.kill(supervisor.table()[0].pid, signal.SIGKILL)
+    wait_for_ending(supervisor)  # started again at once, which is in vain
+    for restarts in (1, 2):
+        wait_for_ending(supervisor)
+        row = supervisor.table()[0]
+        assert (row.state, row.reason) == (State.RESTARTING, "keys.toml is no TOML")
+        bench.clock.now_s += 4.9
+        supervisor.check()
+        assert supervisor.table()[0].restarts == restarts
+        bench.clock.now_s += 0.2
+        supervisor.check()
+        assert supervisor.table()[0].restarts == restarts + 1
+    wait_for_ending(supervisor)
+    good.touch()
+    bench.clock.now_s += 5.1
+    supervisor.check()
+    assert supervisor.table()[0].state is State.RUNNING
+
+
 def test_without_restart_an_ended_process_stays_down(bench: Bench) -> None:
     supervisor = bench("print('done')", restart=False)
     supervisor.start()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -13,6 +15,10 @@ from typing import Any
 import psutil
 import pytest
 from helios_client.supervision import state_file
+from helios_client.supervision.stack import Stack
+from helios_client.supervision.up import Screen
+from helios_client.supervision.up import up as run_up
+from helios_core.errors import Conflict
 
 from tests.support import free_port, wait_until
 
@@ -22,12 +28,12 @@ PROGRAM = Path(__file__).with_name("client_small_stack.py")
 class Up:
     """A running `helios up`."""
 
-    def __init__(self, folder: Path, preset: str = "demo-v1") -> None:
+    def __init__(self, folder: Path, preset: str = "demo-v1", **variables: str) -> None:
         self.folder, self.port = folder, free_port()
         self.process = subprocess.Popen(
             [sys.executable, str(PROGRAM), str(self.port), str(folder / "state"), preset],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            env=os.environ | {"XDG_STATE_HOME": str(folder / "home")},
+            env=os.environ | {"XDG_STATE_HOME": str(folder / "home")} | variables,
         )  # fmt: skip
         self.children: set[psutil.Process] = set()
 
@@ -58,7 +64,7 @@ def up(tmp_path: Path) -> Iterator[Up]:
     up.close()
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_ends_all_and_leaves_nothing(up: Up, number: signal.Signals) -> None:
     up.wait_ready()
     up.process.send_signal(number)
@@ -116,3 +122,40 @@ def test_a_state_directory_is_used_by_one_supervisor(up: Up) -> None:
     assert second.process.returncode == 1
     assert "--state" in error
     assert up.status()["ready"]
+
+
+def test_the_robot_goes_on_when_nobody_reads_any_more(up: Up) -> None:
+    """As after `helios up | tee log` when tee ends."""
+    up.wait_ready()
+    assert up.process.stdout is not None
+    up.process.stdout.close()
+    os.kill(up.service("gateway")["pid"], signal.SIGKILL)  # which is said, to nobody
+    wait_until(lambda: up.service("gateway")["restarts"] == 1, 5, "the restart is counted")
+    up.wait_ready()
+    up.process.terminate()
+    _, error = up.process.communicate(timeout=10)
+    assert (up.process.returncode, error) == (0, "")
+    assert up.nothing_left()
+
+
+def test_a_path_in_letters_that_the_terminal_has_not_ends_nothing(tmp_path: Path) -> None:
+    up = Up(tmp_path / "Küche", PYTHONIOENCODING="ascii")
+    try:
+        up.wait_ready()
+        up.process.terminate()
+        out, error = up.process.communicate(timeout=10)
+        assert (up.process.returncode, error) == (0, "")
+        assert "K?che" in out
+    finally:
+        up.close()
+
+
+def test_a_port_that_may_not_be_used_is_told_from_one_in_use(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(socket.socket, "bind", refuse)
+    with pytest.raises(Conflict, match=r"port 80: Permission denied .*1024.* with --port"):
+        run_up(Stack("sim", 7447, tmp_path, port=80), Screen())

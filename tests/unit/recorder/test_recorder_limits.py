@@ -14,11 +14,13 @@ from helios_core import proto as pb
 from helios_core.topics import FRAME, KEYFRAME
 from helios_recorder import file as file_module
 from helios_recorder import recording as recording_module
+from helios_recorder.file import DiskFull
 from helios_recorder.inbox import Inbox
 from helios_recorder.recording import Recording
 from helios_recorder.service import Gaps
 from hypothesis import given
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 
 from tests.support import wait_until
 from tests.unit.recorder.recorder_bus import Recorded, frame
@@ -119,6 +121,53 @@ def test_a_full_disk_is_said_and_the_recording_goes_on_when_there_is_room(
     recorded.look(3)
     recorded.close()
     assert len(list(tmp_path.glob("*.mcap"))) >= 2
+
+
+def test_a_disk_that_becomes_full_ends_the_file_with_its_indexes_and_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full = False
+
+    def room(folder: Path, *_: object) -> None:
+        if full:
+            raise DiskFull(f"{folder} has 499 MB left and 500 are kept free")
+
+    monkeypatch.setattr(file_module, "_check_room", room)
+    recorded = Recorded(tmp_path, flush_s=0.01, retry_s=1000.0)
+    recorded.tour(3)
+    wait_until(lambda: recorded.health.metrics().get("messages", 0) == 9, 20, "all is taken")
+    full = True
+    wait_until(lambda: recorded.health.state[0] == "degraded", 20, "the full disk is said")
+    (file,) = tmp_path.glob("*.mcap")
+    with file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count >= 9
+    assert recorded.health.metrics().get("dropped_while_stopped", 0) == 0
+    recorded.close()
+
+
+def test_a_message_that_is_on_the_disk_is_not_lost_when_little_room_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not even where the indexes find no room any more."""
+
+    def room(*_: object) -> None:
+        if recorded.health.metrics().get("messages", 0) == 3:
+            raise DiskFull("no room")
+
+    def no_room(_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    recorded = Recorded(tmp_path, flush_s=1e-9, chunk_mb=64, retry_s=1000.0)
+    monkeypatch.setattr(file_module, "_check_room", room)
+    monkeypatch.setattr(file_module.RecordingFile, "finish", no_room)
+    recorded.robot()
+    recorded.look(0, keyframe=False)
+    wait_until(lambda: recorded.health.state[0] == "degraded", 20, "the full disk is said")
+    assert recorded.health.metrics().get("dropped_while_stopped", 0) == 0
+    recorded.close()
 
 
 def test_what_a_full_disk_did_not_take_any_more_is_counted(
