@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi.security import HTTPBearer
@@ -45,10 +45,13 @@ def check(connection: HTTPConnection, needed: Scope) -> None:
         )
 
 
-def needs(scope: Scope) -> Callable[..., None]:
-    """A dependency: only with a key of this scope, where keys are asked for."""
+def needs(scope: Scope) -> Callable[..., Awaitable[None]]:
+    """A dependency: only with a key of this scope, where keys are asked for.
 
-    def checked(connection: HTTPConnection) -> None:
+    Asynchronous, as every dependency of stop-now is: others wait for one of the shared threads.
+    """
+
+    async def checked(connection: HTTPConnection) -> None:
         check(connection, scope)
 
     return checked

@@ -11,6 +11,8 @@ from fastapi.middleware.cors import CORSMiddleware
 from fastapi.responses import FileResponse, JSONResponse
 from fastapi.staticfiles import StaticFiles
 from fastapi_offline import FastAPIOffline
+from starlette.datastructures import MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from helios_gateway.access import session_routes
 from helios_gateway.fleet import Fleet
@@ -34,6 +36,11 @@ from helios_gateway.settings import Settings
 log = logging.getLogger(__name__)
 
 STATIC = Path(__file__).parent / "static"
+UNFRAMED = "frame-ancestors 'none'"  # else a page of another site could lead a hand to a button
+POLICIES = {
+    "/": f"default-src 'self'; img-src 'self' blob: data:; {UNFRAMED}",
+    "/docs": UNFRAMED,
+}
 
 
 def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> FastAPI:
@@ -66,6 +73,7 @@ def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> Fa
             expose_headers=["etag", "x-map-version", "x-frame-id"],
         )  # fmt: skip
     app.add_middleware(CountRequests, metrics=metrics)
+    app.add_middleware(Pages)
     app.include_router(fleet_routes())
     for prefix in ("/v1", "/v1/robots/{robot}"):
         for routes in (
@@ -93,16 +101,32 @@ def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> Fa
 
     @app.get("/", include_in_schema=False)
     async def dashboard() -> FileResponse:
-        return FileResponse(
-            STATIC / "index.html",
-            headers={
-                "cache-control": "no-cache",
-                "content-security-policy": "default-src 'self'; img-src 'self' blob: data:",
-            },
-        )
+        return FileResponse(STATIC / "index.html", headers={"cache-control": "no-cache"})
 
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     return app
+
+
+class Pages:
+    """ASGI middleware: what the pages for people may load, and that no other shows them inside."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        policy = POLICIES.get(scope.get("path", ""))
+        if policy is None:
+            await self._app(scope, receive, send)
+            return
+
+        async def with_policy(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                headers["content-security-policy"] = policy
+                headers["x-frame-options"] = "DENY"
+            await send(message)
+
+        await self._app(scope, receive, with_policy)
 
 
 def _version() -> str:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import colorsys
-import zlib
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from helios_gateway.class_colors import class_rgb
 
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
@@ -25,22 +25,19 @@ class Box:
     height: int
 
 
-def class_color_bgr(name: str) -> tuple[int, int, int]:
-    """A strong colour that is the same for the same class everywhere."""
-    hue = (zlib.crc32(name.encode()) % 360) / 360
-    r, g, b = colorsys.hls_to_rgb(hue, 0.45, 0.9)
-    return int(b * 255), int(g * 255), int(r * 255)
-
-
 def draw_boxes(bgr: NDArray, boxes: tuple[Box, ...]) -> NDArray:
-    """The picture with a frame and a label around each box; what reaches outside is cut off."""
+    """The picture with a frame and a label around each box; what reaches outside is cut off.
+
+    bgr: uint8 [h, w, 3], drawn on in place where it is contiguous, else copied first.
+    """
     out = np.ascontiguousarray(bgr)
     height, width = out.shape[:2]
     scale = max(0.4, height / 800)
     for box in sorted(boxes, key=lambda b: -b.width * b.height):
         x0, y0 = min(box.x, width - 1), min(box.y, height - 1)
         x1, y1 = min(box.x + box.width, width) - 1, min(box.y + box.height, height) - 1
-        color = class_color_bgr(box.class_name)
+        r, g, b = class_rgb(box.class_name)
+        color = (b, g, r)
         cv2.rectangle(out, (x0, y0), (x1, y1), color, 2, cv2.LINE_AA)
         text = f"{_printable(box.class_name)} {box.score:.2f}"
         (w, h), base = cv2.getTextSize(text, FONT, scale, 1)

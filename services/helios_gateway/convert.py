@@ -53,6 +53,7 @@ def _time(seconds: float) -> float | None:
 
 
 def task(message: pb.Task) -> models.Task:
+    """A task as it is now. Raises Internal for a state that nobody knows."""
     if message.state not in _STATES:
         raise Internal(f"the planner named a state {message.state!r} of task {message.id}")
     return models.Task(
@@ -90,6 +91,7 @@ def phases(kind: str, phase: str, state: str) -> list[models.Phase]:
 
 
 def decision(message: pb.Decision) -> models.Decision:
+    """A decision with its candidates, and what other settings would have made of it."""
     again = message.recomputed if message.HasField("recomputed") else None
     return models.Decision(
         task_id=message.task_id, index=message.index, phase=message.phase, rule=message.rule,
@@ -121,6 +123,7 @@ def pose(x_m: float, y_m: float, yaw_rad: float) -> models.RobotPose | None:
 
 
 def plan(message: pb.Plan) -> models.Plan:
+    """The path being driven, in the world, metres."""
     goal = message.goal
     return models.Plan(
         task_id=message.task_id,
@@ -131,6 +134,7 @@ def plan(message: pb.Plan) -> models.Plan:
 
 
 def object_list(message: pb.ObjectsReply) -> map_models.ObjectList:
+    """All instances of the object map."""
     return map_models.ObjectList(
         objects=[_object(o) for o in message.objects],
         version=message.version,
@@ -149,6 +153,7 @@ def _object(o: pb.ObjectInstance) -> map_models.ObjectInstance:
 
 
 def object_detail(message: pb.ObjectDetail) -> map_models.ObjectDetail:
+    """One instance with the history of its score and its upright box."""
     return map_models.ObjectDetail(
         object=_object(message.object),
         history=[
@@ -164,6 +169,7 @@ def object_detail(message: pb.ObjectDetail) -> map_models.ObjectDetail:
 
 
 def frontier(f: pb.Frontier) -> map_models.Frontier:
+    """A border of what was seen, with its values."""
     return map_models.Frontier(
         id=f.id, center_m=[metres(f.x_m), metres(f.y_m)], size_m=metres(f.size_m),
         reachable=f.reachable, values=_numbers(f.values),
@@ -171,6 +177,7 @@ def frontier(f: pb.Frontier) -> map_models.Frontier:
 
 
 def robot_state(message: pb.RobotState) -> models.RobotState:
+    """How the robot is; without a pose where it has none that is finite."""
     return models.RobotState(
         pose=_pose_of(message.T_world_base.rows), tilt_rad=finite(message.tilt_rad),
         held=message.held, moving=message.moving, stopped=message.stopped,
@@ -185,6 +192,7 @@ def _pose_of(rows: Sequence[float]) -> models.RobotPose | None:
 
 
 def robot_description(message: pb.RobotDescription) -> models.RobotDescription:
+    """What the robot is and can do."""
     return models.RobotDescription(
         name=message.name, simulated=message.simulated,
         footprint_radius_m=finite(message.footprint_radius_m), height_m=finite(message.height_m),

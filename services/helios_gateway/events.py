@@ -12,7 +12,7 @@ import threading
 import uuid
 from collections import deque
 from collections.abc import AsyncGenerator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from helios_core.errors import Unavailable
@@ -55,6 +55,10 @@ class Wanted:
         if self.types and event.type not in self.types:
             return False
         return not self.task_id or event.task_id == self.task_id
+
+    def with_tasks(self) -> Wanted:
+        """The same, and how tasks go on: one of these ends a task."""
+        return replace(self, types=self.types | {"task"}) if self.types else self
 
 
 class EventHub:

@@ -53,7 +53,7 @@ class Fleet:
             served.live.close()
 
 
-def _served(connection: HTTPConnection) -> Served:
+async def _served(connection: HTTPConnection) -> Served:
     fleet: Fleet = connection.app.state.fleet
     name = connection.path_params.get("robot")
     return fleet.first if name is None else fleet.named(name)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import colorsys
-import zlib
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,6 +10,8 @@ import numpy as np
 from helios_core import proto as pb
 from helios_core.errors import Internal
 from numpy.typing import NDArray
+
+from helios_gateway.class_colors import class_rgb
 
 ColorBy = Literal["color", "class", "probability", "uncertainty"]
 OTHER_RGB = (150, 156, 168)  # of no class that was looked for
@@ -55,7 +55,7 @@ def colored(gaussians: Gaussians, by: ColorBy) -> NDArray[np.uint8]:
     total = gaussians.concentration.sum(axis=1)
     believed = gaussians.concentration.argmax(axis=1)
     if by == "class":
-        palette = np.array([class_rgb(name) for name in gaussians.class_names], np.uint8)
+        palette = np.array([class_or_other_rgb(name) for name in gaussians.class_names], np.uint8)
         return palette[believed]
     share = gaussians.concentration[np.arange(len(gaussians)), believed] / total
     if by == "probability":
@@ -63,13 +63,9 @@ def colored(gaussians: Gaussians, by: ColorBy) -> NDArray[np.uint8]:
     return _ramp(np.sqrt(share * (1 - share) / (1 + total)) / MOST_DEVIATION)  # eq. 4
 
 
-def class_rgb(name: str) -> tuple[int, int, int]:
-    """The same for the same class everywhere; grey for what is of none."""
-    if name == "other":
-        return OTHER_RGB
-    hue = (zlib.crc32(name.encode()) % 360) / 360
-    r, g, b = colorsys.hls_to_rgb(hue, 0.45, 0.9)
-    return int(r * 255), int(g * 255), int(b * 255)
+def class_or_other_rgb(name: str) -> tuple[int, int, int]:
+    """The class's colour; grey for what is of none."""
+    return OTHER_RGB if name == "other" else class_rgb(name)
 
 
 def _ramp(values: NDArray[np.floating]) -> NDArray[np.uint8]:

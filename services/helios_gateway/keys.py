@@ -6,7 +6,7 @@
     sha256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 
 `helios key` writes such entries. The file is read again when it changes, so taking an entry out
-takes effect at once.
+takes effect at once; without the file, or with the last entry taken out, no key is known.
 """
 
 from __future__ import annotations
@@ -69,21 +69,23 @@ class Key(BaseModel):
 class _File(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    key: list[Key] = Field(min_length=1)
+    key: list[Key] = []
 
 
 class Keys:
     """Thread-safe. Without a file no key is asked for."""
 
     def __init__(self, file: Path | None) -> None:
-        """Raises InvalidInput for a file that cannot be read."""
+        """Raises InvalidInput for a file that cannot be read or holds no key."""
         self._file = file
         self._lock = threading.Lock()
-        self._seen = (0, 0)
+        self._seen: tuple[int, int] | None = None  # time and size; None: no file
         self._by_hash: dict[str, Key] = {}
         if file is not None:
             self._seen = _stamp(file)
             self._by_hash = _read(file)
+            if not self._by_hash:
+                raise InvalidInput(f"the file {file} holds no key; make one with helios key")
 
     @property
     def required(self) -> bool:
@@ -105,22 +107,26 @@ class Keys:
                 if stamp == self._seen:
                     return
                 self._seen = stamp
-            fresh = _read(self._file)
+            fresh = {} if stamp is None else _read(self._file)
         except InvalidInput as error:
             log.error("the keys of before stay in force: %s", error.message)
             return
         with self._lock:
             self._by_hash = fresh
-        log.info("%d keys read anew", len(fresh))
+        if fresh:
+            log.info("%d keys read anew", len(fresh))
+        else:
+            log.warning("%s holds no key any more: none is accepted", self._file)
 
 
-def _stamp(file: Path) -> tuple[int, int]:
+def _stamp(file: Path) -> tuple[int, int] | None:
+    """When it was written and its size; None where there is none. Raises InvalidInput."""
     try:
         status = file.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
     except OSError as error:
-        raise InvalidInput(
-            f"the keys in {file} cannot be read ({error.strerror}); make some with helios key"
-        ) from error
+        raise _unreadable(file, error) from error
     return status.st_mtime_ns, status.st_size
 
 
@@ -128,11 +134,17 @@ def _read(file: Path) -> dict[str, Key]:
     try:
         entries = _File.model_validate(tomllib.loads(file.read_text())).key
     except OSError as error:
-        raise InvalidInput(f"the keys in {file} cannot be read: {error.strerror}") from error
-    except tomllib.TOMLDecodeError as error:
+        raise _unreadable(file, error) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InvalidInput(f"the keys in {file} are no TOML: {error}") from error
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"]))
         raise InvalidInput(f"the keys in {file} are wrong: {where}: {first['msg']}") from error
     return {entry.sha256: entry for entry in entries}
+
+
+def _unreadable(file: Path, error: OSError) -> InvalidInput:
+    return InvalidInput(
+        f"the keys in {file} cannot be read ({error.strerror}); make some with helios key"
+    )

@@ -4,29 +4,36 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
+import re
 from collections.abc import Collection
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
+from helios_core.errors import HeliosError
 from limits import RateLimitItemPerSecond
 from limits.storage import MemoryStorage
 from limits.strategies import FixedWindowRateLimiter
 from starlette.datastructures import Headers
+from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from helios_gateway.access import key_of
+from helios_gateway.access import check, key_of
 from helios_gateway.keys import Keys
-from helios_gateway.problems import problem
+from helios_gateway.keys import Scope as KeyScope
+from helios_gateway.problems import problem, problem_of
 
 READING = ("GET", "HEAD", "OPTIONS")
-NEVER_LATE = ("/robot/stop",)  # neither counted nor made to wait
+# Addresses below that of a robot.
+NEVER_LATE = ("/robot/stop",)  # neither counted nor made to wait, and reads its body itself
 LARGE = ("/frames",)  # bodies are images; few at a time
 MOST_LARGE = 8
 STALL_S = 3.0  # longest time without a byte of a body
 MAPS = ("/map.zip",)  # bodies are whole maps; one at a time
 MAP_BODY_S = 60.0
 STREAMS = ("/events", "/events/ws", "/frames/ws")  # counted as viewers, not as requests
+_LARGE_BODIES = {("POST", "/frames"): KeyScope.OPERATE, ("PUT", "/map.zip"): KeyScope.ADMIN}
+_ROBOT = re.compile(r"/v1(?:/robots/[^/]+)?(/.*)", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -41,19 +48,20 @@ class Bounds:
     requests: int  # at the same time, of all clients
     origins: tuple[str, ...] = ()  # other sites whose pages may use the interface
 
-    def of_body(self, path: str) -> tuple[int, float]:
-        """Most bytes and seconds of a body sent to a path."""
-        if path.endswith(MAPS):
-            return self.map_bytes, MAP_BODY_S
-        return self.large_bytes if path.endswith(LARGE) else self.body_bytes, self.body_s
+    def of_body(self, method: str, path: str) -> tuple[int, float]:
+        """Most bytes and seconds of a body sent to a path below that of a robot."""
+        if (method, path) not in _LARGE_BODIES:
+            return self.body_bytes, self.body_s
+        return (self.map_bytes, MAP_BODY_S) if path in MAPS else (self.large_bytes, self.body_s)
 
 
 class Limits:
     """ASGI middleware.
 
-    A body above the limit is never held. A page of another site (its `Origin` is neither this host
-    nor in the list) may change nothing and open no socket. Where no key is asked for, the host's
-    name must be that of this machine, so that no name of another site can be made to lead here.
+    A body above the limit is never held, and a large one only with a key that suffices. A page of
+    another site (its `Origin` is neither this host nor in the list) may change nothing and open no
+    socket. Where no key is asked for, the host's name must be that of this machine, so that no
+    name of another site can be made to lead here.
     """
 
     def __init__(self, app: ASGIApp, bounds: Bounds, keys: Keys) -> None:
@@ -70,10 +78,10 @@ class Limits:
         if refusal is not None:
             await _refuse(refusal, scope, receive, send)
             return
-        path: str = scope["path"]
-        counted = not path.endswith((*STREAMS, *NEVER_LATE))
-        large = path.endswith(LARGE)
-        a_map = path.endswith(MAPS)
+        path = _below_robot(scope)
+        counted = path not in (*STREAMS, *NEVER_LATE)
+        large = path in LARGE
+        a_map = path in MAPS
         for refused, running in (
             (counted and self._running >= self._bounds.requests, self._running),
             (large and self._large >= MOST_LARGE, self._large),
@@ -108,7 +116,7 @@ class Limits:
                 f"a page of {origin[:200]} asked; only the dashboard's own page may, and those of "
                 "--origins",
             )  # fmt: skip
-        if scope["path"].endswith(NEVER_LATE):
+        if _below_robot(scope) in NEVER_LATE:
             return None
         key = key_of(scope, self._keys) if self._keys.required else None
         client = f"key {key.name}" if key else f"host {(scope.get('client') or ('',))[0]}"
@@ -123,29 +131,39 @@ class Limits:
         return out
 
     def _is_own(self, origin: str, host: str) -> bool:
-        return urlsplit(origin).netloc == host or origin in self._bounds.origins
+        try:
+            site = urlsplit(origin).netloc
+        except ValueError:  # brackets that do not close
+            return False
+        return site == host or origin in self._bounds.origins
 
     async def _with_body(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "websocket" or scope["method"] in READING:
+        path = _below_robot(scope)
+        if scope["type"] == "websocket" or scope["method"] in READING or path in NEVER_LATE:
             await self._app(scope, receive, send)
             return
-        limit, within_s = self._bounds.of_body(scope["path"])
+        needed = _LARGE_BODIES.get((scope["method"], path))
+        if needed is not None:  # nobody else's is held
+            try:
+                check(HTTPConnection(scope), needed)
+            except HeliosError as error:
+                await _refuse_body(problem_of(error), scope, receive, send)
+                return
+        limit, within_s = self._bounds.of_body(scope["method"], path)
         try:
             async with asyncio.timeout(within_s):
                 body = await _body(receive, limit)
         except TimeoutError as late:
             said = str(late) or f"the body did not arrive within {within_s:g} s"
             refusal = problem(408, "late", "Request Timeout", f"{said}; send it at once")
-            refusal.headers["connection"] = "close"
-            await refusal(scope, receive, send)
+            await _refuse_body(refusal, scope, receive, send)
             return
         if body is None:
             refusal = problem(
                 413, "too-large", "Content Too Large",
                 f"the body is larger than {limit} bytes; send less",
             )  # fmt: skip
-            refusal.headers["connection"] = "close"
-            await refusal(scope, receive, send)
+            await _refuse_body(refusal, scope, receive, send)
             return
         pending: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
 
@@ -176,6 +194,19 @@ async def _body(receive: Receive, limit: int) -> bytes | None:
             return bytes(body)
 
 
+def _below_robot(scope: Scope) -> str:
+    """The path of a request without that of the robot that it is about."""
+    path: str = scope["path"]
+    found = _ROBOT.fullmatch(path)
+    return found[1] if found else path
+
+
+async def _refuse_body(refusal: JSONResponse, scope: Scope, receive: Receive, send: Send) -> None:
+    """The rest of the body is not waited for."""
+    refusal.headers["connection"] = "close"
+    await refusal(scope, receive, send)
+
+
 async def _refuse(refusal: JSONResponse, scope: Scope, receive: Receive, send: Send) -> None:
     if scope["type"] == "websocket" and "websocket.http.response" not in _extensions(scope):
         await send({"type": "websocket.close", "code": 1008, "reason": "refused"})
@@ -198,11 +229,11 @@ def _busy(running: int) -> JSONResponse:
 
 def _is_this_machine(host: str) -> bool:
     """A loopback name, or any address in numbers: no name that somebody else may hand out."""
-    name = urlsplit(f"//{host}").hostname or ""
-    if name == "localhost" or name.endswith(".localhost"):
-        return True
     try:
+        name = urlsplit(f"//{host}").hostname or ""
+        if name == "localhost" or name.endswith(".localhost"):
+            return True
         ipaddress.ip_address(name)
-    except ValueError:
+    except ValueError:  # a name of elsewhere, or no name at all
         return False
     return True

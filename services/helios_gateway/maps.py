@@ -128,8 +128,16 @@ class Maps:
         """Every instance of the object map."""
         return convert.object_list(self._ask_objects())
 
+    def object(self, id: int) -> map_models.ObjectInstance:
+        """One instance of the object map. Raises NotFound."""
+        for found in self.objects().objects:
+            if found.id == id:
+                return found
+        raise NotFound(f"there is no object {id}; list them with GET /v1/objects")
+
     def objects_json(self, class_name: str | None, min_score: float | None) -> Encoded:
         """The instances of a class (None: of all) with at least a score Ψ, as they are sent."""
+        state = self._state("objectmap")
         reply = self._ask_objects()
 
         def make() -> Encoded:
@@ -137,7 +145,7 @@ class Maps:
             kept = [o for o in found.objects if _fits(o, class_name, min_score)]
             return Encoded.json(found.model_copy(update={"objects": kept}))
 
-        return self._lists.get((class_name, min_score), id(reply), make)
+        return self._lists.get((class_name, min_score), (state, reply.version), make)
 
     def scene(self, by: ColorBy) -> Encoded:
         """The Gaussians in 3D, coloured, over the ground where there is a map of it."""

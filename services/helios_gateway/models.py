@@ -269,11 +269,12 @@ class Vocabulary(BaseModel):
 
 
 class StopRequest(BaseModel):
-    """Why the robot shall stop."""
+    """Why the robot shall stop. It stops whatever is sent."""
 
-    model_config = ConfigDict(extra="forbid")
-
-    reason: str = Field(default="stop-now was asked for over HTTP", max_length=500)
+    reason: str = Field(
+        default="stop-now was asked for over HTTP",
+        description="of a longer one the first 500 characters are kept",
+    )
 
 
 class RobotEntry(BaseModel):

@@ -111,9 +111,10 @@ class Roster:
         return "it has not been seen; start it"
 
     def _router(self) -> tuple[ServiceState, str]:
-        """The router has no word of its own: hearing anything at all over it is the proof."""
+        """The router has no word of its own: hearing anything at all over it is the proof. The
+        gateway hears itself without it."""
         now = self._clock()
-        heard = [now - at for _, at in self._said.values()]
+        heard = [now - at for name, (_, at) in self._said.items() if name != "gateway"]
         if heard and min(heard) <= self._silent_after_s:
             return "ready", ""
         process = self._processes.get("router")

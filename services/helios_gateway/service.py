@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import ipaddress
 import logging
+import os
 import socket
 import threading
 from collections.abc import Callable
@@ -102,7 +103,6 @@ class Gateway:
             ws_max_queue=WEBSOCKET_QUEUE,
         )
         self._server = uvicorn.Server(config)
-        self._health = health
         self._thread = threading.Thread(
             target=self._serve, args=(listener,), name="http", daemon=True
         )
@@ -121,8 +121,14 @@ class Gateway:
             bus.close()
 
     def _serve(self, listener: socket.socket) -> None:
+        """Until `close`. A gateway whose web server ends by itself serves nobody: the process ends,
+        and who supervises it starts another."""
+        why: BaseException | None = None
         try:
             self._server.run(sockets=[listener])
         except BaseException as error:
-            log.exception("the web server ended")
-            self._health.degraded(f"the web server ended: {error!r}; restart the gateway")
+            why = error
+        if not self._server.should_exit:
+            log.critical("the web server ended, and the gateway with it", exc_info=why)
+            logging.shutdown()
+            os._exit(1)

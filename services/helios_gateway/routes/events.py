@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from collections.abc import AsyncGenerator
 from typing import Annotated
 
@@ -13,13 +14,14 @@ from fastapi.responses import StreamingResponse
 from helios_core import proto as pb
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.topics import GET_TASK
+from starlette.requests import HTTPConnection
 
 from helios_gateway import convert
 from helios_gateway.access import check, secured
 from helios_gateway.events import Event, Wanted, as_sse
 from helios_gateway.fleet import At, Served
 from helios_gateway.keys import Scope
-from helios_gateway.problems import NotFound, problem_of, problems
+from helios_gateway.problems import Forbidden, NotFound, Unauthorized, problem_of, problems
 from helios_gateway.settings import Settings
 
 TYPES = ("task", "decision", "plan", "robot", "map", "service", "ready")
@@ -37,14 +39,24 @@ def event_routes(prefix: str, settings: Settings) -> APIRouter:
     routes = APIRouter(prefix=prefix, tags=["events"])
 
     async def watch(
-        at: Served, last_id: str | None, types: str, task_id: str
+        viewer: HTTPConnection, at: Served, last_id: str | None, types: str, task_id: str
     ) -> AsyncGenerator[Event | None]:
         """Raises InvalidInput, NotFound, Unavailable."""
         wanted = Wanted(_types(types), task_id)
         if not task_id:
-            return at.live.events.watch(last_id, wanted)
-        first = await anyio.to_thread.run_sync(_task_event, at, task_id, settings.call_timeout_s)
-        return _until_ended(at.live.events.watch(last_id, wanted), first, wanted)
+            stream = at.live.events.watch(last_id, wanted)
+        else:
+            stream = at.live.events.watch(last_id, wanted.with_tasks())
+            await anext(stream)  # from here on the task's end is not missed
+            try:
+                first = await anyio.to_thread.run_sync(
+                    _task_event, at, task_id, settings.call_timeout_s
+                )
+            except BaseException:
+                await stream.aclose()
+                raise
+            stream = _until_ended(stream, first, wanted)
+        return _while_allowed(stream, viewer, settings.keepalive_s)
 
     @routes.get(
         "/events",
@@ -68,7 +80,7 @@ def event_routes(prefix: str, settings: Settings) -> APIRouter:
         The same over a WebSocket: `/v1/events/ws?last_event_id=…`, each message
         `{"id", "type", "data"}`, an empty text as a sign of life."""
         return StreamingResponse(
-            as_sse(await watch(at, last_event_id, types, task_id)),
+            as_sse(await watch(request, at, last_event_id, types, task_id)),
             media_type="text/event-stream",
             headers={"cache-control": "no-store", "x-accel-buffering": "no"},
         )
@@ -83,7 +95,7 @@ def event_routes(prefix: str, settings: Settings) -> APIRouter:
     ) -> None:
         try:
             check(socket, Scope.READ)
-            stream = await watch(at, last_event_id, types, task_id)
+            stream = await watch(socket, at, last_event_id, types, task_id)
         except HeliosError as error:
             await socket.send_denial_response(problem_of(error))
             return
@@ -126,13 +138,33 @@ def _task_event(at: Served, task_id: str, timeout_s: float) -> Event:
 async def _until_ended(
     stream: AsyncGenerator[Event | None], first: Event, wanted: Wanted
 ) -> AsyncGenerator[Event | None]:
+    """Of a stream that tells of the task, and has begun: what is wanted, until the task ends."""
     async with contextlib.aclosing(stream):
-        yield await anext(stream)
+        yield None
         if wanted(first):
             yield first
         if first.ends_task:
             return
         async for event in stream:
-            yield event
+            if event is None or wanted(event):
+                yield event
             if event is not None and event.ends_task:
                 return
+
+
+async def _while_allowed(
+    stream: AsyncGenerator[Event | None], viewer: HTTPConnection, every_s: float
+) -> AsyncGenerator[Event | None]:
+    """Until the viewer's key is taken away. It is looked at where nothing happens, and every so
+    many seconds where much does."""
+    checked_s = time.monotonic()
+    async with contextlib.aclosing(stream):
+        async for event in stream:
+            now_s = time.monotonic()
+            if event is None or now_s - checked_s >= every_s:
+                try:
+                    check(viewer, Scope.READ)
+                except (Unauthorized, Forbidden):
+                    return
+                checked_s = now_s
+            yield event

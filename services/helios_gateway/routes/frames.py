@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from typing import Annotated
 
 import anyio.to_thread
@@ -21,13 +22,13 @@ from helios_gateway.fleet import At, Served
 from helios_gateway.frames import FrameTaken, push_request, read_meta, taken
 from helios_gateway.keys import Scope
 from helios_gateway.limits import MOST_LARGE
-from helios_gateway.problems import problem, problem_of, problems
+from helios_gateway.problems import Forbidden, Unauthorized, problem, problem_of, problems
 from helios_gateway.settings import Settings
 
 MOST_SENDERS = 8  # sockets open at the same time
 TURN_S = 12.0  # that the bridge may need for the frames before this one
 FAREWELL_S = 1.0  # that a socket has for hearing why it is closed
-GOING_AWAY = 1001
+GOING_AWAY, NOT_ALLOWED = 1001, 1008
 
 
 def frame_routes(prefix: str, settings: Settings) -> APIRouter:
@@ -83,32 +84,50 @@ def frame_routes(prefix: str, settings: Settings) -> APIRouter:
             return
         with contextlib.suppress(WebSocketDisconnect):
             with place:
-                why = await answer_frames(at, socket)
+                end = await answer_frames(at, socket)
             # Its place is free already: whoever does not listen any more keeps nobody waiting.
             with contextlib.suppress(TimeoutError, RuntimeError):
                 async with asyncio.timeout(FAREWELL_S):
-                    await socket.send_text(_as_text(problem(408, "late", "Request Timeout", why)))
-                    await socket.close(GOING_AWAY, why)
+                    await socket.send_text(_as_text(end.problem))
+                    await socket.close(end.code, end.why)
 
-    async def answer_frames(at: Served, socket: WebSocket) -> str:
-        """Until the sender falls silent; how it did. Raises WebSocketDisconnect."""
+    async def answer_frames(at: Served, socket: WebSocket) -> _End:
+        """Until the sender falls silent or its key is taken away. Raises WebSocketDisconnect."""
         await socket.accept()
         messages = _Messages(socket, settings.frame_idle_s)
         while True:
             try:
                 frame = await messages.next_frame()
+                check(socket, Scope.OPERATE)
                 answer = (await give(at, *frame)).model_dump_json()
             except _Silent as silent:
-                return str(silent)
+                return _End.late(str(silent))
+            except (Unauthorized, Forbidden) as error:
+                return _End(problem_of(error), NOT_ALLOWED, "the key is not accepted any more")
             except HeliosError as error:
                 answer = _as_text(problem_of(error))
             try:
                 async with asyncio.timeout(settings.frame_idle_s):
                     await socket.send_text(answer)
             except TimeoutError:
-                return f"the answer was not read for {settings.frame_idle_s:g} s; connect again"
+                return _End.late(
+                    f"the answer was not read for {settings.frame_idle_s:g} s; connect again"
+                )
 
     return routes
+
+
+@dataclass(frozen=True)
+class _End:
+    """What a sender is told when its socket is closed."""
+
+    problem: JSONResponse
+    code: int  # of the close
+    why: str  # of the close, at most 123 bytes
+
+    @classmethod
+    def late(cls, why: str) -> _End:
+        return cls(problem(408, "late", "Request Timeout", why), GOING_AWAY, why)
 
 
 class _Silent(Exception):

@@ -10,7 +10,7 @@ from helios_gateway import map_models
 from helios_gateway.access import secured
 from helios_gateway.fleet import At
 from helios_gateway.keys import Scope
-from helios_gateway.problems import NotFound, problems
+from helios_gateway.problems import problems
 from helios_gateway.responses import JPEG, NPZ, PNG, UNCHANGED, content_docs, tagged
 
 SizePx = Annotated[int, Query(ge=128, le=4096, description="side of the square picture, pixels")]
@@ -124,10 +124,7 @@ def map_routes(prefix: str) -> APIRouter:
     def one_object(
         at: At, id: Annotated[int, Path(ge=0, lt=2**64, description="as /v1/objects gives it")]
     ) -> map_models.ObjectInstance:
-        for found in at.live.maps.objects().objects:
-            if found.id == id:
-                return found
-        raise NotFound(f"there is no object {id}; list them with GET /v1/objects")
+        return at.live.maps.object(id)
 
     @routes.get(
         "/camera.jpg",

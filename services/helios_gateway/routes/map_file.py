@@ -8,8 +8,18 @@ from typing import Annotated
 
 from fastapi import APIRouter, Body, Response
 from helios_core import proto as pb
-from helios_core.errors import Conflict, HeliosError
-from helios_core.topics import LIST_TASKS, LOAD_MAP2D, LOAD_OBJECTS, SAVE_MAP2D, SAVE_OBJECTS
+from helios_core.bus import Bus
+from helios_core.errors import Conflict, DeadlineExceeded, HeliosError
+from helios_core.topics import (
+    LIST_TASKS,
+    LOAD_MAP2D,
+    LOAD_OBJECTS,
+    SAVE_MAP2D,
+    SAVE_OBJECTS,
+    M,
+    Method,
+    Req,
+)
 
 from helios_gateway import map_models
 from helios_gateway.access import secured
@@ -22,7 +32,7 @@ from helios_gateway.settings import Settings
 
 ZIP = "application/zip"
 FILE_S = 60.0  # a map of a large home is read and checked in seconds
-UNDER_WAY = ("running", "paused")
+UNDER_WAY = ("queued", "running", "paused")
 
 
 def map_file_routes(prefix: str, settings: Settings) -> APIRouter:
@@ -78,17 +88,27 @@ def map_file_routes(prefix: str, settings: Settings) -> APIRouter:
     ) -> map_models.LoadedMaps:
         """In the place of the present ones: both, or neither where one is refused. What is
         at (x, y) in the file must be there in the robot's world, too. Refused while a task is
-        under way."""
+        queued or under way. After a 504 which maps are in place is not known: load a file again."""
         maps = unpacked(file, settings.map_limit_bytes)
+        named = pb.Map2DFile(name=f"map2d{MAP2D_SUFFIX}", data=maps.map2d)
         _check_idle(at, settings.call_timeout_s)
         before = at.bus.call(SAVE_OBJECTS, pb.Empty(), FILE_S)
-        objects = at.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=maps.objects), FILE_S)
-        named = pb.Map2DFile(name=f"map2d{MAP2D_SUFFIX}", data=maps.map2d)
+        _check_idle(at, settings.call_timeout_s)  # a task may have come meanwhile
         try:
-            ground = at.bus.call(LOAD_MAP2D, pb.LoadMap2DRequest(files=[named]), FILE_S)
-        except HeliosError:
-            at.bus.call(LOAD_OBJECTS, before, FILE_S)
-            raise
+            file_of_objects = pb.ObjectMapFile(data=maps.objects)
+            objects = _loaded(at.bus, LOAD_OBJECTS, file_of_objects, "the object map")
+            try:
+                _check_idle(at, settings.call_timeout_s)
+            except HeliosError as error:
+                _put_back(at.bus, before, error)
+                raise
+            try:
+                ground = _loaded(at.bus, LOAD_MAP2D, pb.LoadMap2DRequest(files=[named]), "map2d")
+            except DeadlineExceeded:
+                raise  # map2d may yet take its part of the file, and wants the objects with it
+            except HeliosError as error:
+                _put_back(at.bus, before, error)
+                raise
         finally:
             at.live.maps.on_change()
         return map_models.LoadedMaps(
@@ -99,8 +119,30 @@ def map_file_routes(prefix: str, settings: Settings) -> APIRouter:
     return routes
 
 
+def _loaded(bus: Bus, method: Method[Req, M], request: Req, whose: str) -> M:
+    """Raises HeliosError; DeadlineExceeded says that the outcome is not known."""
+    try:
+        return bus.call(method, request, FILE_S)
+    except DeadlineExceeded as error:
+        raise DeadlineExceeded(
+            f"{error.message}: whether {whose} holds what the file says is not known; wait until "
+            "/v1/status says that it is ready, and load the file again"
+        ) from error
+
+
+def _put_back(bus: Bus, objects: pb.ObjectMapFile, why: HeliosError) -> None:
+    """Gives the object map its former objects. Raises `why`, with that, where it fails, too."""
+    try:
+        bus.call(LOAD_OBJECTS, objects, FILE_S)
+    except HeliosError as error:
+        raise type(why)(
+            f"{why.message}; and the object map could not be given its former objects "
+            f"({error.message}): load a file again"
+        ) from why
+
+
 def _check_idle(at: Served, timeout_s: float) -> None:
-    """Raises Conflict while a task is under way."""
+    """Raises Conflict while a task is queued or under way."""
     for task in at.bus.call(LIST_TASKS, pb.Empty(), timeout_s).tasks:
         if task.state in UNDER_WAY:
             raise Conflict(

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import functools
 
 import anyio.to_thread
 from anyio import CapacityLimiter
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
 from helios_core import proto as pb
 from helios_core.topics import CLEAR_STOP, STOP
+from pydantic import ValidationError
+from starlette.requests import ClientDisconnect
 
 from helios_gateway import models
 from helios_gateway.access import secured
@@ -16,6 +20,14 @@ from helios_gateway.fleet import At
 from helios_gateway.keys import Scope
 from helios_gateway.problems import problems
 from helios_gateway.settings import Settings
+
+BODY_S = 0.2  # that stop-now waits for its reason
+BODY_BYTES = 65536
+REASON_CHARACTERS = 500
+STOP_BODY = {
+    "required": False,
+    "content": {"application/json": {"schema": models.StopRequest.model_json_schema()}},
+}
 
 
 def robot_routes(prefix: str, settings: Settings) -> APIRouter:
@@ -27,11 +39,17 @@ def robot_routes(prefix: str, settings: Settings) -> APIRouter:
     async def robot(at: At) -> models.Robot:
         return at.live.robot()
 
-    @routes.post("/stop", summary="Stop now", responses=problems(409, body=True))
-    async def stop(at: At, request: models.StopRequest | None = None) -> models.Robot:
+    @routes.post(
+        "/stop",
+        summary="Stop now",
+        responses=problems(409),
+        openapi_extra={"requestBody": STOP_BODY},
+    )
+    async def stop(at: At, request: Request) -> models.Robot:
         """Goes to the bridge directly, latches, and refuses every motion until it is cleared.
-        Any key may stop; requests are not counted."""
-        message = pb.StopRequest(reason=(request or models.StopRequest()).reason)
+        Any key may stop; requests are not counted. No body is refused: of one that cannot be read
+        the reason alone is lost."""
+        message = pb.StopRequest(reason=stop_reason(await _begun(request)))
         await anyio.to_thread.run_sync(
             functools.partial(at.bus.call, STOP, message, settings.stop_timeout_s),
             limiter=own_threads,
@@ -50,3 +68,24 @@ def robot_routes(prefix: str, settings: Settings) -> APIRouter:
         return at.live.robot()
 
     return routes
+
+
+def stop_reason(body: bytes) -> str:
+    """Why the robot shall stop: at most 500 characters, the default for what is unreadable."""
+    try:
+        known = models.StopRequest.model_validate_json(body)
+    except ValidationError:
+        known = models.StopRequest()
+    return known.reason[:REASON_CHARACTERS]
+
+
+async def _begun(request: Request) -> bytes:
+    """What has come of the body, when it is whole, too long or late."""
+    body = bytearray()
+    with contextlib.suppress(TimeoutError, ClientDisconnect):
+        async with asyncio.timeout(BODY_S):
+            async for part in request.stream():
+                body += part
+                if len(body) > BODY_BYTES:
+                    break
+    return bytes(body)

@@ -17,7 +17,7 @@ from helios_gateway import convert, map_models
 from helios_gateway.access import secured
 from helios_gateway.fleet import At, Served
 from helios_gateway.keys import Scope
-from helios_gateway.problems import NotFound, problems
+from helios_gateway.problems import problems
 from helios_gateway.routes.objects import ObjectId
 
 RECALL_S = 12.0  # the text model may have to wake up
@@ -65,9 +65,7 @@ def seen_routes(prefix: str) -> APIRouter:
     ) -> map_models.ViewList:
         """Past views that fit its class where it is, from different sides, best first; kept and
         asked as `/v1/seen` says."""
-        found = next((o for o in at.live.maps.objects().objects if o.id == id), None)
-        if found is None:
-            raise NotFound(f"there is no object {id}; list them with GET /v1/objects")
+        found = at.live.maps.object(id)
         asked = pb.RecallRequest(prompt=found.class_name, most_places=MOST_VIEWS)
         recalled = _recalled(at, asked)
         near = [place for place in recalled.places if _shows(found, place)]

@@ -27,8 +27,9 @@ export async function ask(path, options = {}) {
   return body;
 }
 
-export const send = (path, body) =>
+export const send = (path, body, options = {}) =>
   ask(path, {
+    ...options,
     method: "POST",
     headers: { "content-type": "application/json" },
     body: body === undefined ? undefined : JSON.stringify(body),

@@ -1,10 +1,11 @@
 // Joins the parts of the page to the events.
 import { showRobots } from "./access.js";
-import { $, Problem, coalesced, facts, get, listen, number, send } from "./api.js";
+import { $, coalesced, facts, get, listen, number } from "./api.js";
 import { MapView } from "./map.js";
 import { Objects } from "./objects.js";
 import { Seen } from "./seen.js";
 import { showReady, showService } from "./services.js";
+import { showStopped } from "./stop.js";
 import { Tasks } from "./tasks.js";
 import { View3d } from "./view3d.js";
 import { Why } from "./why.js";
@@ -76,8 +77,7 @@ function showRobot({ connected, state, description }) {
   map.description = description;
   map.robot = state;
   map.redraw();
-  $("stopped").hidden = !state?.stopped;
-  $("clear-stop").hidden = !state?.stopped;
+  showStopped(state?.stopped);
   if (!state) return;
   const { pose } = state;
   const degrees = pose && ((pose.yaw_rad * 180) / Math.PI).toFixed(0);
@@ -91,19 +91,6 @@ function showRobot({ connected, state, description }) {
     ["", state.message],
   ]);
 }
-
-async function command(path) {
-  $("failed").hidden = true;
-  try {
-    showRobot(await send(path));
-  } catch (error) {
-    const said = error instanceof Problem ? error.message : "the gateway cannot be reached";
-    $("failed").textContent = `${path.endsWith("/stop") ? "The stop did not get through" : "Not cleared"}: ${said}.`;
-    $("failed").hidden = false;
-  }
-}
-$("stop").addEventListener("click", () => command("/robot/stop"));
-$("clear-stop").addEventListener("click", () => command("/robot/clear-stop"));
 
 async function showCamera() {
   if (document.hidden) return;

@@ -4,6 +4,7 @@ import { drawOverlay } from "./overlay.js";
 import { paintCells, palette, ramp } from "./palette.js";
 
 const NO_LAYER = "occupancy";
+const RETRY_MS = 5000; // from a map that could not be had to the next try
 
 export class MapView {
   constructor() {
@@ -22,30 +23,39 @@ export class MapView {
     this.center = [0, 0]; // world point in the middle
     this.pointed = null; // world point that a person asked for
     this.held = false; // a person chose the view
+    this.retry = null;
     this.load = coalesced(() => this.fetch());
     this.dirty = false;
     this.listen();
     this.drawLayers([]);
   }
 
+  /** What is known now; asked again a while after a failure, since no change may follow it. */
   async fetch() {
-    const layer = this.layer === NO_LAYER ? "" : `?layer=${encodeURIComponent(this.layer)}`;
-    let info;
+    clearTimeout(this.retry);
     try {
-      info = await ask("/map");
+      await this.update();
     } catch (error) {
+      this.retry = setTimeout(() => this.load(), RETRY_MS);
       if (error instanceof Problem && !this.info) $("map-empty").textContent = error.message;
       throw error;
     }
+  }
+
+  async update() {
+    const info = await ask("/map");
+    const names = info.layers.map((one) => one.name);
+    if (!names.includes(this.layer)) this.choose(NO_LAYER); // it went with the last search
+    const layer = this.layer === NO_LAYER ? "" : `?layer=${encodeURIComponent(this.layer)}`;
     const response = await get(`/map/cells.png${layer}`);
-    if (!response.ok) return;
+    if (!response.ok) throw new Problem(`the cells of the map answered ${response.status}`);
     const options = { premultiplyAlpha: "none", colorSpaceConversion: "none" };
     this.bitmap = await createImageBitmap(await response.blob(), options);
     this.frontiers = (await ask("/map/frontiers")).frontiers;
     this.info = info;
     $("map-empty").hidden = true;
     $("map-facts").textContent = `explored ${number(info.explored_m2, 1)} m² · version ${info.version}`;
-    this.drawLayers(info.layers.map((one) => one.name));
+    this.drawLayers(names);
     this.paint();
     if (!this.held) this.fit();
     this.redraw();
@@ -58,15 +68,22 @@ export class MapView {
     const buttons = [NO_LAYER, ...wanted].map((name) => {
       const text = name === NO_LAYER ? "Occupancy" : `Value: ${words(name)}`;
       const button = element("button", { type: "button", textContent: text });
-      button.setAttribute("aria-pressed", name === this.layer);
+      button.dataset.layer = name;
       button.addEventListener("click", () => {
-        this.layer = name;
-        for (const other of buttons) other.setAttribute("aria-pressed", other === button);
+        this.choose(name);
         this.load();
       });
       return button;
     });
     $("layers").replaceChildren(...buttons);
+    this.choose(this.layer);
+  }
+
+  choose(name) {
+    this.layer = name;
+    for (const button of $("layers").children) {
+      button.setAttribute("aria-pressed", button.dataset.layer === name);
+    }
   }
 
   /** Colours the cells for the theme and layer. */

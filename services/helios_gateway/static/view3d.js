@@ -73,9 +73,11 @@ export class View3d {
 
   async load() {
     if (!this.shown || document.hidden) return;
-    const scene = `/objects.viser?color=${this.color}`;
+    const { color } = this;
+    const scene = `/objects.viser?color=${color}`;
     try {
       const response = await get(scene); // the frame has it from the browser's store, by its tag
+      if (color !== this.color) return;
       if (!response.ok) {
         this.say((await response.json().catch(() => ({}))).detail ?? "There is no scene.");
         return;
@@ -85,7 +87,7 @@ export class View3d {
       this.say("The gateway cannot be reached.");
       return;
     }
-    if (!this.shown) return;
+    if (!this.shown || color !== this.color) return; // another one is on its way
     const query = new URLSearchParams({ playbackPath: address(scene), logCamera: "" });
     if (matchMedia("(prefers-color-scheme: dark)").matches) query.set("darkMode", "");
     const src = `${address("/view3d")}#${query}&${this.camera || this.above()}`;

@@ -121,6 +121,29 @@ def test_a_key_that_was_taken_out_of_the_file_opens_nothing(
     assert door.client(keys["operate"]).get("/v1/tasks").status_code == 200
 
 
+def test_an_empty_file_and_none_open_nothing_until_it_is_back(
+    door: Door, keys: dict[str, str], file: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    def answer() -> int:
+        return door.client(keys["read"]).get("/v1/tasks").status_code
+
+    entries = file.read_text()
+    assert answer() == 200
+    file.write_text("")
+    assert answer() == 401
+    file.write_text(entries)
+    assert answer() == 200
+    caplog.clear()
+    file.unlink()
+    assert (answer(), answer()) == (401, 401)
+    said = [record.message for record in caplog.records if "none is accepted" in record.message]
+    assert len(said) == 1
+    file.write_text(entries)
+    assert answer() == 200
+    file.write_bytes(b"\xff\xfe no text")
+    assert answer() == 200
+
+
 def test_the_file_holds_no_key_and_is_its_owner_s_alone(keys: dict[str, str], file: Path) -> None:
     assert not any(key in file.read_text() for key in keys.values())
     assert file.stat().st_mode & 0o077 == 0
@@ -146,6 +169,12 @@ def test_a_file_of_keys_that_is_wrong_is_refused(file: Path, text: str, says: st
         Keys(file.parent / "none.toml")
 
 
+def test_a_file_of_keys_that_is_no_text_is_refused(file: Path) -> None:
+    file.write_bytes(b"\xff\xfe")
+    with pytest.raises(InvalidInput, match="no TOML"):
+        Keys(file)
+
+
 def test_beyond_loopback_keys_are_needed(file: Path, keys: dict[str, str]) -> None:
     check_open("127.0.0.1", Settings.load([]), Keys(None))
     check_open("::1", Settings.load([]), Keys(None))
@@ -161,6 +190,36 @@ def test_without_keys_only_this_machine_s_names_lead_here(client: TestClient) ->
         assert (refused.status_code, refused.json()["title"]) == (403, "Forbidden")
     for host in ("localhost:8080", "127.0.0.1", "[::1]:8080", "robot.localhost"):
         assert client.get("/v1/robot", headers={"host": host}).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("verb", "path", "least"), [("PUT", "/v1/map.zip", "admin"), ("POST", "/v1/frames", "operate")]
+)
+@pytest.mark.parametrize("of_robot", ["/v1", "/v1/robots/robot"])
+def test_a_large_body_is_not_read_before_its_key_is_known(
+    door: Door, keys: dict[str, str], verb: str, path: str, least: str, of_robot: str
+) -> None:
+    async def read_of(key: str) -> tuple[int, int]:
+        read = 0
+
+        async def body() -> AsyncIterator[bytes]:
+            nonlocal read
+            for _ in range(20):
+                yield bytes(100_000)
+                read += 100_000
+
+        headers = {"authorization": f"Bearer {key}"}
+        transport = httpx.ASGITransport(door.app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            answer = await client.request(
+                verb, path.replace("/v1", of_robot), content=body(), headers=headers
+            )
+        return answer.status_code, read
+
+    assert asyncio.run(read_of("")) == (401, 0)
+    for scope in Scope:
+        status, read = asyncio.run(read_of(keys[scope.name.lower()]))
+        assert (status == 403, read == 0) == (2 * (scope < Scope[least.upper()],))
 
 
 def test_too_many_requests_of_one_client_wait_and_stop_now_never_does(

@@ -7,12 +7,15 @@ import io
 import json
 import zipfile
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 from fastapi.testclient import TestClient
 from helios_client.commands.keys import add_key
-from helios_core.errors import InvalidInput
+from helios_core import proto as pb
+from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import LOAD_MAP2D, LOAD_OBJECTS, Method
 from helios_gateway.app import create_app
 from helios_gateway.fleet import Fleet, Served
 from helios_gateway.live import Live
@@ -104,12 +107,66 @@ def test_both_maps_are_loaded_or_neither(client: TestClient, backend: Backend) -
 def test_a_map_is_not_pulled_from_under_a_task(client: TestClient, backend: Backend) -> None:
     saved = client.get("/v1/map.zip").content
     backend.submit("move the mug to the kitchen counter")
-    backend.change_task("t1", "running")
-    answer = client.put("/v1/map.zip", content=saved, headers=ZIP)
-    assert answer.status_code == 409
-    assert "t1 is running" in answer.json()["detail"]
+    for state in ("queued", "running", "paused"):
+        backend.change_task("t1", state)
+        answer = client.put("/v1/map.zip", content=saved, headers=ZIP)
+        assert answer.status_code == 409
+        assert f"t1 is {state}" in answer.json()["detail"]
     backend.change_task("t1", "succeeded")
     assert client.put("/v1/map.zip", content=saved, headers=ZIP).status_code == 200
+
+
+def test_a_task_that_comes_meanwhile_keeps_its_maps(
+    client: TestClient, hub: MemoryHub, backend: Backend
+) -> None:
+    saved = client.get("/v1/map.zip").content
+    backend.kept = {"map2d": b"present walls", "objects": b"present things"}
+
+    def load(request: pb.ObjectMapFile) -> pb.ObjectMapLoaded:
+        if not backend.tasks:
+            backend.submit("move the mug to the kitchen counter")
+        backend.kept["objects"] = request.data
+        return pb.ObjectMapLoaded()
+
+    MemoryBus(hub).serve(LOAD_OBJECTS, load)
+    answer = client.put("/v1/map.zip", content=saved, headers=ZIP)
+    assert (answer.status_code, "t1 is queued" in answer.json()["detail"]) == (409, True)
+    assert backend.kept == {"map2d": b"present walls", "objects": b"present things"}
+
+
+@pytest.mark.parametrize("method", [LOAD_OBJECTS, LOAD_MAP2D])
+def test_a_load_without_an_answer_is_said_to_be_unknown(
+    client: TestClient, hub: MemoryHub, backend: Backend, method: Method
+) -> None:
+    saved = client.get("/v1/map.zip").content
+
+    def late(_: object) -> NoReturn:
+        raise DeadlineExceeded("no answer came in 60 s")
+
+    MemoryBus(hub).serve(method, late)
+    answer = client.put("/v1/map.zip", content=saved, headers=ZIP)
+    assert (answer.status_code, "is not known" in answer.json()["detail"]) == (504, True)
+
+
+def test_why_a_load_was_refused_is_told_though_the_way_back_failed_too(
+    client: TestClient, hub: MemoryHub, backend: Backend
+) -> None:
+    saved = client.get("/v1/map.zip").content
+    backend.refuses_maps = InvalidInput("the file is of cells of 0.1 m")
+    loads: list[bytes] = []
+
+    def load_once(request: pb.ObjectMapFile) -> pb.ObjectMapLoaded:
+        loads.append(request.data)
+        if len(loads) > 1:
+            raise Unavailable("the object map is away")
+        return pb.ObjectMapLoaded()
+
+    MemoryBus(hub).serve(LOAD_OBJECTS, load_once)
+    answer = client.put("/v1/map.zip", content=saved, headers=ZIP)
+    assert answer.status_code == 400
+    detail = answer.json()["detail"]
+    assert detail.startswith("the file is of cells of 0.1 m; ")
+    assert "the object map is away" in detail
 
 
 def test_a_map_of_another_kind_is_a_plain_refusal(client: TestClient, backend: Backend) -> None:

@@ -10,6 +10,7 @@ import time
 
 import httpx
 import pytest
+import uvicorn
 from helios_core.errors import Unavailable
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
@@ -90,3 +91,25 @@ def test_alone_it_says_what_it_waits_for_and_stops_on_sigterm() -> None:
         for process in (gateway, router):
             process.kill()
             process.wait()
+
+
+@pytest.mark.parametrize("fault", [None, RuntimeError("the loop broke"), SystemExit(3)])
+def test_a_web_server_that_ends_by_itself_ends_the_process(
+    hub: MemoryHub, backend: Backend, monkeypatch: pytest.MonkeyPatch, fault: BaseException | None
+) -> None:
+    ended: list[int] = []
+
+    def run(server: uvicorn.Server, sockets: list[socket.socket]) -> None:
+        if fault is not None:
+            raise fault
+
+    monkeypatch.setattr("helios_gateway.service.os._exit", ended.append)
+    monkeypatch.setattr(uvicorn.Server, "run", run)
+    listener = bind("127.0.0.1", 0)
+    gateway = Gateway(
+        MemoryBus(hub), Health(), Settings.load([]), listener, lambda name: MemoryBus(hub, name)
+    )
+    wait_until(lambda: ended, 10, "the process is told to end")
+    gateway.close()
+    listener.close()
+    assert ended == [1]

@@ -70,6 +70,16 @@ def test_one_that_falls_silent_is_degraded(roster: Roster, clock: Clock) -> None
     assert state_of(roster, "router") == ("down", "nothing has been heard over it for 6 s")
 
 
+def test_the_gateway_s_own_word_is_no_proof_of_the_router(roster: Roster, clock: Clock) -> None:
+    roster.on_status(says("gateway", "ready"))
+    assert state_of(roster, "router") == ("starting", "nothing has been heard over it")
+    roster.on_status(says("map2d", "ready"))
+    assert state_of(roster, "router") == ("ready", "")
+    clock.now += 6
+    roster.on_status(says("gateway", "ready"))
+    assert state_of(roster, "router") == ("down", "nothing has been heard over it for 6 s")
+
+
 def test_the_supervisor_gives_restarts_and_why_one_is_down(roster: Roster) -> None:
     process = pb.ProcessStatus(
         name="map2d", pid=12, restarts=3, state="restarting", reason="killed by signal 9"
@@ -143,10 +153,27 @@ def test_the_page_and_the_docs_name_no_other_host(client: TestClient) -> None:
     assert "default-src 'self'" in page.headers["content-security-policy"]
     for text in (page.text, client.get("/docs").text):
         assert "https://" not in text
-    names = ("style.css", "parts.css", "main.js", "api.js", "map.js", "overlay.js", "icon.svg")
+    names = (
+        "style.css",
+        "parts.css",
+        "main.js",
+        "stop.js",
+        "api.js",
+        "map.js",
+        "overlay.js",
+        "icon.svg",
+    )
     for name in names:
         assert client.get(f"/static/{name}").status_code == 200
     assert client.get("/static-offline-docs/swagger-ui-bundle.js").status_code == 200
+
+
+@pytest.mark.parametrize("path", ["/", "/docs"])
+def test_no_other_page_may_show_the_pages_for_people_inside(client: TestClient, path: str) -> None:
+    page = client.get(path)
+    assert page.status_code == 200
+    assert "frame-ancestors 'none'" in page.headers["content-security-policy"]
+    assert page.headers["x-frame-options"] == "DENY"
 
 
 def test_the_description_has_every_promised_address(client: TestClient) -> None:

@@ -15,8 +15,9 @@ from helios_core.errors import Internal
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_gateway import scene3d
 from helios_gateway.app import create_app
+from helios_gateway.class_colors import class_rgb
 from helios_gateway.fleet import Fleet, Served
-from helios_gateway.gaussian_colors import OTHER_RGB, Gaussians, class_rgb, colored
+from helios_gateway.gaussian_colors import OTHER_RGB, Gaussians, colored
 from helios_gateway.live import Live
 from helios_gateway.settings import Settings
 from hypothesis import given

@@ -1,0 +1,88 @@
+"""The dashboard's stop button and its map, when the gateway or a layer is away."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser, Page, Route, expect
+
+from tests.browser import DEADLINE_MS, chromium
+from tests.gateway_process import Served, served
+
+expect.set_options(timeout=DEADLINE_MS)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture
+def house() -> Iterator[Served]:
+    with served() as house:
+        yield house
+
+
+@pytest.fixture
+def page(browser: Browser, house: Served) -> Iterator[Page]:
+    page = browser.new_page()
+    page.set_default_timeout(DEADLINE_MS)
+    yield page
+    page.close()
+
+
+def test_a_stop_without_an_answer_says_so_and_can_be_pressed_again(
+    page: Page, house: Served
+) -> None:
+    page.goto(house.url)
+    kept: list[Route] = []
+    page.route("**/v1/robot/stop", lambda route: kept.append(route))  # it never answers
+    page.click("#stop")
+    expect(page.locator("#stop")).to_have_text("Stopping…")
+    expect(page.locator("#failed")).to_contain_text("not known whether the robot stops")
+    expect(page.locator("#failed")).to_contain_text("no answer came within 3 s")
+    expect(page.locator("#stop")).to_have_text("Stop now")
+    page.unroute("**/v1/robot/stop")
+    page.click("#stop")
+    expect(page.locator("#stopped")).to_be_visible()
+    expect(page.locator("#failed")).to_be_hidden()
+    assert house.backend.stopped
+
+
+def test_the_stop_button_works_though_the_rest_of_the_page_does_not(
+    page: Page, house: Served
+) -> None:
+    page.route("**/static/main.js", lambda route: route.abort())
+    page.goto(house.url)
+    page.click("#stop")
+    expect(page.locator("#stopped")).to_be_visible()
+    assert house.backend.stopped
+
+
+def test_a_layer_that_goes_away_leaves_the_occupancy_on_show(page: Page, house: Served) -> None:
+    page.goto(house.url)
+    pick = page.locator("#layers button", has_text="pick")
+    expect(page.locator("#map-facts")).to_contain_text("version 41")
+    pick.click()
+    expect(page.locator("#scale")).to_be_visible()
+
+    def without_layers(route: Route) -> None:
+        answer = route.fetch()
+        route.fulfill(response=answer, json=answer.json() | {"layers": []})
+
+    page.route("**/v1/map", without_layers)
+    page.route("**/v1/map/cells.png?layer=*", lambda route: route.fulfill(status=404, json={}))
+    house.backend.change_map()
+    expect(page.locator("#map-facts")).to_contain_text("version 42")
+    expect(page.locator("#layers button", has_text="Occupancy")).to_have_attribute(
+        "aria-pressed", "true"
+    )
+    expect(page.locator("#scale")).to_be_hidden()
+
+
+def test_a_map_that_could_not_be_had_is_asked_for_again(page: Page, house: Served) -> None:
+    page.route("**/v1/map/cells.png", lambda route: route.fulfill(status=504, json={}), times=1)
+    page.goto(house.url)
+    expect(page.locator("#map-facts")).to_contain_text("version 41")

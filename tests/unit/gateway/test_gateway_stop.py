@@ -1,0 +1,105 @@
+"""Stop-now goes out whatever its body is and whatever else is asked."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import AsyncIterator
+from concurrent.futures import ThreadPoolExecutor
+
+import httpx
+import pytest
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+from helios_core import proto as pb
+from helios_core.memory_bus import MemoryBus
+from helios_core.topics import VOCABULARY
+from helios_gateway.routes.robot import stop_reason
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.gateway_backend import Backend
+from tests.gateway_process import served
+
+SHARED_THREADS = 40  # that the framework answers blocking requests in
+DEFAULT = "stop-now was asked for over HTTP"
+
+
+def test_stop_now_does_not_wait_behind_blocked_requests() -> None:
+    asked, answer = threading.Semaphore(0), threading.Event()
+
+    def slow(_: pb.Empty) -> pb.VocabularyReply:
+        asked.release()
+        answer.wait(60)
+        return pb.VocabularyReply()
+
+    with (
+        served("--call-timeout-s", "60") as gateway,
+        ThreadPoolExecutor(SHARED_THREADS + 1) as people,
+        httpx.Client(base_url=gateway.url, timeout=20) as client,
+    ):
+        MemoryBus(gateway.backend.hub).serve(VOCABULARY, slow)
+        try:
+            for _ in range(SHARED_THREADS + 1):
+                people.submit(httpx.get, f"{gateway.url}/v1/vocabulary", timeout=60)
+            for _ in range(SHARED_THREADS):
+                assert asked.acquire(timeout=20)
+            assert client.post("/v1/robot/stop").status_code == 200
+            assert gateway.backend.stopped
+            assert not answer.is_set()
+        finally:
+            answer.set()
+
+
+@pytest.mark.parametrize(
+    ("body", "content_type", "reason"),
+    [
+        (b"", "application/json", DEFAULT),
+        (b'{"reason": "a cat"}', "application/json", "a cat"),
+        (b'{"reason": "a cat"}', "application/x-www-form-urlencoded", "a cat"),
+        (b'{"reason": "a cat", "loud": true}', "application/json", "a cat"),
+        (json.dumps({"reason": 501 * "x"}).encode(), "application/json", 500 * "x"),
+        (b'{"reason": "a c', "application/json", DEFAULT),
+        (b'{"reason": 5}', "application/json", DEFAULT),
+        (b'{"reason": "\\ud800"}', "application/json", DEFAULT),
+        (b"a cat", "text/plain", DEFAULT),
+        (b"[" * 50_000, "application/json", DEFAULT),
+        (b'{"reason": "' + 500_000 * b"x", "application/json", DEFAULT),
+    ],
+)
+def test_the_robot_stops_whatever_the_body(
+    backend: Backend, client: TestClient, body: bytes, content_type: str, reason: str
+) -> None:
+    headers = {"content-type": content_type}
+    answer = client.post("/v1/robot/stop", content=body, headers=headers)
+    assert answer.status_code == 200
+    assert (backend.stopped, backend.stop_reason) == (True, reason)
+
+
+def test_the_robot_stops_though_the_body_never_ends(
+    app: FastAPI, client: TestClient, backend: Backend
+) -> None:
+    async def run() -> int:
+        async def dribble() -> AsyncIterator[bytes]:
+            yield b'{"reason": "a c'
+            await asyncio.Event().wait()
+
+        transport = httpx.ASGITransport(app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as there:
+            return (await there.post("/v1/robot/stop", content=dribble())).status_code
+
+    assert asyncio.run(run()) == 200
+    assert backend.stopped
+
+
+@given(st.binary() | st.text().map(lambda text: json.dumps({"reason": text}).encode()))
+def test_every_body_gives_a_reason_that_can_be_sent(body: bytes) -> None:
+    assert len(pb.StopRequest(reason=stop_reason(body)).SerializeToString()) < 2100
+
+
+def test_the_description_still_tells_what_stop_now_takes(client: TestClient) -> None:
+    stop = client.get("/openapi.json").json()["paths"]["/v1/robot/stop"]["post"]
+    schema = stop["requestBody"]["content"]["application/json"]["schema"]
+    assert list(schema["properties"]) == ["reason"]
+    assert not stop["requestBody"]["required"]
