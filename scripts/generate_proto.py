@@ -20,8 +20,7 @@ from google.protobuf import descriptor_pb2, duration_pb2, timestamp_pb2
 from google.protobuf.message import Message
 
 ROOT = Path(__file__).resolve().parent.parent
-PROTO_ROOT = ROOT / "shared/helios_core/proto"
-OUT = ROOT / "shared/helios_core/proto"
+PROTO_ROOT = ROOT / "shared/helios_core/proto"  # the modules lie beside what they are made of
 
 
 def foxglove_descriptors() -> descriptor_pb2.FileDescriptorSet:
@@ -72,19 +71,26 @@ def generate(out: Path) -> None:
             target.write_text(text)
 
 
+def modules(root: Path) -> dict[str, str]:
+    """All generated modules below a folder: path in it -> text."""
+    found = (*root.rglob("*_pb2.py"), *root.rglob("*_pb2.pyi"))
+    return {str(path.relative_to(root)): path.read_text() for path in found}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="change nothing; exit 1 if stale")
     args = parser.parse_args()
     if not args.check:
-        generate(OUT)
+        generate(PROTO_ROOT)
         return
     with tempfile.TemporaryDirectory() as scratch:
         generate(Path(scratch))
-        fresh = {p.relative_to(scratch): p.read_text() for p in Path(scratch).rglob("*_pb2.py*")}
-    stale = [str(p) for p, text in fresh.items()
-             if not (OUT / p).exists() or (OUT / p).read_text() != text]  # fmt: skip
-    if stale:
+        fresh = modules(Path(scratch))
+    kept = modules(PROTO_ROOT)
+    if removed := sorted(kept.keys() - fresh.keys()):
+        sys.exit(f"no .proto file makes {', '.join(removed)} any more; delete them")
+    if stale := sorted(name for name, text in fresh.items() if kept.get(name) != text):
         sys.exit(f"generated messages are stale: {', '.join(stale)}; run scripts/generate_proto.py")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 
 from helios_contract import chosen
 from helios_contract.rig import Rig
@@ -17,5 +17,5 @@ class TestDriver(DriverContract):
     @contextmanager
     def stand(cls) -> Iterator[Rig]:
         assert chosen.rig is not None
-        yield chosen.rig
-        chosen.rig.driver.close()
+        with closing(chosen.rig.driver):
+            yield chosen.rig

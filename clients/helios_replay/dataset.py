@@ -141,6 +141,7 @@ def _number(meta: dict[str, Any], key: str, folder: Path) -> float:
 
 
 def _read_poses(folder: Path) -> tuple[PosedImage, ...]:
+    """By rising times, whatever the order of the rows."""
     path = folder / "poses.csv"
     try:
         with path.open(newline="") as file:
@@ -151,7 +152,8 @@ def _read_poses(folder: Path) -> tuple[PosedImage, ...]:
         raise InvalidInput(f"{path} is no CSV: {error}") from error
     if not rows:
         raise InvalidInput(f"{path} names no frame")
-    return tuple(_posed_image(folder, row, line) for line, row in enumerate(rows, start=2))
+    images = [_posed_image(folder, row, line) for line, row in enumerate(rows, start=2)]
+    return tuple(sorted(images, key=lambda image: image.stamp_ns))
 
 
 def _posed_image(folder: Path, row: dict[str, str], line: int) -> PosedImage:

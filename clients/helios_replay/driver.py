@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,6 +25,8 @@ from helios_core.types import RobotDescription, RobotState
 
 from helios_replay.opening import open_source
 from helios_replay.source import Part
+
+REMEMBERED = 256  # results of actions
 
 
 class ReplayDriver(RobotDriver):
@@ -62,7 +65,7 @@ class ReplayDriver(RobotDriver):
         self._clock, self._wait = clock, wait or self._closed.wait
         self._stopped = ""  # why
         self._steps = 0
-        self._results: dict[str, ActionResult] = {}
+        self._results: OrderedDict[str, ActionResult] = OrderedDict()
 
     def describe(self) -> RobotDescription:
         return self._source.describe()
@@ -105,9 +108,12 @@ class ReplayDriver(RobotDriver):
         )
 
     def act(self, action: Action, action_id: str) -> ActionResult:
-        if action_id not in self._results:
-            self._results[action_id] = self._do(action)
-        return self._results[action_id]
+        known = self._results.get(action_id)
+        if known is None:
+            known = self._results[action_id] = self._do(action)
+            while len(self._results) > REMEMBERED:
+                self._results.popitem(last=False)
+        return known
 
     def stop(self, reason: str) -> None:
         self._stopped = reason or "stop-now"

@@ -76,9 +76,6 @@ class McapFile:
         if magic != MCAP0_MAGIC:
             raise InvalidInput(f"{path} is no MCAP file; give one that `helios record` has written")
 
-    def close(self) -> None:
-        self._file.close()
-
     def walk(self) -> Iterator[Found]:
         """Every message, in the order of the file, as far as it is whole."""
         at = len(MCAP0_MAGIC)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from pathlib import Path
 
@@ -9,11 +10,19 @@ from helios_core.errors import Unavailable
 
 from helios_replay.source import Part, Source
 
+log = logging.getLogger(__name__)
+
 
 def open_source(path: Path, part: Part | None = None) -> Source:
-    """By what lies there. Raises InvalidInput in one sentence when it cannot be played, and
-    Unavailable without the library that it takes."""
-    part = part or Part()
+    """By what lies there; the log tells what of it is left out. Raises InvalidInput in one
+    sentence when it cannot be played, and Unavailable without the library that it takes."""
+    source = _opened(path, part or Part())
+    if source.left_out:
+        log.warning("%s: %s", path, source.left_out)
+    return source
+
+
+def _opened(path: Path, part: Part) -> Source:
     if is_recording(path):
         try:
             from helios_replay.recording import Recording

@@ -45,6 +45,11 @@ class Recording:
         """Why it ends early; empty where it is whole."""
         return self._index.cut
 
+    @property
+    def left_out(self) -> str:
+        """Nothing: each keyframe has its depth and its pose."""
+        return ""
+
     def describe(self) -> RobotDescription:
         assert self._index.description is not None
         robot = description_from_proto(self._index.description)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import struct
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +15,8 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import Pinhole
 from numpy.typing import NDArray
 
-COMPRESSED_DEPTH_HEADER = 12  # bytes before the PNG in the format "compressedDepth"
+# Before the PNG in the format "compressedDepth": its kind, and the a and b of inverse depth.
+COMPRESSED_DEPTH_HEADER = struct.Struct("<iff")
 _TO_RGB = {
     "rgb8": (3, None), "bgr8": (3, cv2.COLOR_BGR2RGB), "rgba8": (4, cv2.COLOR_RGBA2RGB),
     "bgra8": (4, cv2.COLOR_BGRA2RGB), "mono8": (1, cv2.COLOR_GRAY2RGB),
@@ -43,20 +46,33 @@ def color_of(message: Any, is_compressed: bool, what: str) -> NDArray[np.uint8]:
 def depth_of(message: Any, is_compressed: bool, what: str) -> NDArray[np.float32]:
     """Metres [h, w]; 0 is invalid."""
     if is_compressed:
-        data = bytes(message.data)
-        at = COMPRESSED_DEPTH_HEADER if "compressedDepth" in message.format else 0
-        pixels = decode_image(
-            CompressedImage(data=data[at:], format="png"), cv2.IMREAD_UNCHANGED, what
-        )
-        if pixels.dtype != np.uint16 or pixels.ndim != 2:
-            raise InvalidInput(f"{what} decodes to {pixels.dtype}; wanted a PNG of 16 bit")
-        return pixels.astype(np.float32) * np.float32(0.001)
+        return _unpacked_depth(bytes(message.data), str(message.format), what)
     if message.encoding not in _DEPTH:
         raise InvalidInput(f"{what} has encoding {message.encoding!r}; wanted {', '.join(_DEPTH)}")
     kind, metres = _DEPTH[message.encoding]
     order = ">" if message.is_bigendian else "<"
     pixels = _pixels(message, np.dtype(order + kind), 1, what).astype(np.float32)
     return np.where(np.isfinite(pixels) & (pixels > 0), pixels * np.float32(metres), np.float32(0))
+
+
+def _unpacked_depth(data: bytes, form: str, what: str) -> NDArray[np.float32]:
+    """Of millimetres in a PNG, or of inverse depth, where 32FC1 was compressed."""
+    has_header = "compressedDepth" in form
+    png = data[COMPRESSED_DEPTH_HEADER.size if has_header else 0 :]
+    pixels = decode_image(CompressedImage(data=png, format="png"), cv2.IMREAD_UNCHANGED, what)
+    if pixels.dtype != np.uint16 or pixels.ndim != 2:
+        raise InvalidInput(f"{what} decodes to {pixels.dtype}; wanted a PNG of 16 bit")
+    if not (has_header and form.startswith("32FC1")):
+        return pixels.astype(np.float32) * np.float32(0.001)
+    _, a, b = COMPRESSED_DEPTH_HEADER.unpack_from(data)
+    if not (math.isfinite(a) and a > 0 and math.isfinite(b)):
+        raise InvalidInput(
+            f"{what} is inverse depth with a = {a:g}, b = {b:g} in its header; wanted a above 0 "
+            "and finite numbers: record it as 16UC1, or not compressed"
+        )
+    inverse = pixels.astype(np.float32) - np.float32(b)
+    is_depth = (pixels > 0) & (inverse > 0)
+    return np.where(is_depth, np.float32(a) / np.where(is_depth, inverse, 1), np.float32(0))
 
 
 def _pixels(message: Any, dtype: np.dtype, channels: int, what: str) -> NDArray:

@@ -25,6 +25,7 @@ class Track:
         default_factory=dict
     )  # ns -> (position m, quaternion xyzw)
     times_ns: list[int] = field(default_factory=list)  # sorted by `at` when asked
+    other_parent: str = ""  # which it was said to have, too
 
 
 class Poses:
@@ -42,13 +43,22 @@ class Poses:
         if not math.isfinite(norm) or abs(norm - 1) > 0.01 or not np.isfinite(position_m).all():
             raise InvalidInput(f"the transform from {child} to {parent} holds no pose")
         track = self._tracks.setdefault(_bare(child), Track(_bare(parent), is_static))
+        if track.parent != _bare(parent):
+            track.other_parent = _bare(parent)
         track.samples[stamp_ns] = (np.array(position_m), np.array(quaternion) / norm)
         track.times_ns.clear()
 
+    def replace(self, others: Poses) -> None:
+        """What the others know of a frame holds instead of what was known of it."""
+        self._tracks |= others._tracks
+
     def root_of(self, child: str) -> str:
-        """The frame that stands above all others: the world."""
+        """The frame that stands above all others: the world.
+
+        Raises InvalidInput when a frame on the way has two parents, or the way has no end.
+        """
         for _ in range(LONGEST_CHAIN):
-            track = self._tracks.get(_bare(child))
+            track = self._track(child)
             if track is None:
                 return _bare(child)
             child = track.parent
@@ -57,7 +67,7 @@ class Poses:
     def at(self, world: str, child: str, stamp_ns: int) -> Matrix | None:
         """T_world_child [4, 4] at a time; None where no pose is near in time.
 
-        Raises InvalidInput when the two are not joined by transforms.
+        Raises InvalidInput when the two are not joined by transforms, or in two ways.
         """
         T_root_child = self._to_root(child, stamp_ns)
         T_root_world = self._to_root(world, stamp_ns)
@@ -70,7 +80,7 @@ class Poses:
     def _to_root(self, child: str, stamp_ns: int) -> Matrix | None:
         out = np.eye(4)
         for _ in range(LONGEST_CHAIN):
-            track = self._tracks.get(_bare(child))
+            track = self._track(child)
             if track is None:
                 return out
             T_parent_child = _interpolated(track, stamp_ns)
@@ -79,6 +89,18 @@ class Poses:
             out = T_parent_child @ out
             child = track.parent
         raise InvalidInput(f"the transforms above {child} go in a circle")
+
+    def _track(self, child: str) -> Track | None:
+        """None for a root. Raises InvalidInput for a frame with two parents: samples of one would
+        be read as samples of the other."""
+        track = self._tracks.get(_bare(child))
+        if track is not None and track.other_parent:
+            raise InvalidInput(
+                f"the frame {_bare(child)} hangs below {track.parent} and below "
+                f"{track.other_parent}; wanted one parent: name a topic that says where it is, "
+                "--topics pose=/the/topic, or record one of the two only"
+            )
+        return track
 
 
 def _interpolated(track: Track, stamp_ns: int) -> Matrix | None:

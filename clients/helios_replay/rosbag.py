@@ -2,7 +2,8 @@
 
 Topics are found by their types and names; where that is not clear they are named:
 `color=/a,depth=/b,info=/c,pose=/d,world=map,camera=optical_frame`. Without `pose`, tf says where
-the camera was. Depth must be registered to colour. Read with the `rosbags` library.
+the camera was; with it, tf says so of all other frames. Depth must be registered to colour. Read
+with the `rosbags` library.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from helios_core.errors import InvalidInput, Unavailable
 from helios_core.geometry import Matrix
 
 from helios_replay.ros_images import Lens, color_of, depth_of, stamp_ns
-from helios_replay.ros_poses import Poses
-from helios_replay.source import DEFAULT_MAX_DEPTH_M, Images, Part, Picture, Shot
+from helios_replay.ros_poses import FARTHEST_S, Poses
+from helios_replay.source import DEFAULT_MAX_DEPTH_M, Images, Part, Picture, Shot, left_out_of
 
 CLOSE_NS = 20_000_000  # colour and depth of one image
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -72,7 +73,11 @@ class RosBag(Images):
         inside = part.of(times_s, str(path))
         self._pairs = [posed[i][:2] for i in inside]
         shots = [Shot(times_s[i], posed[i][0].stamp_ns, posed[i][2]) for i in inside]
-        super().__init__(path.stem, shots, self._lens.camera, DEFAULT_MAX_DEPTH_M)
+        left_out = left_out_of(
+            len(colors), len(posed),
+            f"no depth within {CLOSE_NS / 1e9:g} s or no pose within {FARTHEST_S:g} s",
+        )  # fmt: skip
+        super().__init__(path.stem, shots, self._lens.camera, DEFAULT_MAX_DEPTH_M, left_out)
 
     def read(self, index: int) -> Picture:
         color_at, depth_at = self._pairs[index]
@@ -133,10 +138,11 @@ class RosBag(Images):
                 for t in message.transforms:
                     _add(poses, t.header, t.child_frame_id, t.transform, is_static)
         if "pose" in named:
-            connection = self._one("pose", named, POSES, (), ())
+            connection, told = self._one("pose", named, POSES, (), ()), Poses()
             for _, message in self._messages([connection]):
                 child = str(getattr(message, "child_frame_id", "")) or camera
-                _add(poses, message.header, child, _pose(message), False)
+                _add(told, message.header, child, _pose(message), False)
+            poses.replace(told)
         elif not tf:
             raise InvalidInput(
                 f"{self._path} has neither tf nor a named topic of poses; give --topics "

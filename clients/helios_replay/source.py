@@ -46,6 +46,11 @@ class Source(Protocol):
     @property
     def shots(self) -> Sequence[Shot]: ...
 
+    @property
+    def left_out(self) -> str:
+        """How many images are not played, of how many, and why; empty where all are."""
+        ...
+
     def describe(self) -> RobotDescription:
         """The robot, as one that cannot act."""
         ...
@@ -90,12 +95,20 @@ class Part:
         return out[: self.limit] if self.limit else out
 
 
+def left_out_of(images: int, played: int, why: str) -> str:
+    """As `Source.left_out` says it."""
+    return f"{images - played} of {images} images left out: {why}" if played < images else ""
+
+
 class Images:
     """What all sources of mere images share: no searches, no states, a camera that is carried."""
 
-    def __init__(self, name: str, shots: Sequence[Shot], camera: Pinhole, max_depth_m: float):
+    def __init__(
+        self, name: str, shots: Sequence[Shot], camera: Pinhole, max_depth_m: float,
+        left_out: str = "",
+    ) -> None:  # fmt: skip
         self._name, self._shots, self._camera = name, shots, camera
-        self._max_depth_m = max_depth_m
+        self._max_depth_m, self._left_out = max_depth_m, left_out
 
     @property
     def name(self) -> str:
@@ -104,6 +117,10 @@ class Images:
     @property
     def shots(self) -> Sequence[Shot]:
         return self._shots
+
+    @property
+    def left_out(self) -> str:
+        return self._left_out
 
     def describe(self) -> RobotDescription:
         heights_m = [shot.T_world_cam[2, 3] for shot in self._shots]

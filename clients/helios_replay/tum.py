@@ -23,7 +23,7 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, Pinhole, rotation_from_quaternion
 
 from helios_replay.dataset import decode, nanoseconds
-from helios_replay.source import DEFAULT_MAX_DEPTH_M, Images, Part, Picture, Shot
+from helios_replay.source import DEFAULT_MAX_DEPTH_M, Images, Part, Picture, Shot, left_out_of
 
 CLOSE_S = 0.02  # as `associate.py` of the data sets
 DEPTH_PER_M = 5000.0
@@ -46,7 +46,8 @@ class TumFolder(Images):
         path = _read_path(folder / "groundtruth.txt")
         times = [t for t, _ in path]
         posed: list[tuple[_Pair, Matrix]] = []
-        for pair in _read_pairs(folder):
+        pairs, images = _read_pairs(folder)
+        for pair in pairs:
             nearest = _nearest(times, pair.time_s)
             if nearest is not None:
                 posed.append((pair, path[nearest][1]))
@@ -64,7 +65,9 @@ class TumFolder(Images):
             for pair, T_world_cam in (posed[i] for i in inside)
         ]
         self._camera_read = camera
-        super().__init__(folder.name, shots, camera, DEFAULT_MAX_DEPTH_M)
+        why = f"no depth or no pose within {CLOSE_S:g} s"
+        left_out = left_out_of(images, len(posed), why)
+        super().__init__(folder.name, shots, camera, DEFAULT_MAX_DEPTH_M, left_out)
 
     def read(self, index: int) -> Picture:
         pair, camera = self._pairs[index], self._camera_read
@@ -81,11 +84,13 @@ class TumFolder(Images):
         return Picture(rgb, depth.astype(np.float32) / np.float32(DEPTH_PER_M), camera)
 
 
-def _read_pairs(folder: Path) -> list[_Pair]:
+def _read_pairs(folder: Path) -> tuple[list[_Pair], int]:
+    """By rising times; and how many colour images there are."""
     associations = folder / "associations.txt"
     if associations.is_file():
         rows = _rows(associations, 4)
-        return [_Pair(_number(r[0], associations), folder / r[1], folder / r[3]) for r in rows]
+        pairs = [_Pair(_number(r[0], associations), folder / r[1], folder / r[3]) for r in rows]
+        return sorted(pairs, key=lambda pair: pair.time_s), len(pairs)
     colors = _listed(folder, "rgb")
     depths = _listed(folder, "depth")
     times = [t for t, _ in depths]
@@ -94,7 +99,7 @@ def _read_pairs(folder: Path) -> list[_Pair]:
         nearest = _nearest(times, time_s)
         if nearest is not None:
             out.append(_Pair(time_s, color, depths[nearest][1]))
-    return out
+    return out, len(colors)
 
 
 def _listed(folder: Path, kind: str) -> list[tuple[float, Path]]:

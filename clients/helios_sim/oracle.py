@@ -75,8 +75,8 @@ class Oracle:
         """Stand before a thing and look at it."""
         return next(self._approaches(name), False)
 
-    def face_most_room(self) -> bool:
-        """Go to where the most floor is free around, and face along it."""
+    def go_to_most_room(self) -> bool:
+        """Go to where the most floor is free around."""
         room = cv2.distanceTransform(self._free.astype(np.uint8), cv2.DIST_L2, 5)
         row, column = np.unravel_index(int(np.argmax(room)), room.shape)
         return self._go((int(row), int(column)))

@@ -24,6 +24,7 @@ class WorldThread(RobotDriver):
         """Returns when the world is made, and raises what `make` raised."""
         self._calls: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._closed = threading.Event()
+        self._ending = threading.Lock()  # so that nothing is put after the end
         made: Future[World] = Future()
         self._thread = threading.Thread(
             target=self._serve, args=(make, made), name="world", daemon=True
@@ -33,8 +34,6 @@ class WorldThread(RobotDriver):
 
     def run(self, call: Callable[[World], T]) -> T:
         """Do something with the world on its thread and wait for it."""
-        if self._closed.is_set():
-            raise Unavailable("the world is closed")
         done: Future[T] = Future()
 
         def carry_out() -> None:
@@ -45,7 +44,10 @@ class WorldThread(RobotDriver):
             except BaseException as error:
                 done.set_exception(error)
 
-        self._calls.put(carry_out)
+        with self._ending:
+            if self._closed.is_set():
+                raise Unavailable("the world is closed")
+            self._calls.put(carry_out)
         return done.result()
 
     def describe(self) -> RobotDescription:
@@ -68,11 +70,13 @@ class WorldThread(RobotDriver):
 
     def close(self) -> None:
         """End the thread after what it does now. What still waited is told Unavailable."""
-        if not self._closed.is_set():
+        with self._ending:
+            if self._closed.is_set():
+                return
             self._world.stop("the world ends")
             self._closed.set()
             self._calls.put(None)
-            self._thread.join(1.0)
+        self._thread.join(1.0)
 
     def _serve(self, make: Callable[[], World], made: Future[World]) -> None:
         try:

@@ -39,13 +39,15 @@ class Tenure:
 
 
 class Control:
-    """`take` and `lost` are for the thread that acts, `clear` and `release` for any."""
+    """`take`, `stand` and `lost` are for the thread that acts, `clear` and `release` for any."""
 
     def __init__(self, link: Link, motion: Motion, halt: Halt) -> None:
         self._link, self._motion, self._halt, self._s = link, motion, halt, link.settings
         self._tenure: Tenure | None = None
         self._acting = Tenure()  # under which the present action was begun
         self._estop: Any = None
+        self._epoch = ""  # of the first lease; the robot has another one after every boot
+        self._powered = False  # the motors have been on in this tenure
         self._standing = False
         self._lock = threading.Lock()  # what is lost and the latched stop change together
         # Held while the lease is got or given back, which waits for the SDK's thread: that one
@@ -58,12 +60,14 @@ class Control:
         tenure = self._tenure
         return tenure is not None and tenure.lost is None
 
-    def take(self, reading: Reading) -> bool:
-        """Be ready to move; whether the robot had to stand up. Raises Conflict and others, each
-        with what to do, and then nothing has moved."""
-        if self._s.estop == "endpoint" and self._estop is None:
-            self._estop = self._endpoint()
-            reading = self._once_released()
+    def take(self, reading: Reading) -> None:
+        """Be allowed to move, with the motors on. Raises Conflict and others, each with what to
+        do, and then nothing has moved."""
+        if self._s.estop == "endpoint":
+            if self._estop is None:
+                self._estop = self._endpoint()
+                reading = self._once_released()
+            _check_alive(self._estop)
         _check_estops(reading, "move")
         with self._changing:
             self._halt.check()  # it may have been lost since the action began
@@ -71,15 +75,20 @@ class Control:
                 self._acquire("get the robot's lease")
             assert self._tenure is not None
             self._acting = self._tenure
-        if not reading.motors_on:
-            if self._standing:  # somebody switched them off; they do not come back by themselves
-                gone = Conflict(
-                    "cannot move: the motors were switched off, or an e-stop was pressed; see to "
-                    "the robot"
-                )
-                self.lost(gone)
-                raise gone
+        if reading.motors_on:
+            self._powered = True
+        elif self._powered:  # somebody switched them off; they do not come back by themselves
+            gone = Conflict(
+                "cannot move: the motors were switched off, or an e-stop was pressed; see to "
+                "the robot"
+            )
+            self.lost(gone)
+            raise gone
+        else:
             self._power_on()
+
+    def stand(self) -> bool:
+        """Get up, after `take`; whether it had to. Raises CannotDo and HeliosError."""
         if self._standing:
             return False
         self._motion.stand()
@@ -108,7 +117,8 @@ class Control:
                 self._halt.clear()
 
     def release(self) -> None:
-        """Give the lease back and end our e-stop endpoint; the robot stands as it stands."""
+        """Give the lease back and end our e-stop endpoint. Without an endpoint the robot stands as
+        it stands; ours trips about `estop_timeout_s` later, and then it sits down or is cut."""
         with self._changing:
             if self._tenure is not None:
                 self._give_back(self._tenure)
@@ -119,7 +129,8 @@ class Control:
 
     # --- the lease ----------------------------------------------------------------------------
     def _acquire(self, what: str) -> None:
-        """A new tenure; the one before, if any, stays when this raises."""
+        """A new tenure; the one before, if any, stays when this raises. Raises Conflict when the
+        robot has rebooted: what was mapped lies elsewhere now."""
         client, tenure = self._link.client("lease"), Tenure()
         with doing(what, self._link.host):
             if self._s.lease == "take":
@@ -129,7 +140,19 @@ class Control:
                 return_at_exit=True, warnings=False,
                 on_failure_callback=functools.partial(self._on_failure, tenure),
             )  # fmt: skip
-        self._tenure, self._standing = tenure, False
+        try:
+            self._check_epoch(client, what)
+        except HeliosError:
+            self._give_back(tenure)
+            raise
+        self._tenure, self._powered, self._standing = tenure, False, False
+
+    def _check_epoch(self, client: Any, what: str) -> None:
+        with doing(what, self._link.host):
+            epoch = str(client.lease_wallet.get_lease().lease_proto.epoch)
+        self._epoch = self._epoch or self._link.epoch or epoch
+        if epoch != self._epoch:
+            raise Conflict(f"cannot {what}: the robot has rebooted; restart the bridge")
 
     def _retain(self) -> None:
         """Hear now of a loss that the SDK's thread would tell of later."""
@@ -179,6 +202,7 @@ class Control:
 
     # --- motors and e-stop --------------------------------------------------------------------
     def _power_on(self) -> None:
+        self._halt.check()  # a stop may have come while the lease was got
         if self._s.power == "expect":
             raise Conflict(
                 "the motors are off; switch them on at the tablet, or set HELIOS_SPOT_POWER=on"
@@ -188,6 +212,7 @@ class Control:
                 timeout_sec=self._s.power_timeout_s, update_frequency=5.0,
                 timeout=self._s.rpc_timeout_s,
             )  # fmt: skip
+        self._powered = True
         self._halt.check()
 
     def _endpoint(self) -> Any:
@@ -203,6 +228,15 @@ class Control:
         while (reading := self._link.read()).estops and time.monotonic() < end:
             self._halt.rest(POLL_S)
         return reading
+
+
+def _check_alive(estop: Any) -> None:
+    """Raises Conflict when our endpoint is gone: the SDK ends it with no more than a log line."""
+    if not estop._thread.is_alive():
+        raise Conflict(
+            "cannot move: our e-stop endpoint is gone, as somebody has replaced the robot's e-stop "
+            "configuration; restart the bridge to set up ours again, or set HELIOS_SPOT_ESTOP=none"
+        )
 
 
 def _check_estops(reading: Reading, what: str) -> None:

@@ -7,6 +7,7 @@ along the optical axis: the detector's (its setting `depth`), or anybody's by `p
 from __future__ import annotations
 
 import importlib
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -34,7 +35,7 @@ class DetectorDepth:
 
     def __call__(self, color: NDArray[np.uint8], camera: Pinhole) -> NDArray[np.float32]:
         """Raises Unavailable or DeadlineExceeded without a detector, InvalidInput when it makes no
-        depth."""
+        depth, or tells no focal length for it."""
         height, width = color.shape[:2]
         request = pb.DepthRequest()
         image = request.raw_color
@@ -43,6 +44,15 @@ class DetectorDepth:
         request.calibration.K.extend(float(k) for k in camera.matrix.ravel())
         reply = self._bus.call(ESTIMATE_DEPTH, request, self._timeout_s)
         depth_m = depth_array(reply.raw_depth, None)
+        if depth_m.shape != (height, width):
+            raise InvalidInput(
+                f"{reply.model} made depth of {depth_m.shape} for an image of {(height, width)}"
+            )
+        if not 0 < reply.focal_px < math.inf:
+            raise InvalidInput(
+                f"{reply.model} told a focal length of {reply.focal_px} pixels; wanted a positive "
+                "one"
+            )
         # The lens is calibrated; a model that took another focal length was off by their ratio.
         return depth_m * np.float32(camera.fx / reply.focal_px)
 

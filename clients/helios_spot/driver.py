@@ -43,6 +43,7 @@ log = logging.getLogger(__name__)
 
 REMEMBERED = 256
 PLANNER = "planner"
+MANIPULATION = "manipulation"  # the service of a Spot with an arm
 
 
 class SpotDriver(RobotDriver):
@@ -66,7 +67,7 @@ class SpotDriver(RobotDriver):
         self._hand_raised = False
         self._held_as = ""
         self._trouble = ""
-        self._planner_here = False
+        self._planners: set[str] = set()  # instances that are alive
         self._watch = bus.watch(self._on_liveliness) if bus else None
 
     # --- what it is ---------------------------------------------------------------------------
@@ -82,6 +83,7 @@ class SpotDriver(RobotDriver):
                     self._link.close()
                     raise
         by_hand = self._s.camera == "hand"
+        has_arm = MANIPULATION in self._link.services and self._eyes.has_hand
         fixed_rad = tilt_of(self._eyes.T_body_cam)
         return RobotDescription(
             name="Spot",
@@ -97,13 +99,13 @@ class SpotDriver(RobotDriver):
             else float(self._eyes.T_body_cam[0, 3]),
             reach_m=self._s.reach_m,
             max_depth_m=self._s.max_depth_m,
+            can_pick=has_arm and self._eyes.hand_is_pinhole,
+            can_place=has_arm,
             tilt_range_rad=TILT_RANGE_RAD if by_hand else (fixed_rad, fixed_rad),
         )
 
     def state(self) -> RobotState:
         reading = self._link.read()
-        if not reading.holding:
-            self._held_as = ""
         stopped = self._halt.stopped
         return RobotState(
             T_world_base=reading.T_world_base,
@@ -125,7 +127,10 @@ class SpotDriver(RobotDriver):
         self._halt.begin()
         start: Waypoint | None = None
         try:
-            start = self._ready()
+            self._take()
+            start = self._here()  # from now on it moves
+            self._get_ready()
+            start = self._here()  # where the action itself begins
             result = self._do(action, start)
             self._trouble = ""
         except CannotDo as why:
@@ -163,13 +168,21 @@ class SpotDriver(RobotDriver):
         self._link.close()
 
     # --- one action ---------------------------------------------------------------------------
-    def _ready(self) -> Waypoint:
-        """Stand, with the hand raised to look; where the robot stands then."""
+    def _take(self) -> None:
+        """Be allowed to move. Raises HeliosError, and then nothing has moved."""
         reading = self._link.read()
-        if self._control.take(reading):
+        if not reading.holding:
+            self._held_as = ""
+        self._control.take(reading)
+
+    def _get_ready(self) -> None:
+        """Stand, with the hand raised to look."""
+        if self._control.stand():
             self._hand_raised = False
         if self._s.camera == "hand" and not self._hand_raised:
             self._raise_hand(self._tilt_rad)
+
+    def _here(self) -> Waypoint:
         return Waypoint.of(self._link.read().T_world_base)
 
     def _do(self, action: Action, start: Waypoint) -> ActionResult:
@@ -238,7 +251,7 @@ class SpotDriver(RobotDriver):
         moved_m = turned_rad = 0.0
         if start is not None and measure:
             try:
-                moved_m, turned_rad = between(start, Waypoint.of(self._link.read().T_world_base))
+                moved_m, turned_rad = between(start, self._here())
             except HeliosError as error:
                 log.warning("how far it came is not known: %s", error.message)
         result = replace(result, moved_m=moved_m, turned_rad=turned_rad, steps=self._steps)
@@ -247,9 +260,13 @@ class SpotDriver(RobotDriver):
             self._results.popitem(last=False)
         return result
 
-    def _on_liveliness(self, service: str, _: str, alive: bool) -> None:
+    def _on_liveliness(self, service: str, instance: str, alive: bool) -> None:
         if service != PLANNER:
             return
-        gone, self._planner_here = self._planner_here and not alive, alive
+        if alive:
+            self._planners.add(instance)
+            return
+        gone = self._planners == {instance}
+        self._planners.discard(instance)
         if gone and self._halt.cut("the planner went away; the robot stands and waits for it"):
             log.warning("the planner went away in the middle of an action")

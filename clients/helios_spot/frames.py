@@ -11,7 +11,7 @@ import math
 from typing import Any
 
 import numpy as np
-from helios_core.errors import Internal
+from helios_core.errors import Internal, Unavailable
 from helios_core.geometry import Matrix, invert, se2_to_se3
 
 from helios_spot import api
@@ -22,8 +22,14 @@ NOMINAL_BODY_HEIGHT_M = 0.52  # standing; only where the robot tells no ground p
 
 
 def pose(snapshot: Any, a: str, b: str) -> Matrix:
-    """T_a_b [4, 4] from a FrameTreeSnapshot. Raises Internal when the tree does not join them."""
-    found = api.frame_helpers.get_a_tform_b(snapshot, a, b)
+    """T_a_b [4, 4] from a FrameTreeSnapshot. Raises Internal when the tree does not join them,
+    Unavailable when it is empty or broken."""
+    try:
+        found = api.frame_helpers.get_a_tform_b(snapshot, a, b)
+    except (api.frame_helpers.Error, ValueError) as error:
+        raise Unavailable(
+            f"the robot told an empty or broken tree of frames ({type(error).__name__}); try again"
+        ) from error
     if found is None:
         have = ", ".join(sorted(snapshot.child_to_parent_edge_map)) or "nothing"
         raise Internal(f"the robot told no pose of {b!r} in {a!r}, only of {have}")

@@ -27,7 +27,7 @@ from helios_spot.cameras import (
 )
 from helios_spot.depth import estimated, filled, load_estimator
 from helios_spot.errors import doing
-from helios_spot.frames import BODY, VISION, pose
+from helios_spot.frames import BODY, VISION, base_below_body, pose
 from helios_spot.link import Link
 from helios_spot.reading import Reading
 from helios_spot.self_mask import robot_capsules, robot_pixels
@@ -76,6 +76,8 @@ class Eyes:
         self._depth_name = ""
         self._mount: Mount | None = None
         self.T_body_cam: Matrix = np.eye(4)
+        self.has_hand = False
+        self.hand_is_pinhole = False  # a grasp by pixel takes no other lens
 
     @property
     def mount(self) -> Mount:
@@ -97,6 +99,9 @@ class Eyes:
                 "set HELIOS_SPOT_CAMERA to a camera that it has"
             )
         self._depth_name = depth
+        hand = have.get(HAND_COLOR)
+        self.has_hand = hand is not None
+        self.hand_is_pinhole = hand is not None and _is_pinhole(hand)
         (shot,) = self._ask([self._color_request(names.color)])
         tree = shot.shot.transforms_snapshot
         self.T_body_cam = pose(tree, BODY, shot.shot.frame_name_image_sensor)
@@ -141,14 +146,14 @@ class Eyes:
             depth_m=depth_m,
             camera=mount.camera,
             T_world_cam=reading.T_world_vision @ T_vision_upright,
-            T_world_base=reading.T_world_base,
+            T_world_base=base_below_body(reading.T_world_vision @ T_vision_body),
         )
 
     def hand_shot(self) -> HandShot:
         """The hand's picture as the robot took it. Raises InvalidInput without a pinhole camera."""
         (response,) = self._ask([self._color_request(HAND_COLOR)])
         camera = lens_of(response.source)
-        if response.source.WhichOneof("camera_models") != "pinhole":
+        if not _is_pinhole(response.source):
             raise InvalidInput("the hand's camera has no pinhole model; a grasp by pixel needs one")
         shot = response.shot
         T_vision_cam = pose(shot.transforms_snapshot, VISION, shot.frame_name_image_sensor)
@@ -176,6 +181,10 @@ class Eyes:
         return registered(
             depth_m, lens_of(response.source).camera, T_upright_depth, self.mount.camera
         )
+
+
+def _is_pinhole(source: Any) -> bool:
+    return source.WhichOneof("camera_models") == "pinhole"
 
 
 def decode_color(image: Any) -> NDArray[np.uint8]:

@@ -31,6 +31,8 @@ class Link:
         self._login = settings.login()
         self._robot: Any = None
         self.boot_id = ""
+        self.epoch = ""  # of its leases, new at every boot; empty: it told none
+        self.services: frozenset[str] = frozenset()  # names of those that it offers
 
     @property
     def connected(self) -> bool:
@@ -56,11 +58,13 @@ class Link:
             with doing("ask who it is", s.host):
                 serial = robot.get_cached_robot_id(timeout=s.rpc_timeout_s).serial_number
                 leases = robot.ensure_client("lease").list_leases(timeout=s.rpc_timeout_s)
+                services = robot.ensure_client("directory").list(timeout=s.rpc_timeout_s)
         except BaseException:
             _close(robot)
             raise
-        epochs = [r.lease.epoch for r in leases if r.resource == "body"]
-        self.boot_id = "-".join(filter(None, (serial, *epochs)))  # the epoch is new at every boot
+        self.services = frozenset(service.name for service in services)
+        self.epoch = next((r.lease.epoch for r in leases if r.resource == "body"), "")
+        self.boot_id = "-".join(filter(None, (serial, self.epoch)))
         self._robot = robot
 
     def client(self, name: str) -> Any:
@@ -77,12 +81,14 @@ class Link:
     def read(self) -> Reading:
         """How the robot is now. Raises Unavailable when its clock has jumped: ends of commands
         would mean nothing."""
+        before_s = time.time()
         with doing("read the robot's state", self.host):
             state = self.client("robot-state").get_robot_state(timeout=self.settings.rpc_timeout_s)
             skew_s = self.robot.time_sync.endpoint.clock_skew.ToNanoseconds() / 1e9
-        told_s = state.kinematic_state.acquisition_timestamp.ToNanoseconds() / 1e9
-        off_s = told_s - skew_s - time.time()
-        if told_s and abs(off_s) > CLOCK_SLACK_S:
+        stamp_s = state.kinematic_state.acquisition_timestamp.ToNanoseconds() / 1e9
+        told_s = stamp_s - skew_s
+        off_s = told_s - min(max(told_s, before_s), time.time())  # 0 between question and answer
+        if stamp_s and abs(off_s) > CLOCK_SLACK_S:
             self._compare_clocks()
             raise Unavailable(
                 f"the robot's clock or ours has jumped by {off_s:.0f} s; they are compared anew, "

@@ -62,6 +62,7 @@ class Motion:
             if mobility.stand_feedback.status == done:
                 return
             self._halt.rest(POLL_S)
+        self.stop()
         raise CannotDo(f"the robot did not stand within {STAND_S:g} s; look at it")
 
     def walk(self, start: Waypoint, goal: Waypoint) -> None:
@@ -137,6 +138,7 @@ class Motion:
                     return
                 raise CannotDo(f"the arm could not {what}: it stalled; try from another place")
             self._halt.rest(POLL_S)
+        self.stop()
         raise CannotDo(f"the arm could not {what} within {MOST_ARM_S:g} s; try another place")
 
     def _send(self, command: Any, what: str, end_s: float | None = None) -> int:

@@ -10,7 +10,6 @@ from helios_core.geometry import Matrix
 from helios_spot import api
 from helios_spot.frames import (
     BODY,
-    FLAT_BODY,
     HAND,
     VISION,
     WRIST,
@@ -27,13 +26,11 @@ class Reading:
     """How the robot is. Frames as `helios_spot.frames` names them."""
 
     T_vision_body: Matrix
-    T_body_flat: Matrix
     T_body_wrist: Matrix | None  # None: no arm
     T_body_hand: Matrix | None
     ground_m: float  # height of the ground in the vision frame
     joints_rad: dict[str, float]
     holding: bool
-    stowed: bool
     motors_on: bool
     estops: tuple[str, ...]  # names of those that are pressed
 
@@ -47,20 +44,18 @@ class Reading:
 
 
 def reading_of(state: Any) -> Reading:
-    """Of a RobotState message. Raises Internal when it tells no pose."""
+    """Of a RobotState message. Raises Internal when it tells no pose, Unavailable when broken."""
     tree = state.kinematic_state.transforms_snapshot
     arm = knows(tree, HAND) and knows(tree, WRIST)
     power, manipulator = api.robot_state_pb2.PowerState, state.manipulator_state
     pressed = api.robot_state_pb2.EStopState.STATE_ESTOPPED
     return Reading(
         T_vision_body=pose(tree, VISION, BODY),
-        T_body_flat=pose(tree, BODY, FLAT_BODY),
         T_body_wrist=pose(tree, BODY, WRIST) if arm else None,
         T_body_hand=pose(tree, BODY, HAND) if arm else None,
         ground_m=ground_height_m(tree),
         joints_rad={j.name: j.position.value for j in state.kinematic_state.joint_states},
         holding=manipulator.is_gripper_holding_item,
-        stowed=manipulator.stow_state == manipulator.STOWSTATE_STOWED,
         motors_on=state.power_state.motor_power_state == power.STATE_ON,
         estops=tuple(e.name or "e-stop" for e in state.estop_states if e.state == pressed),
     )

@@ -315,3 +315,6 @@ class BridgeService:
             self._bus.publish(ROBOT_STATE, state_to_proto(self.state()))
         except HeliosError as error:
             log.warning("the robot's state could not be told: %s", error.message)
+        except Exception as error:  # of somebody's own driver: it may come right, so go on
+            log.exception("the driver failed")
+            self._health.degraded(f"the driver failed ({type(error).__name__}: {error})")

@@ -5,20 +5,27 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import cv2
 import numpy as np
 import pytest
+from helios_bridge.service import BridgeService
+from helios_bridge.settings import Settings
 from helios_contract.rig import Rig
 from helios_contract.suite import DriverContract
+from helios_core import proto as pb
 from helios_core.errors import Unavailable
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.robot import Capture, Forward, Turn
+from helios_core.robot import Action, ActionResult, Capture, Forward, Turn
+from helios_core.topics import ROBOT_STATE
+from helios_core.types import RobotState
 from helios_core.zenoh_bus import ZenohBus
 from helios_examples.room_robot import CAMERA, RoomRobot
 from helios_replay.driver import ReplayDriver
@@ -57,11 +64,13 @@ class TestSimulator(DriverContract):
         @contextmanager
         def away() -> Iterator[None]:
             servers, hub.servers = hub.servers, {}
-            yield
-            hub.servers = servers
+            try:
+                yield
+            finally:
+                hub.servers = servers
 
-        yield Rig(SimDriver(MemoryBus(hub)), away=away)
-        service.close()
+        with closing(service):
+            yield Rig(SimDriver(MemoryBus(hub)), away=away)
 
 
 class TestReplay(DriverContract):
@@ -84,14 +93,17 @@ class TestSpot(DriverContract):
         pytest.importorskip("bosdyn.client", reason="pip install 'helios-ovmm[spot]'")
         from tests.unit.spot.spot_stage import Stage
 
-        with TemporaryDirectory() as folder, closing(Stage(Path(folder))) as stage:
+        # No faster: a stop has to come in the middle of a turn.
+        with TemporaryDirectory() as folder, closing(Stage(Path(folder), hurry=2.0)) as stage:
             driver = stage.driver()
 
             @contextmanager
             def away() -> Iterator[None]:
                 stage.cut(driver)
-                yield
-                stage.mend(driver)
+                try:
+                    yield
+                finally:
+                    stage.mend(driver)
 
             yield Rig(driver, away=away)
 
@@ -113,6 +125,85 @@ class TestAnotherLanguage(DriverContract):
             finally:
                 process.terminate()
                 process.wait(ENDS_WITHIN_S)
+
+
+class DrivesOn(RoomRobot):
+    """Hears a stop only when its action is over."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._heard = ""
+
+    def state(self) -> RobotState:
+        return replace(super().state(), stopped=bool(self._heard))
+
+    def act(self, action: Action, action_id: str) -> ActionResult:
+        if self._heard:
+            super().stop(self._heard)
+        return super().act(action, action_id)
+
+    def stop(self, reason: str) -> None:
+        self._heard = reason
+
+    def clear_stop(self) -> None:
+        self._heard = ""
+        super().clear_stop()
+
+
+class EndsLate(DrivesOn):
+    """Likewise, and tells the action that it has finished as refused."""
+
+    def act(self, action: Action, action_id: str) -> ActionResult:
+        result = super().act(action, action_id)
+        return replace(result, succeeded=False, reason=self._heard) if self._heard else result
+
+
+class TurnsOn(RoomRobot):
+    """Ends the action that runs, and not its motion."""
+
+    def state(self) -> RobotState:
+        if self._stopped.is_set():
+            self._yaw_rad += 0.01
+        return super().state()
+
+
+@pytest.mark.parametrize("make", [DrivesOn, EndsLate, TurnsOn])
+def test_a_driver_that_does_not_end_what_runs_breaks_the_contract(
+    make: Callable[[], RoomRobot], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("helios_contract.stopping.WITHIN_S", 2.0)
+    check = DriverContract().test_a_stop_from_another_thread_ends_the_action_that_runs
+    check(Rig(RoomRobot()))  # holds of the driver without the slip
+    with pytest.raises((AssertionError, pytest.fail.Exception)):
+        check(Rig(make()))
+
+
+class Forgetful(RoomRobot):
+    """Fails to tell its state, for a while."""
+
+    broken = False
+
+    def state(self) -> RobotState:
+        if self.broken:
+            raise KeyError("odometry")
+        return super().state()
+
+    def capture(self) -> Capture:
+        return replace(RoomRobot().capture(), stamp_ns=time.time_ns())
+
+
+def test_a_driver_that_cannot_tell_its_state_is_said_and_the_stream_goes_on() -> None:
+    hub, robot, health = MemoryHub(), Forgetful(), Health()
+    told: list[pb.RobotState] = []
+    MemoryBus(hub).subscribe(ROBOT_STATE, told.append)
+    service = BridgeService(MemoryBus(hub), robot, Settings(stream_hz=50), health, first_number=0)
+    service.start()
+    with closing(service):
+        robot.broken = True
+        wait_until(lambda: "KeyError" in health.state[1], 20, "the bridge says so")
+        robot.broken, before = False, len(told)
+        wait_until(lambda: len(told) > before + 2, 20, "the stream goes on")
+        wait_until(lambda: health.state[0] == "ready", 20, "the bridge is well again")
 
 
 def can_open(router: str) -> bool:

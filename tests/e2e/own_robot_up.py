@@ -2,30 +2,19 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import httpx
 
-from tests.support import LOOPBACK, free_port, wait_until
+from tests.helios_up import Up, helios_up
+from tests.support import LOOPBACK, wait_until
 
 
-@dataclass(frozen=True)
-class Up:
-    """A running `helios up`."""
-
-    port: int
-    router: str
-
-    @property
-    def address(self) -> str:
-        return f"http://127.0.0.1:{self.port}"
+class OwnUp(Up):
+    """A running `helios up`, of which only some services can be ready."""
 
     def services(self) -> dict[str, dict[str, Any]]:
         """By name, as the gateway tells them; empty while it cannot be asked."""
@@ -35,43 +24,25 @@ class Up:
         except (httpx.TransportError, KeyError, ValueError):
             return {}
 
-    def ready(self, *names: str) -> bool:
+    def are_ready(self, *names: str) -> bool:
         services = self.services()
         return all(services.get(name, {}).get("state") == "ready" for name in names)
 
 
 @contextmanager
-def helios_up(
+def own_robot_up(
     folder: Path,
     robot: str,
     needed: tuple[str, ...] = ("bridge", "map2d"),
     detector: str = "ground-truth",
-) -> Iterator[Up]:
-    """Until these are ready. Ends it, and shows its output where the test failed."""
-    port, router_port = free_port(), free_port()
-    log = folder / "up.log"
-    with log.open("wb") as out:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "helios_client", "up", "--robot", robot,
-             "--detector", detector, "--port", str(port), "--router-port", str(router_port),
-             "--state", str(folder / "state")],
-            stdout=out, stderr=subprocess.STDOUT,
-            env=os.environ | {"XDG_STATE_HOME": str(folder / "home")},
-        )  # fmt: skip
-    up = Up(port, f"tcp/127.0.0.1:{router_port}")
-    try:
+) -> Iterator[OwnUp]:
+    """Until these are ready."""
+    flags = ("--robot", robot, "--detector", detector)
+    home = {"XDG_STATE_HOME": str(folder / "home")}
+    with helios_up(folder / "state", *flags, kind=OwnUp, environment=home) as up:
         wait_until(
-            lambda: process.poll() is not None or up.ready(*needed),
+            lambda: up.process.poll() is not None or up.are_ready(*needed),
             120, f"{' and '.join(needed)} are ready",
         )  # fmt: skip
-        assert process.poll() is None, "helios up ended"
+        assert up.process.poll() is None, "helios up ended"
         yield up
-    except BaseException:
-        print(log.read_text())
-        raise
-    finally:
-        process.terminate()
-        try:
-            process.wait(20)
-        finally:
-            process.kill()

@@ -15,22 +15,22 @@ from helios_core.topics import ACT, KEYFRAME, LEASE, MAP2D_ACK
 from helios_core.zenoh_bus import ZenohBus
 from helios_examples import room_robot
 
-from tests.e2e.own_robot_up import Up, helios_up
+from tests.e2e.own_robot_up import OwnUp, own_robot_up
 from tests.support import LOOPBACK, wait_until
 
 MOST_LINES = 80
 
 
 @pytest.fixture(scope="module")
-def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnUp]:
     folder = tmp_path_factory.mktemp("own")
     needed = ("bridge", "detector", "map2d", "objectmap", "planner")
-    with helios_up(folder, "helios_examples.room_robot:RoomRobot", needed, "paint") as up:
+    with own_robot_up(folder, "helios_examples.room_robot:RoomRobot", needed, "paint") as up:
         yield up
 
 
 @pytest.fixture
-def bus(up: Up) -> Iterator[ZenohBus]:
+def bus(up: OwnUp) -> Iterator[ZenohBus]:
     bus = ZenohBus(up.router)
     yield bus
     bus.close()
@@ -46,7 +46,7 @@ def test_the_example_is_as_short_as_the_docs_say() -> None:
     assert len(Path(room_robot.__file__).read_text().splitlines()) <= MOST_LINES
 
 
-def test_a_drive_is_done_and_its_keyframe_reaches_the_map(up: Up, bus: ZenohBus) -> None:
+def test_a_drive_is_done_and_its_keyframe_reaches_the_map(up: OwnUp, bus: ZenohBus) -> None:
     keyframes: list[pb.Frame] = []
     acks: list[pb.Ack] = []
     bus.subscribe(KEYFRAME, keyframes.append)
@@ -71,7 +71,7 @@ def test_a_drive_is_done_and_its_keyframe_reaches_the_map(up: Up, bus: ZenohBus)
     np.testing.assert_allclose(frame_from_proto(frame).T_world_base[:2, 3], [0.5, 0.0], atol=0.02)
 
 
-def test_the_map_shows_the_table_and_the_free_floor(up: Up, bus: ZenohBus) -> None:
+def test_the_map_shows_the_table_and_the_free_floor(up: OwnUp, bus: ZenohBus) -> None:
     act(bus, "look again", pb.Action(observe=pb.Action.Observe()))
 
     def at(grid: dict[str, np.ndarray], x_m: float, y_m: float) -> int:
@@ -89,7 +89,7 @@ def test_the_map_shows_the_table_and_the_free_floor(up: Up, bus: ZenohBus) -> No
     wait_until(mapped, 20, "the table is occupied and the floor before it free")
 
 
-def test_stop_now_over_http_holds_the_robot(up: Up, bus: ZenohBus) -> None:
+def test_stop_now_over_http_holds_the_robot(up: OwnUp, bus: ZenohBus) -> None:
     stopped = LOOPBACK.post(f"{up.address}/v1/robot/stop", json={"reason": "a cat"}, timeout=10)
     assert stopped.status_code == 200
     with pytest.raises(Conflict, match="a cat"):
@@ -99,7 +99,7 @@ def test_stop_now_over_http_holds_the_robot(up: Up, bus: ZenohBus) -> None:
 
 
 @pytest.mark.timeout(300)
-def test_the_planner_drives_it_to_find_a_thing(up: Up) -> None:
+def test_the_planner_drives_it_to_find_a_thing(up: OwnUp) -> None:
     """The shelf stands behind the robot: it has to turn, and to look from several places."""
     address = f"{up.address}/v1/tasks"
     task = LOOPBACK.post(address, json={"instruction": "find the green shelf"}, timeout=20).json()

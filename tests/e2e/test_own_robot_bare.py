@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.bare_robot.processes import bare_driver, bare_robot, generate_messages
-from tests.e2e.own_robot_up import helios_up
+from tests.e2e.own_robot_up import own_robot_up
 from tests.support import wait_until
 
 
@@ -15,10 +15,10 @@ def test_a_robot_of_bare_messages_is_mapped_and_driven_by_bare_messages(tmp_path
     messages = tmp_path / "messages"
     messages.mkdir()
     generate_messages(messages)
-    with helios_up(tmp_path, "bus", needed=("map2d",)) as up:
+    with own_robot_up(tmp_path, "bus", needed=("map2d",)) as up:
         assert "cannot be reached" in up.services()["bridge"]["reason"]
         with bare_robot(messages, up.router):
-            wait_until(lambda: up.ready("bridge"), 60, "the bridge has found the robot")
+            wait_until(lambda: up.are_ready("bridge"), 60, "the bridge has found the robot")
             said = bare_driver(messages, up.router)
     assert said["imports_of_helios"] == []
     assert said["drive"]["succeeded"]

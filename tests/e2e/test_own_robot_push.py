@@ -19,14 +19,14 @@ from helios_examples.room import look
 from helios_examples.room_robot import CAMERA
 from websockets.sync.client import connect
 
-from tests.e2e.own_robot_up import Up, helios_up
+from tests.e2e.own_robot_up import OwnUp, own_robot_up
 from tests.support import LOOPBACK, wait_until
 
 
 @pytest.fixture(scope="module")
-def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnUp]:
     needed = ("bridge", "detector", "map2d", "objectmap")
-    with helios_up(tmp_path_factory.mktemp("push"), "push", needed, "paint") as up:
+    with own_robot_up(tmp_path_factory.mktemp("push"), "push", needed, "paint") as up:
         yield up
 
 
@@ -40,13 +40,13 @@ def write_frame(folder: Path, x_m: float = 0.0, yaw_rad: float = 0.0, **more: An
     (folder / "meta.json").write_text(json.dumps(meta))
 
 
-def post(up: Up, folder: Path) -> httpx.Response:
+def post(up: OwnUp, folder: Path) -> httpx.Response:
     files = {name: (folder / f"{name}.png").read_bytes() for name in ("color", "depth")}
     data = {"meta": (folder / "meta.json").read_text()}
     return LOOPBACK.post(f"{up.address}/v1/frames", data=data, files=files, timeout=60)
 
 
-def test_the_curl_line_of_the_docs_works(up: Up, tmp_path: Path) -> None:
+def test_the_curl_line_of_the_docs_works(up: OwnUp, tmp_path: Path) -> None:
     if shutil.which("curl") is None:
         pytest.skip("there is no curl")
     page = (Path(__file__).parents[2] / "docs/your-own-robot.md").read_text()
@@ -62,7 +62,7 @@ def test_the_curl_line_of_the_docs_works(up: Up, tmp_path: Path) -> None:
     assert [m["map"] for m in answer["maps"]] == ["map2d/occupancy"]
 
 
-def test_pushed_frames_make_a_map(up: Up, tmp_path: Path) -> None:
+def test_pushed_frames_make_a_map(up: OwnUp, tmp_path: Path) -> None:
     for k in range(4):
         write_frame(tmp_path, yaw_rad=k * np.pi / 2)
         answer = post(up, tmp_path)
@@ -75,7 +75,7 @@ def test_pushed_frames_make_a_map(up: Up, tmp_path: Path) -> None:
     assert LOOPBACK.get(f"{up.address}/v1/camera.jpg", timeout=10).status_code == 200
 
 
-def test_classes_that_are_asked_for_become_objects(up: Up, tmp_path: Path) -> None:
+def test_classes_that_are_asked_for_become_objects(up: OwnUp, tmp_path: Path) -> None:
     def integrated() -> bool:  # the first frames may meet a map that has not heard of the search
         write_frame(tmp_path, x_m=0.1, classes=["box"], wait_s=10)
         answer = post(up, tmp_path).json()
@@ -87,7 +87,7 @@ def test_classes_that_are_asked_for_become_objects(up: Up, tmp_path: Path) -> No
     assert min(near_m) < 0.25, objects
 
 
-def test_a_stream_over_a_socket_is_answered_frame_by_frame(up: Up, tmp_path: Path) -> None:
+def test_a_stream_over_a_socket_is_answered_frame_by_frame(up: OwnUp, tmp_path: Path) -> None:
     with connect(f"ws://127.0.0.1:{up.port}/v1/frames/ws") as socket:
         numbers = []
         for k in range(5):
@@ -103,7 +103,7 @@ def test_a_stream_over_a_socket_is_answered_frame_by_frame(up: Up, tmp_path: Pat
     assert numbers == sorted(set(numbers))
 
 
-def test_a_picture_of_many_megabytes_is_taken(up: Up, tmp_path: Path) -> None:
+def test_a_picture_of_many_megabytes_is_taken(up: OwnUp, tmp_path: Path) -> None:
     noise = np.random.default_rng(0).integers(0, 255, (1080, 1920, 3), np.uint8)
     depth = np.full((1080, 1920), 2000, np.uint16)
     cv2.imwrite(str(tmp_path / "color.png"), noise)
@@ -119,7 +119,7 @@ def test_a_picture_of_many_megabytes_is_taken(up: Up, tmp_path: Path) -> None:
     assert "map2d/occupancy" in taken, answer.text
 
 
-def test_nothing_that_is_sent_ends_a_service(up: Up, tmp_path: Path) -> None:
+def test_nothing_that_is_sent_ends_a_service(up: OwnUp, tmp_path: Path) -> None:
     before = {name: s["pid"] for name, s in up.services().items()}
     write_frame(tmp_path, wait_s=0)
     meta = json.loads((tmp_path / "meta.json").read_text())

@@ -16,10 +16,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import httpx
 import pytest
 
 from tests.browser import chromium
+from tests.helios_up import is_ready, started
 from tests.support import LOOPBACK, free_port, wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -79,14 +79,6 @@ class House:
             command += f" --port {self.port}"
         return command
 
-    def ready(self) -> bool:
-        try:
-            return (
-                LOOPBACK.get(f"http://127.0.0.1:{self.port}/readyz", timeout=5).status_code == 200
-            )
-        except httpx.TransportError:
-            return False
-
     def newest_task(self) -> dict:
         return LOOPBACK.get(f"http://127.0.0.1:{self.port}/v1/tasks", timeout=10).json()["tasks"][0]
 
@@ -96,16 +88,9 @@ def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
     house = House(tmp_path_factory.mktemp("readme"))
     [up] = [c for c in COMMANDS if c.startswith("helios up")][:1]
     argv = [*shlex.split(house.adapted(up)), "--state", str(house.folder / "up")]
-    with (house.folder / "up.log").open("wb") as log:
-        process = subprocess.Popen(
-            argv, env=house.environment, cwd=house.folder, stdout=log, stderr=subprocess.STDOUT
-        )
-    try:
-        wait_until(house.ready, 200, "all services are ready")
+    with started(argv, house.folder / "up.log", house.environment, house.folder):
+        wait_until(lambda: is_ready(house.port), 200, "all services are ready")
         yield house
-    finally:
-        process.terminate()
-        process.wait(20)
 
 
 def test_each_command_is_run_or_left_out_for_a_reason() -> None:

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,7 +42,8 @@ from helios_replay.opening import open_source
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.thread import WorldThread
 
-from tests.support import ENDS_WITHIN_S, LOOPBACK, free_port, wait_until
+from tests.helios_up import Up, helios_up
+from tests.support import ENDS_WITHIN_S, LOOPBACK, wait_until
 
 SEED = 1
 MOST_STEPS = 400
@@ -83,40 +85,44 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Done:
     spec = EpisodeSpec("ovmm", "helios", "ground-truth", "demo-v1", SEED, None)
     home = generate_home(SEED, PRESETS[spec.preset])
     world, health = WorldThread(lambda: make_world(spec, home)), Health()
-    try:
-        with House(world, "helios", None, SEED, {}) as house:
-            chosen = Settings(out=folder, min_free_mb=0)
-            recorder = RecorderService(house.bus(), chosen, health)
-            task = house.run(episode_for("ovmm", home, SEED).instruction, MOST_STEPS, 250)
-            maps = Maps.of(house.bus())
-            recorder.close()
-    finally:
-        world.close()
+    chosen = Settings(out=folder, min_free_mb=0)
+    with (
+        closing(world),
+        House(world, "helios", None, SEED, {}) as house,
+        closing(RecorderService(house.bus(), chosen, health)),
+    ):
+        task = house.run(episode_for("ovmm", home, SEED).instruction, MOST_STEPS, 250)
+        maps = Maps.of(house.bus())
     return Done(folder, maps, task, health.metrics())
 
 
 def play(folder: Path, rate: float = 0.0, limit: int = 0) -> Maps:
     """All of a recording through fresh services, in lockstep."""
     hub = MemoryHub()
-    bus, bridge_bus = MemoryBus(hub), MemoryBus(hub)
-    Map2DService(MemoryBus(hub), Map2DSettings.load([]), Health())
-    ObjectMapService(MemoryBus(hub), ObjectMapSettings(), Health()).warm_up()
-    RecordedDetector(MemoryBus(hub), folder, Health())
-    driver = ReplayDriver(folder, bus=bridge_bus, contexts=True, rate=rate, limit=limit)
-    chosen = BridgeSettings(stream_hz=0, lockstep=True, lease_s=1e5, autoplay=False)
-    bridge = BridgeService(bridge_bus, driver, chosen, Health(), first_number=0)
-    states: list[pb.RobotState] = []
-    bus.subscribe(ROBOT_STATE, states.append)
-    bridge.start()
-    token = bus.call(LEASE, pb.LeaseRequest(holder="test", take=True), CALL_S).token
-    while not states[-1].finished:
-        request = pb.ActionRequest(
-            action_id=str(len(states)), lease_token=token, time_remaining_s=CALL_S,
-            action=action_to_proto(Observe()),
-        )  # fmt: skip
-        bus.call(ACT, request, CALL_S)
-    bridge.close()
-    return Maps.of(bus)
+    with ExitStack() as opened:
+
+        def new_bus() -> Bus:
+            return opened.enter_context(closing(MemoryBus(hub)))
+
+        bus, bridge_bus = new_bus(), new_bus()
+        opened.enter_context(closing(Map2DService(new_bus(), Map2DSettings.load([]), Health())))
+        objects = ObjectMapService(new_bus(), ObjectMapSettings(), Health())
+        opened.enter_context(closing(objects)).warm_up()
+        opened.enter_context(closing(RecordedDetector(new_bus(), folder, Health())))
+        driver = ReplayDriver(folder, bus=bridge_bus, contexts=True, rate=rate, limit=limit)
+        chosen = BridgeSettings(stream_hz=0, lockstep=True, lease_s=1e5, autoplay=False)
+        states: list[pb.RobotState] = []
+        bus.subscribe(ROBOT_STATE, states.append)
+        with closing(BridgeService(bridge_bus, driver, chosen, Health(), first_number=0)) as bridge:
+            bridge.start()
+            token = bus.call(LEASE, pb.LeaseRequest(holder="test", take=True), CALL_S).token
+            while not states[-1].finished:
+                request = pb.ActionRequest(
+                    action_id=str(len(states)), lease_token=token, time_remaining_s=CALL_S,
+                    action=action_to_proto(Observe()),
+                )  # fmt: skip
+                bus.call(ACT, request, CALL_S)
+        return Maps.of(bus)
 
 
 def test_the_recorded_task_was_a_whole_one(done: Done) -> None:
@@ -182,12 +188,8 @@ def test_rerun_opens_it(done: Done, tmp_path: Path) -> None:
 
 
 # --- as processes ---------------------------------------------------------------------------------
-@dataclass
-class Up:
+class RecordedUp(Up):
     """`helios up --record` with the simulated robot."""
-
-    port: int
-    state: Path
 
     def services(self) -> dict[str, dict[str, Any]]:
         try:
@@ -219,25 +221,14 @@ def keyframes_of(path: Path) -> int:
 
 
 @pytest.fixture(scope="module")
-def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
-    state, port = tmp_path_factory.mktemp("up"), free_port()
-    log = (state / "up.log").open("wb")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "helios_client", "up", "--record", "--seed", str(SEED),
-         "--port", str(port), "--state", str(state)],
-        stdout=log, stderr=subprocess.STDOUT, env=os.environ | {"MUJOCO_GL": "egl"},
-    )  # fmt: skip
-    up = Up(port, state)
-    try:
+def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RecordedUp]:
+    flags = ("--record", "--seed", str(SEED))
+    with helios_up(tmp_path_factory.mktemp("up"), *flags, kind=RecordedUp) as up:
         wait_until(up.services, 120, "all services are ready")
         yield up
-    finally:
-        process.terminate()
-        process.wait(20)
-        log.close()
 
 
-def test_what_a_killed_recorder_has_written_is_replayed(up: Up, tmp_path: Path) -> None:
+def test_what_a_killed_recorder_has_written_is_replayed(up: RecordedUp, tmp_path: Path) -> None:
     """Twice, and both times the same; the recorder is back meanwhile, with a new file."""
     before = up.services()["recorder"]
     assert before["state"] == "ready"
@@ -269,7 +260,7 @@ def test_what_a_killed_recorder_has_written_is_replayed(up: Up, tmp_path: Path) 
     np.testing.assert_array_equal(found[0][1], found[1][1])
 
 
-def test_a_recorder_may_come_from_outside(up: Up, tmp_path: Path) -> None:
+def test_a_recorder_may_come_from_outside(up: RecordedUp, tmp_path: Path) -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "helios_client", "record", "--out", str(tmp_path),
          "--port", str(up.port), "--state", str(up.state)],

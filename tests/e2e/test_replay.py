@@ -10,8 +10,9 @@ import uuid
 from pathlib import Path
 
 import numpy as np
-import psutil
 import pytest
+
+from tests.helios_up import MARK, left_of
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"
 DATASET, MODEL = SHARED / "data" / "redkitchen", SHARED / "models" / "yolox_nano.onnx"
@@ -28,22 +29,15 @@ def replay(
     out: Path, classes: str, detector: str = f"onnx:{MODEL}"
 ) -> subprocess.CompletedProcess[str]:
     """`helios replay` of the first frames; no process of it is left."""
-    mark = uuid.uuid4().hex  # in the environment of all that is started
+    mark = uuid.uuid4().hex
     done = subprocess.run(
         [sys.executable, "-m", "helios_client", "replay", str(DATASET), "--classes", classes,
          "--detector", detector, "--out", str(out), "--limit", str(FRAMES)],
         capture_output=True, text=True, timeout=280, check=False,
-        env=os.environ | {"COLUMNS": "160", "TEST_MARK": mark},
+        env=os.environ | {"COLUMNS": "160", MARK: mark},
     )  # fmt: skip
-    assert [p.pid for p in psutil.process_iter() if _environment(p).get("TEST_MARK") == mark] == []
+    assert left_of(mark) == []
     return done
-
-
-def _environment(process: psutil.Process) -> dict[str, str]:
-    try:
-        return process.environ()
-    except psutil.Error:  # ended meanwhile, or another user's
-        return {}
 
 
 @needs_data

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
-from dataclasses import dataclass
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -28,18 +26,12 @@ from helios_core.zenoh_bus import ZenohBus
 from tests.fake_spot.rooms import tea_room
 from tests.fake_spot.server import PASSWORD, FakeSpot
 from tests.fake_spot.world import World
-from tests.support import free_port, wait_until
+from tests.helios_up import Up, helios_up
+from tests.support import wait_until
 
 
-@dataclass
-class Up:
-    """A running `helios up` and the robot that it drives."""
-
-    fake: FakeSpot
-    process: subprocess.Popen[bytes]
-    port: int
-    router: str
-    state: Path
+class SpotUp(Up):
+    """A running `helios up` that drives a fake Spot."""
 
     def bridge(self) -> dict[str, Any]:
         """As `helios status` finds it; empty before it is known."""
@@ -61,79 +53,58 @@ def fake(tmp_path: Path) -> Iterator[FakeSpot]:
     fake.close()
 
 
-def start(fake: FakeSpot, folder: Path, **environment: str) -> Up:
-    port, router_port = free_port(), free_port()
-    env = fake.environment | environment
+@contextmanager
+def spot_up(fake: FakeSpot, folder: Path, **environment: str) -> Iterator[SpotUp]:
+    env = fake.environment | environment | {"XDG_STATE_HOME": str(folder / "home")}
     del env["HELIOS_SPOT_HOST"]  # a flag names it
-    process = subprocess.Popen(
-        [sys.executable, "-m", "helios_client", "up", "--robot", "spot",
-         "--spot-host", "127.0.0.1", "--detector", "ground-truth", "--port", str(port),
-         "--router-port", str(router_port), "--state", str(folder / "state")],
-        env=os.environ | env | {"XDG_STATE_HOME": str(folder / "home")},
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
-    return Up(fake, process, port, f"tcp/127.0.0.1:{router_port}", folder / "state")
+    flags = ("--robot", "spot", "--spot-host", "127.0.0.1", "--detector", "ground-truth")
+    with helios_up(folder / "state", *flags, kind=SpotUp, environment=env) as up:
+        yield up
 
 
-@pytest.fixture
-def up(fake: FakeSpot, tmp_path: Path) -> Iterator[Up]:
-    up = start(fake, tmp_path)
-    yield up
-    end(up)
-
-
-def end(up: Up) -> None:
-    up.process.send_signal(signal.SIGINT)
-    try:
-        up.process.wait(20)
-    finally:
-        up.process.kill()
-
-
-def test_a_bridge_that_is_killed_leaves_no_robot_walking_and_its_successor_goes_on(up: Up) -> None:
-    wait_until(lambda: up.bridge_is("ready"), 60, "the bridge is ready")
-    pid = up.bridge()["pid"]
-    assert PASSWORD not in " ".join(psutil.Process(pid).cmdline())
-    bus = ZenohBus(up.router, "robot")
-    world = up.fake.world
-
-    def act(id: str, action: pb.Action) -> pb.ActionResult:
-        token = bus.call(LEASE, pb.LeaseRequest(holder="a test", take=True), 5).token
-        request = pb.ActionRequest(
-            action_id=id, lease_token=token, time_remaining_s=30, action=action
-        )
-        return bus.call(ACT, request, 35)
-
-    try:
-        assert act("get up", pb.Action(observe=pb.Action.Observe())).succeeded
-        forward = pb.Action(forward=pb.Action.Forward(distance_m=1.0))
-        threading.Thread(target=lambda: _ignore(lambda: act("walk", forward)), daemon=True).start()
-        wait_until(lambda: world.moving, 10, "the robot walks")
-        os.kill(pid, signal.SIGKILL)
-        wait_until(lambda: not world.moving, 3, "the robot stands still")
-        assert "halt: the command ended" in world.log
-        wait_until(
-            lambda: up.bridge().get("pid") != pid and up.bridge_is("ready"), 60, "it is back"
-        )
-        assert state_from_proto(bus.call(GET_STATE, pb.Empty(), 5)).robot_boot_id
-        turn = pb.Action(turn=pb.Action.Turn(angle_rad=0.3))
-        wait_until(
-            lambda: _ignore(lambda: act("turn", turn).succeeded), 20, "the robot turns again"
-        )
-    finally:
-        bus.close()
-    end(up)
+def test_a_bridge_that_is_killed_leaves_no_robot_walking_and_its_successor_goes_on(
+    fake: FakeSpot, tmp_path: Path
+) -> None:
+    world = fake.world
+    with spot_up(fake, tmp_path) as up:
+        wait_until(lambda: up.bridge_is("ready"), 60, "the bridge is ready")
+        pid = up.bridge()["pid"]
+        assert PASSWORD not in " ".join(psutil.Process(pid).cmdline())
+        with closing(ZenohBus(up.router, "robot")) as bus:
+            assert act(bus, "get up", pb.Action(observe=pb.Action.Observe())).succeeded
+            forward = pb.Action(forward=pb.Action.Forward(distance_m=1.0))
+            walk = threading.Thread(
+                target=lambda: _ignore(lambda: act(bus, "walk", forward)), daemon=True
+            )
+            walk.start()
+            wait_until(lambda: world.moving, 10, "the robot walks")
+            os.kill(pid, signal.SIGKILL)
+            wait_until(lambda: not world.moving, 3, "the robot stands still")
+            assert "halt: the command ended" in world.log
+            wait_until(
+                lambda: up.bridge().get("pid") != pid and up.bridge_is("ready"), 60, "it is back"
+            )
+            assert state_from_proto(bus.call(GET_STATE, pb.Empty(), 5)).robot_boot_id
+            turn = pb.Action(turn=pb.Action.Turn(angle_rad=0.3))
+            wait_until(
+                lambda: _ignore(lambda: act(bus, "turn", turn).succeeded), 20,
+                "the robot turns again",
+            )  # fmt: skip
     assert world.lease_owner == ""  # given back in an orderly end
 
 
 def test_a_wrong_password_is_shown_and_not_tried_again(fake: FakeSpot, tmp_path: Path) -> None:
-    up = start(fake, tmp_path, HELIOS_SPOT_PASSWORD="guess")
-    try:
+    with spot_up(fake, tmp_path, HELIOS_SPOT_PASSWORD="guess") as up:
         wait_until(lambda: up.bridge_is("degraded"), 60, "the bridge says what is wrong")
         assert "HELIOS_SPOT_PASSWORD" in up.bridge()["reason"]
         assert not fake.world.motors
-    finally:
-        end(up)
+
+
+def act(bus: ZenohBus, id: str, action: pb.Action) -> pb.ActionResult:
+    """Raises HeliosError."""
+    token = bus.call(LEASE, pb.LeaseRequest(holder="a test", take=True), 5).token
+    request = pb.ActionRequest(action_id=id, lease_token=token, time_remaining_s=30, action=action)
+    return bus.call(ACT, request, 35)
 
 
 def _ignore(do: Any) -> Any:

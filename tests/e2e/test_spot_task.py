@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -83,29 +84,36 @@ class House:
     """Every service on one memory bus, in lockstep, with Spot behind the bridge."""
 
     def __init__(self, folder: Path) -> None:
-        self.fake = FakeSpot(folder, World(*tea_room(), hurry=8.0, skew_s=40.0))
-        self._hub = MemoryHub()
-        self._bus = MemoryBus(self._hub)
         self.ended = threading.Event()
+        with ExitStack() as opened:
+            self._open(folder, opened)
+            self._opened = opened.pop_all()
+
+    def _open(self, folder: Path, opened: ExitStack) -> None:
+        hub = MemoryHub()
+
+        def new_bus() -> MemoryBus:
+            return opened.enter_context(closing(MemoryBus(hub)))
+
+        world = World(*tea_room(), hurry=8.0, skew_s=40.0)
+        self.fake = opened.enter_context(closing(FakeSpot(folder, world)))
+        self._bus = new_bus()
         self._bus.subscribe(TASK, self._on_task)
-        self._map2d = Map2DService(self._new_bus(), Map2DSettings.load([]), Health())
-        self._objects = ObjectMapService(self._new_bus(), ObjectMapSettings(), Health())
-        self._objects.warm_up()
-        self._detector = DetectorService(
-            self._new_bus(), ColourDetector(), open_scorer("lexical"), Health()
-        )
+        opened.enter_context(closing(Map2DService(new_bus(), Map2DSettings.load([]), Health())))
+        objects = ObjectMapService(new_bus(), ObjectMapSettings(), Health())
+        opened.enter_context(closing(objects)).warm_up()
+        scorer = open_scorer("lexical")
+        detector = DetectorService(new_bus(), ColourDetector(), scorer, Health())
+        opened.enter_context(closing(detector))
         settings = SpotSettings(
             host="127.0.0.1", port=self.fake.port, ca_file=self.fake.ca_file,
             username=USER, password=SecretStr(PASSWORD), speed_m_s=0.5,
         )  # fmt: skip
-        bus = self._new_bus()
-        self.driver = SpotDriver(bus, settings=settings)
-        self.bridge = BridgeService(
-            bus, self.driver, BridgeSettings(stream_hz=0, lockstep=True), Health()
-        )
-        self._planner = PlannerService(
-            self._new_bus(), PlannerSettings(state_dir=folder / "tasks"), Health()
-        )
+        bus, chosen = new_bus(), BridgeSettings(stream_hz=0, lockstep=True)
+        driver = SpotDriver(bus, settings=settings)
+        opened.enter_context(closing(BridgeService(bus, driver, chosen, Health())))
+        kept = PlannerSettings(state_dir=folder / "tasks")
+        opened.enter_context(closing(PlannerService(new_bus(), kept, Health())))
 
     def begin(self, instruction: str) -> str:
         """Submit; the task's id."""
@@ -124,13 +132,7 @@ class House:
         self._bus.call(CLEAR_STOP, pb.Empty(), 10)
 
     def close(self) -> None:
-        self._planner.close()
-        self._detector.close()
-        self.bridge.close()
-        self.fake.close()
-
-    def _new_bus(self) -> MemoryBus:
-        return MemoryBus(self._hub)
+        self._opened.close()
 
     def _on_task(self, task: pb.Task) -> None:
         if task.state in ("succeeded", "failed", "cancelled"):
@@ -153,9 +155,8 @@ class Episode:
 def episode(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Episode]:
     """A person takes the robot once it moves, clears the stop too early, gives the robot back, and
     clears the stop: once, and at once."""
-    house = House(tmp_path_factory.mktemp("spot"))
-    world = house.fake.world
-    try:
+    with closing(House(tmp_path_factory.mktemp("spot"))) as house:
+        world = house.fake.world
         id = house.begin(INSTRUCTION)
         wait_until(lambda: world.moving, 60, "the robot moves")
         house.fake.leases.give_to("the tablet")
@@ -166,8 +167,6 @@ def episode(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Episode]:
         house.fake.leases.free()
         house.clear_stop()
         yield Episode(world, *then, refused.value.message, house.end(id))
-    finally:
-        house.close()
 
 
 def test_a_task_pauses_while_the_tablet_has_the_robot(episode: Episode) -> None:

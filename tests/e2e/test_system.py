@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import httpx
@@ -22,6 +21,7 @@ from helios_core import proto as pb
 from helios_core.topics import TRUTH_EPISODE, TRUTH_METRICS, WORLD_STATE
 from helios_core.zenoh_bus import ZenohBus
 
+from tests.helios_up import Up, helios_up, is_ready
 from tests.support import ENDS_WITHIN_S, LOOPBACK, free_port, wait_until
 
 SEED = 1
@@ -29,23 +29,11 @@ ROOT = Path(__file__).resolve().parents[2]
 SERVICES = ("router", "world", "bridge", "detector", "objectmap", "map2d", "planner", "gateway")
 
 
-@dataclass
-class House:
+class House(Up):
     """A running `helios up` with the simulated robot."""
 
-    process: subprocess.Popen[bytes]
-    port: int
-    router: str
-    state: Path
-
     def get(self, path: str) -> httpx.Response:
-        return LOOPBACK.get(f"http://127.0.0.1:{self.port}{path}", timeout=10)
-
-    def ready(self) -> bool:
-        try:
-            return self.get("/readyz").status_code == 200
-        except httpx.TransportError:
-            return False
+        return LOOPBACK.get(f"{self.address}{path}", timeout=10)
 
     def status(self) -> dict[str, ServiceAnswer]:
         """Of each service, as `helios status` finds it."""
@@ -75,27 +63,11 @@ class House:
 
 @pytest.fixture(scope="module")
 def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
-    state = tmp_path_factory.mktemp("state")
-    port, router_port = free_port(), free_port()
-    log = (state / "up.log").open("wb")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "helios_client", "up", "--robot", "sim", "--seed", str(SEED),
-         "--port", str(port), "--router-port", str(router_port), "--state", str(state)],
-        stdout=log, stderr=subprocess.STDOUT, env=os.environ | {"MUJOCO_GL": "egl"},
-    )  # fmt: skip
-    house = House(process, port, f"tcp/127.0.0.1:{router_port}", state)
-    try:
+    """In the end it must leave no process behind."""
+    flags = ("--robot", "sim", "--seed", str(SEED))
+    with helios_up(tmp_path_factory.mktemp("state"), *flags, kind=House) as house:
         wait_until(house.ready, 120, "all services are ready")
         yield house
-    finally:
-        children = psutil.Process(process.pid).children(recursive=True)
-        process.terminate()
-        process.wait(ENDS_WITHIN_S)
-        log.close()
-        left = [c for c in children if c.is_running() and c.status() != psutil.STATUS_ZOMBIE]
-        for child in left:
-            child.kill()
-        assert left == [], "helios up left processes behind"
 
 
 def check_answer(house: House, path: str, kind: str) -> None:
@@ -272,8 +244,7 @@ def test_the_order_of_starting_does_not_matter(tmp_path: Path) -> None:
             wait_until(lambda name=name: waits(name), 60, f"{name} waits")
         start("router", "helios_core.router", "--listen", router)
         start("world", "helios_sim", "--router", router, "--seed", "0")
-        house = House(started["router"], port, router, tmp_path)
-        wait_until(house.ready, 90, "all services are ready")
+        wait_until(lambda: is_ready(port), 90, "all services are ready")
     finally:
         for process in started.values():
             process.kill()

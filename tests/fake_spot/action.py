@@ -46,7 +46,9 @@ class Commands(pb.servicer("RobotCommandService")):
         with w.lock:
             w.step()
             kind = self._kinds.get(id, "")
-            if kind == "se2_trajectory_request":
+            if kind in w.endless:
+                pass
+            elif kind == "se2_trajectory_request":
                 status = pb.basic.SE2TrajectoryCommand.Feedback
                 done = w.walk is None or w.at_goal()
                 legs.se2_trajectory_feedback.status = (
@@ -109,8 +111,8 @@ class Commands(pb.servicer("RobotCommandService")):
         speed = params.vel_limit.max_vel.linear.x or 1.6
         turn = params.vel_limit.max_vel.angular or 2.0
         w.fastest, w.fastest_turn = max(w.fastest, speed), max(w.fastest_turn, turn)
-        if not w.standing:
-            w.standing = True
+        w.standing = True
+        w.log.append("walk")
         if kind == "se2_trajectory_request":
             if asked.se2_frame_name not in ("vision", "odom"):
                 return int(reply.STATUS_UNKNOWN_FRAME)

@@ -9,8 +9,6 @@ from typing import Any
 from tests.fake_spot import pb
 from tests.fake_spot.world import World
 
-EPOCH = "fake-boot-1"
-
 
 class Leases(pb.servicer("LeaseService")):
     """One resource, the body. The newest root sequence drives."""
@@ -18,6 +16,7 @@ class Leases(pb.servicer("LeaseService")):
     def __init__(self, world: World) -> None:
         self._w = world
         self._number = 0
+        self._boots = 1
         self._newest: Any = None
 
     def use(self, lease: Any, result: Any) -> bool:
@@ -70,7 +69,7 @@ class Leases(pb.servicer("LeaseService")):
     def ListLeases(self, request: Any, _: Any) -> Any:
         reply = pb.lease.ListLeasesResponse()
         entry = reply.resources.add(resource="body")
-        entry.lease.resource, entry.lease.epoch = "body", EPOCH
+        entry.lease.resource, entry.lease.epoch = "body", self._epoch
         entry.lease_owner.client_name = self._w.lease_owner
         return pb.answer(reply, request, self._w.robot_ns)
 
@@ -86,10 +85,22 @@ class Leases(pb.servicer("LeaseService")):
         with self._w.lock:
             self._w.lease_owner = ""
 
+    def reboot(self) -> None:
+        """The robot starts anew: it sits, nobody has it, and its leases are of a new epoch."""
+        with self._w.lock:
+            self._w.halt("a reboot")
+            self._w.motors = self._w.standing = False
+            self._w.lease_owner, self._newest = "", None
+            self._boots += 1
+
+    @property
+    def _epoch(self) -> str:
+        return f"fake-boot-{self._boots}"
+
     def _grant(self, reply: Any, owner: str) -> None:
         self._number += 1
         self._newest = pb.lease.Lease(
-            resource="body", epoch=EPOCH, sequence=[self._number], client_names=["root"]
+            resource="body", epoch=self._epoch, sequence=[self._number], client_names=["root"]
         )
         self._w.lease_owner, self._w.retained_s = owner, time.monotonic()
         reply.status = reply.STATUS_OK
@@ -98,7 +109,8 @@ class Leases(pb.servicer("LeaseService")):
 
 
 class Estop(pb.servicer("EstopService")):
-    """An endpoint that checks in releases "software"; others are pressed by hand."""
+    """An endpoint that checks in releases "software"; one that falls silent presses it again.
+    Others are pressed by hand."""
 
     def __init__(self, world: World) -> None:
         self._w = world
@@ -118,7 +130,9 @@ class Estop(pb.servicer("EstopService")):
             endpoint.unique_id = str(i)
         reply.active_config.CopyFrom(self._config)
         reply.status = reply.STATUS_SUCCESS
-        self._w.estops.add("software")  # until it checks in
+        with self._w.lock:
+            self._w.estops.add("software")  # until it checks in
+            self._w.estop_due_s = math.inf
         return pb.answer(reply, request, self._w.robot_ns)
 
     def RegisterEstopEndpoint(self, request: Any, _: Any) -> Any:
@@ -138,15 +152,28 @@ class Estop(pb.servicer("EstopService")):
         inverted = ~request.challenge & 0xFFFFFFFFFFFFFFFF
         good = request.challenge == self._challenge and request.response == inverted
         reply.status = reply.STATUS_OK if good else reply.STATUS_INCORRECT_CHALLENGE_RESPONSE
+        known = [e for e in self._config.endpoints if e.name == request.endpoint.name]
+        if not known:
+            good, reply.status = False, reply.STATUS_ENDPOINT_UNKNOWN
         self._challenge += 13
         reply.challenge = self._challenge
-        if good and request.stop_level == pb.estop.ESTOP_LEVEL_NONE:
-            self._w.estops.discard("software")
-        elif good:
-            self._w.estops.add("software")
-            self._w.motors = False
-            self._w.halt("e-stop")
+        with self._w.lock:
+            if good:
+                self._w.estop_due_s = time.monotonic() + known[0].timeout.ToNanoseconds() / 1e9
+            if good and request.stop_level == pb.estop.ESTOP_LEVEL_NONE:
+                self._w.estops.discard("software")
+            elif good:
+                self._w.estops.add("software")
+                self._w.motors = False
+                self._w.halt("e-stop")
         return pb.answer(reply, request, self._w.robot_ns)
+
+    def replace(self, name: str) -> None:
+        """Somebody sets up an e-stop of their own, and holds it released."""
+        with self._w.lock:
+            del self._config.endpoints[:]
+            self._config.endpoints.add(name=name, unique_id="0")
+            self._w.estop_due_s = math.inf
 
     def GetEstopSystemStatus(self, request: Any, _: Any) -> Any:
         reply = pb.estop.GetEstopSystemStatusResponse()

@@ -52,6 +52,7 @@ class State(pb.servicer("RobotStateService")):
         reply = pb.robot_state.RobotStateResponse()
         w, state = self._w, reply.robot_state
         with w.lock:
+            w.step()
             power = pb.robot_state.PowerState
             state.power_state.motor_power_state = power.STATE_ON if w.motors else power.STATE_OFF
             state.power_state.locomotion_charge_percentage.value = 88

@@ -63,6 +63,7 @@ class FakeSpot:
         )
         self.leases = Leases(self.world)
         self.images = Images(self.world, dict(sources() if cameras is None else cameras))
+        self.estop = Estop(self.world)
         self.clock = TimeSync(self.world)
         self.commands = Commands(self.world, self.leases)
         services = {
@@ -71,7 +72,7 @@ class FakeSpot:
             "RobotIdService": RobotId(self.world),
             "TimeSyncService": self.clock,
             "LeaseService": self.leases,
-            "EstopService": Estop(self.world),
+            "EstopService": self.estop,
             "PowerService": Power(self.world, self.leases),
             "RobotStateService": State(self.world),
             "ImageService": self.images,

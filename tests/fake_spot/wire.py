@@ -42,9 +42,13 @@ class Wire:
         while True:
             try:
                 near, _ = self._server.accept()
-                far = socket.create_connection(("127.0.0.1", self._target), timeout=5)
-            except OSError:
+            except OSError:  # closed
                 return
+            try:
+                far = socket.create_connection(("127.0.0.1", self._target), timeout=5)
+            except OSError:  # nobody there now; the next one may get through
+                near.close()
+                continue
             far.settimeout(None)
             self._sockets += [near, far]
             for a, b in ((near, far), (far, near)):

@@ -51,6 +51,8 @@ class World:
     estops: set[str] = field(default_factory=set)
     power_refusal: str = ""  # name of a PowerCommandStatus
     grasp_outcome: str = ""  # name of a ManipulationFeedbackState to end every grasp with
+    endless: set[str] = field(default_factory=set)  # kinds of commands that never come to an end
+    estop_due_s: float = math.inf  # monotonic: when a silent e-stop endpoint trips
     T_flat_hand: Array = field(default_factory=STOWED.copy)
     stowed: bool = True
     open: float = 0.0
@@ -108,6 +110,9 @@ class World:
         with self.lock:
             now = time.monotonic()
             dt, self._then_s = now - self._then_s, now
+            if now > self.estop_due_s:
+                self.estop_due_s = math.inf
+                self.press_estop("software")
             if self.walk is None:
                 return
             self._check_leash()

@@ -109,6 +109,8 @@ def _examine(job: ReplayJob, console: Console) -> tuple[int, float]:
     source = open_source(job.source, Part(pace.limit, pace.from_s, to_s, pace.topics))
     if cut := getattr(source, "cut", ""):
         console.print(f"[yellow]read up to where it is cut off[/]: {escape(cut)}", soft_wrap=True)
+    if source.left_out:
+        console.print(f"[yellow]{escape(source.left_out)}[/]", soft_wrap=True)
     if job.context is None and not any(source.contexts_before(i) for i in range(len(source.shots))):
         raise InvalidInput(
             f"{job.source} holds no search; say what to look for with --classes and --detector"

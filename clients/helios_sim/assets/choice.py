@@ -74,10 +74,6 @@ _COUNTERS = (
     (_SINK_B, _LOW_B),
     (_DRAWERS_B, _LOW_B, _SMALL_B),
 )
-_CHESTS = (
-    *_of(_S, "changing-table"),
-    *_of(_B, "chest", "dresserWithDrawers"),
-)
 _SHELVES = _of(_0, "bookcase")
 _BEDS = (
     *_of(_S, "bed1", "iron_bed", "captains-bed"),

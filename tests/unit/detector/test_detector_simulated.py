@@ -17,7 +17,6 @@ from helios_detector.truth import truth_of
 _loaded = load_noise("demo-v1")
 assert isinstance(_loaded, NoiseTable)
 DEMO: NoiseTable = _loaded
-ALWAYS = replace(DEMO.miss_by_pixels, at=(1.0,), value=(1.0,))
 NEVER = replace(DEMO.miss_by_pixels, at=(1.0,), value=(0.0,))
 FAITHFUL = replace(DEMO, miss_by_pixels=NEVER, miss_by_distance=NEVER, confusion={}, redrawn=0.0)
 

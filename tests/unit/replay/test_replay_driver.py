@@ -22,6 +22,7 @@ from helios_core.geometry import (
 from helios_core.robot import EndOfRecording, Forward, Observe, Pick, Place, Tilt, Turn
 from helios_replay import ReplayDriver
 from helios_replay.dataset import read_dataset, read_image
+from helios_replay.driver import REMEMBERED
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -62,6 +63,14 @@ def test_each_capture_gives_the_next_frame_then_the_recording_ends(folder: Path)
             driver.capture()
 
 
+def test_rows_play_by_time_whatever_their_order(folder: Path) -> None:
+    path = folder / "poses.csv"
+    header, first, second, third = path.read_text().splitlines()
+    path.write_text("\n".join([header, third, first, second]))
+    driver = ReplayDriver(folder)
+    assert [driver.capture().stamp_ns for _ in range(3)] == [0, 100_000_000, 200_000_000]
+
+
 def test_a_limit_ends_it_earlier(folder: Path) -> None:
     driver = ReplayDriver(folder, limit=1)
     driver.capture()
@@ -94,6 +103,14 @@ def test_the_same_action_is_done_once(folder: Path) -> None:
     driver = ReplayDriver(folder)
     assert driver.act(Observe(), "a") == driver.act(Observe(), "a")
     assert driver.act(Observe(), "b").steps == 2
+
+
+def test_only_the_last_results_are_remembered(folder: Path) -> None:
+    driver = ReplayDriver(folder)
+    for k in range(REMEMBERED + 1):
+        driver.act(Observe(), str(k))
+    assert driver.act(Observe(), "1").steps == 2
+    assert driver.act(Observe(), "0").steps == REMEMBERED + 2
 
 
 def test_a_stop_latches_until_cleared(folder: Path) -> None:

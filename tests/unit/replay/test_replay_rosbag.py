@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import math
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import R_BODY_CAM, camera_on_base, quaternion_from_rotation, se2_to_se3
 from helios_replay import ReplayDriver
 from helios_replay.opening import open_source
+from helios_replay.ros_images import depth_of
 from helios_replay.ros_poses import slerp
 from helios_replay.source import Part
 
@@ -97,12 +100,24 @@ def base(k: float) -> np.ndarray:
     return se2_to_se3(0.2 * k, 0.1, 0.1 * k)
 
 
+def inverse_depth(depth_m: np.ndarray, a: float, b: float) -> np.ndarray:
+    """As `compressed_depth_image_transport` stores 32FC1: a / depth + b, a corner without depth."""
+    out = (a / depth_m + b).astype(np.uint16)
+    out[0, 0] = 0
+    return out
+
+
 def write_bag(
     path: Path, *, packed: bool = False, pose_topic: bool = False, tf: bool = True,
     distortion: list[float] | None = None, plugin: StoragePlugin = StoragePlugin.SQLITE3,
-    second_camera: bool = False,
+    second_camera: bool = False, inverse: tuple[float, float] | None = None,
+    second_parent: bool = False, shots: int = SHOTS, poses: int | None = None,
 ) -> Path:  # fmt: skip
-    """Four shots while the base drives an arc; tf at 50 ms before and after each image."""
+    """Four shots while the base drives an arc; tf at 50 ms before and after each image.
+
+    inverse: (a, b) of inverse depth, where the packed depth is of 32FC1. poses: only the first so
+    many on their topic. second_parent: tf says of the camera that another frame has it, too.
+    """
     depth_mm = np.full((HEIGHT, WIDTH), 2000, np.uint16)
     blue = np.full((HEIGHT, WIDTH, 3), (250, 10, 10), np.uint8)
     T_base_cam = camera_on_base(np.eye(4), HEIGHT_M, 0.0)
@@ -118,7 +133,10 @@ def write_bag(
         if tf:
             static = transform(stamp(0), "base_link", "optical", T_base_cam)
             write("/tf_static", stamp(0), make("tf2_msgs/msg/TFMessage", transforms=[static]))
-        for k in range(SHOTS):
+        if second_parent:
+            other = transform(stamp(0), "gripper", "optical", np.eye(4))
+            write("/tf", stamp(0), make("tf2_msgs/msg/TFMessage", transforms=[other]))
+        for k in range(shots):
             ns = stamp(k)
             write("/cam/color/camera_info", ns, info(ns, distortion or [0.0] * 5))
             if tf:
@@ -126,14 +144,18 @@ def write_bag(
                     at = ns + round(half * 1e8)
                     moved = transform(at, "map", "base_link", base(k + half))
                     write("/tf", at, make("tf2_msgs/msg/TFMessage", transforms=[moved]))
-            if pose_topic:
+            if pose_topic and k < (shots if poses is None else poses):
                 write("/slam/pose", ns, pose(ns, base(k) @ T_base_cam))
             if packed:
                 jpeg = cv2.imencode(".jpg", blue)[1].tobytes()
-                png = bytes(12) + cv2.imencode(".png", depth_mm)[1].tobytes()
+                head, stored, form = bytes(12), depth_mm, "16UC1; compressedDepth"
+                if inverse is not None:
+                    head, form = struct.pack("<iff", 0, *inverse), "32FC1; compressedDepth png"
+                    stored = inverse_depth(depth_mm / 1000, *inverse)
+                png = head + cv2.imencode(".png", stored)[1].tobytes()
                 write("/cam/color/compressed", ns, compressed(ns, jpeg, "bgr8; jpeg"))
                 write("/cam/depth/compressedDepth", ns + 3_000_000,
-                      compressed(ns + 3_000_000, png, "16UC1; compressedDepth"))  # fmt: skip
+                      compressed(ns + 3_000_000, png, form))  # fmt: skip
             else:
                 write("/cam/color/image_raw", ns, image(ns, blue, "bgr8"))
                 write("/cam/depth/image_raw", ns + 3_000_000,
@@ -165,6 +187,57 @@ def test_a_topic_of_poses_instead_of_tf(tmp_path: Path) -> None:
     assert source.shots[0].T_world_cam[:3, :3] == pytest.approx(R_BODY_CAM)
     with pytest.raises(InvalidInput, match="neither tf nor"):
         open_source(path)
+
+
+def test_a_topic_of_poses_stands_above_tf(tmp_path: Path) -> None:
+    """Its frame is the camera, which tf hangs below the base, for ever."""
+    path = write_bag(tmp_path / "bag", pose_topic=True)
+    source = open_source(path, Part(topics="pose=/slam/pose"))
+    for k, shot in enumerate(source.shots):
+        wanted = base(k) @ camera_on_base(np.eye(4), HEIGHT_M, 0.0)
+        np.testing.assert_allclose(shot.T_world_cam, wanted, atol=1e-9)
+
+
+def test_a_frame_with_two_parents_is_refused_unless_a_topic_says_where_it_is(
+    tmp_path: Path,
+) -> None:
+    path = write_bag(tmp_path / "bag", pose_topic=True, second_parent=True)
+    with pytest.raises(InvalidInput, match="optical hangs below base_link and below gripper") as e:
+        open_source(path)
+    assert "--topics pose=" in e.value.message
+    assert len(open_source(path, Part(topics="pose=/slam/pose")).shots) == SHOTS
+
+
+def test_images_without_a_pose_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """The only pose is taken for images up to 0.5 s after it."""
+    topics = Part(topics="pose=/slam/pose")
+    whole = write_bag(tmp_path / "whole", tf=False, pose_topic=True)
+    part = write_bag(tmp_path / "part", tf=False, pose_topic=True, shots=10, poses=1)
+    with caplog.at_level(logging.WARNING, "helios_replay"):
+        assert open_source(whole, topics).left_out == ""
+        assert not caplog.messages
+        source = open_source(part, topics)
+    assert len(source.shots) == 6
+    assert source.left_out.startswith("4 of 10 images left out: no depth within 0.02 s or no pose")
+    assert source.left_out in caplog.text
+
+
+@pytest.mark.parametrize(("deepest_m", "steps"), [(10.0, 100), (4.0, 50)])
+def test_inverse_depth_is_metres(deepest_m: float, steps: int, tmp_path: Path) -> None:
+    """By the definition of the format: a = n (n + 1), b = 1 - a / deepest."""
+    a = steps * (steps + 1.0)
+    bag = write_bag(tmp_path / "bag", packed=True, inverse=(a, 1 - a / deepest_m))
+    depth_m = open_source(bag).read(0).depth_m
+    assert float(depth_m[3, 3]) == pytest.approx(2.0, abs=2.0**2 / a)  # one step of it
+    assert depth_m[0, 0] == 0
+
+
+@pytest.mark.parametrize("inverse", [(0.0, 1.0), (math.nan, 1.0), (5.0, -math.inf)])
+def test_inverse_depth_without_its_numbers_is_refused(inverse: tuple[float, float]) -> None:
+    png = cv2.imencode(".png", np.ones((HEIGHT, WIDTH), np.uint16))[1].tobytes()
+    data = struct.pack("<iff", 0, *inverse) + png
+    with pytest.raises(InvalidInput, match="depth is inverse depth with a = "):
+        depth_of(compressed(0, data, "32FC1; compressedDepth"), True, "depth")
 
 
 def test_lenses_are_made_straight(tmp_path: Path) -> None:

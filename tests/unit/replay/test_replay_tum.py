@@ -53,10 +53,21 @@ def test_associations_are_taken_where_they_are(folder: Path) -> None:
     assert float(source.read(0).depth_m[0, 0]) == pytest.approx(3.0)
 
 
-def test_images_without_a_pose_are_left_out(folder: Path) -> None:
+def test_images_without_a_pose_are_left_out_and_counted(folder: Path) -> None:
     path = folder / "groundtruth.txt"
+    assert open_source(folder).left_out == ""
     path.write_text("\n".join(path.read_text().splitlines()[:8]))
-    assert len(open_source(folder).shots) == 1
+    source = open_source(folder)
+    assert len(source.shots) == 1
+    assert source.left_out == "2 of 3 images left out: no depth or no pose within 0.02 s"
+
+
+def test_associations_play_by_time_whatever_their_order(folder: Path) -> None:
+    rows = [f"{1000 + k / 10} rgb/{k}.png {1000 + k / 10} depth/{k}.png" for k in (2, 0, 1)]
+    (folder / "associations.txt").write_text("\n".join(rows))
+    source = open_source(folder)
+    assert [shot.time_s for shot in source.shots] == pytest.approx([0.0, 0.1, 0.2])
+    assert [float(source.read(k).depth_m[0, 0]) for k in range(3)] == pytest.approx([1, 2, 3])
 
 
 def test_the_file_lists_may_be_missing(folder: Path) -> None:

@@ -156,7 +156,7 @@ def test_a_held_thing_is_carried_unseen_and_dropped_by_physics(world: World):
 def test_pushing_a_movable_thing_is_no_collision(world: World):
     name = fetch_the_object(world)
     oracle = Oracle(world)
-    assert oracle.face_most_room()
+    assert oracle.go_to_most_room()
     x, y = position(world)
     yaw = yaw_of(world.state().T_world_base)
     spot = (float(x + 0.5 * math.cos(yaw)), float(y + 0.5 * math.sin(yaw)), 0.02)

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import gc
+import queue
 import sys
+import threading
 import weakref
 from pathlib import Path
 
 import pytest
 from helios_core.errors import Unavailable
 from helios_core.robot import Observe
+from helios_core.types import RobotState
 from helios_sim.home import Home
 from helios_sim.thread import WorldThread
 from helios_sim.world import World
+
+from tests.support import ENDS_WITHIN_S
 
 
 def test_a_closed_world_is_forgotten_at_once(sim_home: Home):
@@ -40,6 +45,37 @@ def test_a_closed_world_still_tells_how_it_went_but_shows_nothing(sim_home: Home
     assert len(world.things()) > 0
     with pytest.raises(Unavailable):
         world.capture()
+
+
+def test_a_call_that_races_with_the_end_is_answered(sim_home: Home):
+    """The world is closed when the call has been let in and is not in the queue yet."""
+    thread = WorldThread(lambda: World(sim_home))
+    calls, closer = thread._calls, threading.Thread(target=thread.close)
+    ended = threading.Event()
+
+    class Slow(queue.SimpleQueue):
+        def put(self, item, block=True, timeout=None):
+            if item is None:
+                calls.put(None)
+                ended.set()
+            else:
+                closer.start()
+                ended.wait(0.5)  # in vain where the end waits for the call
+                calls.put(item)
+
+    thread._calls = Slow()
+    told: queue.SimpleQueue[BaseException | RobotState] = queue.SimpleQueue()
+
+    def ask() -> None:
+        try:
+            told.put(thread.state())
+        except Unavailable as error:
+            told.put(error)
+
+    threading.Thread(target=ask, daemon=True).start()
+    told.get(timeout=ENDS_WITHIN_S)
+    closer.join(ENDS_WITHIN_S)
+    assert not closer.is_alive()
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="counts files by /proc")

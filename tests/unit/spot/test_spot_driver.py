@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ from helios_core.geometry import Pinhole, is_rigid, lift_pixels, tilt_of, yaw_of
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Capture, Forward, Observe, Pick, Place, Tilt, Turn
 from helios_core.topics import ESTIMATE_DEPTH
+from helios_spot.depth import DetectorDepth
 from numpy.typing import NDArray
 
+from tests.fake_spot.cameras import sources
 from tests.fake_spot.scene import Shape
 from tests.fake_spot.senses import Images
 from tests.unit.spot.conftest import Staging
@@ -56,6 +59,22 @@ def test_the_base_stands_on_the_floor_where_the_robot_stands(stage: Stage) -> No
     assert yaw_of(base) == pytest.approx(1.1, abs=1e-6)
 
 
+def test_it_picks_only_with_an_arm_and_a_hand_whose_lens_the_grasp_service_takes(
+    staging: Staging,
+) -> None:
+    told = staging().driver().describe()
+    assert (told.can_pick, told.can_place) == (True, True)
+    without = staging(without=frozenset({"manipulation"})).driver(camera="frontleft").describe()
+    assert (without.can_pick, without.can_place) == (False, False)
+    cameras = sources()
+    no_hand = {name: source for name, source in cameras.items() if source.parent != "hand"}
+    without = staging(cameras=no_hand).driver(camera="frontleft").describe()
+    assert (without.can_pick, without.can_place) == (False, False)
+    bent = replace(cameras["hand_color_image"], distortion=(0.02, -0.01, 0.003, 0.0))
+    told = staging(cameras={**cameras, bent.name: bent}).driver(camera="frontleft").describe()
+    assert (told.can_pick, told.can_place) == (False, True)
+
+
 # --- images ---------------------------------------------------------------------------------------
 def test_every_pixel_of_the_hand_lies_on_a_surface_of_the_room(stage: Stage) -> None:
     driver = stage.driver()
@@ -66,6 +85,15 @@ def test_every_pixel_of_the_hand_lies_on_a_surface_of_the_room(stage: Stage) -> 
     assert off_surfaces_m(capture, stage.world.shapes).max() < 0.01
     floor = lift_pixels(capture.depth_m, capture.camera, capture.T_world_cam)[..., 2]
     assert np.nanmin(floor) == pytest.approx(0.0, abs=0.01)
+
+
+def test_an_image_is_posed_where_the_robot_was_when_it_was_taken(stage: Stage) -> None:
+    driver = stage.driver()
+    before = driver._link.read()
+    stage.world.x, stage.world.yaw = 0.4, 0.3
+    capture = driver._eyes.capture(before)
+    assert capture.T_world_base[:3, 3] == pytest.approx([0.4, 0.0, 0.0], abs=1e-6)
+    assert yaw_of(capture.T_world_base) == pytest.approx(0.3, abs=1e-6)
 
 
 def test_a_fisheye_on_its_side_gives_an_upright_pinhole_image_on_the_same_surfaces(
@@ -149,6 +177,33 @@ def test_the_detector_is_asked_for_depth_and_the_arm_stays_masked(stage: Stage) 
         stage.driver(bus=MemoryBus(MemoryHub()), depth="fill").capture()
 
 
+@pytest.mark.parametrize(
+    ("focal_px", "rows", "told"),
+    [
+        (0.0, 4, "focal length of 0.0"),
+        (math.inf, 4, "focal length of inf"),
+        (math.nan, 4, "focal length of nan"),
+        (300.0, 3, r"depth of \(3, 5\) for an image of \(4, 5\)"),
+    ],
+)
+def test_depth_of_the_detector_is_not_believed_without_its_focal_length_and_size(
+    focal_px: float, rows: int, told: str
+) -> None:
+    hub = MemoryHub()
+
+    def answer(_: pb.DepthRequest) -> pb.DepthReply:
+        reply = pb.DepthReply(focal_px=focal_px, model="flat")
+        reply.raw_depth.width, reply.raw_depth.height = 5, rows
+        reply.raw_depth.step, reply.raw_depth.encoding = 10, "16UC1"
+        reply.raw_depth.data = np.full((rows, 5), 3000, "<u2").tobytes()
+        return reply
+
+    MemoryBus(hub).serve(ESTIMATE_DEPTH, answer)
+    camera = Pinhole(fx=300.0, fy=300.0, cx=2.0, cy=1.5, width=5, height=4)
+    with pytest.raises(InvalidInput, match=told):
+        DetectorDepth(MemoryBus(hub), 5.0)(np.zeros((4, 5, 3), np.uint8), camera)
+
+
 # --- actions --------------------------------------------------------------------------------------
 def test_the_first_action_makes_it_stand_with_the_hand_raised(stage: Stage) -> None:
     driver = stage.driver()
@@ -202,6 +257,9 @@ def test_pick_and_place_carry_the_mug_to_a_height(stage: Stage) -> None:
     placed = stage.act(driver, Place((0.6, -1.8, 0.51)))
     assert placed.succeeded, placed.reason
     assert driver.state().held == ""
+    stage.world.held = "mug"  # somebody put it in
+    assert driver.state().held == "thing"
+    stage.world.held = ""
     assert stage.world.things["mug"].center == pytest.approx((0.6, -1.8, 0.56), abs=0.02)
     assert stage.world.fastest_hand == pytest.approx(0.4)  # looking, gazing, reaching, lifting
     assert stage.world.fastest_wrist == pytest.approx(1.2)

@@ -133,6 +133,25 @@ def test_the_planner_going_away_ends_the_walk_and_says_so(staging: Staging) -> N
     standing(stage)
 
 
+@pytest.mark.parametrize("first", ["one", "two"])
+def test_of_two_planners_the_last_to_go_ends_the_walk(staging: Staging, first: str) -> None:
+    stage = staging(hurry=0.5)
+    hub = MemoryHub()
+    planners = {name: MemoryBus(hub).announce("planner", name) for name in ("one", "two")}
+    driver = stage.driver(bus=MemoryBus(hub))
+    stage.act(driver, Observe())
+
+    def one_goes() -> None:
+        planners.pop(first).close()
+        assert not driver._halt._set.is_set()
+        planners.popitem()[1].close()
+
+    outcome = stage.during(driver, Forward(1.0), one_goes).wait()
+    assert outcome.result is not None
+    assert "planner went away" in outcome.result.reason
+    standing(stage)
+
+
 def test_stop_now_from_another_thread_ends_the_walk_at_once_and_stays(staging: Staging) -> None:
     stage = staging(hurry=0.5)
     driver = stage.driver()
@@ -162,11 +181,15 @@ def test_stop_now_holds_however_often_it_comes_and_from_wherever(staging: Stagin
         for thread in threads:
             thread.join(10)
 
-    stage.during(driver, Forward(1.0), stop_from_many).wait()
+    result = stage.during(driver, Forward(1.0), stop_from_many).wait().result
+    assert result is not None
+    assert result.reason == "stop"
+    assert result.moved_m < 0.9
+    assert driver.state().stopped
     standing(stage)
     with stage.world.lock:
-        last_walk_end = max(i for i, what in enumerate(stage.world.log) if "halt" in what)
-    assert last_walk_end >= 0
+        last_stop = max(i for i, what in enumerate(stage.world.log) if what == "stop")
+        assert "walk" not in stage.world.log[last_stop:]
 
 
 def test_a_stop_that_is_cleared_before_it_was_noticed_counts_for_what_runs_and_no_more() -> None:

@@ -6,143 +6,18 @@ heard of when a test says so, so that every order of what happens can be played.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import pytest
 from helios_core.errors import Conflict
 from helios_spot import api
-from helios_spot.control import Control
-from helios_spot.errors import translate
-from helios_spot.halt import Halt, Halted
-from helios_spot.reading import Reading
+from helios_spot.halt import Halted
+from helios_spot.motion import CannotDo
 from hypothesis import settings as how
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from tests.fake_spot import pb
-
-TABLET = "the tablet"
-US = "helios"
-
-
-def not_ours(owner: str) -> Exception:
-    """What using a lease raises that is not the robot's newest."""
-    reply = pb.lease.RetainLeaseResponse()
-    reply.lease_use_result.owner.client_name = owner
-    return api.exceptions.LeaseUseError(reply, reply.lease_use_result)
-
-
-def claimed(owner: str) -> Exception:
-    """What asking for a lease raises that somebody has."""
-    reply = pb.lease.AcquireLeaseResponse()
-    reply.lease_owner.client_name = owner
-    return api.lease.ResourceAlreadyClaimedError(reply)
-
-
-class Robot:
-    """Who may move it, as the SDK's client and our link show it. `number`: of the newest lease."""
-
-    host = "spot"
-
-    def __init__(self) -> None:
-        self.owner, self.number = "", 0
-        self.estops: tuple[str, ...] = ()
-        self.motors_on = False
-        self.settings: Any = SimpleNamespace(
-            estop="none", lease="acquire", power="on", power_timeout_s=1.0, rpc_timeout_s=1.0
-        )
-        self.keep_alives: list[KeepAlive] = []
-        self.robot = SimpleNamespace(power_on=self._power_on)
-        self.lease_wallet = SimpleNamespace(get_lease=lambda: self.keep_alives[-1].number)
-
-    def grant(self, owner: str) -> int:
-        self.number += 1
-        self.owner = owner
-        return self.number
-
-    def refused(self, number: int) -> Exception | None:
-        """What using a lease comes to."""
-        if (self.owner, number) == (US, self.number):
-            return None
-        return not_ours(self.owner)
-
-    # --- as the link and the lease's client ---------------------------------------------------
-    def client(self, _: str) -> Robot:
-        return self
-
-    def retain_lease(self, number: int, timeout: float) -> None:
-        if (error := self.refused(number)) is not None:
-            raise error
-
-    def read(self) -> Reading:
-        state = SimpleNamespace(estops=self.estops, motors_on=self.motors_on)
-        return cast("Reading", state)
-
-    def _power_on(self, **_: float) -> None:
-        self.motors_on = True
-
-
-class KeepAlive:
-    """The SDK's thread, of which a test plays each step; its end waits for what is under way."""
-
-    def __init__(
-        self, robot: Robot, on_failure_callback: Callable[[Exception], None], **_: Any
-    ) -> None:
-        if robot.owner == TABLET:
-            raise claimed(TABLET)
-        self._robot, self._tell = robot, on_failure_callback
-        self.number, self.ended = robot.grant(US), False
-        self._under_way: list[Exception | None] = []
-        robot.keep_alives.append(self)
-
-    def ask(self) -> None:
-        """The robot answers a check of the lease; nobody has heard the answer yet."""
-        if not self.ended:
-            self._under_way.append(self._robot.refused(self.number))
-
-    def hear(self) -> None:
-        while self._under_way:
-            error = self._under_way.pop(0)
-            if error is not None:
-                self._tell(error)
-
-    def shutdown(self) -> None:
-        self.ended = True
-        self.hear()
-        if self._robot.refused(self.number) is None:
-            self._robot.owner = ""
-
-
-class Scene:
-    """The driver's right to move, at that robot."""
-
-    def __init__(self, robot: Robot) -> None:
-        self.robot, self.halt = robot, Halt()
-        legs: Any = SimpleNamespace(stand=lambda: None)
-        self.control = Control(cast("Any", robot), legs, self.halt)
-
-    def act(self) -> None:
-        """One action, as the driver does it. Raises Conflict."""
-        self.halt.begin()
-        try:
-            self.control.take(self.robot.read())
-            error = self.robot.refused(self.robot.keep_alives[-1].number)
-            if error is not None:
-                lost = translate(error, self.robot.host, "walk")
-                self.control.lost(lost)
-                raise lost
-            self.halt.check()
-        except Halted as halted:
-            raise halted.error or Conflict(halted.reason) from None
-        finally:
-            self.halt.end()
-
-    def take_by_hand(self) -> None:
-        self.robot.grant(TABLET)
-
-    def release_by_hand(self) -> None:
-        self.robot.owner = ""
+from tests.unit.spot.lease_scene import TABLET, US, KeepAlive, Robot, Scene
 
 
 @pytest.fixture(autouse=True)
@@ -270,23 +145,91 @@ def test_a_lease_that_is_lost_in_an_action_ends_it_before_it_moves_on(scene: Sce
     assert isinstance(ended.value.error, Conflict)
 
 
+def test_an_e_stop_pressed_while_it_gets_up_keeps_the_motors_off_until_a_person_clears_it(
+    scene: Scene,
+) -> None:
+    scene.pressed_while_it_gets_up = True
+    with pytest.raises(CannotDo):
+        scene.act()
+    scene.robot.estops = ()
+    for told in ("the motors were switched off", "clear the stop"):
+        with pytest.raises(Conflict, match=told):
+            scene.act()
+    assert scene.robot.switched_on == 1
+    scene.control.clear()
+    scene.act()
+    assert scene.robot.switched_on == 2
+
+
+def test_a_stop_that_comes_while_the_lease_is_got_keeps_the_motors_off(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    get_lease = KeepAlive.__init__
+
+    def slowly(*args: Any, **kwargs: Any) -> None:
+        get_lease(*args, **kwargs)
+        scene.halt.stop("a child in the way")
+
+    monkeypatch.setattr(KeepAlive, "__init__", slowly)
+    with pytest.raises(Conflict, match="a child in the way"):
+        scene.act()
+    assert scene.robot.switched_on == 0
+
+
+@pytest.mark.parametrize("told_at_connecting", ["", "boot-1"])
+def test_a_robot_that_has_rebooted_is_not_driven_on(
+    scene: Scene, told_at_connecting: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene.robot.epoch = told_at_connecting
+    taken(scene)
+    scene.release_by_hand()
+    monkeypatch.setattr(KeepAlive, "lease_proto", SimpleNamespace(epoch="boot-2"))
+    with pytest.raises(Conflict, match="cannot clear the stop: the robot has rebooted; restart"):
+        scene.control.clear()
+    assert scene.halt.stopped
+    assert not scene.robot.owner  # given back at once
+
+
+def test_a_robot_that_has_rebooted_before_the_first_action_is_not_driven(scene: Scene) -> None:
+    scene.robot.epoch = "boot-0"
+    with pytest.raises(Conflict, match="has rebooted; restart the bridge"):
+        scene.act()
+    assert scene.robot.switched_on == 0
+    assert not scene.robot.owner
+
+
 class AnyOrder(RuleBasedStateMachine):
     """Every order of a person's hands, the SDK's checks, actions and clears."""
 
     def __init__(self) -> None:
         super().__init__()
         self.scene = Scene(Robot())
-        self.taken_since_clear = False
+        self.stepped_in_since_clear = False
+        self.switched_on_before = 0  # the motors, until the last clear
+        self.on_under = 0  # which lease they were last on for an action
 
     @rule()
     def somebody_takes_it(self) -> None:
-        self.taken_since_clear = True
+        self.stepped_in_since_clear = True
         self.scene.take_by_hand()
 
     @precondition(lambda self: self.scene.robot.owner == TABLET)
     @rule()
     def somebody_releases_it(self) -> None:
         self.scene.release_by_hand()
+
+    @rule()
+    def somebody_presses_an_e_stop(self) -> None:
+        self.stepped_in_since_clear = True
+        self.scene.robot.press_estop()
+
+    @rule()
+    def somebody_presses_an_e_stop_when_it_gets_up(self) -> None:
+        self.scene.pressed_while_it_gets_up = True
+
+    @rule()
+    def somebody_releases_the_e_stop(self) -> None:
+        self.scene.robot.estops = ()
 
     @precondition(lambda self: self.scene.robot.keep_alives)
     @rule()
@@ -305,29 +248,48 @@ class AnyOrder(RuleBasedStateMachine):
             self.scene.control.clear()
         except Conflict as error:
             told = error.message
-        if told:
+        if self.scene.robot.estops and told:
+            assert "cannot clear the stop: hardware button is pressed; release it" in told
+        elif told:
             assert self.scene.robot.owner == TABLET
             assert "the tablet holds the robot's lease; have it released there" in told
         else:
-            self.taken_since_clear = False
+            self.stepped_in_since_clear = bool(self.scene.robot.estops) or self.motors_were_cut
+            self.switched_on_before = self.scene.robot.switched_on
         assert bool(told) == bool(self.scene.halt.stopped)
 
     @rule()
     def it_acts(self) -> None:
         held, stopped = self.scene.control.held, self.scene.halt.stopped
-        ours = self.scene.robot.owner == US
+        ours, pressed = self.scene.robot.owner == US, bool(self.scene.robot.estops)
+        cut = self.motors_were_cut
         try:
             self.scene.act()
+        except CannotDo:
+            self.stepped_in_since_clear = True
+            self.on_under = len(self.scene.robot.keep_alives)
         except Conflict:
-            assert stopped or not ours
-            assert self.scene.halt.stopped or not held  # what was lost in an action is latched
+            assert stopped or pressed or cut or not ours
+            # What was lost in an action is latched; a pressed e-stop is told before any begins.
+            assert self.scene.halt.stopped or pressed or not held
         else:
-            assert not stopped
+            assert not any((stopped, pressed, cut))
+            self.on_under = len(self.scene.robot.keep_alives)
+
+    @property
+    def motors_were_cut(self) -> bool:
+        """Under the lease that we have, as far as we know."""
+        ours = self.scene.control.held and self.on_under == len(self.scene.robot.keep_alives)
+        return ours and not self.scene.robot.motors_on
 
     @invariant()
-    def only_a_loss_after_the_last_clear_stops_it(self) -> None:
-        assert not self.scene.halt.stopped or self.taken_since_clear
+    def only_who_stepped_in_after_the_last_clear_stops_it(self) -> None:
+        assert not self.scene.halt.stopped or self.stepped_in_since_clear
+
+    @invariant()
+    def the_motors_come_on_once_for_each_clear(self) -> None:
+        assert self.scene.robot.switched_on - self.switched_on_before <= 1
 
 
 TestAnyOrder = AnyOrder.TestCase
-TestAnyOrder.settings = how(max_examples=60, stateful_step_count=15, deadline=None)
+TestAnyOrder.settings = how(max_examples=200, stateful_step_count=30, deadline=None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from types import SimpleNamespace
 from typing import Any
 
 import grpc
@@ -16,6 +17,7 @@ from helios_core.errors import (
 from helios_core.robot import Forward, Observe, Pick, Place, Turn
 from pydantic import SecretStr
 
+from tests.fake_spot import pb
 from tests.support import wait_until
 from tests.unit.spot.conftest import Staging
 from tests.unit.spot.spot_stage import Stage
@@ -130,6 +132,32 @@ def test_our_own_e_stop_endpoint_lets_the_robot_go(stage: Stage) -> None:
     assert not stage.world.estops
 
 
+def test_an_e_stop_endpoint_that_somebody_replaced_is_said_before_anything_moves(
+    stage: Stage,
+) -> None:
+    driver = stage.driver(estop="endpoint", estop_timeout_s=3.0)
+    stage.act(driver, Observe())
+    stage.fake.estop.replace("the tablet")
+    wait_until(lambda: not driver._control._estop._thread.is_alive(), 20, "ours is refused")
+    with pytest.raises(Conflict, match=r"endpoint is gone.*restart the bridge"):
+        stage.act(driver, Forward(0.5))
+    assert stage.world.x == 0.0
+
+
+def test_our_e_stop_endpoint_trips_some_seconds_after_the_driver_has_ended(stage: Stage) -> None:
+    driver = stage.driver(estop="endpoint", estop_timeout_s=3.0)
+    stage.act(driver, Observe())
+    driver.close()
+    assert stage.world.motors
+
+    def tripped() -> bool:
+        stage.world.step()
+        return not stage.world.motors
+
+    wait_until(tripped, 20, "the endpoint trips")
+    assert stage.world.estops == {"software"}
+
+
 def test_a_lease_that_somebody_holds_is_not_taken_unless_asked(stage: Stage) -> None:
     stage.fake.leases.give_to("the tablet")
     with pytest.raises(Conflict, match=r"the tablet holds.*HELIOS_SPOT_LEASE=take"):
@@ -169,6 +197,40 @@ def test_a_clock_that_jumps_while_it_runs_is_noticed_before_anything_moves(
         stage.act(driver, Forward(0.5))
     assert stage.world.x == 0.0
     assert stage.act(driver, Forward(0.5)).succeeded
+
+
+def test_an_answer_that_takes_long_is_no_clock_that_jumps(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver = stage.driver()
+    stage.act(driver, Observe())
+    asked_and_answered = iter((time.time(), time.time() + 5.0))
+    clock = SimpleNamespace(time=lambda: next(asked_and_answered))
+    monkeypatch.setattr("helios_spot.link.time", clock)
+    assert driver.state().message == ""
+
+
+@pytest.mark.parametrize("broken", ["empty", "loose", "a ring"])
+def test_a_broken_tree_of_frames_is_said_and_the_next_may_be_whole(
+    stage: Stage, broken: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver = stage.driver()
+
+    def tree(*_: Any) -> Any:
+        out = pb.geometry.FrameTreeSnapshot()
+        edges = out.child_to_parent_edge_map
+        if broken == "loose":
+            edges["body"].parent_frame_name = "nowhere"
+        if broken == "a ring":
+            edges["body"].parent_frame_name, edges["vision"].parent_frame_name = "vision", "body"
+        return out
+
+    monkeypatch.setattr("tests.fake_spot.senses.frame_tree", tree)
+    for ask in (driver.state, driver.capture):
+        with pytest.raises(Unavailable, match="tree of frames"):
+            ask()
+    monkeypatch.undo()
+    assert driver.capture().color.size
 
 
 def test_a_command_that_comes_after_its_end_is_a_typed_error_and_done_never(stage: Stage) -> None:

@@ -1,0 +1,120 @@
+"""`helios up` as tests start and end it: whatever becomes of the test, no process is left."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import httpx
+import psutil
+
+from tests.support import ENDS_WITHIN_S, LOOPBACK, free_port
+
+MARK = "HELIOS_TEST_MARK"  # in the environment of all that a test starts: its own value
+
+
+@dataclass
+class Up:
+    """A running `helios up`."""
+
+    process: subprocess.Popen[bytes]
+    port: int
+    router_port: int
+    state: Path  # its folder; `up.log` in it is what it says
+
+    @property
+    def address(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    @property
+    def router(self) -> str:
+        return f"tcp/127.0.0.1:{self.router_port}"
+
+    def ready(self) -> bool:
+        """Whether a task would start. Raises AssertionError where the process has ended."""
+        ended = self.process.poll()
+        assert ended is None, f"ended with {ended}: {(self.state / 'up.log').read_text()[-2000:]}"
+        return is_ready(self.port)
+
+
+U = TypeVar("U", bound=Up)
+
+
+def is_ready(port: int) -> bool:
+    """What the gateway there says; no, where there is none."""
+    try:
+        return LOOPBACK.get(f"http://127.0.0.1:{port}/readyz").status_code == 200
+    except httpx.TransportError:
+        return False
+
+
+@contextmanager
+def helios_up(
+    state: Path, *flags: str, kind: type[U] = Up, environment: Mapping[str, str] | None = None
+) -> Iterator[U]:
+    """With ports of its own. Does not wait for anything."""
+    port, router_port = free_port(), free_port()
+    argv = [
+        sys.executable, "-m", "helios_client", "up", *flags, "--port", str(port),
+        "--router-port", str(router_port), "--state", str(state),
+    ]  # fmt: skip
+    with started(argv, state / "up.log", {"MUJOCO_GL": "egl"} | dict(environment or {})) as process:
+        yield kind(process, port, router_port, state)
+
+
+@contextmanager
+def started(
+    argv: Sequence[str], log: Path, environment: Mapping[str, str], cwd: Path | None = None
+) -> Iterator[subprocess.Popen[bytes]]:
+    """A command that starts others. Shows what it said where the block fails; ends it then.
+
+    Raises AssertionError when it leaves a process behind, TimeoutExpired when it does not end as
+    it is asked to. Either way nothing of it runs any more.
+    """
+    mark = uuid.uuid4().hex
+    log.parent.mkdir(parents=True, exist_ok=True)
+    with log.open("wb") as out:
+        process = subprocess.Popen(
+            argv, stdout=out, stderr=subprocess.STDOUT, cwd=cwd,
+            env=os.environ | dict(environment) | {MARK: mark},
+        )  # fmt: skip
+    try:
+        yield process
+    except BaseException:
+        print(log.read_text(errors="replace"))
+        raise
+    finally:
+        _end(process, mark)
+
+
+def left_of(mark: str) -> list[psutil.Process]:
+    """All running processes with this mark."""
+    return [p for p in psutil.process_iter() if _environment(p).get(MARK) == mark]
+
+
+def _end(process: subprocess.Popen[bytes], mark: str) -> None:
+    left: list[psutil.Process] = []
+    try:
+        process.terminate()
+        process.wait(ENDS_WITHIN_S)
+    finally:
+        left = left_of(mark)
+        for other in left:
+            with suppress(psutil.NoSuchProcess):
+                other.kill()
+        process.wait()
+    assert left == [], "it left processes behind"
+
+
+def _environment(process: psutil.Process) -> dict[str, str]:
+    try:
+        return process.environ()
+    except psutil.Error:  # ended meanwhile, or another user's
+        return {}
