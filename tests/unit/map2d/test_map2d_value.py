@@ -17,7 +17,7 @@ from helios_map2d.layers.value import (
     values_near,
 )
 from helios_map2d.view import View, view_of
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from map2d_scene import CAMERA, Walk, camera_pose, cast, room
 from numpy.typing import NDArray
@@ -62,19 +62,24 @@ def fused(
 
 
 @settings(max_examples=6, deadline=None)
+@example([(0.90625, 0.0), (0.0, 0.0), (0.1953125, 1.0)])  # one rim crosses the others' cones
 @given(st.lists(st.tuples(ANGLES, st.floats(-1, 1)), min_size=1, max_size=3))
 def test_fusion_equals_vlfms_formula_for_a_level_camera(looks: list[tuple[float, float]]) -> None:
     layers = ValueLayers(GRID, ValueRules())
     layers.reset(("pick",))
     value, confidence = np.zeros(GRID.shape), np.zeros(GRID.shape)
+    # They may differ on the rim of each cone, where a cell's centre falls beside the last pixel.
+    rim = np.zeros(GRID.shape, bool)
     for yaw, score in looks:
-        view = seen_from(2.0, 1.5, yaw)
+        view, alone = seen_from(2.0, 1.5, yaw), ValueLayers(GRID, ValueRules())
+        cone = vlfm_cone(view, 2.0, 1.5, yaw)
+        alone.reset(("pick",))
+        alone.integrate(cone_of(view), {"pick": score})
+        rim |= (alone.layers["pick"].confidence > 0) != (cone > 0)
         layers.integrate(cone_of(view), {"pick": score})
-        value, confidence = fused(value, confidence, vlfm_cone(view, 2.0, 1.5, yaw), score)
+        value, confidence = fused(value, confidence, cone, score)
     got = layers.layers["pick"]
-    both = (got.confidence > 0) & (confidence > 0)
-    # They may differ on the rim of a cone, where a cell's centre falls beside the last pixel.
-    rim = (got.confidence > 0) != (confidence > 0)
+    both = (got.confidence > 0) & (confidence > 0) & ~rim
     assert rim.sum() <= 0.06 * both.sum() * len(looks)
     off = abs(got.confidence - confidence)[both] > 1e-4
     assert off.mean() <= 0.05
@@ -120,6 +125,7 @@ def test_the_same_score_again_leaves_the_value(score: float, times: int) -> None
 
 
 @given(st.lists(st.tuples(ANGLES, st.floats(-1, 1)), min_size=1, max_size=4))
+@example([(0.0, 0.0), (1.2e-07, 1.0)])
 @settings(max_examples=10, deadline=None)
 def test_by_maximum_fusion_the_most_confident_view_decides(
     looks: list[tuple[float, float]],
@@ -134,9 +140,10 @@ def test_by_maximum_fusion_the_most_confident_view_decides(
         alone.append(single.layers["pick"].confidence)
     got, stack = layers.layers["pick"], np.stack(alone)
     np.testing.assert_allclose(got.confidence, stack.max(axis=0), atol=1e-6)
-    expected = np.array([score for _, score in looks])[stack.argmax(axis=0)]
-    seen = got.confidence > 0
-    np.testing.assert_allclose(got.value[seen], expected[seen], atol=1e-6)
+    most = stack >= stack.max(axis=0) - 1e-5  # two looks may be as confident as one another
+    scores = np.array([score for _, score in looks])[:, None, None]
+    decided = (most & (abs(scores - got.value) <= 1e-6)).any(axis=0)
+    assert decided[got.confidence > 0].all()
 
 
 def test_an_unknown_fusion_is_refused() -> None:
