@@ -7,14 +7,13 @@ along the optical axis: the detector's (its setting `depth`), or anybody's by `p
 from __future__ import annotations
 
 import importlib
-import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from helios_core import proto as pb
 from helios_core.bus import Bus
-from helios_core.codec.images import depth_array
+from helios_core.codec.images import estimated_depth
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.geometry import Pinhole
 from helios_core.topics import ESTIMATE_DEPTH
@@ -43,16 +42,7 @@ class DetectorDepth:
         image.data = color.tobytes()
         request.calibration.K.extend(float(k) for k in camera.matrix.ravel())
         reply = self._bus.call(ESTIMATE_DEPTH, request, self._timeout_s)
-        depth_m = depth_array(reply.raw_depth, None)
-        if depth_m.shape != (height, width):
-            raise InvalidInput(
-                f"{reply.model} made depth of {depth_m.shape} for an image of {(height, width)}"
-            )
-        if not 0 < reply.focal_px < math.inf:
-            raise InvalidInput(
-                f"{reply.model} told a focal length of {reply.focal_px} pixels; wanted a positive "
-                "one"
-            )
+        depth_m = estimated_depth(reply, (height, width))
         # The lens is calibrated; a model that took another focal length was off by their ratio.
         return depth_m * np.float32(camera.fx / reply.focal_px)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 
 import cv2
@@ -10,6 +11,7 @@ from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from numpy.typing import NDArray
 
+from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 
 MAX_PIXELS = 16_000_000  # an image above this is refused before it is decoded
@@ -132,3 +134,18 @@ def _check_pixels(width: int, height: int, what: str) -> None:
             f"{what} is {width}x{height}; at most {MAX_PIXELS // 10**6} megapixels are taken; "
             "send a smaller one"
         )
+
+
+def estimated_depth(reply: pb.DepthReply, shape: tuple[int, int]) -> NDArray[np.float32]:
+    """Depth [h, w] along the optical axis, m, that a model made for an image of that shape.
+
+    Raises InvalidInput for another shape, and for a focal length that can be none.
+    """
+    depth_m = depth_array(reply.raw_depth, None)
+    if depth_m.shape != shape:
+        raise InvalidInput(f"{reply.model} made depth of {depth_m.shape} for an image of {shape}")
+    if not 0 < reply.focal_px < math.inf:
+        raise InvalidInput(
+            f"{reply.model} told a focal length of {reply.focal_px} pixels; wanted a positive one"
+        )
+    return depth_m
