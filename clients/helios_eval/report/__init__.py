@@ -1,4 +1,5 @@
-"""The report of a folder of episodes: `report.md` and one self-contained `report.html`."""
+"""The report of a folder of episodes: `report.md` with its drawings, and one self-contained
+`report.html`."""
 
 from __future__ import annotations
 
@@ -11,6 +12,7 @@ from helios_core.errors import InvalidInput
 from helios_eval.episodes import record
 from helios_eval.episodes.record import EpisodeRecord
 from helios_eval.report.build import build
+from helios_eval.report.drawings import write_drawings
 from helios_eval.report.header import run_of
 from helios_eval.report.render_html import html_of
 from helios_eval.report.render_md import markdown_of
@@ -19,7 +21,7 @@ MARKDOWN, HTML = "report.md", "report.html"
 
 
 def write_report(folder: Path) -> None:
-    """Read the episodes of `folder` and leave both files beside them.
+    """Read the episodes of `folder` and leave both files, and the drawings, beside them.
 
     Raises InvalidInput for a folder without episodes.
     """
@@ -27,13 +29,17 @@ def write_report(folder: Path) -> None:
 
 
 def write_report_of(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> None:
-    """Leave both files in `folder`, of these episodes. Raises InvalidInput where there are none."""
+    """Leave both files and the drawings in `folder`, of these episodes.
+
+    Raises InvalidInput where there are none.
+    """
     if not records:
         raise InvalidInput(
             f"{folder} holds no episode in {record.EPISODES}; run "
             f"`helios eval ovmm --agents helios --episodes 10 --out {folder}` first"
         )
     report = build(folder, records, run)
+    write_drawings(folder, report)
     for name, content in ((HTML, html_of(report)), (MARKDOWN, markdown_of(report))):
         part = folder / f"{name}.part"
         part.write_text(content, encoding="utf-8")

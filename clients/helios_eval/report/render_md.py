@@ -1,10 +1,11 @@
-"""The report as Markdown. Drawings and pictures are in the HTML alone."""
+"""The report as Markdown. It shows the drawings beside it; pictures are in the HTML alone."""
 
 from __future__ import annotations
 
 import itertools
 import re
 
+from helios_eval.report import drawings
 from helios_eval.report.model import (
     Block,
     Cell,
@@ -27,8 +28,8 @@ def markdown_of(report: Report) -> str:
     lines = [f"# {escape(report.title)}", "", escape(report.lead), ""]
     for section in report.sections:
         lines += [f"## {escape(section.title)}", ""]
-        for block in section.blocks:
-            lines += [*_lines(block), ""]
+        for drawing, block in drawings.named(section):
+            lines += [*_lines(block, drawing), ""]
     return "\n".join(lines).rstrip() + "\n"
 
 
@@ -44,7 +45,7 @@ def _code(text: str) -> str:
     return f"{fence} {flat} {fence}" if "`" in flat else f"`{flat}`"
 
 
-def _lines(block: Block) -> list[str]:
+def _lines(block: Block, drawing: str) -> list[str]:
     match block:
         case Paragraph(text):
             return [escape(text)]
@@ -56,7 +57,9 @@ def _lines(block: Block) -> list[str]:
             return [f"- **{escape(name.strip())}**: {escape(value)}" for name, value in items]
         case Graphic(caption=caption, title=title):
             head = [f"### {escape(title)}", ""] if title else []
-            return [*head, f"*Drawing in report.html: {escape(caption)}*"]
+            if not drawing:
+                return [*head, f"*Picture in report.html: {escape(caption)}*"]
+            return [*head, f"![{escape(caption)}]({drawing})", "", f"*{escape(caption)}*"]
         case Table():
             return _table(block)
         case Gallery(title, pictures, caption):

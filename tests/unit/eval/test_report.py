@@ -6,6 +6,7 @@ import base64
 import json
 import re
 from html.parser import HTMLParser
+from xml.etree import ElementTree
 
 import pytest
 from helios_core.errors import InvalidInput
@@ -53,9 +54,13 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("run")
+
+
+@pytest.fixture(scope="module")
+def whole(folder):
     """A folder with several agents, both semantics, pictures and run.json; its two reports."""
-    folder = tmp_path_factory.mktemp("run")
     episodes = [episode(s, a) for a in CHANCES for s in range(5)]
     episodes += [episode(s, "helios", semantics="ground-truth", noise=None) for s in range(5)]
     write(folder, episodes)
@@ -104,6 +109,30 @@ def test_the_page_is_whole_and_asks_nobody_for_anything(whole):
     assert outside == []
     assert "@import" not in whole[0]
     assert re.findall(r"url\((?!#|&quot;#|data:)", whole[0]) == []
+
+
+def test_the_markdown_shows_every_drawing_of_the_page_from_a_file_that_needs_no_page(whole, folder):
+    shown = re.findall(r"!\[[^]]+\]\((drawings/[a-z0-9-]+\.svg)\)", whole[1])
+    assert len(shown) == len(re.findall(r"<svg", whole[0]))
+    assert {folder / name for name in shown} == set((folder / "drawings").iterdir())
+    for name in shown:
+        svg = (folder / name).read_text()
+        root = ElementTree.fromstring(svg)
+        assert float(root.attrib["width"]) > 100
+        assert float(root.attrib["height"]) > 50
+        asked = set(re.findall(r"var\((--[a-z0-9-]+)\)", svg))
+        light, dark = svg.split("@media (prefers-color-scheme:dark)")
+        assert asked <= set(re.findall(r"(--[a-z0-9-]+):", light))
+        assert asked - {"--sans"} <= set(re.findall(r"(--[a-z0-9-]+):", dark))
+
+
+def test_a_drawing_that_a_later_report_does_not_have_goes(tmp_path):
+    write(tmp_path, [episode(s, a) for s in range(8) for a in ("helios", "trusting")])
+    write_report(tmp_path)
+    assert (tmp_path / "drawings" / "answers.svg").exists()
+    write(tmp_path, [episode(s, "helios") for s in range(2)])
+    write_report(tmp_path)
+    assert not (tmp_path / "drawings" / "answers.svg").exists()
 
 
 def test_drawings_follow_light_and_dark(whole):
