@@ -19,6 +19,7 @@ from helios_core.acks import AckBook
 from helios_core.bus import Bus
 from helios_core.codec import (
     action_from_proto,
+    description_from_proto,
     description_to_proto,
     frame_id_to_proto,
     result_to_proto,
@@ -74,7 +75,8 @@ class BridgeService:
     ) -> None:
         """`first_number`: where frame and lease numbers start; they must rise from one start of the
         bridge to the next while the robot stays up, so by default they start at the clock's.
-        `crew`: whose threads use the driver."""
+        `crew`: whose threads use the driver. Raises InvalidInput when the driver describes a robot
+        that there can't be."""
         first = time.time_ns() // 1_000_000 if first_number is None else first_number
         self._bus, self._driver, self._settings = bus, driver, settings
         self._health = Wellbeing(health)
@@ -89,7 +91,8 @@ class BridgeService:
         self._crew = crew or Crew()
         self._acks, self._actions = AckBook(part_of), ActionLog()
         self._lease = Lease(settings.lease_s, first)
-        self._description = driver.describe()
+        description = description_to_proto(driver.describe())
+        self._description = description_from_proto(description)  # as every service will check it
         self._lookout = Lookout(bus, driver, settings, self._health, self._acks, first)
         self._player: Player | None = None
         self._desk: PushDesk | None = None
@@ -103,7 +106,7 @@ class BridgeService:
                 bus, driver, self._lookout, self._turn, self._health,
                 settings.contexts, settings.strict,
             )  # fmt: skip
-        bus.publish(ROBOT_DESCRIPTION, description_to_proto(self._description))
+        bus.publish(ROBOT_DESCRIPTION, description)
         bus.subscribe(MAP2D_ACK, self._acks.add)
         bus.subscribe(OBJECTMAP_ACK, self._acks.add)
         bus.serve(ACT, self.act)

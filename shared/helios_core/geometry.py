@@ -38,12 +38,13 @@ class Pinhole:
 
     @property
     def hfov_rad(self) -> float:
-        """Horizontal field of view."""
+        """Angle between the rays of the left and the right edge; the principal point is taken to
+        be in the middle."""
         return 2.0 * math.atan(self.width / (2.0 * self.fx))
 
     @property
     def vfov_rad(self) -> float:
-        """Vertical field of view."""
+        """The same between the upper and the lower edge."""
         return 2.0 * math.atan(self.height / (2.0 * self.fy))
 
 

@@ -85,17 +85,20 @@ def decode_snapshot(snapshot: pb.MapSnapshot) -> MapView:
 
 
 def _unpacked(data: bytes, dtype: str, shape: tuple[int, int], what: str) -> NDArray:
-    """The array; an absent one is all zeros. Never unpacks more than the shape allows."""
+    """An absent array is all zeros."""
+    return inflated(data, dtype, shape, f"{what} of the map") if data else np.zeros(shape, dtype)
+
+
+def inflated(data: bytes, dtype: str, shape: tuple[int, int], what: str) -> NDArray:
+    """The array of `shape` that was zlib-compressed in row order; read-only. Never unpacks more
+    than the shape allows. Raises InvalidInput, with its name `what`, when it is anything else."""
     wanted = shape[0] * shape[1] * np.dtype(dtype).itemsize
-    if not data:
-        return np.zeros(shape, dtype)
     try:
         raw = zlib.decompressobj().decompress(data, wanted + 1)
     except zlib.error as error:
-        raise InvalidInput(f"{what} of the map is corrupt: {error}") from error
+        raise InvalidInput(f"{what} is corrupt: {error}; ask for it again") from error
     if len(raw) != wanted:
         raise InvalidInput(
-            f"{what} of the map is no {shape[1]}x{shape[0]} array: {len(raw)} bytes unpacked, "
-            f"{wanted} wanted"
+            f"{what} is no {shape[1]}x{shape[0]} array: {len(raw)} bytes unpacked, {wanted} wanted"
         )
     return np.frombuffer(raw, dtype).reshape(shape)

@@ -13,6 +13,7 @@ class Health:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._state, self._reason = "starting", "starting"
+        self._ended = False
         self._counters: dict[str, float] = {}
         self._samples: dict[str, deque[float]] = {}
         self.changed = threading.Event()
@@ -35,7 +36,12 @@ class Health:
         self._set("degraded", reason)
 
     def stopping(self) -> None:
-        self._set("stopping", "stopping")
+        """It was asked to end; nothing that is said later changes that."""
+        self._set("stopping", "stopping", last=True)
+
+    def failed(self, reason: str) -> None:
+        """It ends because of this; nothing that is said later changes that."""
+        self._set("degraded", reason, last=True)
 
     def count(self, name: str, by: float = 1) -> None:
         """Raise a counter."""
@@ -58,8 +64,11 @@ class Health:
             samples = {name: list(values) for name, values in self._samples.items()}
         return out | {f"{n}_median": statistics.median(v) for n, v in samples.items() if v}
 
-    def _set(self, state: str, reason: str) -> None:
+    def _set(self, state: str, reason: str, last: bool = False) -> None:
         with self._lock:
+            if self._ended:
+                return
+            self._ended = last
             if (state, reason) == (self._state, self._reason):
                 return
             self._state, self._reason = state, reason

@@ -8,7 +8,6 @@ mirror.occupancy()
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
-from helios_core.grids import UNKNOWN
+from helios_core.grids import UNKNOWN, inflated
 
 MOST_TILE_CELLS = 1024
 
@@ -111,12 +110,4 @@ class MapMirror:
         )
 
     def _unpacked(self, data: bytes, dtype: str) -> NDArray:
-        n = self.tile_cells
-        wanted = n * n * np.dtype(dtype).itemsize
-        try:
-            raw = zlib.decompressobj().decompress(data, wanted + 1)
-        except zlib.error as error:
-            raise InvalidInput(f"a tile of the map is damaged: {error}") from error
-        if len(raw) != wanted:
-            raise InvalidInput(f"a tile of the map holds {len(raw)} bytes, wanted {wanted}")
-        return np.frombuffer(raw, dtype).reshape(n, n)
+        return inflated(data, dtype, (self.tile_cells, self.tile_cells), "a tile of the map")

@@ -97,15 +97,21 @@ class MemoryBus(Bus):
             past = [d for k, d in self._hub.retained.items() if subscriber.wants(k)]
         for data in past:
             subscriber.deliver(data)
-        return self._mine.keep(lambda: self._hub.subscribers.remove(subscriber))
+
+        def undo() -> None:
+            with self._hub.lock:  # else a `publish` on another thread skips the one behind it
+                self._hub.subscribers.remove(subscriber)
+
+        return self._mine.keep(undo)
 
     def serve(self, method: Method[Req, Rep], handler: Callable[[Req], Rep]) -> Registration:
         self._check_open()
         key, server = method.key(self.robot), _Server(method, handler)
 
         def undo() -> None:
-            if self._hub.servers.get(key) is server:
-                del self._hub.servers[key]
+            with self._hub.lock:
+                if self._hub.servers.get(key) is server:
+                    del self._hub.servers[key]
 
         with self._hub.lock:
             self._hub.servers[key] = server
@@ -150,16 +156,22 @@ class MemoryBus(Bus):
             present = [a for a in self._hub.alive if a[0] == self.robot]
         for _, service, instance in present:
             handler(service, instance, True)
-        return self._mine.keep(lambda: self._hub.watchers.remove(entry))
+
+        def undo() -> None:
+            with self._hub.lock:
+                self._hub.watchers.remove(entry)
+
+        return self._mine.keep(undo)
 
     def close(self) -> None:
         self._mine.close()
         self._closed = True
 
     def _tell(self, entry: tuple[str, str, str], alive: bool) -> None:
-        for robot, handler in list(self._hub.watchers):
-            if robot == entry[0]:
-                handler(entry[1], entry[2], alive)
+        with self._hub.lock:
+            watching = [handler for robot, handler in self._hub.watchers if robot == entry[0]]
+        for handler in watching:
+            handler(entry[1], entry[2], alive)
 
     def _check_open(self) -> None:
         if self._closed:

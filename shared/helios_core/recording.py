@@ -16,7 +16,12 @@ from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from numpy.typing import NDArray
 
 from helios_core import proto as pb
-from helios_core.codec.images import color_array, decode_image, raw_image_array
+from helios_core.codec.images import (
+    color_array,
+    decode_image,
+    depth_mm_array,
+    raw_image_array,
+)
 from helios_core.errors import InvalidInput
 from helios_core.topics import FRAME, KEYFRAME, Topic
 
@@ -74,9 +79,7 @@ def split_frame(frame: pb.Frame, jpeg_quality: int | None) -> FrameParts:
         depth = frame.raw_depth
         raw_image_array(depth, "the depth image")
     else:
-        pixels = decode_image(frame.compressed_depth, cv2.IMREAD_UNCHANGED, "the depth image")
-        if pixels.dtype != np.uint16 or pixels.ndim != 2:
-            raise InvalidInput(f"the depth image decodes to {pixels.dtype}; send 16 bit")
+        pixels = depth_mm_array(frame.compressed_depth)
         height, width = pixels.shape
         depth = RawImage(width=width, height=height, encoding="16UC1", step=2 * width,
                          frame_id=frame.compressed_depth.frame_id,

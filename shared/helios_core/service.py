@@ -17,7 +17,7 @@ import sys
 import threading
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from helios_core import proto as pb
@@ -115,8 +115,9 @@ def run_service(
         return 0
     told_settings = json.dumps(settings.described())
     instance = f"{os.getpid()}-{uuid.uuid4().hex[:6]}"
+    over = threading.Event()
     reporter = threading.Thread(
-        target=_report, args=(bus, name, instance, health, stopped), name="report", daemon=True
+        target=_report, args=(bus, name, instance, health, over), name="report", daemon=True
     )
     service: Closeable | None = None
     try:
@@ -125,19 +126,26 @@ def run_service(
         reporter.start()
         service = build(bus, health)
         stopped.wait()
+        health.stopping()
         return 0
     except HeliosError as error:
         print(f"helios-{name}: {error.message}", file=sys.stderr)
-        health.degraded(error.message)
+        health.failed(error.message)
         return 2 if isinstance(error, InvalidInput) else 1
+    except Exception as error:
+        health.failed(f"a fault ended it ({type(error).__name__}: {str(error)[:200]}); see its log")
+        raise
     finally:
-        health.stopping()
         stopped.set()
-        if service is not None:
-            service.close()
-        if reporter.is_alive():
-            reporter.join(0.3)  # in the middle of a report the bus must not go away
-        bus.close()
+        try:
+            if service is not None:
+                service.close()
+        finally:
+            over.set()
+            health.changed.set()
+            if reporter.is_alive():
+                reporter.join(0.3)  # until the last report is out
+            bus.close()
 
 
 def _connect(settings: ServiceSettings, stopped: threading.Event) -> Bus | None:
@@ -155,21 +163,36 @@ def _connect(settings: ServiceSettings, stopped: threading.Event) -> Bus | None:
     return None
 
 
-def _report(bus: Bus, name: str, instance: str, health: Health, stopped: threading.Event) -> None:
-    topic, began = status_topic(name), time.monotonic()
-    logged = ("", "")
-    while not stopped.is_set():
+def publish_status(
+    bus: Bus,
+    service: str,
+    instance: str,
+    told: tuple[str, str],
+    metrics: Mapping[str, float],
+    uptime_s: float = 0.0,
+) -> None:
+    """Say how a service is; told: (state, reason). One that cannot be sent is logged alone: the
+    next one says the same."""
+    status = pb.ServiceStatus(
+        service=service, instance=instance, state=told[0], reason=told[1], pid=os.getpid(),
+        uptime_s=uptime_s, metrics=metrics,
+    )  # fmt: skip
+    try:
+        bus.publish(status_topic(service), status)
+    except HeliosError as error:
+        log.warning("%s: could not report: %s", bus.robot, error.message)
+
+
+def _report(bus: Bus, name: str, instance: str, health: Health, over: threading.Event) -> None:
+    """Publish at every change and every second, and what holds at the end once more."""
+    began, logged, last = time.monotonic(), ("", ""), False
+    while not last:
         health.changed.clear()
-        state, reason = health.state
-        if (state, reason) != logged:
+        last = over.is_set()  # after the clearing, so that the end is not slept through
+        state, reason = told = health.state
+        if told != logged:
             log.info("%s%s", state, f": {reason}" if reason and reason != state else "")
-            logged = (state, reason)
-        status = pb.ServiceStatus(
-            service=name, instance=instance, state=state, reason=reason, pid=os.getpid(),
-            uptime_s=time.monotonic() - began, metrics=health.metrics(),
-        )  # fmt: skip
-        try:
-            bus.publish(topic, status)
-        except HeliosError as error:
-            log.warning("could not report: %s", error.message)
-        health.changed.wait(STATUS_PERIOD_S)
+            logged = told
+        publish_status(bus, name, instance, told, health.metrics(), time.monotonic() - began)
+        if not last:
+            health.changed.wait(STATUS_PERIOD_S)

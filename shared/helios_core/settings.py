@@ -12,7 +12,6 @@ the environment.
 
 from __future__ import annotations
 
-import itertools
 import os
 import sys
 import tomllib
@@ -125,16 +124,22 @@ class ServiceSettings(BaseSettings):
         dotenv_settings: PydanticBaseSettingsSource,
         file_secret_settings: PydanticBaseSettingsSource,
     ) -> tuple[PydanticBaseSettingsSource, ...]:
-        return init_settings, env_settings, InitSettingsSource(settings_cls, _table(cls))
+        return init_settings, env_settings, _File(cls)
 
 
-def _table(cls: type[ServiceSettings]) -> dict[str, Any]:
-    args = sys.argv[1:]
-    named = [a.partition("=")[2] for a in args if a.startswith("--config=")]
-    named += [b for a, b in itertools.pairwise(args) if a == "--config"]
-    path = named[-1] if named else os.environ.get("HELIOS_CONFIG")
-    if not path:
-        return {}
+class _File(InitSettingsSource):
+    """The tables of the file that the sources before it name, else HELIOS_CONFIG."""
+
+    def __init__(self, settings_cls: type[ServiceSettings]) -> None:
+        super().__init__(settings_cls, {})
+        self._of = settings_cls
+
+    def __call__(self) -> dict[str, Any]:
+        path = self.current_state.get("config", os.environ.get("HELIOS_CONFIG"))
+        return _table(self._of, path) if path else {}
+
+
+def _table(cls: type[ServiceSettings], path: str) -> dict[str, Any]:
     tables = tomllib.loads(Path(path).read_text())
     of_all = tables.get("all", {})
     common = {name for name in ServiceSettings.model_fields if name != "config"}

@@ -29,18 +29,22 @@ LATEST_S = 9_000_000_000  # what 64 bits of nanoseconds hold
 
 
 def frame_id_to_proto(id: FrameId) -> pb.FrameId:
+    """`frame_id_from_proto` gives it back."""
     return pb.FrameId(robot_boot_id=id.robot_boot_id, world_epoch=id.world_epoch, seq=id.seq)
 
 
 def frame_id_from_proto(id: pb.FrameId) -> FrameId:
+    """Any name is one; whoever reads it asks whether it knows that epoch."""
     return FrameId(id.robot_boot_id, id.world_epoch, id.seq)
 
 
 def transform_to_proto(T_a_b: Matrix) -> pb.Transform:
+    """T_a_b [4, 4], row by row."""
     return pb.Transform(rows=np.asarray(T_a_b, float).ravel().tolist())
 
 
 def transform_from_proto(transform: pb.Transform, what: str = "the transform") -> Matrix:
+    """[4, 4]. Raises InvalidInput, with its name `what`, when it is not rigid."""
     rows = np.array(transform.rows, float)
     if rows.size != 16 or not is_rigid(rows.reshape(4, 4)):
         raise InvalidInput(f"{what} is not a rigid 4x4 matrix; {rows.size} numbers came")
@@ -48,6 +52,7 @@ def transform_from_proto(transform: pb.Transform, what: str = "the transform") -
 
 
 def pinhole_to_proto(camera: Pinhole) -> pb.Pinhole:
+    """Intrinsics and size in pixels."""
     return pb.Pinhole(
         fx=camera.fx, fy=camera.fy, cx=camera.cx, cy=camera.cy,
         width=camera.width, height=camera.height,
@@ -55,6 +60,7 @@ def pinhole_to_proto(camera: Pinhole) -> pb.Pinhole:
 
 
 def pinhole_from_proto(camera: pb.Pinhole) -> Pinhole:
+    """Raises InvalidInput on intrinsics that no camera with an image of this size has."""
     good = camera.fx > 0 and camera.fy > 0 and camera.width > 0 and camera.height > 0
     if not good or not all(map(math.isfinite, (camera.fx, camera.fy, camera.cx, camera.cy))):
         raise InvalidInput(
@@ -177,7 +183,8 @@ def detection_to_proto(detection: Detection, with_mask: bool = True) -> pb.Detec
 
 
 def detection_from_proto(detection: pb.Detection, shape: tuple[int, int]) -> Detection:
-    """The mask over the whole image of `shape` (h, w)."""
+    """The mask over the whole image of `shape` (h, w). Raises InvalidInput on a mask that does not
+    fit there or into its bytes, and on a score outside 0 to 1."""
     m = detection.mask
     if m.x + m.width > shape[1] or m.y + m.height > shape[0] or m.width * m.height == 0:
         raise InvalidInput(
@@ -199,6 +206,7 @@ def detection_from_proto(detection: pb.Detection, shape: tuple[int, int]) -> Det
 
 
 def embedding_to_proto(embedding: Embedding) -> pb.Embedding:
+    """As float16, row by row."""
     values = np.ascontiguousarray(embedding.vectors).astype("<f2")
     return pb.Embedding(model=embedding.model, rows=len(values), values=values.tobytes())
 

@@ -116,16 +116,21 @@ def depth_array(raw: RawImage | None, compressed: CompressedImage | None) -> NDA
         good = (pixels > 0) & (pixels <= FARTHEST_DEPTH_M)  # NaN is neither
         return np.where(good, pixels, np.float32(0)).astype(np.float32, copy=False)
     if compressed is not None:
-        pixels = decode_image(compressed, cv2.IMREAD_UNCHANGED, "the depth image")
-        if pixels.dtype != np.uint16 or pixels.ndim != 2:
-            raise InvalidInput(
-                f"the depth image decodes to {pixels.dtype} {pixels.shape}; send a PNG with one "
-                "channel of 16 bit, millimetres"
-            )
-        return pixels.astype(np.float32) * np.float32(0.001)
+        return depth_mm_array(compressed).astype(np.float32) * np.float32(0.001)
     raise InvalidInput(
         "the frame has no depth image; send raw_depth or compressed_depth, over HTTP the part depth"
     )
+
+
+def depth_mm_array(compressed: CompressedImage) -> NDArray[np.uint16]:
+    """Depth [h, w] in millimetres as a PNG holds it; 0 is invalid."""
+    pixels = decode_image(compressed, cv2.IMREAD_UNCHANGED, "the depth image")
+    if pixels.dtype != np.uint16 or pixels.ndim != 2:
+        raise InvalidInput(
+            f"the depth image decodes to {pixels.dtype} {pixels.shape}; send a PNG with one "
+            "channel of 16 bit, millimetres"
+        )
+    return pixels
 
 
 def _check_pixels(width: int, height: int, what: str) -> None:

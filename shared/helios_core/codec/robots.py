@@ -6,6 +6,7 @@ import math
 
 from helios_core import proto as pb
 from helios_core.codec.frames import (
+    FARTHEST_M,
     pinhole_from_proto,
     pinhole_to_proto,
     transform_from_proto,
@@ -24,8 +25,31 @@ from helios_core.robot import (
 )
 from helios_core.types import RobotDescription, RobotState
 
+LARGEST_M = 10.0  # of a robot's body, and how far it reaches
+
+# Of each number in a RobotDescription, the least and the most. A camera that is carried may be
+# anywhere in its world, also below the floor.
+_RANGES = {
+    "footprint_radius_m": (0.0, LARGEST_M),
+    "footprint_length_m": (0.0, LARGEST_M),
+    "footprint_width_m": (0.0, LARGEST_M),
+    "height_m": (-FARTHEST_M, FARTHEST_M),
+    "camera_height_m": (-FARTHEST_M, FARTHEST_M),
+    "camera_forward_m": (-LARGEST_M, LARGEST_M),
+    "reach_m": (0.0, LARGEST_M),
+    "max_depth_m": (1e-3, FARTHEST_M),
+    "min_forward_m": (0.0, FARTHEST_M),
+    "max_forward_m": (0.0, FARTHEST_M),
+    "max_back_m": (0.0, FARTHEST_M),
+    "min_turn_rad": (0.0, 2 * math.pi),
+    "max_turn_rad": (0.0, 2 * math.pi),
+    "min_tilt_rad": (-math.pi, math.pi),
+    "max_tilt_rad": (-math.pi, math.pi),
+}
+
 
 def description_to_proto(robot: RobotDescription) -> pb.RobotDescription:
+    """A disc travels as a box of 0 x 0 m."""
     length_m, width_m = robot.footprint_box_m or (0.0, 0.0)
     return pb.RobotDescription(
         name=robot.name,
@@ -54,7 +78,23 @@ def description_to_proto(robot: RobotDescription) -> pb.RobotDescription:
 
 
 def description_from_proto(robot: pb.RobotDescription) -> RobotDescription:
+    """Raises InvalidInput on a number out of its range, a least one above its most, half a box, a
+    body that moves and has no size, and a camera that can be none."""
+    for name, (least, most) in _RANGES.items():
+        if not least <= (value := getattr(robot, name)) <= most:  # NaN too
+            raise _misdescribed(robot, f"{name} {value:g}", f"a number from {least:g} to {most:g}")
+    for what in ("forward_m", "turn_rad", "tilt_rad"):
+        least, most = getattr(robot, f"min_{what}"), getattr(robot, f"max_{what}")
+        can_do = robot.can_move or what == "tilt_rad"
+        if can_do and least > most:
+            came = f"min_{what} {least:g} above max_{what} {most:g}"
+            raise _misdescribed(robot, came, "the smaller one first")
     box = (robot.footprint_length_m, robot.footprint_width_m)
+    if (box[0] > 0) != (box[1] > 0):
+        came = f"a footprint of {box[0]:g} x {box[1]:g} m"
+        raise _misdescribed(robot, came, "length and width, or neither for a disc")
+    if robot.can_move and robot.footprint_radius_m == 0:
+        raise _misdescribed(robot, "can_move and footprint_radius_m 0", "a body above 0 m")
     return RobotDescription(
         name=robot.name,
         footprint_radius_m=robot.footprint_radius_m,
@@ -79,7 +119,15 @@ def description_from_proto(robot: pb.RobotDescription) -> RobotDescription:
     )
 
 
+def _misdescribed(robot: pb.RobotDescription, came: str, wanted: str) -> InvalidInput:
+    return InvalidInput(
+        f"the robot {robot.name[:100]!r} describes itself with {came}; wanted {wanted}; mend what "
+        "its driver's describe() gives"
+    )
+
+
 def state_to_proto(state: RobotState) -> pb.RobotState:
+    """All of it; `state_from_proto` gives it back."""
     return pb.RobotState(
         T_world_base=transform_to_proto(state.T_world_base),
         tilt_rad=state.tilt_rad,
@@ -95,9 +143,10 @@ def state_to_proto(state: RobotState) -> pb.RobotState:
 
 
 def state_from_proto(state: pb.RobotState) -> RobotState:
+    """Raises InvalidInput on a pose that is not rigid and on a tilt that is not finite."""
     return RobotState(
         T_world_base=transform_from_proto(state.T_world_base, "T_world_base"),
-        tilt_rad=state.tilt_rad,
+        tilt_rad=_finite(state.tilt_rad, "tilt_rad"),
         held=state.held,
         moving=state.moving,
         stopped=state.stopped,
@@ -110,6 +159,7 @@ def state_from_proto(state: pb.RobotState) -> RobotState:
 
 
 def action_to_proto(action: Action) -> pb.Action:
+    """The field of `kind` that its class is named after."""
     match action:
         case Forward(distance_m):
             return pb.Action(forward=pb.Action.Forward(distance_m=distance_m))
@@ -145,6 +195,7 @@ def action_from_proto(action: pb.Action) -> Action:
 
 
 def result_from_proto(result: pb.ActionResult) -> ActionResult:
+    """What the robot measured; the keyframe and the pose at its end stay in the message."""
     return ActionResult(
         succeeded=result.succeeded,
         reason=result.reason,
@@ -156,6 +207,7 @@ def result_from_proto(result: pb.ActionResult) -> ActionResult:
 
 
 def result_to_proto(result: ActionResult, action_id: str) -> pb.ActionResult:
+    """Of the action with that id; who did it adds the keyframe and the pose."""
     return pb.ActionResult(
         action_id=action_id,
         succeeded=result.succeeded,

@@ -16,14 +16,17 @@ MOST_SYNONYMS, MOST_PROMPT_CHARACTERS = 64, 2000
 
 
 def vector_to_proto(v: Sequence[float] | NDArray[np.float64]) -> pb.Vector3:
+    """v: x, y, z."""
     return pb.Vector3(x=float(v[0]), y=float(v[1]), z=float(v[2]))
 
 
 def vector_from_proto(v: pb.Vector3) -> NDArray[np.float64]:
+    """[3], as it came: not checked for numbers that are not finite."""
     return np.array([v.x, v.y, v.z])
 
 
 def context_to_proto(context: SearchContext) -> pb.SearchContext:
+    """All of it; `context_from_proto` gives it back."""
     return pb.SearchContext(
         id=context.id,
         classes=[
@@ -35,6 +38,8 @@ def context_to_proto(context: SearchContext) -> pb.SearchContext:
 
 
 def context_from_proto(context: pb.SearchContext) -> SearchContext:
+    """Raises InvalidInput on more or longer names than any search needs, on a class without a name,
+    on an unknown role, and on a threshold outside 0 to 1."""
     roles = {r.value for r in Role}
     if len(context.classes) > MOST_CLASSES or len(context.prompts) > MOST_LAYERS:
         raise InvalidInput(
@@ -74,6 +79,7 @@ def context_from_proto(context: pb.SearchContext) -> SearchContext:
 
 
 def object_to_proto(instance: ObjectInstance) -> pb.ObjectInstance:
+    """The outline travels as x, y, x, y, …"""
     return pb.ObjectInstance(
         id=instance.id,
         class_name=instance.class_name,
@@ -92,6 +98,12 @@ def object_to_proto(instance: ObjectInstance) -> pb.ObjectInstance:
 
 
 def object_from_proto(instance: pb.ObjectInstance) -> ObjectInstance:
+    """Raises InvalidInput on an outline that is cut in the middle of a point."""
+    if len(instance.outline_m) % 2:
+        raise InvalidInput(
+            f"the outline of object {instance.id} has {len(instance.outline_m)} numbers; send x "
+            "and y of each point"
+        )
     return ObjectInstance(
         id=instance.id,
         class_name=instance.class_name,

@@ -15,6 +15,8 @@ from helios_core.geometry import camera_on_base
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Capture
+from helios_core.topics import ROBOT_DESCRIPTION
+from helios_core.types import RobotDescription
 
 from tests.support import wait_until
 from tests.unit.bridge.bridge_stage import LineRobot, Stage
@@ -54,6 +56,28 @@ def test_a_driver_that_cannot_be_made_is_refused_with_the_reason(
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(InvalidInput, match=said):
         load_driver(Settings(driver=name), MemoryBus(MemoryHub()))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"max_depth_m": 0.0}, "max_depth_m 0; wanted a number from 0.001"),
+        ({"footprint_radius_m": 300.0}, "footprint_radius_m 300; wanted a number from 0 to 10"),
+        ({"height_m": float("nan")}, "height_m nan"),
+    ],
+)
+def test_a_robot_that_there_cannot_be_is_refused_before_anybody_hears_of_it(
+    wrong: dict[str, float], said: str
+) -> None:
+    class Wrong(LineRobot):
+        def describe(self) -> RobotDescription:
+            return replace(super().describe(), **wrong)
+
+    bus, heard = MemoryBus(MemoryHub()), []
+    bus.subscribe(ROBOT_DESCRIPTION, heard.append)
+    with pytest.raises(InvalidInput, match=said):
+        BridgeService(bus, Wrong(), Settings(), Health())
+    assert heard == []
 
 
 @pytest.mark.parametrize(

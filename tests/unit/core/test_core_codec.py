@@ -19,6 +19,7 @@ from helios_core.codec import (
     description_to_proto,
     frame_from_proto,
     frame_to_proto,
+    object_from_proto,
     observation_from_proto,
     observation_to_proto,
 )
@@ -205,6 +206,11 @@ def test_a_search_context_survives_the_wire() -> None:
         "id", (SearchClass("mug", Role.OBJECT, 0.25, ("cup",)),), {"pick": "a mug ahead"}
     )
     assert context_from_proto(context_to_proto(context)) == context
+
+
+def test_an_outline_that_ends_in_half_a_point_is_refused() -> None:
+    with pytest.raises(InvalidInput, match="outline of object 7 has 3 numbers"):
+        object_from_proto(pb.ObjectInstance(id=7, outline_m=[1.0, 2.0, 3.0]))
 
 
 def test_an_unknown_role_is_refused_by_name() -> None:

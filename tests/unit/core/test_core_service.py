@@ -3,9 +3,122 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 
+import pytest
+from helios_core import proto as pb
+from helios_core import service
+from helios_core.bus import Bus
+from helios_core.errors import InvalidInput, Unavailable
 from helios_core.health import Health
-from helios_core.service import until_warm
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.service import run_service, until_warm
+from helios_core.settings import ServiceSettings
+from helios_core.topics import status_topic
+
+Build = Callable[[Bus, Health], service.Closeable]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch) -> Callable[[Build], tuple[int, list[tuple[str, str]]]]:
+    """Runs a service on a bus in memory, without its signals; gives its exit status, and each
+    (state, reason) that it told."""
+
+    def run(build: Build) -> tuple[int, list[tuple[str, str]]]:
+        hub, told = MemoryHub(), []
+
+        def heard(status: pb.ServiceStatus) -> None:
+            told.append((status.state, status.reason))
+
+        viewer = MemoryBus(hub)
+        viewer.subscribe(status_topic("sample"), heard)
+        monkeypatch.setattr(service, "_connect", lambda *_: MemoryBus(hub))
+        return run_service("sample", ServiceSettings.load([]), build), told
+
+    return run
+
+
+class Small:
+    """A service that is ready at once; a signal asks it to end as soon as that was told."""
+
+    def __init__(self, bus: Bus, health: Health, signalled: threading.Event) -> None:
+        def heard(status: pb.ServiceStatus) -> None:
+            if status.state == "ready":
+                signalled.set()
+
+        self._health = health
+        health.ready("well")
+        bus.subscribe(status_topic("sample"), heard)
+
+    def close(self) -> None:
+        """As when a message is still worked on."""
+        self._health.ready("worked on another frame")
+
+
+@pytest.mark.parametrize("state", ["degraded", "stopping"])
+def test_nothing_is_said_after_the_last_word(state: str) -> None:
+    health = Health()
+    health.failed("no map") if state == "degraded" else health.stopping()
+    health.ready("a thread of what was begun goes on")
+    health.stopping()
+    assert health.state == (state, "no map" if state == "degraded" else "stopping")
+
+
+def test_a_service_that_is_stopped_says_so_last(
+    run: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[threading.Event] = []
+    monkeypatch.setattr(service, "stop_on_signals", asked.append)
+    status, told = run(lambda bus, health: Small(bus, health, asked[0]))
+    assert status == 0
+    assert ("ready", "well") in told
+    assert told[-1] == ("stopping", "stopping")
+
+
+@pytest.mark.parametrize(("error", "status"), [(InvalidInput, 2), (Unavailable, 1)])
+def test_a_service_that_cannot_start_says_why_last(
+    run: Callable, monkeypatch: pytest.MonkeyPatch, error: type[Exception], status: int
+) -> None:
+    monkeypatch.setattr(service, "stop_on_signals", lambda _: None)
+
+    def build(bus: Bus, health: Health) -> service.Closeable:
+        raise error("no map at /nowhere; name another one")
+
+    ended, told = run(build)
+    assert ended == status
+    assert told[-1] == ("degraded", "no map at /nowhere; name another one")
+
+
+def test_a_service_that_a_fault_ends_says_so_last_and_closes_its_bus(
+    run: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(service, "stop_on_signals", lambda stopped: stopped.set())
+    buses: list[Bus] = []
+    told: list[pb.ServiceStatus] = []
+
+    class Stubborn:
+        def close(self) -> None:
+            raise OSError("the disk is full")
+
+    def build(bus: Bus, health: Health) -> service.Closeable:
+        buses.append(bus)
+        bus.subscribe(status_topic("sample"), told.append)
+        return Stubborn()
+
+    with pytest.raises(OSError, match="disk"):
+        run(build)
+    assert told[-1].state == "stopping"
+    with pytest.raises(Unavailable, match="closed"):
+        buses[0].announce("sample", "1")
+
+    def broken(bus: Bus, health: Health) -> service.Closeable:
+        bus.subscribe(status_topic("sample"), told.append)
+        raise ZeroDivisionError("oops")
+
+    with pytest.raises(ZeroDivisionError):
+        run(broken)
+    assert told[-1].state == "degraded"
+    assert "ZeroDivisionError: oops" in told[-1].reason
 
 
 def test_kernels_that_cannot_be_compiled_are_said_and_tried_again() -> None:

@@ -34,6 +34,32 @@ def test_a_flag_wins_over_the_environment_and_that_over_the_file(
     assert loaded.robot == "spot"
 
 
+@pytest.mark.parametrize("joined", [False, True])
+def test_the_file_that_a_flag_names_is_read_whoever_gives_the_flags(
+    joined: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    named, other = tmp_path / "named.toml", tmp_path / "other.toml"
+    named.write_text("[sample]\ncell_m = 0.1\n")
+    other.write_text("[sample]\ncell_m = 0.2\nrobot = 'spot'\n")
+    monkeypatch.setenv("HELIOS_CONFIG", str(other))
+    monkeypatch.setattr("sys.argv", ["helios-sample", "--config", str(other)])
+    flags = [f"--config={named}"] if joined else ["--config", str(named)]
+    loaded = Settings.load(flags)
+    assert (loaded.cell_m, loaded.robot, loaded.config) == (0.1, "robot", named)
+
+
+def test_flags_that_are_given_count_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["helios-sample", "--config", "/nowhere/helios.toml"])
+    assert Settings.load([]).cell_m == 0.025
+
+
+def test_a_file_that_is_not_there_ends_with_2(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        Settings.load(["--config", "/nowhere/helios.toml"])
+    assert ended.value.code == 2
+    assert "/nowhere/helios.toml" in capsys.readouterr().err
+
+
 def test_a_table_for_all_services_counts_where_their_own_says_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+import zlib
 
 import numpy as np
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
-from helios_core.grids import decode_snapshot
+from helios_core.grids import OCCUPIED, decode_snapshot
 from helios_core.map_mirror import MapMirror
 from helios_core.topics import MAP_CHANGES, RESET_MAP2D
 from helios_map2d.versions import tiles
 from map2d_house import House
+from map2d_kept import state_of
 
 
 def follow(house: House, mirror: MapMirror) -> int:
@@ -120,8 +122,26 @@ def test_before_the_first_keyframe_there_is_nothing_to_mirror() -> None:
     assert mirror.occupancy()[0].size == 0
 
 
+def test_the_lowest_obstacles_heights_travel_with_the_whole_and_with_the_changes() -> None:
+    """Those who plan over and under things ask for them; nobody in HELIOS does."""
+    house = House()
+    house.settle()
+    mirror = MapMirror()
+    follow(house, mirror)
+    published = state_of(house).published
+    whole = np.frombuffer(zlib.decompress(house.snapshot().bottom_mm), "<u2")
+    low_mm = np.rint(published.z_low_m * 1000)
+    np.testing.assert_array_equal(whole.reshape(published.grid.shape), low_mm)
+    assert low_mm.max() > 500  # a table's top
+    for place, tile in published.ground.items():
+        there = tile.occupancy == OCCUPIED
+        got = mirror.pieces[place].bottom_m
+        np.testing.assert_allclose(got[there], tile.z_low_m[there], atol=0.00051)
+        assert not got[~there].any()
+
+
 def test_a_damaged_tile_is_refused() -> None:
     mirror = MapMirror()
     tile = pb.MapTile(ground=pb.GroundTile(occupancy=b"no zlib"))
-    with pytest.raises(InvalidInput, match="damaged"):
+    with pytest.raises(InvalidInput, match="tile of the map is corrupt"):
         mirror.apply(pb.MapChanges(tile_cells=64, cell_m=0.025, tiles=[tile]))

@@ -1,0 +1,107 @@
+"""What a robot says of itself is believed only as far as a robot can be so."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+from helios_core import proto as pb
+from helios_core.codec import (
+    description_from_proto,
+    description_to_proto,
+    state_from_proto,
+    state_to_proto,
+)
+from helios_core.errors import InvalidInput
+from helios_core.geometry import Pinhole, se2_to_se3
+from helios_core.types import RobotDescription, RobotState
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+NUMBERS = [f.name for f in pb.RobotDescription.DESCRIPTOR.fields if f.type == f.TYPE_DOUBLE]
+
+
+def described() -> pb.RobotDescription:
+    """By a robot that is well."""
+    camera = Pinhole(30.0, 31.0, 16.0, 12.0, 32, 24)
+    return description_to_proto(RobotDescription("ada", 0.3, 1.4, camera, 1.31, 0.8, 10.0))
+
+
+def _with(**values: float) -> Callable[[pb.RobotDescription], None]:
+    def spoil(robot: pb.RobotDescription) -> None:
+        for name, value in values.items():
+            setattr(robot, name, value)
+
+    return spoil
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300])
+def test_no_number_of_a_description_may_be_without_end(name: str, value: float) -> None:
+    message = described()
+    setattr(message, name, value)
+    with pytest.raises(InvalidInput, match=f"'ada' .* {name} .*; wanted a number from .*describe"):
+        description_from_proto(message)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (_with(max_depth_m=0.0), "max_depth_m 0; wanted a number from 0.001 to 20000"),
+        (_with(footprint_radius_m=-0.3), "footprint_radius_m -0.3; wanted a number from 0 to 10"),
+        (_with(footprint_radius_m=0.0), "can_move and footprint_radius_m 0"),
+        (_with(reach_m=-1.0), "reach_m -1"),
+        (_with(min_forward_m=2.0), "min_forward_m 2 above max_forward_m 1"),
+        (_with(max_turn_rad=0.0), "above max_turn_rad 0"),
+        (_with(min_tilt_rad=0.5), "min_tilt_rad 0.5 above max_tilt_rad 0"),
+        (_with(footprint_length_m=1.1), "a footprint of 1.1 x 0 m"),
+        (lambda robot: robot.ClearField("camera"), "focal lengths"),
+    ],
+)
+def test_a_description_that_no_robot_fits_is_refused(
+    spoil: Callable[[pb.RobotDescription], None], said: str
+) -> None:
+    message = described()
+    spoil(message)
+    with pytest.raises(InvalidInput, match=said):
+        description_from_proto(message)
+
+
+@pytest.mark.parametrize(
+    "fit",
+    [
+        _with(can_move=False, footprint_radius_m=0.0, max_forward_m=0.0, max_turn_rad=0.0),
+        _with(can_move=False, height_m=-2.0, camera_height_m=-2.1),  # carried below the floor
+        _with(min_tilt_rad=0.4, max_tilt_rad=0.4),  # a camera that cannot tilt
+        _with(footprint_length_m=1.1, footprint_width_m=0.5),
+        _with(max_turn_rad=math.radians(360)),
+    ],
+)
+def test_an_unusual_robot_is_believed(fit: Callable[[pb.RobotDescription], None]) -> None:
+    message = described()
+    fit(message)
+    assert description_to_proto(description_from_proto(message)) == message
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.dictionaries(st.sampled_from(NUMBERS), st.floats(), max_size=4), st.booleans())
+def test_a_description_is_believed_or_refused_and_never_a_fault(
+    values: dict[str, float], can_move: bool
+) -> None:
+    message = described()
+    message.can_move = can_move
+    _with(**values)(message)
+    try:
+        robot = description_from_proto(message)
+    except InvalidInput:
+        return
+    assert all(math.isfinite(getattr(message, name)) for name in NUMBERS)
+    assert 0 <= robot.inner_radius_m <= 10
+    assert robot.max_depth_m > 0
+
+
+def test_a_tilt_that_is_no_number_is_refused() -> None:
+    message = state_to_proto(RobotState(se2_to_se3(0.0, 0.0, 0.0), tilt_rad=math.nan))
+    with pytest.raises(InvalidInput, match="tilt_rad is nan"):
+        state_from_proto(message)

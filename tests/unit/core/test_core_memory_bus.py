@@ -1,0 +1,66 @@
+"""What the bus in memory keeps beside what every bus does (`tests/contract/test_bus.py`)."""
+
+from __future__ import annotations
+
+import threading
+
+from helios_core import proto as pb
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import CONTEXT, GET_TASK
+
+
+class Watched(list):
+    """A list that says of each removal whether its thread held the lock."""
+
+    def __init__(self, lock: Lock) -> None:
+        super().__init__()
+        self._lock, self.held = lock, []
+
+    def remove(self, value: object) -> None:
+        self.held.append(self._lock.holder == threading.get_ident())
+        super().remove(value)
+
+
+class Lock:
+    """One that says who holds it."""
+
+    def __init__(self) -> None:
+        self._lock, self.holder = threading.RLock(), 0
+
+    def __enter__(self) -> None:
+        self._lock.acquire()
+        self.holder = threading.get_ident()
+
+    def __exit__(self, *_: object) -> None:
+        self.holder = 0
+        self._lock.release()
+
+
+def test_what_is_taken_back_cannot_make_another_thread_skip_a_subscriber() -> None:
+    lock = Lock()
+    subscribers, watchers = Watched(lock), Watched(lock)
+    hub = MemoryHub(lock=lock, subscribers=subscribers, watchers=watchers)  # pyright: ignore
+    bus = MemoryBus(hub)
+    bus.subscribe(CONTEXT, lambda _: None).close()
+    bus.watch(lambda *_: None).close()
+    assert (subscribers.held, watchers.held) == ([True], [True])
+    assert (subscribers, watchers) == ([], [])
+
+
+def test_messages_reach_the_others_in_the_order_of_their_subscribing() -> None:
+    bus, heard = MemoryBus(MemoryHub()), []
+    first, *_ = [bus.subscribe(CONTEXT, lambda _, i=i: heard.append(i)) for i in range(4)]
+    bus.publish(CONTEXT, pb.SearchContext())
+    first.close()
+    bus.subscribe(CONTEXT, lambda _: heard.append(4)).close()
+    heard.clear()
+    bus.publish(CONTEXT, pb.SearchContext())
+    assert heard == [1, 2, 3]
+
+
+def test_a_server_that_was_followed_by_another_takes_only_itself_back() -> None:
+    bus = MemoryBus(MemoryHub())
+    old = bus.serve(GET_TASK, lambda _: pb.Task(id="old"))
+    bus.serve(GET_TASK, lambda _: pb.Task(id="new"))
+    old.close()
+    assert bus.call(GET_TASK, pb.TaskRequest(), 5).id == "new"
