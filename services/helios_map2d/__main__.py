@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import threading
 
@@ -13,26 +14,36 @@ from helios_map2d.service import Map2DService
 from helios_map2d.settings import Settings
 from helios_map2d.warm_up import warm_up
 
+log = logging.getLogger(__name__)
+
 
 class Hosted:
     """The maps, from the moment their kernels are compiled; a stop need not wait for that."""
 
     def __init__(self, bus: Bus, health: Health, settings: Settings) -> None:
+        self._bus, self._health, self._settings = bus, health, settings
         self._ending = threading.Event()
         self._service: Map2DService | None = None
+        # Settings that no map can have end the process here, not when a robot describes itself.
         settings.rules(robot_max_depth_m=settings.max_depth_m, robot_radius_m=0.3)
-
-        def prepare() -> None:
-            if until_warm(health, warm_up, self._ending) and not self._ending.is_set():
-                self._service = Map2DService(bus, settings, health)
-
         health.waiting("compiling its kernels; a minute at the first start")
-        threading.Thread(target=prepare, name="warm up", daemon=True).start()
+        threading.Thread(target=self._start, name="warm up", daemon=True).start()
 
     def close(self) -> None:
         self._ending.set()
         if self._service is not None:
             self._service.close()
+
+    def _start(self) -> None:
+        try:
+            if until_warm(self._health, warm_up, self._ending) and not self._ending.is_set():
+                self._service = Map2DService(self._bus, self._settings, self._health)
+        except Exception as error:  # in a thread nobody else would hear of it
+            log.exception("the maps could not be started")
+            self._health.degraded(
+                f"the maps could not be started ({type(error).__name__}: {str(error)[:200]}); "
+                "the log has the rest; mend it and start the service again"
+            )
 
 
 if __name__ == "__main__":

@@ -63,9 +63,7 @@ class Answers:
         published = known(self._maps())
         eye_m = (request.x_m, request.y_m, request.z_m)
         return pb.SightReply(
-            visible=[
-                published.line_of_sight(eye_m, (p.x, p.y, p.z)).visible for p in request.targets_m
-            ]
+            visible=[published.line_of_sight(eye_m, (p.x, p.y, p.z)) for p in request.targets_m]
         )
 
     def path_cost(self, request: pb.PathCostRequest) -> pb.PathCostReply:

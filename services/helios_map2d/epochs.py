@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from helios_core.codec.frames import FARTHEST_M
-from helios_core.errors import Conflict, InvalidInput
+from helios_core.errors import Conflict
 from helios_core.types import Frame, FrameId, Observation, SearchContext
 
 from helios_map2d.layers.rules import MapRules
@@ -60,10 +57,6 @@ class EpochMaps:
         """Rises with every change, over epochs too."""
         return self.current.published.version if self.current else self._first_version
 
-    @property
-    def parked(self) -> Mapping[EpochKey, MapState]:
-        return dict(self._parked)
-
     def state_for(self, frame: Frame, observation: Observation | None = None) -> MapState:
         """The map that a frame, or an observation of it, belongs to; starts one when its epoch is
         new.
@@ -86,10 +79,6 @@ class EpochMaps:
                 f"{key.robot_boot_id!r}, which is over: its map is parked"
             )
         base = check_pose(frame.T_world_base, "T_world_base")
-        if np.abs(base[:2, 3]).max() > FARTHEST_M:
-            raise InvalidInput(
-                f"the first pose is at {base[:2, 3].tolist()} m: send a pose in the local world"
-            )
         fresh = MapState(
             self.rules, (base[0, 3], base[1, 3]), self.footprint_radius_m, self.version
         )

@@ -57,13 +57,8 @@ class GridSpec:
         """World x, y of the lower-left corner of cell (0, 0)."""
         return self.corner[1] * self.cell_m, self.corner[0] * self.cell_m
 
-    @property
-    def size_m(self) -> tuple[float, float]:
-        """Extent along world x and y, metres."""
-        return self.columns * self.cell_m, self.rows * self.cell_m
-
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
-        """Row and column of a world point, which may lie outside (see `contains_cell`)."""
+        """Row and column of a world point, which may lie outside."""
         return (
             math.floor(y_m / self.cell_m) - self.corner[0],
             math.floor(x_m / self.cell_m) - self.corner[1],
@@ -73,12 +68,6 @@ class GridSpec:
         """World x, y of a cell's centre, metres."""
         x_m = (self.corner[1] + column + 0.5) * self.cell_m
         return x_m, (self.corner[0] + row + 0.5) * self.cell_m
-
-    def contains_cell(self, row: int, column: int) -> bool:
-        return 0 <= row < self.rows and 0 <= column < self.columns
-
-    def contains(self, x_m: float, y_m: float) -> bool:
-        return self.contains_cell(*self.cell_of(x_m, y_m))
 
     def crop(self, box: Box) -> GridSpec:
         """The grid of a sub-array `array[box.slices]`."""

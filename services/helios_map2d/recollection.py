@@ -33,7 +33,7 @@ log = logging.getLogger(__name__)
 
 EMBED_WITHIN_S = 10.0
 DEFAULT_PLACES, MOST_PLACES = 5, 50
-MOST_LATE_LAYERS = 8  # that are asked for in one search: each is fused into with every keyframe
+MOST_LATE_LAYERS = 8  # asked for in one search: each takes memory over the whole grid
 LAYER_NAME = re.compile(r"[A-Za-z0-9_.-]{1,40}")  # as it stands in addresses and file names
 
 

@@ -100,7 +100,12 @@ class Map2DService:
     # --- what comes in ------------------------------------------------------------------------
     def on_description(self, message: pb.RobotDescription) -> None:
         """Learn the robot; what the maps hold stays unless they were made for another robot."""
-        robot = description_from_proto(message)
+        try:
+            robot = description_from_proto(message)
+        except InvalidInput as error:
+            log.warning("the robot's description is refused: %s", error.message)
+            self._health.degraded(error.message)
+            return
         # A carried camera has no body that pushes things aside.
         has_body = robot.can_move or robot.recorded
         radius_m = robot.inner_radius_m if has_body else 0.0

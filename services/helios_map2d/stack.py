@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from helios_core.geometry import Pinhole
+from helios_core.grids import UNKNOWN
 from helios_core.types import Frame
 from numpy.typing import NDArray
 
@@ -19,7 +20,7 @@ from helios_map2d.layers.explored import SearchArea
 from helios_map2d.layers.exploring import ByDepth, Exploring
 from helios_map2d.layers.frontiers import Frontier, FrontierFinder
 from helios_map2d.layers.ground import OpenGround
-from helios_map2d.layers.occupancy import UNKNOWN, OccupancyLayer
+from helios_map2d.layers.occupancy import OccupancyLayer
 from helios_map2d.layers.reveal import ByCone
 from helios_map2d.layers.room import grown_for
 from helios_map2d.layers.rules import MapRules

@@ -96,7 +96,7 @@ def inflated(data: bytes, dtype: str, shape: tuple[int, int], what: str) -> NDAr
     try:
         raw = zlib.decompressobj().decompress(data, wanted + 1)
     except zlib.error as error:
-        raise InvalidInput(f"{what} is corrupt: {error}; ask for it again") from error
+        raise InvalidInput(f"{what} is corrupt: {error}") from error
     if len(raw) != wanted:
         raise InvalidInput(
             f"{what} is no {shape[1]}x{shape[0]} array: {len(raw)} bytes unpacked, {wanted} wanted"

@@ -25,11 +25,17 @@ _PASSING = {"wall_s", "step_ms", "stage_ms", "beliefs", "commit"}
 
 
 def episodes(folders: Sequence[Path]) -> list[EpisodeRecord]:
-    """Of all folders, each once. Raises InvalidInput where two folders say different things of one
-    episode."""
+    """Of all folders, each once. Raises WrongUse for one of several that holds none, and
+    InvalidInput where two say different things of one episode."""
     found: dict[str, tuple[EpisodeRecord, Path]] = {}
     for folder in folders:
-        for record in read(folder):
+        there = read(folder)
+        if not there and len(folders) > 1:
+            raise WrongUse(
+                f"{folder} holds no episode ({EPISODES} or {PACKED}); name folders of runs, or "
+                "leave it out"
+            )
+        for record in there:
             first, where = found.setdefault(record.key, (record, folder))
             if first.model_dump(exclude=_PASSING) != record.model_dump(exclude=_PASSING):
                 raise InvalidInput(

@@ -9,11 +9,11 @@ import numpy as np
 from helios_core.codec.frames import FARTHEST_M
 from helios_core.codec.search import MOST_CHARACTERS
 from helios_core.errors import InvalidInput
+from helios_core.grids import FREE, OCCUPIED, UNKNOWN
 from helios_core.types import FrameId
 from numpy.typing import NDArray
 
 from helios_map2d.grid import TILE, Tile
-from helios_map2d.layers.occupancy import FREE, OCCUPIED, UNKNOWN
 from helios_map2d.versions.tiles import GroundTile, ValueTile
 
 SAME_CELL_M = 1e-6

@@ -14,11 +14,12 @@ import cv2
 import numpy as np
 from helios_core.codec.frames import FARTHEST_M
 from helios_core.errors import InvalidInput
+from helios_core.grids import FREE, OCCUPIED, UNKNOWN
 from numpy.typing import NDArray
 
 from helios_map2d.files.content import MapContent, check_cell
 from helios_map2d.grid import GridSpec
-from helios_map2d.layers.occupancy import FREE, OCCUPIED, UNKNOWN
+from helios_map2d.layers.rules import MapRules
 from helios_map2d.versions.snapshot import MapSnapshot, about, decode_npz, ground_of
 
 FREE_GREY, OCCUPIED_GREY, UNKNOWN_GREY = 254, 0, 205  # as map_saver writes them
@@ -45,14 +46,15 @@ def encode_ros(snapshot: MapSnapshot, name: str = "map") -> dict[str, bytes]:
     }
 
 
-def decode_ros(about: bytes, picture: bytes, cell_m: float, version: int) -> MapContent:
+def decode_ros(yaml: bytes, picture: bytes, rules: MapRules, version: int) -> MapContent:
     """A map of map_server's two files, on our cells: moved by less than half a cell where its
-    origin is between them. Obstacles get the height band's whole height.
+    origin is between them. Obstacles get the height band's whole height; what is known counts as
+    searched until a search begins.
 
     Raises InvalidInput for files that are none, another cell size, or a turned origin.
     """
     try:
-        meta = flat_yaml(about.decode())
+        meta = flat_yaml(yaml.decode())
         resolution = float(meta["resolution"][0])
         x_m, y_m, yaw_rad = (float(v) for v in meta["origin"])
         negate, mode = int(meta.get("negate", ["0"])[0]), meta.get("mode", ["trinary"])[0]
@@ -65,6 +67,7 @@ def decode_ros(about: bytes, picture: bytes, cell_m: float, version: int) -> Map
         ) from error
     if not all(map(math.isfinite, (resolution, x_m, y_m, yaw_rad, occupied, free))):
         raise InvalidInput("the map_server YAML has numbers that are not finite: write them anew")
+    cell_m, band = rules.cell_m, rules.occupancy
     check_cell(resolution, cell_m)
     if abs(yaw_rad) > 1e-6:
         raise InvalidInput(
@@ -89,9 +92,9 @@ def decode_ros(about: bytes, picture: bytes, cell_m: float, version: int) -> Map
     occupancy[share > occupied] = OCCUPIED
     corner = (round(y_m / cell_m), round(x_m / cell_m))
     grid = GridSpec(cell_m, grey.shape[0], grey.shape[1], corner)
-    nothing = np.zeros(grey.shape, np.float32)
-    tall = np.where(occupancy == OCCUPIED, np.float32(1.5), nothing)
-    ground = ground_of(grid, version + 1, occupancy, occupancy != UNKNOWN, nothing, tall)
+    there = occupancy == OCCUPIED
+    low_m, high_m = there * np.float32(band.band_lo_m), there * np.float32(band.band_hi_m)
+    ground = ground_of(grid, version + 1, occupancy, occupancy != UNKNOWN, low_m, high_m)
     return MapContent(None, 0, "", dict(ground), {}, None, np.empty((0, 2)), (), {}, 1)
 
 

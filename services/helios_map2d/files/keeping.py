@@ -10,6 +10,7 @@ from pathlib import PurePosixPath
 from helios_core import proto as pb
 from helios_core.codec import frame_id_to_proto
 from helios_core.errors import InvalidInput, Unavailable
+from helios_core.grids import OCCUPIED, UNKNOWN
 from helios_core.kept_file import Kept, KeptFile
 
 from helios_map2d.answers import DEFAULT_PICTURE_PX, known
@@ -21,7 +22,6 @@ from helios_map2d.files.kept import (
     encode_map,
     rebuilt,
 )
-from helios_map2d.layers.occupancy import OCCUPIED, UNKNOWN
 from helios_map2d.pictures.picture import OCCUPANCY, png_of, render
 from helios_map2d.settings import Settings
 from helios_map2d.state import MapState
@@ -191,7 +191,7 @@ def loaded(request: pb.LoadMap2DRequest, maps: EpochMaps) -> MapState:
         content = decode_exported(by_ending[".npz"], rules.cell_m, version)
     elif ".yaml" in by_ending and len(by_ending) == 2:
         (picture,) = (data for ending, data in by_ending.items() if ending != ".yaml")
-        content = decode_ros(by_ending[".yaml"], picture, rules.cell_m, version)
+        content = decode_ros(by_ending[".yaml"], picture, rules, version)
     else:
         raise InvalidInput(
             f"cannot load {', '.join(sorted(f.name[:80] for f in request.files)) or 'nothing'}: "

@@ -90,15 +90,3 @@ class OpenGround:
             cell, blind_cells, self.radius_cells,
         )  # fmt: skip
         return Reached(self._offsets, reached, near, corner)
-
-    def mask_of(self, reached: Reached) -> NDArray[np.bool_]:
-        """The cells that can be reached, over the whole grid: for tests and pictures."""
-        out = np.zeros(self.grid.shape, np.bool_)
-        offsets = np.repeat(np.repeat(reached.offsets, TILE, 0), TILE, 1)
-        open_cells = self.labels > 0
-        at = offsets[open_cells] + self.labels[open_cells] - 1
-        out[open_cells] = reached.reached[at] > 0
-        row, column = reached.near_corner
-        rows, columns = reached.near.shape
-        out[row : row + rows, column : column + columns] |= reached.near > 0
-        return out

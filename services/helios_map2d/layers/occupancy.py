@@ -14,16 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from helios_core.errors import InvalidInput
+from helios_core.grids import UNKNOWN
 from numpy.typing import NDArray
 
 from helios_map2d.grid import Box, GridSpec, carried_over
 from helios_map2d.kernels import fuse as fuse_kernels
 from helios_map2d.kernels import project as project_kernels
 from helios_map2d.view import View
-
-UNKNOWN = -1
-FREE = 0
-OCCUPIED = 100
 
 Pixels = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
 """By cell of a window, flat: how many, and the bits of the lowest and highest height."""

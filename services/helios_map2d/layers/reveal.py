@@ -14,12 +14,13 @@ import math
 
 import cv2
 import numpy as np
+from helios_core.grids import FREE, OCCUPIED, UNKNOWN
 from numpy.typing import NDArray
 
 from helios_map2d.grid import Box
 from helios_map2d.kernels.fuse import SEEN_NOW
 from helios_map2d.layers.explored import SearchArea
-from helios_map2d.layers.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyLayer
+from helios_map2d.layers.occupancy import OccupancyLayer
 from helios_map2d.layers.value import Cone, bin_directions
 from helios_map2d.view import View
 

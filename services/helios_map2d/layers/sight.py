@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from helios_core.codec.frames import FARTHEST_M
 from helios_core.errors import InvalidInput
@@ -11,14 +9,6 @@ from numpy.typing import NDArray
 
 from helios_map2d.grid import GridSpec
 from helios_map2d.kernels import frontier as frontier_kernels
-
-
-@dataclass(frozen=True)
-class Sight:
-    """Whether a line is clear; if not, where it is blocked (x, y and the obstacle's height, m)."""
-
-    visible: bool
-    blocked_at_m: tuple[float, float, float] | None = None
 
 
 def line_of_sight(
@@ -31,13 +21,13 @@ def line_of_sight(
     target_radius_m: float = 0.15,
     margin_m: float = 0.03,
     ground_m: float = 0.30,
-) -> Sight:
-    """Follow the straight line from `eye_m` to `point_m` (world x, y, z) over all obstacles.
+) -> bool:
+    """Whether `point_m` can be seen from `eye_m` (world x, y, z), over all obstacles between.
 
-    A known obstacle blocks the line where it rises more than `margin_m` above it and does not begin
-    more than `margin_m` above it: one can look over a chair and under a table. What begins below
-    `ground_m` is taken to stand on the floor. Unknown ground does not block. Obstacles within
-    `target_radius_m` of the point are part of what is looked at. Raises InvalidInput when a
+    A known obstacle blocks the straight line where it rises more than `margin_m` above it and does
+    not begin more than `margin_m` above it: one can look over a chair and under a table. What
+    begins below `ground_m` is taken to stand on the floor. Unknown ground does not block. Obstacles
+    within `target_radius_m` of the point are part of what is looked at. Raises InvalidInput when a
     coordinate is not finite, or beyond all homes.
     """
     if not (np.abs([*eye_m, *point_m]) <= FARTHEST_M).all():
@@ -49,10 +39,8 @@ def line_of_sight(
         np.array([(y - y0) / grid.cell_m, (x - x0) / grid.cell_m, z])
         for x, y, z in (eye_m, point_m)
     ]
-    row, column = frontier_kernels.first_block(
+    row, _ = frontier_kernels.first_block(
         z_low_m, z_high_m, occupancy, ends[0], ends[1], target_radius_m / grid.cell_m, margin_m,
         ground_m,
     )  # fmt: skip
-    if row < 0:
-        return Sight(True)
-    return Sight(False, (*grid.centre_of(row, column), float(z_high_m[row, column])))
+    return row < 0

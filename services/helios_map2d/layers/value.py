@@ -98,6 +98,21 @@ def bin_directions(bins: int) -> NDArray[np.float64]:
     return np.stack([forward, left]) / np.hypot(forward, left)
 
 
+def spread_over(
+    box: Box, cone: Cone, cell_m: float, least_confidence: float
+) -> tuple[NDArray[np.float32], tuple[int, int, int, int]]:
+    """The confidence of a view in each cell of a box of world cells, float32 [rows, columns], 0
+    where it saw nothing; and what it saw: row_lo, row_hi, column_lo, column_hi within the box."""
+    out = np.empty((box.rows, box.columns), np.float32)
+    camera_cells = np.array([cone.x_m / cell_m - box.column_lo,
+                             cone.y_m / cell_m - box.row_lo], np.float32)  # fmt: skip
+    seen = value_kernels.spread(
+        out, camera_cells, np.array(cone.heading, np.float32), np.float32(cell_m),
+        np.float32(cone.half_fov_rad), np.float32(least_confidence), cone.reach_m,
+    )  # fmt: skip
+    return out, seen
+
+
 def cone_of(view: View) -> Cone:
     """The cone of a view."""
     reach = np.empty(view.azimuth_bins, np.float32)
@@ -173,13 +188,7 @@ class ValueLayers:
         box = cone.box(cell_m).cut(self.grid.to_world(self.grid.whole))
         if box.empty or not scores:
             return EMPTY
-        spread = np.empty((box.rows, box.columns), np.float32)
-        camera_cells = np.array([cone.x_m / cell_m - box.column_lo,
-                                 cone.y_m / cell_m - box.row_lo], np.float32)  # fmt: skip
-        seen = value_kernels.spread(
-            spread, camera_cells, np.array(cone.heading, np.float32), np.float32(cell_m),
-            np.float32(cone.half_fov_rad), np.float32(self.rules.least_confidence), cone.reach_m,
-        )  # fmt: skip
+        spread, seen = spread_over(box, cone, cell_m, self.rules.least_confidence)
         changed = Box(*seen).moved(box.row_lo, box.column_lo)
         if changed.empty:
             return EMPTY

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -131,9 +130,6 @@ class ViewMemory:
 
     def __len__(self) -> int:
         return len(self._views)
-
-    def __iter__(self) -> Iterator[SeenView]:
-        return iter(self._views.values())
 
     def add(self, view: SeenView) -> None:
         """Keep a view; another of the same frame takes its place."""

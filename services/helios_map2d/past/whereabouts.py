@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_map2d.grid import EMPTY, Box, GridSpec
-from helios_map2d.kernels import value as value_kernels
-from helios_map2d.layers.value import Cone, ValueRules
+from helios_map2d.layers.value import Cone, ValueRules, spread_over
 
 CELL_M = 0.10
 MOST_CELLS = 4_000_000  # of larger ground the cells are larger
@@ -56,16 +55,8 @@ class Whereabouts:
         """The confidence of a view and the part of the grid that it is over."""
         cell_m = self._grid.cell_m
         box = cone.box(cell_m)
-        out = np.zeros((box.rows, box.columns), np.float32)
-        if not box.empty:
-            camera_cells = np.array([cone.x_m / cell_m - box.column_lo,
-                                     cone.y_m / cell_m - box.row_lo], np.float32)  # fmt: skip
-            value_kernels.spread(
-                out, camera_cells, np.array(cone.heading, np.float32), np.float32(cell_m),
-                np.float32(cone.half_fov_rad), np.float32(ValueRules.least_confidence),
-                cone.reach_m,
-            )  # fmt: skip
-        return self._grid.to_local(box).slices, out
+        confidence, _ = spread_over(box, cone, cell_m, ValueRules.least_confidence)
+        return self._grid.to_local(box).slices, confidence
 
 
 def _around(seen: Sequence[tuple[Cone, float]], cell_m: float) -> Box:

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from helios_core.errors import InvalidInput
+from helios_core.grids import FREE, OCCUPIED
 from numpy.typing import NDArray
 
-from helios_map2d.layers.occupancy import FREE, OCCUPIED
 from helios_map2d.pictures.labels import Rect, Wanted, lead, placed
 from helios_map2d.pictures.legend import draw_foot
 from helios_map2d.pictures.sheet import (
@@ -112,7 +112,7 @@ def cell_colours(snapshot: MapSnapshot, layer: str) -> NDArray[np.uint8]:
     """RGB [rows, columns, 3] of the cells: obstacles darker with height, values as a heat map."""
     out = np.empty((*snapshot.grid.shape, 3), np.float32)
     out[:] = UNKNOWN_RGB
-    out[snapshot.explored > 0] = KNOWN_BEFORE_RGB
+    out[snapshot.known > 0] = KNOWN_BEFORE_RGB
     out[(snapshot.occupancy == FREE) & (snapshot.explored_for_search > 0)] = FREE_RGB
     if layer != OCCUPANCY:
         value, confidence = snapshot.values[layer], snapshot.confidences[layer]

@@ -13,13 +13,14 @@ import numpy as np
 from helios_core import proto as pb
 from helios_core.codec import frame_id_from_proto
 from helios_core.errors import InvalidInput
+from helios_core.grids import FREE, OCCUPIED, UNKNOWN
+from helios_core.npz import unpacked
 from helios_core.types import FrameId
 from numpy.typing import NDArray
 
 from helios_map2d.grid import GridSpec
 from helios_map2d.layers.frontiers import Frontier
-from helios_map2d.layers.occupancy import FREE, OCCUPIED, UNKNOWN
-from helios_map2d.layers.sight import Sight, line_of_sight
+from helios_map2d.layers.sight import line_of_sight
 from helios_map2d.versions.tiles import (
     Ground,
     GroundTile,
@@ -62,8 +63,10 @@ class MapSnapshot:
         return occupancy_of(self.ground, self.grid)
 
     @property
-    def explored(self) -> NDArray[np.uint8]:
-        """1 where the map knows anything, whoever searched for whatever."""
+    def known(self) -> NDArray[np.uint8]:
+        """1 where the map knows anything, whoever searched for whatever. In files it is called
+        `explored`, and its area `explored_m2` on the wire, where `explored` itself is
+        `explored_for_search`."""
         return (self.occupancy != UNKNOWN).astype(np.uint8)
 
     @cached_property
@@ -104,7 +107,7 @@ class MapSnapshot:
 
     def line_of_sight(
         self, eye_m: tuple[float, float, float], point_m: tuple[float, float, float]
-    ) -> Sight:
+    ) -> bool:
         """Can the point (world x, y, z) be seen from the eye? See `sight.line_of_sight`."""
         return line_of_sight(self.grid, self.occupancy, self.z_low_m, self.z_high_m, eye_m, point_m)
 
@@ -161,7 +164,7 @@ def encode_npz(snapshot: MapSnapshot) -> bytes:
     arrays: dict[str, NDArray] = {
         "meta": np.array(json.dumps(meta)),
         "occupancy": snapshot.occupancy,
-        "explored": snapshot.explored,
+        "explored": snapshot.known,
         "explored_for_search": snapshot.explored_for_search,
         "z_low_m": snapshot.z_low_m,
         "z_high_m": snapshot.z_high_m,
@@ -180,18 +183,15 @@ def encode_npz(snapshot: MapSnapshot) -> bytes:
 def decode_npz(data: bytes, version: int | None = None) -> MapSnapshot:
     """What `encode_npz` wrote, under its own version or the one given.
 
-    Raises InvalidInput for anything else.
+    Raises InvalidInput for anything else, and for what holds too much before it is unpacked.
     """
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+        arrays = unpacked(data)
         return _decoded(arrays, json.loads(str(arrays["meta"])), version)
     except InvalidInput:
         raise
     except Exception as error:
         why = f"there is no {error}" if isinstance(error, KeyError) else error
-        if not data.startswith(b"PK"):  # where numpy speaks of pickles
-            why = "they are no ZIP"
         raise InvalidInput(
             f"these {len(data)} bytes are no map snapshot (NPZ) as map2d/save writes it: {why}"
         ) from error

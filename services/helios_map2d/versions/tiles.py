@@ -13,11 +13,11 @@ from functools import cached_property
 
 import numpy as np
 from helios_core import proto as pb
-from helios_core.errors import InvalidInput
+from helios_core.grids import OCCUPIED, UNKNOWN, inflated
 from numpy.typing import NDArray
 
 from helios_map2d.grid import TILE, Box, GridSpec, Tile
-from helios_map2d.layers.occupancy import OCCUPIED, UNKNOWN, OccupancyLayer
+from helios_map2d.layers.occupancy import OccupancyLayer
 from helios_map2d.layers.value import ValueLayer
 
 SHAPE = (TILE, TILE)
@@ -196,14 +196,7 @@ def packed(array: NDArray) -> bytes:
 
 def unpacked(data: bytes, dtype: str) -> NDArray:
     """A tile's array. Raises InvalidInput for anything else; never unpacks more than a tile."""
-    wanted = TILE * TILE * np.dtype(dtype).itemsize
-    try:
-        raw = zlib.decompressobj().decompress(data, wanted + 1)
-    except zlib.error as error:
-        raise InvalidInput(f"a tile of the map is damaged: {error}") from error
-    if len(raw) != wanted:
-        raise InvalidInput(f"a tile of the map holds {len(raw)} bytes, wanted {wanted}")
-    return np.frombuffer(raw, dtype).reshape(SHAPE)
+    return inflated(data, dtype, SHAPE, "a tile of the map")
 
 
 def frozen(array: NDArray) -> NDArray:

@@ -9,8 +9,8 @@ from helios_core import proto as pb
 from helios_core.codec import frame_id_to_proto, transform_from_proto
 from helios_core.errors import InvalidInput
 from helios_core.geometry import yaw_of
+from helios_core.grids import OCCUPIED
 
-from helios_map2d.layers.occupancy import OCCUPIED
 from helios_map2d.versions.changes import frontier_messages
 from helios_map2d.versions.snapshot import MapSnapshot
 from helios_map2d.versions.tiles import in_mm, packed
@@ -31,7 +31,8 @@ def snapshot_to_proto(snapshot: MapSnapshot, layers: bool) -> pb.MapSnapshot:
     """The message of a version; without arrays, and with a cell size of 0, while nothing is known
     or nobody has said where the robot is.
 
-    `explored` is what was seen since the search began; heights are sent in millimetres.
+    `explored` is what was seen since the search began, but `explored_m2` the area of all that is
+    known; heights are sent in millimetres.
     """
     out = pb.MapSnapshot(version=snapshot.version, context_id=snapshot.context_id)
     if snapshot.empty or snapshot.robot_pose is None:
@@ -55,7 +56,7 @@ def snapshot_to_proto(snapshot: MapSnapshot, layers: bool) -> pb.MapSnapshot:
     out.trajectory_m.extend(snapshot.trajectory_m.ravel().tolist())
     out.trajectory_starts.extend(snapshot.trajectory_starts)
     cell_m2 = grid.cell_m**2
-    out.explored_m2 = float(np.count_nonzero(snapshot.explored)) * cell_m2
+    out.explored_m2 = float(np.count_nonzero(snapshot.known)) * cell_m2
     out.occupied_m2 = float(np.count_nonzero(snapshot.occupancy == OCCUPIED)) * cell_m2
     return out
 

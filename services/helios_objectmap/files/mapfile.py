@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from helios_core.errors import InvalidInput
+from helios_core.npz import unpacked
 from helios_core.types import FrameId, Role
 from numpy.typing import NDArray
 
@@ -88,11 +89,11 @@ class Found:
 def read(data: bytes, viewpoints: Viewpoints) -> Found:
     """What a file holds. viewpoints: empty ones, to be filled.
 
-    Raises InvalidInput for a truncated, damaged or foreign file.
+    Raises InvalidInput for a truncated, damaged or foreign file, and for one that holds too much,
+    before it is unpacked.
     """
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+        arrays = unpacked(data)
         header = json.loads(arrays.pop("header").tobytes())
         if header["format"] != FORMAT or header["version"] != VERSION:
             raise InvalidInput(

@@ -73,9 +73,9 @@ def test_what_is_committed_is_small_and_is_reported_the_same(tmp_path: Path) -> 
     assert cli.run(["eval", "report", str(run), "--out", str(small)]) == 0
     assert (small / PACKED).stat().st_size < (run / record.EPISODES).stat().st_size / 10
     assert [r.key for r in record.read(small)] == [r.key for r in record.read(run)]
-    before = {path.name: path.read_bytes() for path in small.iterdir()}
+    before = {path.name: path.read_bytes() for path in small.rglob("*.*")}
     assert cli.run(["eval", "report", str(small)]) == 0
-    assert {path.name: path.read_bytes() for path in small.iterdir()} == before
+    assert {path.name: path.read_bytes() for path in small.rglob("*.*")} == before
 
 
 def test_the_same_episodes_are_packed_into_the_same_bytes(tmp_path: Path) -> None:
@@ -114,6 +114,16 @@ def test_several_folders_need_a_place_and_no_run_is_written_over(
     assert "--out" in capsys.readouterr().err
     assert cli.run(["eval", "report", str(one), "--out", str(two)]) == 2
     assert "holds a run" in capsys.readouterr().err
+
+
+def test_one_of_several_folders_without_episodes_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    played = folder(tmp_path / "a", [episode(1)])
+    command = ["eval", "report", str(played), str(tmp_path / "typo"), "--out", str(tmp_path / "b")]
+    assert cli.run(command) == 2
+    assert "typo holds no episode" in capsys.readouterr().err
+    assert not (tmp_path / "b" / "report.md").exists()
 
 
 def test_a_damaged_file_is_named(tmp_path: Path) -> None:

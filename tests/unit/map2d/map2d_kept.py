@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from helios_core import proto as pb
 from helios_core.topics import LOAD_MAP2D, SAVE_MAP2D
+from helios_map2d.epochs import EpochKey, EpochMaps
 from helios_map2d.state import MapState
 from map2d_house import House
 
@@ -14,6 +15,11 @@ def state_of(house: House) -> MapState:
     assert maps is not None
     assert maps.current is not None
     return maps.current
+
+
+def parked(maps: EpochMaps) -> dict[EpochKey, MapState]:
+    """The maps of earlier world epochs, oldest first."""
+    return dict(maps._parked)
 
 
 def saved(house: House, kind: str) -> list[pb.Map2DFile]:

@@ -149,6 +149,13 @@ def test_an_export_with_cells_that_mean_nothing(
     refused(house, reason, ("a.npz", exported(house, {}, name, fill)))
 
 
+def test_an_export_that_unpacks_to_more_than_any_map_is_not_unpacked(house: House) -> None:
+    data = exported(house, {})
+    at = data.rindex(b"PK\x01\x02") + 24  # where the ZIP says how large its last part becomes
+    bomb = data[:at] + (3 * 2**30).to_bytes(4, "little") + data[at + 4 :]
+    refused(house, r"unpacks to 3221\d+, wanted at most 2147483648", ("a.npz", bomb))
+
+
 def exported(
     house: House, meta: dict[str, object], name: str = "", fill: np.generic | None = None
 ) -> bytes:

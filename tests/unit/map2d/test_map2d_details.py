@@ -26,6 +26,7 @@ from helios_map2d.versions.snapshot import EVIDENCE, ground_of
 from helios_map2d.versions.tiles import GroundTile
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from map2d_kept import parked
 from map2d_scene import Block, Walk, room
 
 RULES = MapRules(size_cells=400)
@@ -102,7 +103,7 @@ def test_the_view_that_goes_is_the_one_whose_ground_is_best_covered_not_that_wit
     # Half covered each of its squares: 1 of 1 against 5 of 10.
     for one in (view(1, 0), view(2, *range(10)), view(3, 1, 2, 3, 4)):
         memory.add(one)
-    assert [v.id.seq for v in memory] == [2, 3]
+    assert [v.id.seq for v in memory.snapshot()] == [2, 3]
 
 
 def test_clearance_is_told_to_the_edge_of_an_obstacles_cell() -> None:
@@ -131,9 +132,9 @@ def test_what_begins_just_above_the_floor_is_not_looked_under() -> None:
     high[:] = 1.0
     line = (0.1, 0.1, 0.1), (1.5, 0.1, 0.1)
     grid = GridSpec(0.025, 8, 64, (0, 0))
-    assert not line_of_sight(grid, occupancy, low, high, *line).visible
+    assert not line_of_sight(grid, occupancy, low, high, *line)
     low[:] = 0.4
-    assert line_of_sight(grid, occupancy, low, high, *line).visible
+    assert line_of_sight(grid, occupancy, low, high, *line)
 
 
 def test_late_frames_that_fall_among_themselves_are_no_other_robots() -> None:
@@ -160,7 +161,7 @@ def test_a_stranger_that_was_found_out_parks_the_map_no_second_time() -> None:
     stranger = maps.state_for(strange)
     maps.robot_is_in(EpochKey("boot", 0))
     assert maps.state_for(later) is state
-    assert list(maps.parked.values()) == [stranger]
+    assert list(parked(maps).values()) == [stranger]
     with pytest.raises(Conflict, match="which is over"):
         maps.state_for(again)
     assert maps.current is state
@@ -170,7 +171,7 @@ def test_of_many_parked_maps_the_newest_are_kept() -> None:
     walk, maps = Walk(room()), EpochMaps(RULES, 0.2, most_parked=2)
     for walk.epoch in range(5):
         maps.state_for(walk.frame(2.0, 1.5, 0.0))
-    assert list(maps.parked) == [EpochKey("boot", 2), EpochKey("boot", 3)]
+    assert list(parked(maps)) == [EpochKey("boot", 2), EpochKey("boot", 3)]
 
 
 def test_ground_right_around_the_robot_counts_as_searched_up_to_obstacles() -> None:
@@ -197,7 +198,7 @@ def test_a_refused_frame_of_another_epoch_parks_nothing() -> None:
         with pytest.raises(InvalidInput):
             maps.state_for(broken)
     assert maps.current is state
-    assert not maps.parked
+    assert not parked(maps)
     assert maps.state_for(frame) is not state
 
 
@@ -211,7 +212,7 @@ def test_an_observation_of_an_ended_search_parks_no_map() -> None:
     with pytest.raises(Conflict, match="search context 'ended'"):
         maps.state_for(frame, ended)
     assert maps.current is state
-    assert not maps.parked
+    assert not parked(maps)
     assert maps.state_for(frame, present) is not state
 
 

@@ -8,11 +8,11 @@ import math
 import cv2
 import numpy as np
 from helios_core.geometry import Pinhole
+from helios_core.grids import OCCUPIED as TAKEN
 from helios_map2d.grid import GridSpec
 from helios_map2d.kernels import fuse as fuse_kernels
 from helios_map2d.kernels.fuse import HEIGHTS, MEMORY, SEEN_NOW
 from helios_map2d.kernels.project import NO_LOW
-from helios_map2d.layers.occupancy import OCCUPIED as TAKEN
 from helios_map2d.layers.occupancy import OccupancyLayer, OccupancyRules
 from helios_map2d.view import spans_between, view_of
 from hypothesis import given, settings

@@ -96,6 +96,30 @@ def test_a_map_goes_through_ros_map_server_and_back() -> None:
     np.testing.assert_array_equal(before.occupancy, after.occupancy)
 
 
+def test_obstacles_of_a_ros_map_fill_the_height_band_of_the_service() -> None:
+    other = House("--band-lo-m", "0.2", "--band-hi-m", "1.1")
+    other.say_epoch("boot")
+    load(other, saved(walked(), "ros"))
+    after = state_of(other).published
+    there = after.occupancy == 100
+    assert there.any()
+    np.testing.assert_array_equal(after.z_low_m, np.where(there, np.float32(0.2), 0))
+    np.testing.assert_array_equal(after.z_high_m, np.where(there, np.float32(1.1), 0))
+
+
+def test_ground_of_a_ros_map_is_searched_only_while_nothing_is_sought() -> None:
+    house = House()
+    house.say_epoch("boot")
+    load(house, saved(walked(), "ros"))
+    known = state_of(house).published
+    np.testing.assert_array_equal(known.explored_for_search, known.occupancy != -1)
+    house.search("first")
+    assert not state_of(house).published.explored_for_search.any()
+    assert not state_of(house).published.frontiers
+    house.keyframe(house.walk.frame(2.0, 1.5, 0.0))
+    assert state_of(house).published.frontiers
+
+
 def test_every_export_says_which_frame_when_where_and_in_which_world() -> None:
     house = walked()
     house.keyframe(house.walk.frame(2.25, 1.5, 0.5))

@@ -162,6 +162,15 @@ def test_a_file_that_is_whole_but_makes_no_sense_is_refused(rig, array, value, s
         mapfile.read(mapfile.written(arrays), ObjectMap(SETTINGS).no_viewpoints())
 
 
+def test_a_file_that_unpacks_to_more_than_any_map_is_not_unpacked(rig):
+    data, before = rig.saved(), rig.objects()
+    at = data.rindex(b"PK\x01\x02") + 24  # where the ZIP says how large its last part becomes
+    bomb = data[:at] + (3 * 2**30).to_bytes(4, "little") + data[at + 4 :]
+    with pytest.raises(InvalidInput, match=r"unpacks to 3221\d+, wanted at most 2147483648"):
+        rig.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=bomb), 5.0)
+    assert rig.objects() == before
+
+
 def test_a_foreign_file_is_refused():
     foreign = io.BytesIO()
     np.savez(foreign, means=np.zeros((3, 3)))
