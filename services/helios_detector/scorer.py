@@ -11,7 +11,7 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib import resources
 
 from helios_core.types import Frame
@@ -24,6 +24,7 @@ FLOOR = 0.05  # only unrelated things are seen
 HOST_WEIGHT = 0.8  # sought things' usual furniture is seen
 GUEST_WEIGHT = 0.5  # what usually stands on the sought furniture is seen
 ROOM_WEIGHT = 0.4  # furniture of the same room is seen
+PROMPTS_REMEMBERED = 256
 STRONGEST_SHARE = 0.7  # of the score: the strongest relation; the rest is the mean over all seen
 
 
@@ -97,7 +98,7 @@ def household_names() -> frozenset[str]:
     return known_names() | affinity.hosts.keys() | affinity.rooms.keys()
 
 
-@cache
+@lru_cache(maxsize=PROMPTS_REMEMBERED)
 def names_in(prompt: str) -> tuple[str, ...]:
     """The known names that a prompt holds, longest first; a word serves one name only."""
     rest, out = normalised(prompt), []
@@ -111,8 +112,10 @@ def names_in(prompt: str) -> tuple[str, ...]:
 def combined(relations: Sequence[float], weights: Sequence[float]) -> float:
     """One score, 0.05 to 1, of how each seen thing relates to what is sought.
 
-    `weights` are the detector's scores.
+    `weights` are the detector's scores, 0 to 1; what is seen with a score of 0 says nothing.
     """
+    if not any(weights):
+        return FLOOR
     weighted = [r * w for r, w in zip(relations, weights, strict=True)]
     mean = sum(weighted) / sum(weights)
     strength = STRONGEST_SHARE * max(weighted) + (1 - STRONGEST_SHARE) * mean

@@ -3,7 +3,8 @@
 Every keyframe is answered with an Observation, or counted with the reason why it cannot be.
 Stream frames become previews; one that comes while another frame is worked on is skipped.
 A keyframe that comes before the search context is held (the newest one) and answered when it is
-known. No lock is held while a back end works or the bus is used.
+known. A context that the back end cannot take is kept and tried again (`seek_again`), while the
+old one goes on being sought. No lock is held while a back end works or the bus is used.
 """
 
 from __future__ import annotations
@@ -19,27 +20,23 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import context_from_proto, frame_from_proto, observation_to_proto
 from helios_core.codec.frames import detection_to_proto
-from helios_core.errors import HeliosError, Internal, InvalidInput
+from helios_core.errors import HeliosError, InvalidInput
 from helios_core.health import Health
 from helios_core.topics import CONTEXT, FRAME, KEYFRAME, OBSERVATION, PREVIEW
 from helios_core.types import Frame, Observation, SearchContext
 
 from helios_detector.analysis import Analyst
 from helios_detector.backend import DepthBackend, DetectorBackend, Findings, ScorerBackend
+from helios_detector.last_resort import typed
 from helios_detector.memory import resident_mb
 from helios_detector.methods import Methods
 from helios_detector.models import Models
+from helios_detector.vocabulary import normalised
 from helios_detector.workload import Workload
 
 log = logging.getLogger(__name__)
 
-
-def typed(error: Exception) -> HeliosError:
-    """The error itself, or what stands for one that nobody foresaw; that one is logged."""
-    if isinstance(error, HeliosError):
-        return error
-    log.error("unforeseen", exc_info=error)
-    return Internal(f"{type(error).__name__}: {error}; see the detector's log")
+AGAIN_S = 2.0  # until a context that the back end could not take is tried again
 
 
 class DetectorService:
@@ -63,11 +60,13 @@ class DetectorService:
         self._workload = workload or Workload()
         self.methods = Methods(bus, self._analyst, self._workload, health)
         self._preview_quality = preview_quality
-        self._lock = threading.Lock()  # guards the four below
+        self._lock = threading.Lock()  # guards the six below
         self._context: SearchContext | None = None
         self._refused: dict[str, str] = {}
+        self._asked: SearchContext | None = None  # newer than that, while it is not sought yet
+        self._again_s = 0.0  # from when on the one asked for is tried again
         self._held: pb.Frame | None = None
-        self._trouble = ""  # why the last keyframe or context came to nothing
+        self._troubles: dict[str, str] = {}  # what failed last (keyframe, context, models) -> why
         if listen:
             bus.subscribe(KEYFRAME, self.on_keyframe)
             bus.subscribe(FRAME, self.on_frame)
@@ -88,7 +87,12 @@ class DetectorService:
         """Free the models' memory when nothing was asked of them for that long."""
         if not self._workload.claim_idle(after_s):
             return
-        self._models.unload()
+        try:
+            self._models.unload()
+        except Exception as error:
+            self._say_trouble("models", f"the models cannot be unloaded: {typed(error).message}")
+            return
+        self._say_trouble("models", "")
         self._health.count("unloads")
         self._health.set("memory_mb", resident_mb())
         log.info("models unloaded after %g s without work; the next frame loads them", after_s)
@@ -98,23 +102,53 @@ class DetectorService:
         """What is sought from now on. Classes that cannot be found are said, the others sought."""
         try:
             context = context_from_proto(message)
+        except Exception as error:
+            self._health.count("contexts_refused")
+            log.warning("search context %.100s refused: %s", message.id, typed(error).message)
+            return
+        with self._lock:
+            self._asked = context
+        if not self._seek(context):
+            self._health.count("contexts_refused")
+
+    def seek_again(self) -> None:
+        """Try the context that the back end could not take, not more often than every `AGAIN_S`."""
+        with self._lock:
+            asked = self._asked if time.monotonic() >= self._again_s else None
+        if asked is not None:
+            self._health.count("context_retries")
+            self._seek(asked)
+
+    def _seek(self, context: SearchContext) -> bool:
+        """Whether the back end took it; where it did not, that is said and the old one stays."""
+        try:
             refused = dict(self._models.detector.refused(context))
         except Exception as error:
             fault = typed(error)
-            self._health.count("contexts_refused")
-            log.warning("search context %.100s refused: %s", message.id, fault.message)
-            if not isinstance(fault, InvalidInput):  # the message is good, the back end is not
-                self._say_trouble(f"search context {message.id} is not sought: {fault.message}")
-            return
-        findable = tuple(c for c in context.classes if c.name not in refused)
+            why = f"search context {context.id} is not sought: {fault.message}"
+            log.warning("%s", why)
+            with self._lock:
+                self._again_s = time.monotonic() + AGAIN_S
+                if self._asked is context:  # else a newer one came meanwhile
+                    self._troubles["context"] = why
+                    if isinstance(fault, InvalidInput):  # asking again does not help
+                        self._asked = None
+            self._tell_health()
+            return False
+        lost = {normalised(name) for name in refused}  # of several spellings one is refused by name
+        findable = tuple(c for c in context.classes if normalised(c.name) not in lost)
         with self._lock:
+            if self._asked is not context:  # a newer one came meanwhile, or this one was taken
+                return True
             self._context, self._refused = replace(context, classes=findable), refused
+            self._asked = None
             held, self._held = self._held, None
         for reason in refused.values():
             log.warning("search context %s: %s", context.id, reason)
-        self._tell_health()
+        self._say_trouble("context", "")
         if held is not None:
             self.on_keyframe(held)
+        return True
 
     def on_keyframe(self, message: pb.Frame, sent: Callable[[], None] = lambda: None) -> None:
         """Answer with an Observation; hold the frame while no context is known.
@@ -139,7 +173,7 @@ class DetectorService:
             self._refuse("keyframes_failed", message, fault)
             trouble = f"the last keyframe could not be answered: {fault.message}"
         finally:
-            self._say_trouble(trouble)
+            self._say_trouble("keyframe", trouble)
 
     def on_frame(self, message: pb.Frame) -> None:
         """Publish a preview, unless another frame is being worked on."""
@@ -177,10 +211,13 @@ class DetectorService:
         out.detect_ms = detect_ms
         self._analyst.timed("score", began)
         self._analyst.measure()
-        self._health.count("keyframes_answered")
         self._bus.publish(OBSERVATION, out)
+        self._health.count("keyframes_answered")
         sent()
-        self._publish_preview(message, frame, findings)
+        try:
+            self._publish_preview(message, frame, findings)
+        except Exception as error:  # the keyframe is answered all the same
+            self._refuse("previews_refused", message, typed(error))
 
     def _publish_preview(self, message: pb.Frame, frame: Frame, findings: Findings) -> None:
         bgr = cv2.cvtColor(frame.color, cv2.COLOR_RGB2BGR)
@@ -189,25 +226,25 @@ class DetectorService:
         if not good:
             raise InvalidInput(f"the colour image of frame {frame.id} cannot be made a JPEG")
         boxes = [detection_to_proto(d, with_mask=False) for d in findings.detections]
-        self._health.count("previews")
         self._bus.publish(PREVIEW, pb.Preview(id=message.id, jpeg=jpeg.tobytes(), detections=boxes))
+        self._health.count("previews")
 
     def _refuse(self, counter: str, message: pb.Frame, error: HeliosError) -> None:
         self._health.count(counter)
         log.warning("%s: frame %d: %s", counter, message.id.seq, error.message)
 
-    def _say_trouble(self, trouble: str) -> None:
+    def _say_trouble(self, what: str, why: str) -> None:
+        """Why something came to nothing the last time; "" when it went well."""
         with self._lock:
-            self._trouble = trouble
+            self._troubles[what] = why
         self._tell_health()
 
     def _tell_health(self) -> None:
         with self._lock:
-            trouble, refused, known = self._trouble, dict(self._refused), self._context is not None
-        if trouble:
-            self._health.degraded(trouble)
-        elif refused:
-            self._health.degraded("; ".join(refused.values()))
+            told = [*filter(None, self._troubles.values()), *self._refused.values()]
+            known = self._context is not None
+        if told:
+            self._health.degraded("; ".join(told))
         else:
             note = "" if known else "waits for a search context; the newest keyframe is held"
             self._health.ready(note)

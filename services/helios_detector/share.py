@@ -77,14 +77,17 @@ class Ledger:
     def __init__(self) -> None:
         self._entries: OrderedDict[Key, _Entry] = OrderedDict()
 
-    def add(self, message: pb.Frame) -> None:
-        """One that came; a second time, or answered already, it changes nothing."""
+    def add(self, message: pb.Frame) -> int:
+        """One that came; a second time, or answered already, it changes nothing. How many older
+        ones are given up for it, since so many are held."""
         entry = self._entry(key_of(message.id))
         if not entry.answered:
             entry.message = message
         held = [e for e in self._entries.values() if e.message is not None]
-        for old in held[: max(0, len(held) - MOST_HELD)]:
+        given_up = held[: max(0, len(held) - MOST_HELD)]
+        for old in given_up:
             old.message = None
+        return len(given_up)
 
     def note(self, claim: pb.Claim) -> None:
         """What a detector said of one."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from helios_detector.minilm import TextVectors
 from helios_detector.vocabulary import normalised
@@ -14,21 +16,27 @@ AS = "a {}"
 
 
 class NearestName:
-    """Raises Unavailable, when made, where the text model is not installed."""
+    """Raises Unavailable, when made, where the text model is not installed. Thread-safe."""
 
     def __init__(self, vocabulary: Sequence[str], threads: int = 1) -> None:
         self._names = [normalised(n) for n in vocabulary]
         self._vectors = TextVectors("by_similarity", threads)
-        self._known: dict[str, str | None] = {}
 
     def __call__(self, asked: str) -> str | None:
-        """None when nothing in the vocabulary is alike."""
-        name = normalised(asked)
-        if name not in self._known:
-            cosines = (
-                self._vectors([AS.format(n) for n in self._names])
-                @ self._vectors([AS.format(name)])[0]
-            )
-            best = int(np.argmax(cosines))
-            self._known[name] = self._names[best] if cosines[best] >= ALIKE else None
-        return self._known[name]
+        """None when nothing in the vocabulary is alike. Raises as `HfModel.use` does."""
+        cosines = self._known @ self._vectors([AS.format(normalised(asked))])[0]
+        best = int(np.argmax(cosines))
+        return self._names[best] if cosines[best] >= ALIKE else None
+
+    def warm_up(self) -> None:
+        """Load the text model and embed the vocabulary. Raises Unavailable when it cannot work."""
+        self(self._names[0])
+
+    def unload(self) -> None:
+        """Free the text model's memory; the next name that is new loads it again."""
+        self._vectors.model.unload()
+
+    @cached_property
+    def _known(self) -> NDArray[np.float32]:
+        """[names, 384]"""
+        return self._vectors([AS.format(n) for n in self._names])

@@ -80,6 +80,9 @@ class BusTruth:
         self._timeout_s = timeout_s
 
     def segmentation(self, stamp_ns: int) -> Truth:
+        """Of the frame taken at that stamp (ns, the robot's clock). Raises Unavailable or
+        DeadlineExceeded when the world does not answer, InvalidInput for a stamp that it has
+        forgotten or an answer that does not hold together."""
         request = pb.TruthSegmentationRequest(stamp_ns=stamp_ns)
         return truth_from_proto(self._bus.call(TRUTH_SEGMENTATION, request, self._timeout_s))
 

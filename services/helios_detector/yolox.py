@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -11,16 +12,20 @@ from helios_core.errors import InvalidInput, Unavailable
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.backend import DetectorBackend, Findings, Seen
+from helios_detector.backend import SEEN_SCORE, DetectorBackend, Findings, Seen
 from helios_detector.box_to_mask import box_to_mask, clip_box
 from helios_detector.boxes import suppressed
 from helios_detector.onnx_names import class_names
 from helios_detector.vocabulary import fixed_wanted, refuse_unknown
 
+if TYPE_CHECKING:
+    from onnxruntime import InferenceSession
+
+    from helios_detector.similar import NearestName
+
 STRIDES_PX = (8, 16, 32)
 PAD_GREY = 114
 LARGEST_LOG = 12.0  # of a box's size in cells: larger than any image
-SEEN_SCORE = 0.3  # from which a class that was not asked for counts as seen
 
 
 def letter_box(
@@ -63,56 +68,66 @@ def decode(
     return boxes, output[:, 4:5] * output[:, 5:]
 
 
+def open_session(path: Path, threads: int) -> InferenceSession:
+    """Raises Unavailable when the file or onnxruntime is missing, InvalidInput for a file that is
+    no model."""
+    if not path.is_file():
+        raise Unavailable(
+            f"the model file {path} is not there; put a YOLOX model (ONNX) there, or set "
+            "detector to onnx:FILE with the right file"
+        )
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise Unavailable(
+            "helios-detector needs onnxruntime for onnx:FILE: pip install 'helios-ovmm[detector]'"
+        ) from error
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    try:
+        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime raises its own unrelated types
+        reason = str(error).splitlines()[0][:200]
+        raise InvalidInput(
+            f"{path} cannot be loaded as an ONNX model ({reason}); use a YOLOX model"
+        ) from error
+
+
+def sizes_of(session: InferenceSession, path: Path) -> tuple[tuple[int, int], int]:
+    """((height, width) of the input, number of classes). Raises InvalidInput for a network that is
+    no YOLOX with undecoded output."""
+    wanted, given = session.get_inputs()[0], session.get_outputs()[0]
+    shape = wanted.shape
+    if len(shape) != 4 or not all(isinstance(n, int) for n in shape[2:]):
+        raise InvalidInput(f"{path} takes {shape}; wanted [1, 3, height, width] of fixed size")
+    if wanted.type != "tensor(float)":
+        raise InvalidInput(f"{path} takes {wanted.type}; export it with an input of float32")
+    size = int(shape[2]), int(shape[3])
+    cells = cells_of(size)
+    classes = given.shape[-1] - 5 if isinstance(given.shape[-1], int) else 0
+    rows = given.shape[1] if len(given.shape) == 3 else 0
+    if classes < 1 or (isinstance(rows, int) and rows != cells):
+        raise InvalidInput(
+            f"{path} gives {given.shape}; wanted [1, {cells}, 5 + classes], as a YOLOX with "
+            f"strides {STRIDES_PX} and undecoded output does"
+        )
+    return size, classes
+
+
 class YoloxDetector(DetectorBackend):
     """A YOLOX model of a fixed vocabulary on the CPU."""
 
     def __init__(self, path: Path, threads: int = 1, by_similarity: bool = False) -> None:
         """Raises Unavailable when the file, onnxruntime or the text model is missing, InvalidInput
         for a file that is no such model."""
-        if not path.is_file():
-            raise Unavailable(
-                f"the model file {path} is not there; put a YOLOX model (ONNX) there, or set "
-                "detector to onnx:FILE with the right file"
-            )
-        try:
-            import onnxruntime
-        except ImportError as error:
-            raise Unavailable(
-                "helios-detector needs onnxruntime for onnx:FILE: pip install "
-                "'helios-ovmm[detector]'"
-            ) from error
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads
-        options.inter_op_num_threads = 1
-        try:
-            self._session = onnxruntime.InferenceSession(
-                str(path), options, providers=["CPUExecutionProvider"]
-            )
-        except Exception as error:  # onnxruntime raises its own unrelated types
-            reason = str(error).splitlines()[0][:200]
-            raise InvalidInput(
-                f"{path} cannot be loaded as an ONNX model ({reason}); use a YOLOX model"
-            ) from error
-        wanted, given = self._session.get_inputs()[0], self._session.get_outputs()[0]
-        shape = wanted.shape
-        if len(shape) != 4 or not all(isinstance(n, int) for n in shape[2:]):
-            raise InvalidInput(f"{path} takes {shape}; wanted [1, 3, height, width] of fixed size")
-        if wanted.type != "tensor(float)":
-            raise InvalidInput(f"{path} takes {wanted.type}; export it with an input of float32")
-        cells = cells_of((shape[2], shape[3]))
-        classes = given.shape[-1] - 5 if isinstance(given.shape[-1], int) else 0
-        rows = given.shape[1] if len(given.shape) == 3 else 0
-        if classes < 1 or (isinstance(rows, int) and rows != cells):
-            raise InvalidInput(
-                f"{path} gives {given.shape}; wanted [1, {cells}, 5 + classes], as a YOLOX with "
-                f"strides {STRIDES_PX} and undecoded output does"
-            )
+        self._session = open_session(path, threads)
+        self._size, classes = sizes_of(self._session, path)
+        self._input = self._session.get_inputs()[0].name
         metadata = self._session.get_modelmeta().custom_metadata_map
         self._names = class_names(path, metadata, classes)
-        self._size = (int(shape[2]), int(shape[3]))
-        self._input = wanted.name
         self.name = f"onnx:{path.name}"
-        self._similar: Callable[[str], str | None] | None = None
+        self._similar: NearestName | None = None
         if by_similarity:
             from helios_detector.similar import NearestName
 
@@ -126,9 +141,17 @@ class YoloxDetector(DetectorBackend):
 
     def warm_up(self) -> None:
         self._run(np.full((*self._size, 3), PAD_GREY, np.uint8))
+        if self._similar is not None:
+            self._similar.warm_up()
+
+    def unload(self) -> None:
+        """The text model alone: the network is small and stays."""
+        if self._similar is not None:
+            self._similar.unload()
 
     def close(self) -> None:
         """The session is freed with this object."""
+        self.unload()
 
     def detect(self, frame: Frame, context: SearchContext) -> Findings:
         wanted, refused = fixed_wanted(context, self._names, self._similar)

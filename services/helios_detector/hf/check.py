@@ -20,7 +20,7 @@ from typing import TypeVar
 import cv2
 import numpy as np
 from helios_core.errors import HeliosError, InvalidInput
-from helios_core.geometry import Pinhole
+from helios_core.geometry import Pinhole, camera_on_base
 from helios_core.types import Frame, FrameId, Role, SearchClass, SearchContext
 from numpy.typing import NDArray
 
@@ -29,6 +29,7 @@ from helios_detector.memory import resident_mb
 from helios_detector.opening import open_depth, open_detector, open_scorer
 
 T = TypeVar("T")
+CAMERA_M = 1.3  # height of the camera, which looks level along world x
 FLAT_M = 2.0  # depth of every pixel where no model and no file gives one
 
 
@@ -67,7 +68,8 @@ def _check(args: argparse.Namespace) -> None:
             print(f"  metres at 5, 50, 95 %: {', '.join(f'{v:.2f}' for v in spread)}; "
                   f"focal length {focal_px:.0f} px")  # fmt: skip
     camera = Pinhole(focal_px, focal_px, width / 2, height / 2, width, height)
-    frame = Frame(FrameId("check", 0, 1), 0, True, color, depth_m, camera, _level(), np.eye(4))
+    T_world_cam = camera_on_base(np.eye(4), CAMERA_M, 0.0)
+    frame = Frame(FrameId("check", 0, 1), 0, True, color, depth_m, camera, T_world_cam, np.eye(4))
     findings = Findings((), ())
     if args.detector:
         detector = open_detector(args.detector, options)
@@ -148,14 +150,6 @@ def _classes(text: str) -> tuple[SearchClass, ...]:
     if not out:
         raise InvalidInput('--classes names nothing; write --classes "mug,table=0.35"')
     return tuple(out)
-
-
-def _level() -> NDArray[np.float64]:
-    """T_world_cam of a level camera, 1.3 m up, looking along world x."""
-    out = np.eye(4)
-    out[:3, :3] = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
-    out[2, 3] = 1.3
-    return out
 
 
 def _arguments() -> argparse.ArgumentParser:

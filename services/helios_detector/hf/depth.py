@@ -64,6 +64,12 @@ class HfDepth(DepthBackend):
         self.unload()
 
     def estimate(self, color: NDArray[np.uint8], focal_px: float | None) -> DepthEstimate:
+        """Depth [h, w] in metres of an RGB image [h, w, 3]; 0 beyond 65 m or where there is none.
+
+        `focal_px` is the calibrated focal length in pixels of this image; with depth_focal=own the
+        model's guess scales in its place. Raises InvalidInput when a focal length is needed and
+        missing, or a guess is absurd, Unavailable or Internal when the model cannot work.
+        """
         height, width = color.shape[:2]
         if focal_px is None and not self._guesses:
             raise InvalidInput(

@@ -9,9 +9,8 @@ import numpy as np
 from helios_core.types import SearchContext
 from numpy.typing import NDArray
 
+from helios_detector.backend import SEEN_SCORE
 from helios_detector.vocabulary import Wanted, normalised, open_wanted
-
-LANDMARK_THRESHOLD = 0.3  # from which a class that was not asked for counts as seen
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ class Phrases:
     def thresholds(self) -> NDArray[np.float32]:
         """[classes]"""
         asked = [w.threshold for w in self.wanted]
-        return np.array([*asked, *(LANDMARK_THRESHOLD for _ in self.landmarks)], np.float32)
+        return np.array([*asked, *(SEEN_SCORE for _ in self.landmarks)], np.float32)
 
     def by_class(self, scores: NDArray[np.float32]) -> NDArray[np.float32]:
         """[n, texts] to [n, classes]: the best of a class's texts."""

@@ -1,8 +1,9 @@
 """The scorer `transformers:<model id or folder>`: an image against prompts.
 
 BLIP-2 is the paper's (section 3.1.2, by way of VLFM): its image-text contrastive head (ITC) is a
-cosine, its matching head (ITM) a probability. CLIP and SigLIP are the light choice. Scores are
-clip(scale * cosine + offset, 0, 1); the order of images is that of the cosines.
+cosine, its matching head (ITM) a probability that takes the image and the text together: with it
+there are no embeddings, and no prompt can be scored later. CLIP and SigLIP are the light choice.
+Scores are clip(scale * cosine + offset, 0, 1); the order of images is that of the cosines.
 """
 
 from __future__ import annotations
@@ -35,13 +36,14 @@ class Tower(ABC):
 
     @abstractmethod
     def image(self, model: Any, inputs: dict[str, Any]) -> Any:
-        """[rows, d]"""
+        """[rows, d] of the processor's pixels of one image."""
 
     @abstractmethod
     def texts(self, model: Any, inputs: dict[str, Any]) -> Any:
-        """[texts, d]"""
+        """[texts, d] of `tokens`."""
 
     def tokens(self, model: Any, processor: Any, texts: list[str]) -> Any:
+        """What the text model takes, a row for each text; one too long is cut."""
         return processor.tokenizer(texts, padding=True, truncation=True, return_tensors="pt")
 
 
@@ -74,10 +76,7 @@ class Blip2(Tower):
     model_class = "Blip2ForImageTextRetrieval"
 
     def image(self, model: Any, inputs: dict[str, Any]) -> Any:
-        return self.queried(model, self.pixels(model, inputs))
-
-    def queried(self, model: Any, pixels: Any) -> Any:
-        """[rows, d] of what the image encoder gave."""
+        pixels = self.pixels(model, inputs)
         out = model.qformer(query_embeds=model.query_tokens, encoder_hidden_states=pixels)
         return _unit(_cast(out.last_hidden_state, model.vision_projection))[0]
 
@@ -90,9 +89,10 @@ class Blip2(Tower):
         return _unit(_cast(out.last_hidden_state[:, 0], model.text_projection))
 
     def pixels(self, model: Any, inputs: dict[str, Any]) -> Any:
+        """[1, patches, width] of the image encoder."""
         return model.vision_model(pixel_values=inputs["pixel_values"]).last_hidden_state
 
-    def match(self, model: Any, image: Any, tokens: dict[str, Any]) -> Any:
+    def match(self, model: Any, pixels: Any, tokens: dict[str, Any]) -> Any:
         """Probability [texts] that each text belongs to the image: the ITM head."""
         import torch
 
@@ -103,7 +103,7 @@ class Blip2(Tower):
             query_embeds=model.embeddings(input_ids=tokens["input_ids"], query_embeds=queries),
             query_length=queries.shape[1],
             attention_mask=torch.cat([ones, tokens["attention_mask"]], 1),
-            encoder_hidden_states=image.expand(count, -1, -1),
+            encoder_hidden_states=pixels.expand(count, -1, -1),
         )
         logits = _cast(out.last_hidden_state[:, : queries.shape[1]], model.itm_head).mean(1)
         return logits.float().softmax(-1)[:, 1]
@@ -164,30 +164,35 @@ class HfScorer(ScorerBackend):
         return Judgement(dict(zip(prompts, scores, strict=True)), image)
 
     def embed_text(self, prompts: Sequence[str]) -> TextEmbeddings:
+        """Raises InvalidInput for the matching head, whose scores no embedding gives."""
+        if self._matches:
+            raise InvalidInput(
+                f"the scorer {self.name} looks at the image and the text together and has no "
+                "embeddings; set score_head to itc"
+            )
         with self._model.use() as (model, processor):
             vectors = self._text_vectors(model, processor, list(prompts))
         texts = tuple(Embedding(self._model.source, v[None]) for v in vectors)
         return TextEmbeddings(texts, self._tower.scale, self._tower.offset)
 
-    def _judge(self, color: NDArray[np.uint8], prompts: list[str]) -> tuple[Embedding, list[float]]:
+    def _judge(
+        self, color: NDArray[np.uint8], prompts: list[str]
+    ) -> tuple[Embedding | None, list[float]]:
+        """(the image's embedding, None with the matching head; the score of each prompt)."""
         with self._model.use() as (model, processor):
             inputs = self._model.to_device(
                 processor.image_processor(images=picture(color), return_tensors="pt")
             )
             if self._matches and isinstance(self._tower, Blip2):
                 pixels = self._tower.pixels(model, inputs)
-                image = self._embedding(self._tower.queried(model, pixels))
                 tokens = self._tower.tokens(model, processor, prompts)
                 match = self._tower.match(model, pixels, self._model.to_device(tokens))
-                return image, [float(p) for p in match.cpu()]
-            image = self._embedding(self._tower.image(model, inputs))
+                return None, [float(p) for p in match.cpu()]
+            vectors = self._tower.image(model, inputs).float().cpu().numpy()
             texts = self._text_vectors(model, processor, prompts)
+        image = Embedding(self._model.source, vectors.reshape(-1, vectors.shape[-1]))
         scale, offset = self._tower.scale, self._tower.offset
         return image, [fit(image, Embedding(image.model, t[None]), scale, offset) for t in texts]
-
-    def _embedding(self, vectors: Any) -> Embedding:
-        rows = vectors.float().cpu().numpy()
-        return Embedding(self._model.source, rows.reshape(-1, rows.shape[-1]))
 
     def _text_vectors(
         self, model: Any, processor: Any, texts: list[str]

@@ -10,7 +10,7 @@ from helios_core.geometry import Pinhole, lift_pixels
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.backend import DetectorBackend, Findings, Seen
+from helios_detector.backend import SEEN_SCORE, DetectorBackend, Findings, Seen
 from helios_detector.scorer import household_names
 from helios_detector.simulation.ground_truth import Visible, detection, visible
 from helios_detector.simulation.noise import Draws, NoiseTable, hashed_voxels
@@ -18,7 +18,6 @@ from helios_detector.simulation.view_masks import eroded, trimmed
 from helios_detector.truth import TruthSource, truth_of
 from helios_detector.vocabulary import Wanted, normalised, open_wanted
 
-SEEN_SCORE = 0.3  # from which a class that was not asked for counts as seen
 VOXEL_M = 0.15  # in which a false positive keeps its place
 SUBSAMPLE_PX = 4
 

@@ -129,6 +129,17 @@ def test_a_prompt_scored_later_by_its_embedding_scores_the_same(
         assert fit(image, text, later.scale, later.offset) == pytest.approx(score, abs=2e-3)
 
 
+def test_the_matching_head_sends_no_embedding_and_embeds_no_text(models: dict[str, Path]):
+    scorer = opened(models["blip-2"], "itm")
+    judged = scorer.judge(frame(), (), PROMPTS)
+    assert judged.scores.keys() == PROMPTS.keys()
+    assert judged.image is None  # what it gives is no cosine: the two must not meet in one layer
+    with pytest.raises(
+        InvalidInput, match=r"\(itm\) looks at the image and the text together.*itc"
+    ):
+        scorer.embed_text(["a mug"])
+
+
 def test_texts_are_embedded_once(models: dict[str, Path], monkeypatch: pytest.MonkeyPatch):
     scorer = opened(models["clip"])
     assert isinstance(scorer, HfScorer)

@@ -259,7 +259,7 @@ def test_every_setting_of_a_model_reaches_it(monkeypatch: pytest.MonkeyPatch):
 def test_a_hosted_model_leaves_the_memory_when_idle_and_comes_back(
     owl: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("helios_detector.hosted.IDLE_CHECK_S", 0.02)
+    monkeypatch.setattr("helios_detector.hosted.CHECK_S", 0.02)
     hub, health, seen = MemoryHub(), Health(), []
     bus = MemoryBus(hub)
     bus.subscribe(OBSERVATION, seen.append)

@@ -8,7 +8,7 @@ from helios_detector import minilm
 from helios_detector.backend import Seen
 from helios_detector.minilm import MiniLmScorer, TextVectors
 from helios_detector.opening import open_scorer
-from helios_detector.scorer import PRIOR, furniture_names, load_affinity
+from helios_detector.scorer import FLOOR, PRIOR, furniture_names, load_affinity
 
 PROMPT = "Seems like there is a {} ahead"
 
@@ -48,6 +48,10 @@ def test_the_thing_itself_scores_highest(scorer: MiniLmScorer):
 
 def test_what_the_detector_doubts_counts_less(scorer: MiniLmScorer):
     assert score(scorer, "mug", "mug", 0.3) < score(scorer, "mug", "mug", 0.9)
+
+
+def test_what_is_seen_with_a_score_of_0_scores_as_nothing_related(scorer: MiniLmScorer):
+    assert score(scorer, "mug", "mug", 0.0) == FLOOR
 
 
 def test_usual_furniture_ranks_above_other_furniture(scorer: MiniLmScorer):

