@@ -37,6 +37,8 @@ class Question:
 QUESTIONS = (
     Question("Primary claim: HELIOS above the trusting agent",
              ("helios", NOISY), ("trusting", NOISY), ("Pick", "SR")),
+    Question("Beyond the paper: helios-next above HELIOS",
+             ("helios-next", NOISY), ("helios", NOISY), ("Pick", "SR")),
     Question("The global search objective: HELIOS above HELIOS without it (Table 1)",
              ("helios", NOISY), ("no-global-objective", NOISY), ("FindObj", "Pick", "SR")),
     Question("HELIOS above the trusting agent, both with ground-truth semantics (Table 4)",
@@ -59,7 +61,7 @@ def section(arms: Sequence[Arm]) -> Section | None:
         top, bottom = (
             plain_arm(arms, question.benchmark, *who) for who in (question.first, question.second)
         )
-        if top is None or bottom is None or not in_common(top, bottom)[0]:
+        if top is None or bottom is None or not _alike(top, bottom):
             unanswered.append(question.asks)
             continue
         asks = ", ".join([question.asks, *_noise_of(top)])
@@ -214,6 +216,12 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
 def _own_settings(arm: Arm) -> dict[str, Setting]:
     """Settings of the method; those of the homes and the camera are conditions for all."""
     return {k: v for k, v in arm.settings if k not in (MAX_STEPS, SENSOR)}
+
+
+def _alike(top: Arm, bottom: Arm) -> bool:
+    """They differ by their agent alone, over homes that both have."""
+    same = _own_settings(top) == _own_settings(bottom)
+    return same and bool(in_common(top, bottom)[0])
 
 
 def _is_idea(arm: Arm, base: Arm) -> bool:

@@ -57,7 +57,8 @@ def test_the_primary_claim_has_its_difference_ratio_and_verdict() -> None:
     assert ratio.startswith("2.50 [")
     assert found.cells[5].note == "paper 1.78"
     assert (n, so) == ("30", "ahead")
-    assert "Not run: The global search objective" in words
+    assert "Not run: Beyond the paper" in words
+    assert "; The global search objective" in words
 
 
 def test_who_is_behind_is_said_as_plainly() -> None:
@@ -65,6 +66,12 @@ def test_who_is_behind_is_said_as_plainly() -> None:
     assert told(row(tables["Paired differences"], "The global", "SR"))[-1] == "behind"
     level = {told(r)[0]: told(r)[-1] for r in tables[LEVEL].rows}
     assert level == {"HELIOS with the noise of the preset": "below, not settled"}
+
+
+def test_what_goes_beyond_the_paper_is_a_question_too() -> None:
+    tables, _ = answered([*wins("helios", 8), *wins("helios-next", 20)])
+    found = told(row(tables["Paired differences"], "Beyond the paper", "SR"))
+    assert (found[1], found[2], found[-1]) == ("66.7", "26.7", "ahead")
 
 
 LEVEL = "Success rate against what this project wants"
