@@ -70,12 +70,13 @@ def _tell(error: Exception) -> int:
         return _interrupted()
     from helios_core.errors import HeliosError
 
+    from helios_client.http.errors import WrongRequest
     from helios_client.wrong_use import WrongUse
 
     if not isinstance(error, HeliosError):
         raise error
     print(f"helios: {error.message}", file=sys.stderr)
-    return 2 if isinstance(error, WrongUse) else 1
+    return 2 if isinstance(error, WrongUse | WrongRequest) else 1
 
 
 def _interrupted() -> int:

@@ -37,6 +37,7 @@ from helios_client.tasks import (
     SeenView,
     Status,
     Task,
+    Vocabulary,
 )
 
 T = TypeVar("T")
@@ -124,6 +125,10 @@ class Helios:
         """Why the task went as it did, oldest first; with changes such as "alpha_d=0.01" also what
         it would have been under these settings, as `recomputed`."""
         return self._do(calls.decisions(id, changes))
+
+    def vocabulary(self) -> Vocabulary:
+        """What can be asked for: any name, or those of the detector."""
+        return self._do(calls.vocabulary())
 
     # --- maps and robot -----------------------------------------------------------------------
     def objects(

@@ -35,6 +35,7 @@ from helios_client.tasks import (
     SeenView,
     Status,
     Task,
+    Vocabulary,
 )
 
 T = TypeVar("T")
@@ -111,6 +112,10 @@ class AsyncHelios:
     async def decisions(self, id: str, changes: Sequence[str] = ()) -> tuple[Decision, ...]:
         """Why the task went as it did, oldest first."""
         return await self._do(calls.decisions(id, changes))
+
+    async def vocabulary(self) -> Vocabulary:
+        """What can be asked for: any name, or those of the detector."""
+        return await self._do(calls.vocabulary())
 
     # --- maps and robot -----------------------------------------------------------------------
     async def objects(

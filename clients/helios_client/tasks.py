@@ -49,6 +49,7 @@ class Task(_FromJson):
     ended_s: float = 0.0
     on_hold: bool = False  # somebody paused it, and nobody has resumed it yet
     unused: list[str] = field(default_factory=list)  # of the instruction
+    seen_at_goal: bool | None = None  # after it was placed; None: nothing was placed
 
     @property
     def ended(self) -> bool:
@@ -164,6 +165,15 @@ class Status(TypedDict):
     ready: bool
     stopped: bool | None  # stop-now is latched; None: only the gateway knows, and it is away
     services: list[ServiceAnswer]
+
+
+class Vocabulary(TypedDict):
+    """What can be asked for."""
+
+    open: bool  # any name; else those in `names` alone
+    names: list[str]
+    detector: str
+    scorer: str
 
 
 class Pose(TypedDict):

@@ -20,6 +20,7 @@ from pathlib import Path
 from helios_client.commands.task_view import run_task
 from helios_client.sdk import Helios
 from helios_client.supervision.stack import free_port
+from helios_client.supervision.up import check_port
 from helios_client.tasks import Task
 from helios_core import proto as pb
 from helios_core.errors import HeliosError, Unavailable
@@ -34,6 +35,7 @@ from helios_eval.pictures import object_picture
 READY_WITHIN_S = 120.0
 TASK_WITHIN_S = 900.0
 CALL_S = 20.0
+OTHER_PORT = "--port (make demo PORT=…)"
 
 
 @contextmanager
@@ -58,14 +60,14 @@ def wait_ready(helios: Helios, up: subprocess.Popen[bytes], log: Path, console: 
     began_s = time.monotonic()
     deadline_s = began_s + READY_WITHIN_S
     said: set[str] = set()
-    while not helios.ready():
+    while up.poll() is not None or not helios.ready():  # what is ready may be another's
+        if up.poll() is not None:
+            raise Unavailable(f"helios up ended: {log.read_text(errors='replace').strip()[-500:]}")
         for name in sorted(_ready_services(helios) - said):
             said.add(name)
             console.print(
                 f"  {time.monotonic() - began_s:4.0f} s  {name} is ready", highlight=False
             )
-        if up.poll() is not None:
-            raise Unavailable(f"helios up ended: {log.read_text(errors='replace').strip()[-500:]}")
         if time.monotonic() > deadline_s:
             waiting = [
                 f"{s['name']}: {s['reason'] or s['state']}"
@@ -118,8 +120,24 @@ def show(result: dict, out: Path, console: Console) -> None:
     console.print(f"result and pictures: {out}", highlight=False)
 
 
+def next_steps(result: dict, port: int) -> str:
+    """How to go on in the same home, as commands for a shell."""
+    seed, preset = result["seed"], result["preset"]
+    up, task = f"helios up --robot sim --seed {seed}", f'helios task "{result["instruction"]}"'
+    if preset != "demo-v1":
+        up += f" --preset {preset}"
+    if port != 8080:
+        up, task = f"{up} --port {port}", f"{task} --port {port}"
+    return (
+        "this HELIOS has ended; the same home for tasks of your own:\n"
+        f"  source .venv/bin/activate\n  {up}    # until Ctrl-C; then in another terminal:\n"
+        f"  {task}    # what else can be asked for: helios names"
+    )
+
+
 def run(seed: int, preset: str, port: int, out: Path, console: Console) -> dict:
     """One demo; returns what `result.json` holds. Raises HeliosError."""
+    check_port(port, OTHER_PORT)
     out.mkdir(parents=True, exist_ok=True)
     log, router_port = out / "up.log", free_port()
     arguments = [
@@ -130,10 +148,15 @@ def run(seed: int, preset: str, port: int, out: Path, console: Console) -> dict:
         console.print(f"starting router, world and services (home {seed}, preset {preset})")
         console.print("kernels that `make install` has not compiled take a minute", style="dim")
         wait_ready(helios, up, log, console)
-        console.print(f"dashboard: http://127.0.0.1:{port}/", style="bold cyan")
+        console.print(
+            f"dashboard, while this runs: http://127.0.0.1:{port}/",
+            style="bold cyan",
+            soft_wrap=True,
+        )
         bus = ZenohBus(f"tcp/127.0.0.1:{router_port}")
         try:
             truth = bus.call(TRUTH_EPISODE, pb.Empty(), CALL_S)
+            console.print(f"task: {truth.instruction}", style="bold", highlight=False, markup=False)
             began = time.monotonic()
             task = run_task(helios, truth.instruction, TASK_WITHIN_S, console)
             wall_s = time.monotonic() - began
@@ -147,6 +170,7 @@ def run(seed: int, preset: str, port: int, out: Path, console: Console) -> dict:
         finally:
             bus.close()
     show(result, out, console)
+    console.print(next_steps(result, port), highlight=False, markup=False, soft_wrap=True)
     return result
 
 

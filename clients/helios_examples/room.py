@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 ROOM_M = np.array([[-2.5, -2.0, 0.0], [2.5, 2.0, 2.4]])  # opposite corners
 PAINT = np.array([[200, 195, 185], [185, 190, 200], [150, 130, 110]], np.uint8)  # by axis: x, y, z
-THINGS = (  # opposite corners and colour: a blue table, a red box on it, a green shelf
+THINGS = (  # opposite corners and colour: a blue table, a red box on it, a high green shelf
     (np.array([[1.4, -0.6, 0.0], [2.0, 0.6, 0.5]]), (40, 70, 200)),
     (np.array([[1.5, -0.1, 0.5], [1.7, 0.1, 0.6]]), (210, 40, 40)),
-    (np.array([[-2.4, 1.1, 0.0], [-1.6, 1.9, 1.0]]), (50, 150, 70)),
+    (np.array([[-2.4, 1.1, 0.0], [-1.6, 1.9, 1.5]]), (50, 150, 70)),
 )
 
 

@@ -68,6 +68,7 @@ def task(message: pb.Task) -> models.Task:
         context_id=message.context_id, agent=message.agent, priority=message.priority,
         settings=dict(sorted(message.settings.items())), on_hold=message.on_hold,
         unused=list(message.unused),
+        seen_at_goal=message.seen_at_goal if message.HasField("seen_at_goal") else None,
     )  # fmt: skip
 
 

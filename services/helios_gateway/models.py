@@ -125,6 +125,10 @@ class Task(BaseModel):
     unused: list[str] = Field(
         description="what was said and does not change the task", examples=[["in the kitchen"]]
     )
+    seen_at_goal: bool | None = Field(
+        description="of a thing that was placed: whether it was seen on the goal receptacle "
+        "afterwards; null: nothing was placed"
+    )
 
     @property
     def ended(self) -> bool:
@@ -163,7 +167,7 @@ class Decision(BaseModel):
     task_id: str
     index: int
     phase: str
-    rule: str = Field(examples=["global_search (eq. 10)"])
+    rule: str = Field(examples=["global_search (eq. 10)", "given up"])
     do: str = Field(
         description="act, look, search_on, search_receptacle, go_to_frontier or nothing_left"
     )

@@ -7,7 +7,7 @@
 Flag `--cell-m 0.05`, variable `HELIOS_MAP2D_CELL_M=0.05`, or in the file that `--config FILE` or
 `HELIOS_CONFIG` names: `[map2d]` `cell_m = 0.05`. Its table `[all]` holds what every service has
 (router, robot, log_level), where the service's own says nothing. Nothing else in a service reads
-the environment.
+the environment. What names no setting is refused (`settings_names`).
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Field, ValidationError
-from pydantic_core import to_jsonable_python
+from pydantic_core import ErrorDetails, to_jsonable_python
 from pydantic_settings import (
     BaseSettings,
     CliApp,
+    EnvSettingsSource,
     InitSettingsSource,
     PydanticBaseSettingsSource,
     SettingsConfigDict,
@@ -31,6 +32,7 @@ from pydantic_settings import (
 
 from helios_core.errors import InvalidInput
 from helios_core.naming import robot_name, robot_names
+from helios_core.settings_names import OF_ALL, check_tables, check_variables, no_setting
 
 
 def _robot(name: str) -> str:
@@ -106,14 +108,20 @@ class ServiceSettings(BaseSettings):
         try:
             return CliApp.run(cls, cli_args=args)
         except ValidationError as error:
-            wrong = "; ".join(
-                f"{'.'.join(map(str, e['loc']))}: {e['msg']} (got {e.get('input')!r})"
-                for e in error.errors()
-            )
+            wrong = "; ".join(cls._said(e) for e in error.errors())
             print(f"helios-{cls.service_name()}: wrong setting: {wrong}", file=sys.stderr)
+        except InvalidInput as error:
+            print(f"helios-{cls.service_name()}: {error.message}", file=sys.stderr)
         except (OSError, ValueError) as error:
             print(f"helios-{cls.service_name()}: cannot read settings: {error}", file=sys.stderr)
         sys.exit(2)
+
+    @classmethod
+    def _said(cls, error: ErrorDetails) -> str:
+        name = ".".join(map(str, error["loc"]))
+        if error["type"] == "extra_forbidden":
+            return no_setting(cls.service_name(), cls.model_fields, name)
+        return f"{name}: {error['msg']} (got {error['input']!r})"
 
     @classmethod
     def settings_customise_sources(
@@ -124,7 +132,19 @@ class ServiceSettings(BaseSettings):
         dotenv_settings: PydanticBaseSettingsSource,
         file_secret_settings: PydanticBaseSettingsSource,
     ) -> tuple[PydanticBaseSettingsSource, ...]:
-        return init_settings, env_settings, _File(cls)
+        return init_settings, _Variables(cls), _File(cls)
+
+
+class _Variables(EnvSettingsSource):
+    """The environment. Raises InvalidInput for a variable that is no setting of the service."""
+
+    def __init__(self, settings_cls: type[ServiceSettings]) -> None:
+        super().__init__(settings_cls)
+        self._of = settings_cls
+
+    def __call__(self) -> dict[str, Any]:
+        check_variables(self._of.service_name(), self._of.model_fields, self.env_vars)
+        return super().__call__()
 
 
 class _File(InitSettingsSource):
@@ -141,11 +161,12 @@ class _File(InitSettingsSource):
 
 def _table(cls: type[ServiceSettings], path: str) -> dict[str, Any]:
     tables = tomllib.loads(Path(path).read_text())
-    of_all = tables.get("all", {})
+    check_tables(cls.service_name(), tables, path)
+    of_all = tables.get(OF_ALL, {})
     common = {name for name in ServiceSettings.model_fields if name != "config"}
     if unknown := sorted(set(of_all) - common):
-        raise ValueError(
-            f"table [all] of {path} has {', '.join(unknown)}; it may hold what every service has: "
-            f"{', '.join(sorted(common))}"
+        raise InvalidInput(
+            f"table [{OF_ALL}] of {path} has {', '.join(unknown)}; it may hold what every service "
+            f"has: {', '.join(sorted(common))}"
         )
     return of_all | tables.get(cls.service_name(), {})

@@ -17,10 +17,13 @@ import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from helios_client.commands.keys import add_key
+from helios_core import proto as pb
 from helios_core.errors import Unavailable
+from helios_core.topics import DECISION, ROBOT_DESCRIPTION
 from playwright.sync_api import Browser, Page, expect
 
 from tests.browser import DEADLINE_MS, WEBGL, beside, chromium
+from tests.gateway_home import description
 from tests.gateway_process import Served, served
 from tests.support import wait_until
 
@@ -88,6 +91,20 @@ def test_a_task_is_submitted_and_watched_until_it_succeeds(page: Page, house: Se
     expect(page.locator("#cancel")).to_be_hidden()
 
 
+def test_the_terms_of_a_decision_are_explained_and_said_once(page: Page, house: Served) -> None:
+    submit(page)
+    terms = {"class_score": 0.6, "score": 0.5, "in_place": 1.0, "total": 0.5}
+    mug = pb.Candidate(kind="object", name="mug", terms=terms, chosen=True)
+    made = pb.Decision(task_id="t1", index=0, rule="pick (eq. 7, 11)", candidates=[mug])
+    house.backend.bus.publish(DECISION, made)
+    heads = page.locator("#why-table th")
+    expect(heads).to_have_text(["candidate", "class score", "in place", "score"])
+    expect(heads.nth(2)).to_have_attribute("title", re.compile("where the task says that it is"))
+    made.index, made.candidates[0].terms["total"] = 1, 0.3
+    house.backend.bus.publish(DECISION, made)
+    expect(heads).to_have_text(["candidate", "class score", "in place", "score", "total"])
+
+
 def test_an_instruction_that_is_not_understood_is_answered_beside_it(page: Page) -> None:
     page.fill("#instruction", "dance")
     page.click("text=Submit task")
@@ -98,6 +115,29 @@ def test_an_instruction_that_is_not_understood_is_answered_beside_it(page: Page)
 def test_a_suggestion_fills_the_box(page: Page) -> None:
     page.locator("#suggestions button").first.click()
     assert page.input_value("#instruction").startswith("Move the mug")
+
+
+def tried(page: Page) -> list[str]:
+    return page.locator("#suggestions button").all_text_contents()
+
+
+def test_what_is_suggested_is_known_to_the_detector_and_within_the_robots_powers(
+    page: Page, house: Served
+) -> None:
+    expect(page.locator("#suggestions button").first).to_have_text(INSTRUCTION)
+    assert tried(page)[1:] == ["Go to the sofa", "Find the bowl"]
+    vocabulary = {"open": False, "names": ["table", "box", "shelf"], "detector": "", "scorer": ""}
+    page.route("**/v1/vocabulary", lambda route: route.fulfill(json=vocabulary))
+    page.reload()
+    expect(page.locator("#suggestions button").first).to_have_text("Find the table")
+    assert tried(page)[1:] == ["Find the box", "Find the shelf"]
+    expect(page.locator("#seen-prompt")).to_have_attribute("placeholder", "table")
+    vocabulary |= {"open": True, "names": []}
+    armless = description()
+    armless.can_pick = False
+    house.backend.bus.publish(ROBOT_DESCRIPTION, armless)
+    page.reload()
+    expect(page.locator("#suggestions button").first).to_have_text("Find the apple")
 
 
 def test_a_task_is_cancelled(page: Page, house: Served) -> None:

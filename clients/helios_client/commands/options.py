@@ -6,7 +6,8 @@ import dataclasses
 import functools
 import inspect
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -49,11 +50,24 @@ class At:
     def base_url(self) -> str:
         return self.url or f"http://127.0.0.1:{self.port}"
 
-    def connect(self, timeout_s: float = 10.0) -> Helios:
-        """The HTTP interface that the options name."""
+    @contextmanager
+    def connect(self, timeout_s: float = 10.0) -> Iterator[Helios]:
+        """The HTTP interface that the options name. Where nobody is there, the error that leaves
+        it says on which ports of this machine somebody is."""
+        from helios_client.http.errors import NobodyThere
         from helios_client.sdk import Helios
+        from helios_client.supervision.state_file import running_ports
 
-        return Helios(self.base_url, timeout_s, key=self.key, robot=self.robot)
+        with Helios(self.base_url, timeout_s, key=self.key, robot=self.robot) as helios:
+            try:
+                yield helios
+            except NobodyThere as error:
+                if self.url is not None:
+                    raise
+                ports = [port for port in running_ports() if port != self.port]
+                known = f": one runs with --port {' and one with --port '.join(map(str, ports))}"
+                where = ", or name its port with --port" + (known if ports else "")
+                raise NobodyThere(error.message + where) from error
 
 
 def flat(command: Callable[..., None]) -> Callable[..., None]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from helios_core.errors import HeliosError, Unavailable
+from helios_core.errors import HeliosError
 from rich.markup import escape
 from rich.table import Table
 
@@ -23,21 +23,17 @@ def find_status(
 
     The supervisor's file of `port` knows the services while the gateway is down; whether stop-now
     is latched only the gateway can say. `robot`: the one that is asked for by name; of another than
-    the supervisor's only the gateway knows. Raises Unavailable when neither is there.
+    the supervisor's only the gateway knows. Raises NobodyThere when neither is there.
     """
-    known = None
+    found = None
     if port is not None:
         known = state_file.read(state_dir or state_file.default_state_dir(port))
-    found = known if known and robot in (None, known.get("robot")) else None
+        found = known if known and robot in (None, known.get("robot")) else None
     try:
         live = helios.status()
-    except HeliosError as error:
+    except HeliosError:
         if found is not None:
             return {"ready": found["ready"], "stopped": None, "services": found["services"]}
-        if port is not None and known is None and isinstance(error, Unavailable):
-            raise Unavailable(
-                f"no HELIOS runs with port {port} on this machine; start it with `helios up`"
-            ) from error
         raise
     if found is None:
         return live

@@ -1,4 +1,4 @@
-"""`helios task`, `tasks`, `pause`, `resume`, `cancel`: what the robot shall do."""
+"""`helios task`, `tasks`, `pause`, `resume`, `cancel`, `names`: what the robot shall do."""
 
 from __future__ import annotations
 
@@ -53,13 +53,19 @@ def task(
     On a stopped robot it waits until helios clear-stop, and says so.
     """
     from helios_client.commands.task_view import wait_while_starting, watch_task
+    from helios_client.http.errors import WrongRequest
 
     settings = named_values(own or ())
     with at.connect() as helios:
         if at.url is None:
             wait_while_starting(helios, at.port, console(stderr=True))
         # With --json the live view goes to stderr, so that stdout holds JSON and nothing else.
-        asked = helios.submit(instruction, max_steps, agent, time_limit_s, priority, settings)
+        try:
+            asked = helios.submit(instruction, max_steps, agent, time_limit_s, priority, settings)
+        except WrongRequest as error:
+            if "does not know the" not in error.message or "helios names" in error.message:
+                raise
+            raise WrongRequest(f"{error.message} (all that it knows: helios names)") from error
         if asked.unused:
             said = ", ".join(f"“{words}”" for words in asked.unused)
             print(f"helios: not used: {said}", file=sys.stderr)
@@ -92,6 +98,20 @@ def tasks(
         console().print(task_table(found))
     else:
         print("no tasks" + (f" are {state}" if state else " yet"))
+
+
+@app.command()
+@flat
+def names(at: At, as_json: Json = False) -> None:
+    """What can be asked for: the names that the detector knows, of things and furniture."""
+    with at.connect() as helios:
+        found = helios.vocabulary()
+    if as_json:
+        print_json(found)
+    elif found["open"]:
+        print(f"any name can be asked for: the detector ({found['detector']}) is open")
+    else:
+        _print_names(sorted(name.replace("_", " ") for name in found["names"]))
 
 
 @app.command()
@@ -132,3 +152,15 @@ def _print_task(task: Task, as_json: bool) -> None:
         print_json(task.raw)
     else:
         print(f"task {task.id} is {task.state}: {task.message}".removesuffix(": "))
+
+
+def _print_names(names: list[str]) -> None:
+    """In columns on a terminal; a name a line for a program."""
+    from rich.columns import Columns
+    from rich.text import Text
+
+    screen = console()
+    if screen.is_terminal:
+        screen.print(Columns([Text(name) for name in names], column_first=True, padding=(0, 3)))
+    else:
+        print("\n".join(names))

@@ -12,13 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from helios_client.commands.lists import TASK_COLORS
+from helios_client.commands.why_candidates import INDENT, Candidates
 from helios_client.tasks import Decision, Task
-
-_ORDER = (  # what a term is made of stands before it
-    "class_score", "uncertainty", "information_gain", "value", "frontier_scale", "distance_m",
-    "views", "in_place", "place", "score", "score_after_view", "total",
-)  # fmt: skip
-_INDENT = 15
 
 
 def flips(decisions: Iterable[Decision]) -> list[Decision]:
@@ -45,7 +40,7 @@ def report(
         if changes and decision.recomputed:
             parts.append(_instead(decision))
         if top and decision.candidates:
-            parts.append(Padding(_candidates(decision, top), (0, 0, 0, _INDENT)))
+            parts.append(Candidates(decision, top))
     return Group(*parts)
 
 
@@ -100,45 +95,6 @@ def _instead(decision: Decision) -> Padding:
     again: dict[str, Any] = decision.recomputed or {}
     if again["flips"]:
         mark = Text("would " if again["certain"] else "perhaps would ", style="bold yellow")
-        return Padding(mark.append(again["why"], style="yellow"), (0, 0, 0, _INDENT))
+        return Padding(mark.append(again["why"], style="yellow"), (0, 0, 0, INDENT))
     words = "would stay so" if again["certain"] else "cannot be told: it was not asked for then"
-    return Padding(Text(words, style="dim"), (0, 0, 0, _INDENT))
-
-
-def _candidates(decision: Decision, top: int) -> Table:
-    """The best candidates and the one that was chosen, a column for each term."""
-    by_total = sorted(decision.candidates, key=lambda c: -(c["terms"].get("total") or 0.0))
-    rows = by_total[:top]
-    rows += [c for c in by_total[top:] if c["chosen"]]
-    names = sorted(
-        dict.fromkeys(name for c in rows for name in c["terms"]),
-        key=lambda n: _ORDER.index(n) if n in _ORDER else -1,
-    )
-    out = Table.grid(padding=(0, 2, 0, 0))
-    out.add_column(width=1)
-    out.add_column()
-    for _ in names:
-        out.add_column(justify="right")
-    out.add_row("", *(Text(_title(n), style="dim") for n in ["candidate", *names]))
-    for c in rows:
-        style = "bold" if c["chosen"] else "default"
-        cells = [Text(_value(n, c["terms"].get(n)), style=style) for n in names]
-        mark = Text("›", style="bold cyan") if c["chosen"] else Text("")
-        out.add_row(mark, Text(c["name"] or c["kind"], style=style), *cells)
-    if (hidden := len(decision.candidates) - len(rows)) > 0:
-        out.add_row("", Text(f"and {hidden} more", style="dim"))
-    return out
-
-
-def _title(name: str) -> str:
-    return name.removesuffix("_m").replace("_", " ")
-
-
-def _value(name: str, value: float | None) -> str:
-    if value is None:
-        return ""
-    if name.endswith("_m"):
-        return f"{value:.1f} m"
-    if name == "in_place":
-        return "yes" if value else "no"
-    return f"{value:.0f}" if name == "views" else f"{value:.3f}"
+    return Padding(Text(words, style="dim"), (0, 0, 0, INDENT))

@@ -29,6 +29,7 @@ from helios_client.tasks import (
     SeenView,
     Status,
     Task,
+    Vocabulary,
 )
 
 T = TypeVar("T")
@@ -109,6 +110,10 @@ def decisions(id: str, changes: Sequence[str] = ()) -> Call[tuple[Decision, ...]
 
     query = {"set": tuple(changes)} if changes else {}
     return Call("GET", f"/tasks/{_part(id)}/decisions", read, query=query)
+
+
+def vocabulary() -> Call[Vocabulary]:
+    return Call("GET", "/vocabulary", _json)
 
 
 def objects(class_name: str | None, min_score: float | None) -> Call[tuple[FoundObject, ...]]:

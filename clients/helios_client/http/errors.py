@@ -12,9 +12,18 @@ from helios_core.errors import (
     Unavailable,
 )
 
+
+class WrongRequest(InvalidInput):
+    """HELIOS read the request: it makes no sense, or names what there is not."""
+
+
+class NobodyThere(Unavailable):
+    """Nothing listens at the address."""
+
+
 _KINDS: dict[int, type[HeliosError]] = {
-    400: InvalidInput, 401: InvalidInput, 403: InvalidInput, 404: InvalidInput, 405: InvalidInput,
-    408: DeadlineExceeded, 409: Conflict, 413: InvalidInput, 422: InvalidInput, 429: Unavailable,
+    400: WrongRequest, 401: InvalidInput, 403: InvalidInput, 404: WrongRequest, 405: InvalidInput,
+    408: DeadlineExceeded, 409: Conflict, 413: InvalidInput, 422: WrongRequest, 429: Unavailable,
     503: Unavailable, 504: DeadlineExceeded,
 }  # fmt: skip
 
@@ -26,13 +35,14 @@ def refused(response: httpx.Response) -> HeliosError:
         detail = response.json()["detail"]
     except (ValueError, KeyError, TypeError):
         detail = f"{response.request.url} answered {response.status_code}; is HELIOS there?"
+        kind = InvalidInput if kind is WrongRequest else kind  # perhaps nobody of ours
     return kind(str(detail))
 
 
 def lost(error: httpx.TransportError, url: str) -> HeliosError:
     """The typed error for an answer that never came from `url`."""
     if isinstance(error, httpx.ConnectError | httpx.ConnectTimeout):
-        return Unavailable(f"nobody answers at {url}; start HELIOS with `helios up`")
+        return NobodyThere(f"nobody answers at {url}; start HELIOS with `helios up`")
     if isinstance(error, httpx.TimeoutException):
         return DeadlineExceeded(f"{url} gave no answer in time; see `helios status`")
     return Unavailable(f"{url} broke off ({error}); try again")

@@ -96,7 +96,7 @@ class Stack:
                 self._service(
                     "planner",
                     "helios_planner",
-                    state_dir=self.state_dir / "planner",
+                    state_dir=self._tasks_dir(),
                     agent=self.agent,
                 )
             )
@@ -104,6 +104,14 @@ class Stack:
         if self.record is not None:
             out.append(self._service("recorder", "helios_recorder", out=self.record))
         return tuple(out)
+
+    def _tasks_dir(self) -> Path:
+        """Of the planner: each simulated home has one, for what was asked in another means nothing
+        in it."""
+        tasks = self.state_dir / "planner"
+        if self.robot != "sim":
+            return tasks
+        return tasks / f"sim-{self.preset}-{self.seed}".replace("/", "_")  # the world refuses it
 
     def _service(self, name: str, module: str, **flags: object) -> ProcessSpec:
         argv = ["--router", self.router, "--robot", self.name]

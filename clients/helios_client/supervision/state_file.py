@@ -22,9 +22,22 @@ STALE_S = 15.0  # the supervisor writes every two seconds
 
 def default_state_dir(port: int) -> Path:
     """`$XDG_STATE_HOME/helios/<port>`, or under `~/.local/state`."""
+    return _root() / str(port)
+
+
+def running_ports() -> list[int]:
+    """Ports of those that run on this machine, of this user."""
+    try:
+        found = [folder for folder in _root().iterdir() if folder.name.isdecimal()]
+    except OSError:
+        return []
+    return sorted(int(folder.name) for folder in found if read(folder) is not None)
+
+
+def _root() -> Path:
     base = os.environ.get("XDG_STATE_HOME", "")
     root = Path(base) if os.path.isabs(base) else Path.home() / ".local" / "state"
-    return root / "helios" / str(port)
+    return root / "helios"
 
 
 class InUse(Exception):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
 import threading
 import time
 from collections.abc import Sequence
@@ -22,6 +23,7 @@ from helios_client.supervision.link import Link
 from helios_client.supervision.processes import Ending
 from helios_client.supervision.stack import Stack, port_trouble
 from helios_client.supervision.supervisor import ProcessInfo, State, Supervisor
+from helios_client.supervision.variables import unread
 from helios_client.wrong_use import WrongUse
 
 CHECK_PERIOD_S = 0.05
@@ -45,7 +47,7 @@ def up(stack: Stack, screen: Screen) -> None:
     """
     assert stack.port is not None
     for port, flag in ((stack.port, "--port"), (stack.router_port, "--router-port")):
-        _check_port(port, flag)
+        check_port(port, flag)
     stack = replace(stack, state_dir=stack.state_dir.resolve())
     try:
         held = state_file.lock(stack.state_dir)
@@ -64,8 +66,8 @@ def up(stack: Stack, screen: Screen) -> None:
         _Run(stack, screen).run(stopping)
 
 
-def _check_port(port: int, flag: str) -> None:
-    """Raises Conflict where nothing can listen there."""
+def check_port(port: int, flag: str) -> None:
+    """Raises Conflict where nothing can listen there. `flag` names another one."""
     error = port_trouble(port)
     if error is None:
         return
@@ -99,6 +101,8 @@ class _Run:
     def run(self, stopping: threading.Event) -> None:
         self._say(f"starting {', '.join(self._names)}")
         self._say(f"logs: {self._stack.log_dir}")
+        if sentence := unread(os.environ):
+            self._say(f"[yellow]{escape(sentence)}[/]")
         self._supervisor.start()
         link = Link(self._stack.router, self._stack.name, self._board, self._names)
         said_waiting = False

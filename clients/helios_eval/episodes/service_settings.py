@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable, Mapping
 from typing import Any, cast
 
@@ -38,9 +39,9 @@ def parsed(assignments: Iterable[str]) -> dict[str, Setting]:
     out: dict[str, Setting] = {}
     for assignment in assignments:
         name, equals, text = assignment.partition("=")
-        if not equals or not name.strip():
+        service, field = _found(name.strip()) if name.strip() else ("", "")
+        if not (equals and service):
             raise WrongUse(f"--set {assignment!r} is no name=value; write --set alpha_d=0.01")
-        service, field = _found(name.strip())
         value = _value(service, field, text.strip())
         out[f"{service}.{field}"] = value if isinstance(value, Setting) else text.strip()
     return out
@@ -107,15 +108,25 @@ def _found(name: str) -> tuple[str, str]:
         s for s in wanted if s in SERVICES and field in SERVICES[s].model_fields.keys() - _OURS
     ]
     if not having:
-        raise WrongUse(
-            f"no service has a setting {name!r} that can be set here; see "
-            "`python -m helios_planner --help`"
-        )
+        raise WrongUse(f"no service has a setting {name!r} that can be set here; {_hint(field)}")
     if len(having) > 1:
         raise WrongUse(
             f"{' and '.join(having)} have a setting {field!r}; say whose, --set {having[0]}.{field}"
         )
     return having[0], field
+
+
+def _hint(field: str) -> str:
+    """The settings most like a misspelt one; where none is, how to see them all."""
+    whose: dict[str, list[str]] = {}
+    for service, settings in SERVICES.items():
+        for name in settings.model_fields.keys() - _OURS:
+            whose.setdefault(name, []).append(f"{service}.{name}")
+    near = difflib.get_close_matches(field, sorted(whose), n=2)
+    if near:
+        return f"did you mean {' or '.join(full for name in near for full in whose[name])}?"
+    modules = ", ".join(f"helios_{service}" for service in SERVICES)
+    return f"list them with `python -m MODULE --help`; MODULE is one of {modules}"
 
 
 def _value(service: str, field: str, text: str) -> object:

@@ -38,12 +38,12 @@ def video(
     """Play one episode and film it. Camera, maps and decisions side by side."""
     from helios_client.wrong_use import WrongUse
     from rich.console import Console
-    from rich.progress import Progress
 
     from helios_eval.episodes.condition import checked
     from helios_eval.episodes.service_settings import that_change
     from helios_eval.episodes.spec import WALKER, EpisodeSpec
     from helios_eval.video.episode import film
+    from helios_eval.video.steps import counted
 
     under = checked(
         [agent], benchmark, semantics=semantics, preset=preset, table=noise_table,
@@ -65,7 +65,6 @@ def video(
         that_change(agent, under.settings),
     )
     console = Console()
-    with Progress(console=console, transient=True) as progress:
-        bar = progress.add_task(f"home {seed}", total=asked.max_steps)
-        told = film(asked, path, fps, lambda step: progress.update(bar, completed=step))
+    with counted(console, f"home {seed}", asked.max_steps) as on_step:
+        told = film(asked, path, fps, on_step)
     console.print(f"{told}; written to {path}", highlight=False)

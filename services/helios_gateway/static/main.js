@@ -73,6 +73,7 @@ function showRobot({ connected, state, description }) {
     const isSaid = !description.simulated || description.name.includes("simulated");
     $("robot-name").textContent = description.name + (isSaid ? "" : " · simulated");
     document.title = `HELIOS · ${description.name}`;
+    tasks.takeRobot(description);
   }
   map.description = description;
   map.robot = state;

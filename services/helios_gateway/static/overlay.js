@@ -13,11 +13,11 @@ export function drawOverlay(context, view, colors) {
     const walked = view.info.trajectory_m;
     const ends = [...view.info.trajectory_starts, walked.length];
     ends.forEach((end, k) =>
-      line(context, view, walked.slice(ends[k - 1] ?? 0, end), colors.walked, 2, []),
+      haloed(context, view, walked.slice(ends[k - 1] ?? 0, end), colors, colors.way, 2, []),
     );
   }
   if ($("show-path").checked && view.plan?.path_m.length) {
-    line(context, view, view.plan.path_m, colors.path, 3.5, [7, 7]);
+    haloed(context, view, view.plan.path_m, colors, colors.plan, 3.5, [7, 7]);
     goal(context, view, view.plan.path_m.at(-1), colors);
   }
   const robot = view.robot?.pose ?? view.info.robot;
@@ -36,6 +36,12 @@ export function drawOverlay(context, view, colors) {
     (robot ? `, robot at x ${number(robot.x_m, 1)} m, y ${number(robot.y_m, 1)} m` : "");
 }
 
+/** A line that is seen over the values of a layer, too. */
+function haloed(context, view, points, colors, color, width, dash) {
+  line(context, view, points, colors.label, width + 2, []);
+  line(context, view, points, color, width, dash);
+}
+
 function line(context, view, points, color, width, dash) {
   if (points.length < 2) return;
   context.save();
@@ -52,7 +58,7 @@ function goal(context, view, point, colors) {
   const [x, y] = view.toScreen(point);
   context.beginPath();
   context.arc(x, y, 5, 0, 2 * Math.PI);
-  context.fillStyle = colors.path;
+  context.fillStyle = colors.plan;
   context.strokeStyle = colors.card;
   context.lineWidth = 2;
   context.fill();
@@ -133,21 +139,21 @@ function drawFrontiers(context, view, colors, labels) {
     labels.block(...at, 6);
     context.beginPath();
     context.arc(...at, frontier.reachable ? 6 : 5, 0, 2 * Math.PI);
-    context.fillStyle = frontier.reachable ? colors.frontier : colors.card;
-    context.strokeStyle = frontier.reachable ? colors.card : colors.frontier;
+    context.fillStyle = frontier.reachable ? colors.frontier : colors.beyond;
+    context.strokeStyle = colors.card;
     context.lineWidth = 2;
     context.fill();
     context.stroke();
     const values = Object.entries(frontier.values).filter(([name]) => !layer || name === layer);
     const text = values.map(([name, value]) => `${layer ? "" : `${name} `}${number(value)}`).join(" · ");
-    if (text && view.scale >= FEWEST_PX) labels.add(text, at, 8, colors.frontier, -1);
+    if (text && view.scale >= FEWEST_PX) labels.add(text, at, 8, colors.text, -1);
   }
 }
 
 function drawChosen(context, view, colors) {
   for (const { chosen, position_m: [x, y] } of view.decision.candidates) {
     if (!chosen || x === null || y === null) continue;
-    ring(context, view.toScreen([x, y]), 15, colors.path);
+    ring(context, view.toScreen([x, y]), 15, colors.plan);
   }
 }
 

@@ -1,8 +1,8 @@
 // Colours of the map, from the page's style, and the map's cells painted with them.
 
 const NAMES = [
-  "unknown", "free", "old", "occupied", "low", "middle", "high", "robot", "path", "walked",
-  "frontier", "object", "label",
+  "unknown", "free", "old", "occupied", "low", "middle", "high", "robot", "plan", "way",
+  "frontier", "beyond", "object", "label",
 ];
 
 /** The colours of the theme in force, as text. */

@@ -1,11 +1,7 @@
 // The task box, the task in view, and the tasks before it.
 import { $, Problem, ask, element, facts, send, words } from "./api.js";
+import { exampleOf, suggestions } from "./suggestions.js";
 
-const SUGGESTIONS = [
-  "Move the mug from the coffee table to the kitchen counter",
-  "Find the apple",
-  "Go to the sofa",
-];
 const MARKS = { done: "✓", failed: "✕", active: "", waiting: "" };
 const ENDED = ["succeeded", "failed", "cancelled"];
 
@@ -25,7 +21,8 @@ export class Tasks {
     this.heard = new Set(); // ids that events told of while the list was asked for
     this.inView = null;
     this.onView = onView;
-    $("suggestions").replaceChildren(...SUGGESTIONS.map((text) => element("li", {}, this.chip(text))));
+    this.vocabulary = null; // what the detector can look for
+    this.hasArm = true; // until the robot says that it has none
     $("ask").addEventListener("submit", (event) => {
       event.preventDefault();
       this.submit();
@@ -40,6 +37,20 @@ export class Tasks {
     $("pause").addEventListener("click", () =>
       this.tell(this.tasks.get(this.inView)?.on_hold ? "resume" : "pause"),
     );
+  }
+
+  /** `description` of the robot. */
+  takeRobot(description) {
+    this.hasArm = description.can_pick && description.can_place;
+    this.suggest();
+  }
+
+  suggest() {
+    const texts = this.vocabulary ? suggestions(this.vocabulary, this.hasArm) : [];
+    $("try").hidden = !texts.length;
+    if (texts.join() === this.suggested) return; // a list that is drawn anew loses the keyboard's place
+    this.suggested = texts.join();
+    $("suggestions").replaceChildren(...texts.map((text) => element("li", {}, this.chip(text))));
   }
 
   chip(text) {
@@ -63,7 +74,10 @@ export class Tasks {
   }
 
   async loadVocabulary() {
-    const { open, names, detector } = await ask("/vocabulary");
+    this.vocabulary = await ask("/vocabulary");
+    this.suggest();
+    const { open, names, detector } = this.vocabulary;
+    $("seen-prompt").placeholder = exampleOf(this.vocabulary);
     $("vocabulary-title").textContent = open
       ? `The detector (${detector}) can look for anything.`
       : `Can look for ${names.length} things`;

@@ -2,6 +2,20 @@
 import { $, ask, coalesced, element, number, words } from "./api.js";
 
 const LAST = ["score", "total"]; // the terms that decide stand at the end
+const SAME = ["score", "score_after_view"]; // what may be all that a total is made of
+const MEANINGS = {
+  class_score: "S: how probable its class is, over all views",
+  uncertainty: "U: how little is known about that",
+  score: "Ψ: class score less uncertainty; what is acted on",
+  score_after_view: "Ψ′: the score that one more view could bring",
+  information_gain: "how much looking there is expected to tell",
+  value: "how well what is seen there fits what is sought",
+  frontier_scale: "F₀: what frontiers count beside receptacles",
+  in_place: "whether it is where the task says that it is; yes where the task does not say",
+  place: "how likely it is where the task says that it is",
+  views: "how many views it is in",
+  total: "what the candidates are compared by",
+};
 
 export class Why {
   /** `onShow(decision)` is called with the decision on show. */
@@ -60,10 +74,13 @@ export class Why {
 }
 
 function drawTable(candidates) {
-  const names = [...new Set(candidates.flatMap((c) => Object.keys(c.terms)))];
+  let names = [...new Set(candidates.flatMap((c) => Object.keys(c.terms)))];
+  const isTotal = (name) => candidates.every(({ terms }) => terms[name] === terms.total);
+  if (SAME.some(isTotal)) names = names.filter((name) => name !== "total"); // said once
   names.sort((a, b) => LAST.indexOf(a) - LAST.indexOf(b));
   const head = element("tr", {}, element("th", { textContent: "candidate", scope: "col" }));
-  head.append(...names.map((name) => element("th", { textContent: termName(name), scope: "col" })));
+  head.append(...names.map((name) =>
+    element("th", { textContent: termName(name), scope: "col", title: MEANINGS[name] ?? "" })));
   const rows = candidates.map((candidate) => {
     const first = element("td", { textContent: candidate.name || candidate.kind });
     if (candidate.name) first.append(element("small", { textContent: candidate.kind }));

@@ -17,6 +17,7 @@ from helios_planner.decisions import sentences
 from helios_planner.decisions.candidate import Candidate
 
 BEST_VIEW = "best view (eq. 11)"
+GIVEN_UP = "given up"
 
 
 class Do(StrEnum):
@@ -155,6 +156,17 @@ def best_view(
     k = best_of(candidates)
     why = sentences.best_view(instance.class_name, instance.score, candidates, k)
     return Decision(BEST_VIEW, Do.LOOK, candidates, k, why)
+
+
+def give_up(what: str, thing: ObjectInstance, kind: str, reason: str) -> Decision:
+    """What was chosen is not acted on after all, or was in vain. thing: as it was chosen."""
+    terms = {
+        "class_score": thing.class_score, "uncertainty": thing.uncertainty,
+        "score": thing.score, "views": float(thing.views),
+    }  # fmt: skip
+    left = Candidate(kind, thing.class_name, position_of(thing), terms, thing.id)
+    why = sentences.give_up(what, thing.class_name, reason)
+    return Decision(GIVEN_UP, Do.SEARCH_ON, (left,), None, why)
 
 
 def best_of(candidates: Sequence[Candidate]) -> int:

@@ -142,6 +142,12 @@ def best_view(name: str, score: float, candidates: Sequence[Candidate], winner: 
     )
 
 
+def give_up(what: str, name: str, reason: str) -> str:
+    """What was chosen is left, and why."""
+    doing = {"pick": "picking the", "place": "placing on the", "stop": "stopping at the"}
+    return f"give up {doing[what]} {name}: {reason}"
+
+
 def trusted(candidates: Sequence[Candidate], winner: int) -> str:
     """Whoever trusts goes to what was reported."""
     c = candidates[winner]

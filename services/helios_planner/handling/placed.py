@@ -8,13 +8,17 @@ nothing either, since detectors miss things. It is said.
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum, auto
 
+from helios_core.robot import Observe
 from helios_core.types import ObjectInstance
 
+from helios_planner.robot.body import Body
 from helios_planner.searching.explore import near_outline
+from helios_planner.task import TaskFailed
 
 ON_M = 0.15  # this near to a receptacle's outline is on it
 BELOW_M = 0.20  # lower by this than where it was let go is not on it
@@ -51,6 +55,25 @@ def seen_after(
     if lower:
         return Seen.BESIDE_IT, max(lower, key=lambda o: o.class_score)
     return Seen.NOWHERE, None
+
+
+def look_after(
+    body: Body,
+    receptacle: ObjectInstance,
+    before: Sequence[ObjectInstance],
+    now: Callable[[], Sequence[ObjectInstance]],
+    least_class_score: float,
+    surface_m: float,
+) -> tuple[Seen, ObjectInstance | None]:
+    """As `seen_after`; what is seen nowhere is looked for once more."""
+    seen, thing = seen_after(receptacle, before, now(), least_class_score, surface_m)
+    if seen is Seen.NOWHERE:
+        # In the image of the placing the map took it for still held. Where no step is left to
+        # look once more, it is placed all the same.
+        with contextlib.suppress(TaskFailed):
+            body.act(Observe())
+        seen, thing = seen_after(receptacle, before, now(), least_class_score, surface_m)
+    return seen, thing
 
 
 def _around_m(receptacle: ObjectInstance) -> float:

@@ -81,6 +81,7 @@ class Skills:
     picks: int = 0
     falls: int = 0
     last_reason: str = ""
+    near: ObjectInstance | None = None  # what was acted on last, as it was believed from near
     surface_m: float = 0.0  # height of where something was let go last
     placed_on: ObjectInstance | None = None  # as it was known when something was let go on it
 
@@ -94,7 +95,7 @@ class Skills:
             if not self._approach(np.asarray(thing.center_m), tried, f"reach the {class_name}"):
                 return Done.FAILED if attempts else Done.OUT_OF_REACH
             tried.append(self.body.pose().xy)
-            near = self.belief.from_near(thing, class_name, 0.3)
+            near = self.near = self.belief.from_near(thing, class_name, 0.3)
             if not holds_up(near):
                 return Done.DOUBTED
             thing = near or thing
@@ -190,7 +191,7 @@ class Skills:
                 failed.points.append(spot.point_m)
                 continue
             stood = True
-            near = self.belief.from_near(receptacle, class_name, GROWN_M)
+            near = self.near = self.belief.from_near(receptacle, class_name, GROWN_M)
             if not holds_up(near):
                 return Done.DOUBTED
             receptacle = self.placed_on = near or receptacle

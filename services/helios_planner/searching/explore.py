@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from helios_core.types import ObjectInstance
 
-from helios_planner.decisions.decide import Decision, Do, FrontierOption
+from helios_planner.decisions.decide import Decision, Do, FrontierOption, give_up
 from helios_planner.ground.gaze import outline_of
 from helios_planner.ground.grid import Pose2, facing
 from helios_planner.moving.legs import Legs, Outcome
@@ -59,6 +59,7 @@ class Search(ABC):
         self._round = self._first_round = 0
         self._patrol = Patrol(self.legs, kit.settings.patrol_m)
         self._acted_from: Pose2 | None = None
+        self._first = -1.0, ""  # what is said first, while this share of the steps is used
         self._left_at = 0  # version of the map when a candidate was last found out of reach
 
     @abstractmethod
@@ -85,6 +86,12 @@ class Search(ABC):
     def holds_up(self, near: ObjectInstance | None) -> bool:
         """Whether what was chosen is acted on as it is believed from near; None: no longer."""
         return near is not None
+
+    def why_not(self, near: ObjectInstance | None) -> str:
+        """What speaks against that which does not hold up from near."""
+        if near is None:
+            return "from near it is no longer believed to be there"
+        return f"from near it does not look like a {self.name}"
 
     def settle_at_last(self, after: float) -> None:
         """In the end, and after that share of the task's steps, the likeliest will do; from 1 on it
@@ -145,7 +152,21 @@ class Search(ABC):
         return TaskFailed(cause, f"no {self.name} was found: {where} was searched")
 
     def tell(self, message: str) -> None:
-        self.body.tell_phase(self.phase, self.name, message)
+        used, first = self._first
+        said_first = [first] if used == self.body.budget_used() else []
+        self.body.tell_phase(self.phase, self.name, "; ".join([*said_first, message]))
+
+    def say_first(self, why: str) -> None:
+        """Why it searches again: said before all that it tells until the robot acts."""
+        self._first = self.body.budget_used(), why
+
+    def give_up(self, what: str, thing: ObjectInstance, reason: str) -> None:
+        """Keep and tell why what was chosen is left; `what` was to be done with it."""
+        kind = "object" if self.phase is Phase.FIND_OBJECT else "receptacle"
+        decision = give_up(what, thing, kind, reason)
+        self.body.tell_decision(decision)
+        self.tell(decision.why)
+        self.say_first(decision.why)
 
     # --- candidates ----------------------------------------------------------------------------
     def leave(self, candidate: ObjectInstance, out_of_reach: bool) -> None:

@@ -83,11 +83,24 @@ class ScoredSearch(Search):
         """
         if self._from_memory or near is None:
             return self._from_memory
+        least = replace(self._acted, score=self._least_near)
+        return any(o.id == near.id for o in self.candidates()) and self._meets(near, least)
+
+    def why_not(self, near: ObjectInstance | None) -> str:
+        if near is None:
+            return super().why_not(near)
+        score, least = near.score * self._place(near), self._least_near
+        if score < least:
+            return f"from near its score is {score:.2f} < {least:.2f}"
+        if not (self._acted.anywhere or self.in_place(near)):
+            return "from near it is not where it was said to be"
+        return super().why_not(near)
+
+    @property
+    def _least_near(self) -> float:
+        """The score that what was chosen must have from near."""
         threshold = self._standards.steps[self._standards.firm - 1].score
-        least = min(self._acted.score, threshold) - self.settings.tau_inc
-        return any(o.id == near.id for o in self.candidates()) and self._meets(
-            near, replace(self._acted, score=least)
-        )
+        return min(self._acted.score, threshold) - self.settings.tau_inc
 
     @property
     def at_last(self) -> bool:

@@ -111,11 +111,15 @@ class TaskBook:
             self._cancelled.add(id)
         self._keep(id)
 
-    def end(self, id: str, state: State, message: str, cause: Cause | None = None) -> None:
+    def end(
+        self, id: str, state: State, message: str, cause: Cause | None = None, **more: object
+    ) -> None:
+        """more: other fields of the task, known at its end."""
         if state is State.CANCELLED and self.closing.is_set():
             return
-        done = {"progress": 1.0} if state is State.SUCCEEDED else {}
-        self.change(id, state=state, message=message, cause=cause, ended_s=time.time(), **done)
+        if state is State.SUCCEEDED:
+            more["progress"] = 1.0
+        self.change(id, state=state, message=message, cause=cause, ended_s=time.time(), **more)
         self._store.settle(id)
         with self._lock:
             self._cancelled.discard(id)

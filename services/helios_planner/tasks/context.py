@@ -15,6 +15,9 @@ from helios_planner.language.words import BINDING
 from helios_planner.searching.explore import PICK_LAYER, PLACE_LAYER
 from helios_planner.settings import Settings
 
+NEAR = 0.68  # share of letters, in order, that names have in common which are taken for each other
+ALL_NAMES = "all that it knows: `helios names` (HTTP: GET /v1/vocabulary)"
+
 
 def search_context(id: str, instruction: Instruction, settings: Settings) -> SearchContext:
     """Classes with their thresholds, and what the value layers are asked for. The pick layer asks
@@ -53,7 +56,7 @@ def closest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
     """Known names most like `name`: by letters, then by shared words."""
     words = set(name.split())
     sharing = [k for k in known if words & set(k.replace("_", " ").split())]
-    like = difflib.get_close_matches(name, known, n=count, cutoff=0.5)
+    like = difflib.get_close_matches(name, known, n=count, cutoff=NEAR)
     return list(dict.fromkeys([*like, *sharing]))[:count]
 
 
@@ -83,5 +86,5 @@ def _known(role: str, name: str, known: dict[str, str], detector: str) -> tuple[
                 if form in known and not BINDING & set(words[:k]):
                     return known[form], [*([" ".join(words[:k])] if k else []), *beside]
     near = closest(name, list(known))
-    hint = f"did you mean {' or '.join(near)}?" if near else "ask for what it knows"
+    hint = f"did you mean {' or '.join(near)}?" if near else ALL_NAMES
     raise InvalidInput(f"the detector ({detector}) does not know the {role} “{name}”; {hint}")

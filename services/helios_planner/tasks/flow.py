@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from helios_core.robot import Observe, Pick, Place
+from helios_core.robot import Pick, Place
 from helios_core.types import ObjectInstance
 
 from helios_planner.agents import agent_named
 from helios_planner.ground.gaze import GazePoint
-from helios_planner.handling.placed import Seen, seen_after
+from helios_planner.handling.placed import Seen, look_after
 from helios_planner.handling.skills import Done, Skills
 from helios_planner.language.instruction import Instruction, Kind
 from helios_planner.moving.legs import Outcome
@@ -45,9 +44,11 @@ class Mission:
         attempts = settings.picks_per_object if self.agent.retries else 1
         self.skills = Skills(body, legs, settings, belief, attempts)
         self.looked_around = self.placed = False
+        self.seen_at_goal: bool | None = None  # of what was placed; None: nothing was
         self.target_m: np.ndarray | None = None  # what is being picked
         self.picked_at_m: np.ndarray | None = None
         self.unsure: dict[Phase, str] = {}  # what is to be said of what was settled for
+        self._fell = ""  # why the next search is for what was held already
         self.search: Search | None = None  # the one that goes on
         self._recalled: Mapping[str, Any] | None = None  # of the search that went on
 
@@ -72,17 +73,19 @@ class Mission:
                 search.what = "stop"  # in its sentences
             return self._show(self._begun(search))
         assert i.goal
-        seen = "it was not seen there yet"
+        if self.placed:  # while nobody was there to look
+            self.seen_at_goal = False
         while not self.placed:
             try:
                 if self.picked_at_m is None:
                     self.picked_at_m = self._pick(i.object, i.start)
-                seen = self._place(i.goal, self.picked_at_m if i.goal == i.start else None)
+                self._place(i.goal, self.picked_at_m if i.goal == i.start else None)
                 self.placed = True
             except Dropped as fall:
                 self.skills.count_fall(fall, i.object)
                 self.picked_at_m = None
-                self.body.tell_phase(Phase.FIND_OBJECT, i.object, f"the {i.object} fell: {fall}")
+                self._fell = f"the {i.object} fell: {fall}"
+        seen = "it is seen there" if self.seen_at_goal else "it was not seen there yet"
         return "; ".join([f"put the {i.object} on the {i.goal}", seen, *self.unsure.values()])
 
     def _take_over(self, name: str) -> None:
@@ -102,6 +105,9 @@ class Mission:
         if recalled is not None and recalled["phase"] == search.phase:
             search.recall(recalled)
         self.search = search
+        if self._fell:
+            search.say_first(self._fell)
+            self._fell = ""
         search.tell(f"looking for the {search.name}")
         return search
 
@@ -183,11 +189,10 @@ class Mission:
             done = self.skills.pick(found, search.name, search.holds_up)
             if done is Done.SUCCEEDED:
                 return np.asarray(found.center_m)
-            self._give_up(search, found, done)
-            search.tell(f"the pick did not work ({_words(done)}); searching on")
+            self._give_up(search, "pick", found, done)
 
-    def _place(self, goal: str, not_at: np.ndarray | None) -> str:
-        """Until it is put down; what is seen of it then."""
+    def _place(self, goal: str, not_at: np.ndarray | None) -> None:
+        """Until it is put down; and whether it is seen there then."""
         search = self.agent.seek_receptacle(self.kit, goal, not_at)
         search.settle_at_last(self.settings.place_at_last)
         search.rounds = self.settings.rounds_held
@@ -207,9 +212,10 @@ class Mission:
             before = list(self.kit.belief.known(name))
             done = self.skills.place(found, goal, search.holds_up)
             if done is Done.SUCCEEDED:
-                return self._seen(name, self.skills.placed_on or found, before)
-            self._give_up(search, found, done)
-            search.tell(f"this {goal} did not work ({_words(done)}); another one")
+                receptacle = self.skills.placed_on or found
+                self.seen_at_goal = self._seen(name, receptacle, before)
+                return
+            self._give_up(search, "place", found, done)
 
     def _note_if_unsure(self, search: Search, found: ObjectInstance) -> None:
         """Before it is acted on, so that a planner that dies in the act still tells it."""
@@ -218,34 +224,36 @@ class Mission:
             said = f"no surer {search.name} was found than this one ({found.score:.2f})"
             self.unsure[search.phase] = said
 
-    @staticmethod
-    def _give_up(search: Search, found: ObjectInstance, done: Done) -> None:
-        """Leave what did not work, or doubt it."""
+    def _give_up(self, search: Search, what: str, found: ObjectInstance, done: Done) -> None:
+        """Leave what did not work, or doubt it, and tell why."""
+        reason = self.skills.last_reason or "it did not work"
+        if done is Done.DOUBTED:
+            reason = search.why_not(self.skills.near)
+        elif done is Done.OUT_OF_REACH:
+            reason = "no way leads to where it is in reach"
+        search.give_up(what, found, reason)
         if done is Done.DOUBTED:
             search.doubt(found)
         else:
             search.leave(found, done is Done.OUT_OF_REACH)
 
-    def _seen(self, name: str, receptacle: ObjectInstance, before: Sequence[ObjectInstance]) -> str:
+    def _seen(
+        self, name: str, receptacle: ObjectInstance, before: Sequence[ObjectInstance]
+    ) -> bool:
         """The robot says that it placed it; is it seen there? Raises TaskFailed where it is seen
         elsewhere."""
         least, surface_m = self.settings.cs_g, self.skills.surface_m
-        known = self.kit.belief.known
-        seen, thing = seen_after(receptacle, before, known(name), least, surface_m)
-        if seen is Seen.NOWHERE:
-            # In the image of the placing the map took it for still held. Where no step is left to
-            # look once more, it is placed all the same.
-            with contextlib.suppress(TaskFailed):
-                self.body.act(Observe())
-            seen, thing = seen_after(receptacle, before, known(name), least, surface_m)
+        seen, thing = look_after(
+            self.body, receptacle, before, lambda: self.kit.belief.known(name), least, surface_m
+        )
         if seen is Seen.BESIDE_IT and thing is not None:
-            x, y, z = thing.center_m
+            self.seen_at_goal, (x, y, z) = False, thing.center_m
             raise TaskFailed(
                 Cause.ROLLED_OFF,
                 f"the {name} was placed on the {receptacle.class_name} and is seen beside it, at "
                 f"({x:.2f}, {y:.2f}, {z:.2f}) m",
             )
-        return "it is seen there" if seen is Seen.ON_IT else "it was not seen there yet"
+        return seen is Seen.ON_IT
 
     def _go_to(self, goal: str) -> None:
         search = self._begun(self.agent.seek_receptacle(self.kit, goal, None))
@@ -277,7 +285,8 @@ class Mission:
             if seen is not None and seen.score >= search.threshold:
                 x, y, z = seen.center_m
                 return f"found the {search.name} at ({x:.2f}, {y:.2f}, {z:.2f}) m"
-            search.tell(f"from near it does not look like a {search.name}; searching on")
+            worse = seen and f"from near its score is {seen.score:.2f} < {search.threshold:.2f}"
+            search.give_up("stop", found, worse or search.why_not(None))
             if self.body.budget_used() == used:  # nothing was done, and nothing else would be
                 search.leave(found, out_of_reach=stood is Outcome.UNREACHABLE)
 
@@ -297,7 +306,3 @@ def _listed(point_m: np.ndarray | None) -> list[float] | None:
 
 def _array(point_m: Sequence[float] | None) -> np.ndarray | None:
     return None if point_m is None else np.asarray(point_m, float)
-
-
-def _words(done: Done) -> str:
-    return done.name.lower().replace("_", " ")

@@ -48,7 +48,7 @@ class TaskRun:
 
     def run(self) -> None:
         """Until it has ended, or was cancelled because the planner ends; that is the book's."""
-        id, body = self._task.id, None
+        id, body, mission = self._task.id, None, None
         try:
             self._named()
             check_able(self._task.instruction, self._robot)
@@ -61,7 +61,8 @@ class TaskRun:
             self._journal.memory = mission.memory
             self._journal.note()
             body.begin()
-            self._book.end(id, State.SUCCEEDED, mission.run() + _contacts(body))
+            message = mission.run() + _contacts(body)
+            self._book.end(id, State.SUCCEEDED, message, seen_at_goal=mission.seen_at_goal)
         except TaskCancelled:
             self._book.end(id, State.CANCELLED, f"cancelled; {self._left(body)}")
         except TaskFailed as failure:
@@ -69,7 +70,8 @@ class TaskRun:
             message = failure.message + (_contacts(body) if by_robot else "")
             if by_robot and (held := self._held(body)):
                 message += f"; {held}"
-            self._book.end(id, State.FAILED, message, failure.cause)
+            seen = mission and mission.seen_at_goal
+            self._book.end(id, State.FAILED, message, failure.cause, seen_at_goal=seen)
         except HeliosError as error:
             self._book.end(id, State.FAILED, error.message, Cause.SYSTEM_ERROR)
         finally:

@@ -37,7 +37,7 @@ def progress(phase: Phase | None, steps_in_phase: int) -> float:
 def task_to_proto(task: Task) -> pb.Task:
     """As it is told and kept."""
     i = task.instruction
-    return pb.Task(
+    told = pb.Task(
         id=task.id,
         instruction=task.text,
         state=task.state,
@@ -64,6 +64,9 @@ def task_to_proto(task: Task) -> pb.Task:
         on_hold=task.on_hold,
         unused=i.unused,
     )
+    if task.seen_at_goal is not None:
+        told.seen_at_goal = task.seen_at_goal
+    return told
 
 
 def task_from_proto(task: pb.Task) -> Task:
@@ -96,6 +99,7 @@ def task_from_proto(task: pb.Task) -> Task:
         priority=task.priority,
         settings=dict(task.settings),
         on_hold=task.on_hold,
+        seen_at_goal=task.seen_at_goal if task.HasField("seen_at_goal") else None,
     )
 
 

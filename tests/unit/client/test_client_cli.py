@@ -58,6 +58,7 @@ def test_help_does_not_wait_for_heavy_imports(heavy: str) -> None:
         ["up"],
         ["task"],
         ["tasks"],
+        ["names"],
         ["cancel"],
         ["status"],
         ["stop"],

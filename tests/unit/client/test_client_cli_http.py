@@ -12,11 +12,15 @@ from typing import NoReturn
 import numpy as np
 import pytest
 from helios_client.cli import run
+from helios_client.http.errors import WrongRequest
 from helios_client.supervision import state_file
-from helios_core.errors import Unavailable
+from helios_core import proto as pb
+from helios_core.errors import InvalidInput, Unavailable
+from helios_planner.language.instruction import parse
+from helios_planner.tasks.context import in_vocabulary
 
 from tests.gateway_process import Served, served
-from tests.support import wait_until
+from tests.support import free_port, wait_until
 
 INSTRUCTION = "move the mug from the coffee table to the kitchen counter"
 
@@ -99,7 +103,7 @@ def test_objects_are_listed_surest_first_by_class_and_score(helios: Helios) -> N
     assert all(o["score"] >= 0.7 for o in helios.json("objects", "--min-score", "0.7")["objects"])
     assert "coffee table" in helios("objects")
     assert helios("objects", "--class", "piano") == "no piano is believed\n"
-    helios("objects", "--min-score", "nan", status=1)
+    helios("objects", "--min-score", "nan", status=2)
     assert "min_score" in helios.error
 
 
@@ -141,7 +145,7 @@ def test_both_maps_are_saved_in_one_file_and_come_back(
     assert "No such file" in helios.error
     assert "helios map save" in helios.error
     (tmp_path / "note.zip").write_text("not a map")
-    helios("map", "load", str(tmp_path / "note.zip"), status=1)
+    helios("map", "load", str(tmp_path / "note.zip"), status=2)
     assert "helios map save" in helios.error
 
 
@@ -171,6 +175,35 @@ def test_a_task_has_a_priority_and_settings_of_its_own(house: Served, helios: He
     helios("task", INSTRUCTION, "--set", "alpha_d", status=2)
     assert "NAME=VALUE" in helios.error
     helios("task", INSTRUCTION, "--priority", "101", status=2)
+
+
+def test_what_can_be_asked_for_is_listed(helios: Helios, monkeypatch: pytest.MonkeyPatch) -> None:
+    known = ["bowl", "coffee table", "kitchen counter", "mug", "sofa"]
+    assert helios("names").splitlines() == known
+    told = helios.json("names")
+    assert (told["open"], told["names"]) == (False, known)
+    monkeypatch.setenv("FORCE_COLOR", "1")  # as on a terminal
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = helios("names").splitlines()
+    assert len(lines) < len(known)
+    assert all(name in " ".join(lines) for name in known)
+
+
+@pytest.mark.parametrize("thing", ["unicorn", "mugg"])
+def test_who_asks_for_what_nobody_knows_is_told_where_the_names_are(
+    thing: str, helios: Helios, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = pb.VocabularyReply(names=["mug", "sofa"], detector="simulated")
+    with pytest.raises(InvalidInput) as said:
+        in_vocabulary(parse(f"find the {thing}"), known)
+
+    def refuse(*_: object) -> NoReturn:
+        raise WrongRequest(said.value.message)
+
+    monkeypatch.setattr("helios_client.sdk.Helios.submit", refuse)
+    helios("task", f"find the {thing}", status=2)
+    assert helios.error.startswith(f"helios: {said.value.message}")
+    assert helios.error.count("helios names") == 1
 
 
 def test_a_task_for_a_stopped_robot_says_at_once_what_it_waits_for(
@@ -215,7 +248,7 @@ def test_an_interrupt_while_the_stop_is_told_cancels_too(
 
 def test_another_robot_is_named(helios: Helios) -> None:
     assert helios.json("tasks", "--robot", "robot") == {"tasks": []}
-    helios("tasks", "--robot", "spot", status=1)
+    helios("tasks", "--robot", "spot", status=2)
     assert "there are: robot" in helios.error
 
 
@@ -227,6 +260,36 @@ def test_the_status_of_another_robot_is_its_own(helios: Helios, tmp_path: Path) 
     told = helios("status", "--robot", "robot")
     assert "only-here" not in told
     assert "gateway" in told
+
+
+@pytest.mark.parametrize(
+    "args", [["task", "dance"], ["status", "--robot", "foo"], ["tasks", "--robot", "foo"]]
+)
+def test_what_helios_refuses_to_understand_is_wrong_use(args: list[str], helios: Helios) -> None:
+    helios(*args, status=2)
+    assert helios.error.startswith("helios: ")
+    assert helios.error.count("\n") == 1
+
+
+def test_who_asks_on_the_wrong_port_is_told_of_the_right_one(
+    house: Served, capsys: pytest.CaptureFixture[str], tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    free = free_port()
+    for args in (["task", INSTRUCTION], ["status"]):
+        assert run([*args, "--port", str(free)]) == 1
+        assert "or name its port with --port\n" in capsys.readouterr().err
+    running = {"ready": True, "services": []}  # as a `helios up` leaves it
+    state_file.write([tmp_path / "helios" / str(house.port)], running)
+    (tmp_path / "helios" / "backup").mkdir()
+    for args in (["task", INSTRUCTION], ["status"], ["objects"]):
+        assert run([*args, "--port", str(free)]) == 1
+        told = capsys.readouterr().err
+        assert told.endswith(f"--port: one runs with --port {house.port}\n")
+        assert told.count("\n") == 1
+    monkeypatch.setenv("HELIOS_URL", f"http://127.0.0.1:{free}")  # goes before --port
+    assert run(["tasks"]) == 1
+    assert "--port" not in capsys.readouterr().err
 
 
 def test_every_failure_is_one_sentence(helios: Helios) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
+from helios_client.http.errors import WrongRequest
 from helios_client.http.events import EventParser
 from helios_client.sdk import Helios
 from helios_client.tasks import Event
@@ -87,6 +88,9 @@ def test_a_problem_is_a_typed_error_with_its_sentence(status: int, kind: type[He
 def test_an_answer_that_is_no_problem_still_is_an_error() -> None:
     with pytest.raises(Internal, match="502"):
         helios(lambda _: httpx.Response(502, text="<html>")).task("t1")
+    with pytest.raises(InvalidInput, match="is HELIOS there") as refused:
+        helios(lambda _: httpx.Response(404, text="<html>")).task("t1")
+    assert not isinstance(refused.value, WrongRequest)  # which is told of HELIOS's own word alone
     with pytest.raises(Internal, match="no JSON"):
         helios(lambda _: httpx.Response(200, text="<html>")).task("t1")
 

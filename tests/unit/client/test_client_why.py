@@ -50,9 +50,9 @@ STAYS = {"do": "act", "why": PICK["why"], "candidates": [], "flips": False, "cer
 
 
 def shown(decisions: list[dict[str, Any]], changes: tuple[str, ...] = (), top: int = 3,
-          everything: bool = False) -> str:  # fmt: skip
+          everything: bool = False, width: int = 110) -> str:  # fmt: skip
     out = io.StringIO()
-    console = Console(file=out, width=110, color_system=None)
+    console = Console(file=out, width=width, color_system=None)
     told = [Decision.from_json(d) for d in decisions]
     console.print(report(Task.from_json(TASK), told, changes, top, everything))
     return out.getvalue()
@@ -70,6 +70,33 @@ def test_each_decision_is_a_sentence_with_its_time_and_its_best_candidates() -> 
     assert ["›", "coffee", "table", "0.620", "1.200", "3.1", "m", "0.741"] in rows
     assert ["and", "3", "more"] in rows
     assert ["›", "mug", "4", "yes", "0.550", "0.550"] in rows
+
+
+MANY_TERMS = {
+    "class_score": 0.62, "uncertainty": 0.11, "information_gain": 1.234, "distance_m": 12.3,
+    "views": 14, "in_place": 1, "place": 0.87, "score": 0.55, "score_after_view": 0.71,
+    "total": 0.7412,
+}  # fmt: skip
+WIDE = PICK | {"candidates": [
+    candidate("object", "television stand", k == 4, **MANY_TERMS) for k in range(6)
+]}  # fmt: skip
+
+
+@pytest.mark.parametrize("width", [60, 72, 80, 100, 200])
+def test_on_a_narrow_terminal_no_name_and_no_number_is_cut(width: int) -> None:
+    lines = shown([SEARCH, WIDE], width=width).splitlines()
+    assert all(len(line) <= width for line in lines)
+    text = " ".join(" ".join(lines).split())
+    for word in ("frontier 1", "1.234", "12.3 m", "0.741", "0.870", "and 2 more"):
+        assert word in text
+    assert "…" not in text
+    if width >= 72:  # below, long names are broken
+        assert text.count("television") == 4
+
+
+def test_on_eighty_columns_the_terms_of_a_search_stay_columns() -> None:
+    rows = [line.split() for line in shown([SEARCH], width=80).splitlines()]
+    assert ["›", "coffee", "table", "0.620", "1.200", "3.1", "m", "0.741"] in rows
 
 
 def test_sentences_alone_can_be_asked_for() -> None:

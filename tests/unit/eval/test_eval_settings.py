@@ -59,7 +59,10 @@ def test_every_setting_of_an_agent_is_one_of_a_service() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("alpha_d", "name=value"), ("nonsense=1", "no service has"), ("alpha_d=-1", "alpha_d"),
+        ("alpha_d", "name=value"), ("=1", "name=value"), ("nonsense=1", "no service has"),
+        ("nonsense=1", "helios_objectmap"), ("alpha_dd=1", "did you mean planner.alpha_d or"),
+        ("alpha_dd", "planner.alpha_d"), ("max_dept_m=3", "objectmap.max_depth_m or map2d."),
+        ("planner.tua_g=1", "planner.tau_g"), ("alpha_d=-1", "alpha_d"),
         ("gain_norm=most", "per_gaussian"), ("max_depth_m=3", "objectmap.max_depth_m"),
         ("planner.state_dir=/tmp", "no service has"),
     ],

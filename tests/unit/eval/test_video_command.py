@@ -1,5 +1,7 @@
 """`helios eval video` from the command to the file."""
 
+import io
+
 import cv2
 import pytest
 from helios_client import cli
@@ -11,12 +13,16 @@ from helios_eval.episodes.play import play
 from helios_eval.episodes.spec import EpisodeSpec
 from helios_eval.video import episode
 from helios_eval.video.command import video
+from helios_eval.video.steps import counted
+from rich.console import Console
 
 
 def test_a_short_episode_is_filmed(tmp_path, capsys):
     path = tmp_path / "film.mp4"
     video(seed=4, out=path, preset="demo-v1", semantics="ground-truth", fps=8.0, max_steps=2)
-    assert "written to" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "home 4: step 0 of at most 2\n" in told
+    assert "written to" in told
     reader = cv2.VideoCapture(str(path))
     frames = []
     while (got := reader.read())[0]:
@@ -26,6 +32,20 @@ def test_a_short_episode_is_filmed(tmp_path, capsys):
     assert len(frames) >= 8 + 1 + 24  # the first step for a second, the second, the end for three
     assert frames[0][110:, :360].std() > 20  # the camera
     assert frames[0][110:, 380:840].std() > 20  # the maps
+
+
+def test_a_film_counts_its_steps_for_a_log_and_for_a_terminal():
+    told = {}
+    for terminal in (False, True):
+        out = io.StringIO()
+        console = Console(file=out, force_terminal=terminal, width=100)
+        with counted(console, "home 4", 500) as on_step:
+            for step in (1, 24, 25, 26, 80, 81):
+                on_step(step)
+        told[terminal] = out.getvalue()
+    lines = [f"home 4: step {step} of at most 500" for step in (0, 25, 80)]
+    assert told[False].splitlines() == lines
+    assert "step 81 of at most 500" in told[True]
 
 
 @pytest.mark.parametrize("agent", ["helios", "helios-next"])

@@ -7,6 +7,7 @@ import math
 
 import pytest
 from fastapi.testclient import TestClient
+from helios_client.tasks import Task
 from helios_core import proto as pb
 from helios_core.errors import Internal
 from helios_core.memory_bus import MemoryBus, MemoryHub
@@ -52,6 +53,19 @@ def test_phases_before_the_present_one_are_done(backend: Backend, client: TestCl
     phases = client.get("/v1/tasks/t1").json()["phases"]
     assert [p["name"] for p in phases] == ["find_object", "pick", "find_receptacle", "place"]
     assert [p["state"] for p in phases] == ["done", "done", "active", "waiting"]
+
+
+@pytest.mark.parametrize("seen", [True, False, None])
+def test_a_task_says_whether_what_it_placed_was_seen_at_its_goal(
+    seen: bool | None, backend: Backend, client: TestClient
+) -> None:
+    client.post("/v1/tasks", json={"instruction": INSTRUCTION})
+    backend.change_task("t1", "succeeded")
+    if seen is not None:
+        backend.tasks["t1"].seen_at_goal = seen
+    answer = client.get("/v1/tasks/t1").json()
+    assert answer["seen_at_goal"] is seen
+    assert Task.from_json(answer).seen_at_goal is seen
 
 
 def test_an_instruction_that_is_not_understood_says_what_was(

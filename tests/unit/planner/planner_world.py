@@ -38,6 +38,7 @@ class FakeWorld(Body):
         self.log: list[Action] = []
         self.decisions: list[Decision] = []
         self.phases: list[Phase] = []
+        self.said: list[tuple[int, str]] = []  # step, message
         self.picks, self.released = 0, None
         self.retired: list[int] = []  # things, in the order in which the map was told
         self.cancel_after: int | None = None
@@ -224,6 +225,7 @@ class FakeWorld(Body):
         self.things[id].views.clear()
 
     def tell_phase(self, phase: Phase, seeking: str, message: str) -> None:
+        self.said.append((self.steps, message))
         if not self.phases or self.phases[-1] is not phase:
             self.phases.append(phase)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from helios_core.robot import Place
 from helios_core.types import ObjectInstance
+from helios_planner.decisions.decide import GIVEN_UP
 from helios_planner.decisions.standards import paper
 from helios_planner.handling.skills import GROWN_M, Done, Skills
 from helios_planner.searching.belief import MapBelief
@@ -20,6 +21,7 @@ from planner_flat import coffee_table, counter, flat, mug
 from planner_rig import Looks, Rig, instance
 from planner_things import Thing
 from planner_trouble import bring
+from planner_world import FakeWorld
 
 
 @dataclass
@@ -55,6 +57,39 @@ def test_nothing_is_picked_that_is_doubted_from_near() -> None:
     assert lamp.near_views()
     assert world.picks == 1
     assert world.released is world.things[3]
+
+
+def given_up(world: FakeWorld) -> list[str]:
+    """Why, each of which is also said first by all that is told until the robot acts again."""
+    kept = [d.why for d in world.decisions if d.rule == GIVEN_UP]
+    for why in kept:
+        (step, *_), *after = [(s, m) for s, m in world.said if m.startswith(why)]
+        assert after, "what comes next says it, too"
+        assert {m.startswith(f"{why}; ") for s, m in after if s == step} == {True}
+        assert any(s > step and not m.startswith(why) for s, m in world.said)
+    return kept
+
+
+def test_why_a_pick_is_given_up_is_kept_and_said_with_what_comes_next() -> None:
+    lamp = LookAlike(4, "mug", np.array([6.8, 5.6, 0.5]), np.array([0.08, 0.08, 0.1]))
+    world = flat([coffee_table(), counter(), mug(), lamp])
+    bring(world)
+    assert given_up(world) == ["give up picking the mug: from near its score is 0.35 < 0.45"]
+
+
+def test_a_pick_that_failed_is_given_up_for_the_reason_that_the_robot_gave() -> None:
+    world = flat([coffee_table(), counter(), replace(mug(), slippery=99)])
+    with pytest.raises(TaskFailed):
+        bring(world, rounds=1)
+    assert given_up(world) == ["give up picking the mug: it slipped"]
+
+
+def test_why_a_receptacle_is_given_up_is_kept_and_said() -> None:
+    bed = LookAlike(4, "counter", np.array([7.8, 1.0, 0.45]), np.array([2.0, 1.8, 0.1]),
+                    graspable=False, near_m=2.4)  # fmt: skip
+    world = flat([coffee_table(), counter(), mug(), bed])
+    bring(world)
+    assert given_up(world)[0].startswith("give up placing on the counter: from near its score is")
 
 
 @pytest.mark.parametrize("skill", ["pick", "place"])

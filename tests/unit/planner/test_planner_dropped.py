@@ -56,6 +56,9 @@ def test_what_fell_on_the_way_is_picked_up_again() -> None:
     assert hands == [Pick, Pick, Place]  # noticed at once, not at the counter
     assert world.released is world.things[3]
     assert world.retired == [3, 3]  # once for each time that it was grasped
+    fell = [message for _, message in world.said if message.startswith("the mug fell: ")]
+    assert fell[0].endswith("; looking for the mug")
+    assert "; looking" not in fell[-1]  # said with what it then decided, too
 
 
 def test_a_gripper_that_is_mistaken_for_a_moment_drops_nothing() -> None:

@@ -56,12 +56,16 @@ def test_what_is_hardly_believed_does_not_count() -> None:
     assert seen_after(COUNTER, [], doubtful, 0.3, COUNTER.top_m) == (Seen.NOWHERE, None)
 
 
-def run(rolls: bool) -> str:
+def mission(rolls: bool = False, blind: bool = False) -> Mission:
+    """Bring the mug; it rolls off, or nothing is seen of it once it was placed."""
     world = flat([coffee_table(), counter(), mug()])
     place = world._do
 
     def roll(action: Action) -> ActionResult:
         result = place(action)
+        if blind and isinstance(action, Place):
+            objects = world.objects
+            world.objects = lambda class_name: [] if class_name == "mug" else objects(class_name)
         if rolls and isinstance(action, Place):
             assert world.released is not None
             at = world.pose()
@@ -70,16 +74,27 @@ def run(rolls: bool) -> str:
         return result
 
     world._do = roll
-    return Mission(world, parse("Move the mug from the coffee table to the counter"),
-                   Settings()).run()  # fmt: skip
+    text = "Move the mug from the coffee table to the counter"
+    return Mission(world, parse(text), Settings())
 
 
 def test_a_thing_that_is_seen_on_the_goal_is_said() -> None:
-    assert run(rolls=False) == "put the mug on the counter; it is seen there"
+    whole = mission()
+    assert whole.seen_at_goal is None
+    assert whole.run() == "put the mug on the counter; it is seen there"
+    assert whole.seen_at_goal is True
+
+
+def test_a_thing_that_is_not_seen_after_placing_is_told_apart() -> None:
+    whole = mission(blind=True)
+    assert whole.run() == "put the mug on the counter; it was not seen there yet"
+    assert whole.seen_at_goal is False
 
 
 def test_a_thing_that_rolled_off_is_a_failure_though_the_robot_reports_success() -> None:
+    whole = mission(rolls=True)
     with pytest.raises(TaskFailed) as failure:
-        run(rolls=True)
+        whole.run()
+    assert whole.seen_at_goal is False
     assert failure.value.cause is Cause.ROLLED_OFF
     assert "is seen beside it" in failure.value.message

@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pytest
 from helios_core import proto as pb
+from helios_planner.task import State
 from helios_planner.tasks.journal import Entry
 from helios_planner.tasks.store import Store
+from helios_planner.tasks.telling import task_from_proto, task_to_proto
+from planner_tasks import a_task
 
 
 def decisions(store: Store, count: int) -> list[int]:
@@ -43,6 +46,13 @@ def test_a_journal_comes_back_as_it_was(tmp_path: Path) -> None:
     store.settle("a")
     assert store.entry("a") is None
     store.close()
+
+
+@pytest.mark.parametrize("seen", [True, False, None])
+def test_whether_it_was_seen_at_its_goal_is_kept_and_told(seen: bool | None) -> None:
+    task = a_task(state=State.SUCCEEDED).with_(seen_at_goal=seen)
+    told = pb.Task.FromString(task_to_proto(task).SerializeToString())
+    assert task_from_proto(told) == task
 
 
 def test_the_newest_pulse_is_kept(tmp_path: Path) -> None:

@@ -42,3 +42,26 @@ def test_what_a_thing_belongs_to_is_not_the_thing() -> None:
     assert "did you mean pan?" in refusal.value.message
     with pytest.raises(InvalidInput, match="does not know the start “edge of the bed”"):
         named("find the mug on the edge of the bed")
+
+
+KNOWN = ("can", "candle", "banana", "scissors", "bookcase", "kitchen counter", "refrigerator")
+
+
+@pytest.mark.parametrize(
+    ("said", "wanted"),
+    [
+        ("cann", "did you mean can?"),
+        ("bannana", "did you mean banana?"),
+        ("scisors", "did you mean scissors?"),
+        ("bookcsae", "did you mean bookcase?"),
+        ("fridge", "all that it knows: `helios names` (HTTP: GET /v1/vocabulary)"),
+        ("unicorn", "all that it knows: `helios names` (HTTP: GET /v1/vocabulary)"),
+        ("unicorns", "all that it knows: `helios names` (HTTP: GET /v1/vocabulary)"),
+    ],
+)
+def test_only_a_name_that_is_near_is_offered_and_else_where_all_of_them_are(
+    said: str, wanted: str
+) -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        named(f"find the {said}", KNOWN)
+    assert refusal.value.message.endswith(f"does not know the object “{said}”; {wanted}")

@@ -1,0 +1,68 @@
+"""Names of settings: what is misspelt is refused with what was meant.
+
+A service refuses variables `HELIOS_<ITSELF>_…` that are no setting of its own, and tables of the
+file that are no service's. Those of other services it lets pass: it does not know their settings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from difflib import get_close_matches
+from typing import Any
+
+from helios_core.errors import InvalidInput
+
+PREFIX = "HELIOS_"
+SERVICES = (
+    "bridge", "detector", "gateway", "map2d", "objectmap", "planner", "recorder", "replay", "spot",
+    "world",
+)  # fmt: skip
+OF_ALL = "all"  # the table of what every service has
+
+
+def check_variables(service: str, settings: Collection[str], variables: Iterable[str]) -> None:
+    """variables: names in the environment. Raises InvalidInput, which never tells a value."""
+    prefix = variable(service, "")
+    own = (name.upper() for name in variables if name.upper().startswith(prefix))
+    unknown = sorted(name for name in own if name.removeprefix(prefix).lower() not in settings)
+    if unknown:
+        raise InvalidInput("; ".join(no_setting(service, settings, name) for name in unknown))
+
+
+def check_tables(service: str, tables: Mapping[str, Any], path: str) -> None:
+    """tables: the whole of a settings file. Raises InvalidInput."""
+    known = {*SERVICES, service, OF_ALL}
+    for name, table in tables.items():
+        if not isinstance(table, dict):
+            raise InvalidInput(
+                f"{path} has {name} outside of a table; put it under the table of its service, "
+                f"such as [{service}]"
+            )
+        if name not in known:
+            near = nearest(name, known)
+            raise InvalidInput(
+                f"{path} has a table [{name}], but there is no such service; "
+                + (f"did you mean [{near}]? " if near else "")
+                + f"The tables are {', '.join(sorted(known))}"
+            )
+
+
+def no_setting(service: str, settings: Collection[str], name: str) -> str:
+    """What is said of a name that is none of the settings: a variable's, or a key's in a table."""
+    prefix = variable(service, "")
+    near = nearest(name.removeprefix(prefix), settings)
+    if near is None:
+        meant = f"leave it out, or name one of {', '.join(sorted(settings))}"
+    else:
+        meant = f"did you mean {variable(service, near) if name.startswith(prefix) else near}?"
+    return f"no setting of {service} is called {name}; {meant}"
+
+
+def variable(service: str, setting: str) -> str:
+    """The variable that gives a service's setting."""
+    return f"{PREFIX}{service}_{setting}".upper()
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that was likely meant."""
+    return next(iter(get_close_matches(name.lower(), sorted(known), 1)), None)

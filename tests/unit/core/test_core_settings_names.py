@@ -1,0 +1,131 @@
+"""What names no setting is refused with what was meant; what is another's is let pass."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import pytest
+from helios_core.errors import InvalidInput
+from helios_core.settings import ServiceSettings, service_config
+from helios_core.settings_names import SERVICES
+from pydantic import Field
+
+MODULES = {name: f"helios_{name}" for name in SERVICES} | {"world": "helios_sim"}
+
+
+class Settings(ServiceSettings):
+    model_config = service_config("sample")
+
+    cell_m: float = Field(default=0.025, gt=0, description="edge of a cell")
+
+
+def settings_of(service: str) -> type[ServiceSettings]:
+    declared = vars(importlib.import_module(f"{MODULES[service]}.settings")).values()
+    [own] = (
+        d for d in declared
+        if isinstance(d, type) and issubclass(d, ServiceSettings) and d is not ServiceSettings
+    )  # fmt: skip
+    return own
+
+
+def refused(argv: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """What is said."""
+    with pytest.raises(SystemExit) as ended:
+        Settings.load(argv)
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert said.startswith("helios-sample: ")
+    assert said.count("\n") == 1
+    return said
+
+
+@pytest.mark.parametrize("name", ["HELIOS_SAMPLE_CEL_M", "helios_sample_cel_m"])
+def test_a_variable_that_is_no_setting_is_refused_with_the_near_one(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(name, "0.05")
+    assert "HELIOS_SAMPLE_CEL_M; did you mean HELIOS_SAMPLE_CELL_M?" in refused([], capsys)
+
+
+def test_where_none_is_near_all_are_named_and_no_value_is_told(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("HELIOS_SAMPLE_QWRTZ", "hunter2")
+    said = refused([], capsys)
+    assert "HELIOS_SAMPLE_QWRTZ" in said
+    assert "cell_m, config, log_level, robot, router" in said
+    assert "hunter2" not in said
+
+
+def test_settings_that_are_made_without_flags_refuse_it_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As a robot's driver makes its own."""
+    monkeypatch.setenv("HELIOS_SAMPLE_CEL_M", "0.05")
+    with pytest.raises(InvalidInput, match="HELIOS_SAMPLE_CELL_M"):
+        Settings()
+
+
+def test_help_is_given_all_the_same(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("HELIOS_SAMPLE_CEL_M", "0.05")
+    with pytest.raises(SystemExit) as ended:
+        Settings.load(["--help"])
+    assert ended.value.code == 0
+    assert "--cell-m" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("service", SERVICES)
+def test_each_service_has_a_known_name_and_minds_its_own_variables_alone(
+    service: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = settings_of(service)
+    assert own.service_name() == service
+    if service == "replay":
+        monkeypatch.setenv("HELIOS_REPLAY_SOURCE", "recording.mcap")  # it has no default
+    for name in ("TEST_SCREENSHOTS", "CONFIG_OF_MINE", "URL", "API_KEY", "RECORD", "HOME"):
+        monkeypatch.setenv(f"HELIOS_{name}", "")
+    for other in set(SERVICES) - {service}:
+        monkeypatch.setenv(f"HELIOS_{other.upper()}_QWRTZ", "1")
+    own()
+    monkeypatch.setenv(f"HELIOS_{service.upper()}_ROBBOT", "ada")
+    with pytest.raises(InvalidInput, match=f"HELIOS_{service.upper()}_ROBOT"):
+        own()
+
+
+def test_a_table_of_no_service_is_refused_with_the_near_one_and_the_list(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "helios.toml"
+    file.write_text("[sample]\ncell_m = 0.1\n[map2dd]\ncell_m = 0.1\n")
+    said = refused(["--config", str(file)], capsys)
+    assert f"{file} has a table [map2dd]" in said
+    assert "did you mean [map2d]?" in said
+    assert all(name in said for name in (*SERVICES, "all", "sample"))
+
+
+def test_a_key_that_is_no_setting_is_refused_with_the_near_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "helios.toml"
+    file.write_text("[sample]\ncel_m = 0.1\n")
+    assert "is called cel_m; did you mean cell_m?" in refused(["--config", str(file)], capsys)
+
+
+def test_tables_of_all_services_may_stand_in_one_file(tmp_path: Path) -> None:
+    file = tmp_path / "helios.toml"
+    file.write_text("".join(f"[{name}]\nrobot = 'ada'\n" for name in (*SERVICES, "all")))
+    assert Settings.load(["--config", str(file)]).robot == "ada"
+
+
+@pytest.mark.parametrize("line", ["cell_m = 0.1", "sample = 0.1", "[[sample]]"])
+def test_a_setting_outside_of_a_table_is_refused(
+    line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "helios.toml"
+    file.write_text(f"{line}\n")
+    assert "under the table of its service, such as [sample]" in refused(
+        ["--config", str(file)], capsys
+    )
