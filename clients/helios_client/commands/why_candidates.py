@@ -17,6 +17,7 @@ _ORDER = (  # what a term is made of stands before it
     "class_score", "uncertainty", "information_gain", "value", "frontier_scale", "distance_m",
     "views", "in_place", "place", "score", "score_after_view", "total",
 )  # fmt: skip
+_ALL_OF_TOTAL = ("score", "score_after_view")  # where a total is one of these, it is said once
 _LAYOUTS = ((False, INDENT), (True, INDENT), (True, 2))  # a word a line in the head?, indent
 
 
@@ -33,6 +34,12 @@ class Candidates:
             dict.fromkeys(name for c in self._shown for name in c["terms"]),
             key=lambda n: _ORDER.index(n) if n in _ORDER else -1,
         )
+        if any(self._is_total(name) for name in _ALL_OF_TOTAL):
+            self._terms.remove("total")
+
+    def _is_total(self, name: str) -> bool:
+        both = [(c["terms"].get(name), c["terms"].get("total")) for c in self._shown]
+        return all(value is not None and value == total for value, total in both)
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         for stacked, indent in _LAYOUTS:
