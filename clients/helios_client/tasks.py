@@ -49,7 +49,7 @@ class Task(_FromJson):
     ended_s: float = 0.0
     on_hold: bool = False  # somebody paused it, and nobody has resumed it yet
     unused: list[str] = field(default_factory=list)  # of the instruction
-    seen_at_goal: bool | None = None  # after it was placed; None: nothing was placed
+    seen_at_goal: bool | None = None  # after it was placed; None: it was not, or nobody knows
 
     @property
     def ended(self) -> bool:

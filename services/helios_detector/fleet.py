@@ -90,7 +90,10 @@ class Desk:
                 owner, strangers = self._members.owner(self.robot), self._members.strangers
             self._fault = self._turned(owner)
             if owner in (self._members.me, None):
-                self._report(strangers)
+                try:
+                    self._report(strangers)
+                except Exception:  # the next one may go out
+                    log.exception("%s: how it goes could not be told", self.robot)
             time.sleep(TICK_S)
 
     def _turned(self, owner: str | None) -> str:

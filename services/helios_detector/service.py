@@ -10,6 +10,7 @@ old one goes on being sought. No lock is held while a back end works or the bus 
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -107,7 +108,7 @@ class DetectorService:
             log.warning("search context %.100s refused: %s", message.id, typed(error).message)
             return
         with self._lock:
-            self._asked = context
+            self._asked, self._again_s = context, math.inf  # not again while it is being tried
         if not self._seek(context):
             self._health.count("contexts_refused")
 
@@ -128,8 +129,8 @@ class DetectorService:
             why = f"search context {context.id} is not sought: {fault.message}"
             log.warning("%s", why)
             with self._lock:
-                self._again_s = time.monotonic() + AGAIN_S
                 if self._asked is context:  # else a newer one came meanwhile
+                    self._again_s = time.monotonic() + AGAIN_S
                     self._troubles["context"] = why
                     if isinstance(fault, InvalidInput):  # asking again does not help
                         self._asked = None
@@ -141,11 +142,11 @@ class DetectorService:
             if self._asked is not context:  # a newer one came meanwhile, or this one was taken
                 return True
             self._context, self._refused = replace(context, classes=findable), refused
-            self._asked = None
+            self._asked, self._troubles["context"] = None, ""
             held, self._held = self._held, None
         for reason in refused.values():
             log.warning("search context %s: %s", context.id, reason)
-        self._say_trouble("context", "")
+        self._tell_health()
         if held is not None:
             self.on_keyframe(held)
         return True

@@ -127,7 +127,7 @@ class Task(BaseModel):
     )
     seen_at_goal: bool | None = Field(
         description="of a thing that was placed: whether it was seen on the goal receptacle "
-        "afterwards; null: nothing was placed"
+        "afterwards; null: nothing was placed, or the task ended before that was known"
     )
 
     @property

@@ -67,6 +67,8 @@ class Map2DService:
         self._frames_waiting: deque[pb.Frame] = deque()
         self._observations_waiting: deque[pb.Observation] = deque()
         self._holding = False
+        self._refused = ""  # why the robot's last description is refused
+        self._listens = False
         self._answers = Answers(lambda: self._maps)
         self._keeping = Keeping(settings, self._lock, lambda: self._maps, self._say)
         self._recollection = Recollection(
@@ -89,9 +91,8 @@ class Map2DService:
         bus.serve(LOAD_MAP2D, self.load)
         bus.serve(RESET_MAP2D, self.reset)
         # Only now: who sees it ready sends keyframes at once, and none may be missed.
-        with self._lock:
-            if self._maps is None:
-                health.ready("waits for the robot's description")
+        self._listens = True
+        self._say()
 
     def close(self) -> None:
         """Keep the map a last time; the bus ends the calls."""
@@ -104,8 +105,10 @@ class Map2DService:
             robot = description_from_proto(message)
         except InvalidInput as error:
             log.warning("the robot's description is refused: %s", error.message)
-            self._health.degraded(error.message)
+            self._refused = error.message
+            self._say()
             return
+        self._refused = ""
         # A carried camera has no body that pushes things aside.
         has_body = robot.can_move or robot.recorded
         radius_m = robot.inner_radius_m if has_body else 0.0
@@ -171,7 +174,7 @@ class Map2DService:
                 if len(self._frames_waiting) > MOST_WAITING:
                     late = self._frames_waiting.popleft()
         if late is not None:
-            reason = "the robot has not described itself; start its bridge"
+            reason = self._refused or "the robot has not described itself; start its bridge"
             self._answer("occupancy", late.id, "", Unavailable(reason), 0.0)
         if not wait:
             self._integrate("occupancy", message.id, "", lambda: self._fold_frame(message))
@@ -300,9 +303,17 @@ class Map2DService:
             self._recollection.fill(context_from_proto(message))
 
     def _say(self) -> None:
-        """Tell what is wrong with keeping the map, and that it was restored."""
-        if self._maps is not None:
-            self._health.ready(self._keeping.said())
+        """Tell what is wrong with the robot's description or with keeping the map, and that it was
+        restored; nothing before all is listened to."""
+        if not self._listens:
+            return
+        if self._refused:
+            self._health.degraded(self._refused)
+        else:
+            waits = self._maps is None
+            self._health.ready(
+                "waits for the robot's description" if waits else self._keeping.said()
+            )
 
     def _version(self) -> int:
         with self._lock:

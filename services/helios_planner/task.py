@@ -87,7 +87,7 @@ class Task:
     agent: str = "helios"
     priority: int = 0  # a higher one is begun first
     settings: Mapping[str, str] = field(default_factory=dict)  # of the planner, for it alone
-    seen_at_goal: bool | None = None  # after it was placed; None: it was not
+    seen_at_goal: bool | None = None  # after it was placed; None: it was not, or nobody knows
     on_hold: bool = False  # somebody paused it, and nobody has resumed it yet
 
     def with_(self, **changes: Any) -> Task:

@@ -144,7 +144,7 @@ def run_service(
             over.set()
             health.changed.set()
             if reporter.is_alive():
-                reporter.join(0.3)  # until the last report is out
+                reporter.join(1.0)  # until the last report is out
             bus.close()
 
 

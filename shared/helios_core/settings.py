@@ -155,7 +155,7 @@ class _File(InitSettingsSource):
         self._of = settings_cls
 
     def __call__(self) -> dict[str, Any]:
-        path = self.current_state.get("config", os.environ.get("HELIOS_CONFIG"))
+        path = self.current_state.get("config") or os.environ.get("HELIOS_CONFIG")
         return _table(self._of, path) if path else {}
 
 

@@ -51,10 +51,13 @@ def no_setting(service: str, settings: Collection[str], name: str) -> str:
     """What is said of a name that is none of the settings: a variable's, or a key's in a table."""
     prefix = variable(service, "")
     near = nearest(name.removeprefix(prefix), settings)
+    known = sorted(settings) if near is None else [near]
+    if name.startswith(prefix):
+        known = [variable(service, setting) for setting in known]
     if near is None:
-        meant = f"leave it out, or name one of {', '.join(sorted(settings))}"
+        meant = f"leave it out, or name one of {', '.join(known)}"
     else:
-        meant = f"did you mean {variable(service, near) if name.startswith(prefix) else near}?"
+        meant = f"did you mean {known[0]}?"
     return f"no setting of {service} is called {name}; {meant}"
 
 

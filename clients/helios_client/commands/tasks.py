@@ -53,19 +53,13 @@ def task(
     On a stopped robot it waits until helios clear-stop, and says so.
     """
     from helios_client.commands.task_view import wait_while_starting, watch_task
-    from helios_client.http.errors import WrongRequest
 
     settings = named_values(own or ())
     with at.connect() as helios:
         if at.url is None:
             wait_while_starting(helios, at.port, console(stderr=True))
         # With --json the live view goes to stderr, so that stdout holds JSON and nothing else.
-        try:
-            asked = helios.submit(instruction, max_steps, agent, time_limit_s, priority, settings)
-        except WrongRequest as error:
-            if "does not know the" not in error.message or "helios names" in error.message:
-                raise
-            raise WrongRequest(f"{error.message} (all that it knows: helios names)") from error
+        asked = helios.submit(instruction, max_steps, agent, time_limit_s, priority, settings)
         if asked.unused:
             said = ", ".join(f"“{words}”" for words in asked.unused)
             print(f"helios: not used: {said}", file=sys.stderr)

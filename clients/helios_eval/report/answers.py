@@ -56,13 +56,16 @@ LEVELS = (  # of SR: what the project wants of its own method
 
 def section(arms: Sequence[Arm]) -> Section | None:
     """None where the arms answer nothing."""
-    rows, bars, unanswered = Rows(), [], []
+    rows, bars, unanswered, unlike = Rows(), [], [], []
     for question in QUESTIONS:
         top, bottom = (
             plain_arm(arms, question.benchmark, *who) for who in (question.first, question.second)
         )
-        if top is None or bottom is None or not _alike(top, bottom):
+        if top is None or bottom is None or not in_common(top, bottom)[0]:
             unanswered.append(question.asks)
+            continue
+        if _own_settings(top) != _own_settings(bottom):
+            unlike.append(question.asks)
             continue
         asks = ", ".join([question.asks, *_noise_of(top)])
         for metric in question.metrics:
@@ -98,6 +101,9 @@ def section(arms: Sequence[Arm]) -> Section | None:
     blocks += [b for b in (levels, ideas) if b is not None]
     if unanswered:
         blocks.append(Paragraph(f"Not run: {'; '.join(unanswered)}."))
+    if unlike:
+        asks = "; ".join(unlike)
+        blocks.append(Paragraph(f"Not compared, since both ran with other settings: {asks}."))
     return Section("answers", "The questions and their answers", tuple(blocks))
 
 
@@ -216,12 +222,6 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
 def _own_settings(arm: Arm) -> dict[str, Setting]:
     """Settings of the method; those of the homes and the camera are conditions for all."""
     return {k: v for k, v in arm.settings if k not in (MAX_STEPS, SENSOR)}
-
-
-def _alike(top: Arm, bottom: Arm) -> bool:
-    """They differ by their agent alone, over homes that both have."""
-    same = _own_settings(top) == _own_settings(bottom)
-    return same and bool(in_common(top, bottom)[0])
 
 
 def _is_idea(arm: Arm, base: Arm) -> bool:

@@ -30,7 +30,7 @@ def named(section: Section) -> Iterator[tuple[str, Block]]:
 
 
 def write_drawings(folder: Path, report: Report) -> None:
-    """Leave them in `folder`/drawings; those of an earlier report go."""
+    """Leave them in `folder`/drawings, which belongs to the report: other SVG files there go."""
     into = folder / FOLDER
     into.mkdir(exist_ok=True)
     kept = set[Path]()
@@ -38,7 +38,9 @@ def write_drawings(folder: Path, report: Report) -> None:
         for name, block in named(section):
             if name and isinstance(block, Graphic):
                 kept.add(folder / name)
-                (folder / name).write_text(standing_alone(block.svg), encoding="utf-8")
+                part = folder / f"{name}.part"
+                part.write_text(standing_alone(block.svg), encoding="utf-8")
+                part.replace(folder / name)
     for former in set(into.glob("*.svg")) - kept:
         former.unlink()
 

@@ -86,5 +86,5 @@ def _known(role: str, name: str, known: dict[str, str], detector: str) -> tuple[
                 if form in known and not BINDING & set(words[:k]):
                     return known[form], [*([" ".join(words[:k])] if k else []), *beside]
     near = closest(name, list(known))
-    hint = f"did you mean {' or '.join(near)}?" if near else ALL_NAMES
+    hint = f"did you mean {' or '.join(near)}? ({ALL_NAMES})" if near else ALL_NAMES
     raise InvalidInput(f"the detector ({detector}) does not know the {role} “{name}”; {hint}")

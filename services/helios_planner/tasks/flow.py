@@ -44,7 +44,9 @@ class Mission:
         attempts = settings.picks_per_object if self.agent.retries else 1
         self.skills = Skills(body, legs, settings, belief, attempts)
         self.looked_around = self.placed = False
-        self.seen_at_goal: bool | None = None  # of what was placed; None: nothing was
+        self.seen_at_goal: bool | None = (
+            None  # of what was placed; None: nothing was that it knows of
+        )
         self.target_m: np.ndarray | None = None  # what is being picked
         self.picked_at_m: np.ndarray | None = None
         self.unsure: dict[Phase, str] = {}  # what is to be said of what was settled for
@@ -212,6 +214,7 @@ class Mission:
             before = list(self.kit.belief.known(name))
             done = self.skills.place(found, goal, search.holds_up)
             if done is Done.SUCCEEDED:
+                self.seen_at_goal = False  # until it is seen
                 receptacle = self.skills.placed_on or found
                 self.seen_at_goal = self._seen(name, receptacle, before)
                 return
@@ -247,7 +250,7 @@ class Mission:
             self.body, receptacle, before, lambda: self.kit.belief.known(name), least, surface_m
         )
         if seen is Seen.BESIDE_IT and thing is not None:
-            self.seen_at_goal, (x, y, z) = False, thing.center_m
+            x, y, z = thing.center_m
             raise TaskFailed(
                 Cause.ROLLED_OFF,
                 f"the {name} was placed on the {receptacle.class_name} and is seen beside it, at "

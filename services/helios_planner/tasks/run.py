@@ -48,7 +48,7 @@ class TaskRun:
 
     def run(self) -> None:
         """Until it has ended, or was cancelled because the planner ends; that is the book's."""
-        id, body, mission = self._task.id, None, None
+        body, mission = None, None
         try:
             self._named()
             check_able(self._task.instruction, self._robot)
@@ -62,21 +62,26 @@ class TaskRun:
             self._journal.note()
             body.begin()
             message = mission.run() + _contacts(body)
-            self._book.end(id, State.SUCCEEDED, message, seen_at_goal=mission.seen_at_goal)
+            self._end(mission, State.SUCCEEDED, message)
         except TaskCancelled:
-            self._book.end(id, State.CANCELLED, f"cancelled; {self._left(body)}")
+            self._end(mission, State.CANCELLED, f"cancelled; {self._left(body)}")
         except TaskFailed as failure:
             by_robot = failure.cause is not Cause.SYSTEM_ERROR and body is not None
             message = failure.message + (_contacts(body) if by_robot else "")
             if by_robot and (held := self._held(body)):
                 message += f"; {held}"
-            seen = mission and mission.seen_at_goal
-            self._book.end(id, State.FAILED, message, failure.cause, seen_at_goal=seen)
+            self._end(mission, State.FAILED, message, failure.cause)
         except HeliosError as error:
-            self._book.end(id, State.FAILED, error.message, Cause.SYSTEM_ERROR)
+            self._end(mission, State.FAILED, error.message, Cause.SYSTEM_ERROR)
         finally:
             if body is not None:
                 body.end()
+
+    def _end(
+        self, mission: Mission | None, state: State, message: str, cause: Cause | None = None
+    ) -> None:
+        seen = mission and mission.seen_at_goal
+        self._book.end(self._task.id, state, message, cause, seen_at_goal=seen)
 
     def _left(self, body: BusBody | None) -> str:
         """How the robot is left by a task that does not go on."""

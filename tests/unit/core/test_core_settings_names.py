@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 from pathlib import Path
 
 import pytest
@@ -54,7 +55,7 @@ def test_where_none_is_near_all_are_named_and_no_value_is_told(
     monkeypatch.setenv("HELIOS_SAMPLE_QWRTZ", "hunter2")
     said = refused([], capsys)
     assert "HELIOS_SAMPLE_QWRTZ" in said
-    assert "cell_m, config, log_level, robot, router" in said
+    assert "HELIOS_SAMPLE_CELL_M, HELIOS_SAMPLE_CONFIG, HELIOS_SAMPLE_LOG_LEVEL" in said
     assert "hunter2" not in said
 
 
@@ -75,6 +76,14 @@ def test_help_is_given_all_the_same(
         Settings.load(["--help"])
     assert ended.value.code == 0
     assert "--cell-m" in capsys.readouterr().out
+
+
+def test_every_service_of_the_repository_is_known() -> None:
+    root = Path(__file__).parents[3]
+    found = set()
+    for file in [*root.glob("services/*/settings.py"), *root.glob("clients/*/settings.py")]:
+        found |= set(re.findall(r'service_config\("(\w+)"\)', file.read_text()))
+    assert found == set(SERVICES)
 
 
 @pytest.mark.parametrize("service", SERVICES)

@@ -80,9 +80,11 @@ class Moody(GroundTruthDetector):
         super().__init__(truth)
         self.fault: Exception | None = None
         self.asked: list[str] = []
+        self.meanwhile = lambda: None  # what happens while it is asked
 
     def refused(self, context):
         self.asked.append(context.id)
+        self.meanwhile()
         if self.fault is not None:
             raise self.fault
         return super().refused(context)
@@ -150,6 +152,14 @@ def test_a_newer_context_takes_the_place_of_one_that_waits(monkeypatch: pytest.M
     house.bus.publish(KEYFRAME, house.frame())
     assert [o.context_id for o in house.observations] == ["c2"]
     assert house.health.state == ("ready", "")
+
+
+def test_a_context_is_not_asked_for_again_while_the_back_end_is_at_it():
+    house, moody = moody_house()
+    moody.meanwhile = house.service.seek_again
+    house.look_for()
+    assert moody.asked == ["c1"]
+    assert house.count("context_retries") == 0
 
 
 def test_a_context_that_the_back_end_calls_wrong_is_said_and_not_tried_again(

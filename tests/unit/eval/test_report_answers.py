@@ -107,6 +107,7 @@ def test_settings_alone_are_neither_helios_nor_beside_it() -> None:
     tables, said = answered([*wins("helios", 20, settings=new), *wins("helios-next", 22)])
     assert not tables
     assert "HELIOS without settings of its own" in said
+    assert "other settings: Beyond the paper" in said
 
 
 def test_ideas_are_what_the_paper_has_not() -> None:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import helios_map2d.__main__ as main
 import pytest
 from helios_core.bus import Registration
+from helios_core.codec import description_to_proto
 from helios_core.errors import InvalidInput
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, ROBOT_DESCRIPTION, Topic
 from helios_map2d.service import Map2DService
 from helios_map2d.settings import Settings
+from map2d_house import ROBOT
 
 from tests.support import wait_until
 
@@ -32,6 +35,17 @@ def test_the_maps_are_ready_only_when_they_listen() -> None:
     assert health.state[0] == "ready"
     for topic in (CONTEXT, ROBOT_DESCRIPTION, KEYFRAME, OBSERVATION):
         assert heard[topic.name] == "starting", topic.name
+
+
+def test_a_description_that_is_refused_is_said_after_a_restart_too() -> None:
+    hub, health = MemoryHub(), Health()
+    bridge = MemoryBus(hub)
+    bridge.publish(ROBOT_DESCRIPTION, description_to_proto(replace(ROBOT, max_depth_m=0.0)))
+    Map2DService(MemoryBus(hub), Settings.load([]), health)
+    assert health.state[0] == "degraded"
+    assert "max_depth_m 0" in health.state[1]
+    bridge.publish(ROBOT_DESCRIPTION, description_to_proto(ROBOT))
+    assert health.state[0] == "ready"
 
 
 def test_maps_that_cannot_be_started_say_why(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 import numpy as np
 import pytest
+from helios_core.errors import Unavailable
 from helios_core.robot import Action, ActionResult, Place
 from helios_core.types import ObjectInstance
 from helios_planner.handling.placed import Seen, seen_after
@@ -88,6 +91,19 @@ def test_a_thing_that_is_seen_on_the_goal_is_said() -> None:
 def test_a_thing_that_is_not_seen_after_placing_is_told_apart() -> None:
     whole = mission(blind=True)
     assert whole.run() == "put the mug on the counter; it was not seen there yet"
+    assert whole.seen_at_goal is False
+
+
+def test_a_task_that_ends_before_it_could_look_does_not_say_that_nothing_was_placed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def away(*_: object) -> NoReturn:
+        raise Unavailable("the object map is away")
+
+    whole = mission()
+    monkeypatch.setattr("helios_planner.tasks.flow.look_after", away)
+    with pytest.raises(Unavailable):
+        whole.run()
     assert whole.seen_at_goal is False
 
 
