@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 import socket
 import time
 from collections.abc import Callable
 
 import httpx
+from helios_core.settings import ServiceSettings
 
 # Each `httpx.get` reads the certificates of the world first: 25 ms of a core for every question.
 LOOPBACK = httpx.Client(
@@ -31,3 +33,13 @@ def wait_until(condition: Callable[[], object], timeout_s: float, what: str) -> 
         if time.monotonic() > deadline:
             raise AssertionError(f"waited {timeout_s:g} s in vain until {what}")
         time.sleep(0.02)
+
+
+def settings_of(module: str) -> type[ServiceSettings]:
+    """The settings that a service declares, by its package's name."""
+    declared = vars(importlib.import_module(f"{module}.settings")).values()
+    [own] = (
+        d for d in declared
+        if isinstance(d, type) and issubclass(d, ServiceSettings) and d is not ServiceSettings
+    )  # fmt: skip
+    return own

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 import re
 from pathlib import Path
 from typing import Any
 
 import pytest
-from helios_core.settings import ServiceSettings
+
+from tests.support import settings_of
 
 yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
 
@@ -22,15 +22,6 @@ STATE_DIRS = {
     for name, service in SERVICES.items()
     if "--state-dir" in service["command"]
 }
-
-
-def settings_of(module: str) -> type[ServiceSettings]:
-    declared = vars(importlib.import_module(f"{module}.settings")).values()
-    [own] = (
-        d for d in declared
-        if isinstance(d, type) and issubclass(d, ServiceSettings) and d is not ServiceSettings
-    )  # fmt: skip
-    return own
 
 
 @pytest.mark.parametrize("name", SERVICES)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 from pathlib import Path
 
@@ -12,6 +11,8 @@ from helios_core.settings import ServiceSettings, service_config
 from helios_core.settings_names import SERVICES
 from pydantic import Field
 
+from tests.support import settings_of
+
 MODULES = {name: f"helios_{name}" for name in SERVICES} | {"world": "helios_sim"}
 
 
@@ -19,15 +20,6 @@ class Settings(ServiceSettings):
     model_config = service_config("sample")
 
     cell_m: float = Field(default=0.025, gt=0, description="edge of a cell")
-
-
-def settings_of(service: str) -> type[ServiceSettings]:
-    declared = vars(importlib.import_module(f"{MODULES[service]}.settings")).values()
-    [own] = (
-        d for d in declared
-        if isinstance(d, type) and issubclass(d, ServiceSettings) and d is not ServiceSettings
-    )  # fmt: skip
-    return own
 
 
 def refused(argv: list[str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -90,7 +82,7 @@ def test_every_service_of_the_repository_is_known() -> None:
 def test_each_service_has_a_known_name_and_minds_its_own_variables_alone(
     service: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    own = settings_of(service)
+    own = settings_of(MODULES[service])
     assert own.service_name() == service
     if service == "replay":
         monkeypatch.setenv("HELIOS_REPLAY_SOURCE", "recording.mcap")  # it has no default
