@@ -1,9 +1,12 @@
-"""Lets tests import `tests.support`; takes the time limit off every property test; hears Ctrl-C."""
+"""Lets tests import `tests.support`; takes the time limit off every property test; hears Ctrl-C;
+sees to it that no two tests have one name."""
 
 import signal
 import sys
+from collections import Counter
 from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
@@ -15,3 +18,10 @@ settings.load_profile("untimed")
 # A shell has what it runs in the background ignore Ctrl-C, and so would all that tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Of tests of one name, workers that share the tests run one and say nothing of the others."""
+    twice = [name for name, count in Counter(item.nodeid for item in items).items() if count > 1]
+    if twice:
+        raise pytest.UsageError(f"several tests are called {', '.join(twice)}; rename them")

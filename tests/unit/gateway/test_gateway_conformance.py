@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import tempfile
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,8 +16,10 @@ from helios_gateway.app import create_app
 from helios_gateway.fleet import Fleet, Served
 from helios_gateway.live import Live
 from helios_gateway.settings import Settings as GatewaySettings
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, given, settings
 from schemathesis.checks import not_a_server_error
+from schemathesis.core.result import Ok
+from schemathesis.schemas import APIOperation
 from schemathesis.specs.openapi.checks import (
     content_type_conformance,
     response_headers_conformance,
@@ -80,9 +83,27 @@ def house() -> House:
 schema = schemathesis.openapi.from_asgi("/openapi.json", house().app).exclude(path_regex=ENDLESS)
 
 
-@schema.parametrize()
-@settings(max_examples=15, deadline=None, suppress_health_check=HEALTHY)
-def test_every_answer_is_as_described(case: schemathesis.Case) -> None:
+def operations() -> Iterator[APIOperation]:
+    for found in schema.get_all_operations():
+        assert isinstance(found, Ok), f"the description of the interface is wrong: {found}"
+        yield found.ok()
+
+
+OPERATIONS = {operation.label: operation for operation in operations()}
+
+
+@pytest.mark.parametrize("label", OPERATIONS)
+def test_every_answer_is_as_described(label: str) -> None:
+    @given(case=OPERATIONS[label].as_strategy())
+    @settings(max_examples=30, deadline=None, suppress_health_check=HEALTHY)
+    def asked(case: schemathesis.Case) -> None:
+        ask(case)
+
+    asked()
+
+
+def ask(case: schemathesis.Case) -> None:
+    """With whatever names the case has, then with those that there are."""
     headers = {"authorization": f"Bearer {house().key}"}
     house().backend.reset()  # a stop or a cancelled task of the case before is not in the way
     case.call_and_validate(checks=CHECKS, headers=headers)
