@@ -1,4 +1,4 @@
-"""Robots of every size, cells of every size, at every edge of every small map: an answer, no NaN."""
+"""Robots and cells of every size, at every edge of small maps: there is an answer and no NaN."""
 
 from __future__ import annotations
 
