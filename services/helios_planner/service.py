@@ -126,7 +126,7 @@ class PlannerService:
         id = uuid.uuid4().hex[:12]
         task = Task(
             id=id,
-            text=request.instruction,
+            text=" ".join(request.instruction.split()),  # one line
             instruction=instruction,
             state=State.QUEUED,
             max_steps=request.max_steps or self._settings.max_steps,

@@ -200,7 +200,7 @@ class TaskBook:
             if self._tasks[id].state.ended or id in self._ends:
                 return
             task = self._tasks[id].with_(
-                state=state, message=message, cause=cause, ended_s=time.time(), **more
+                state=state, message=message, cause=cause, ended_s=time.time(), eta_s=None, **more
             )
             self._ends[id] = task
         with self._writing:
@@ -212,7 +212,7 @@ class TaskBook:
             if id not in self._ends:  # it was told meanwhile
                 return
             waits = f"{message}; told as {state} once that is kept: {self._store.fault}"
-            present = self._tasks[id] = self._tasks[id].with_(message=waits)
+            present = self._tasks[id] = self._tasks[id].with_(message=waits, eta_s=None)
             self._unkept.add(id)
         self.publish(TASK, task_to_proto(present))
 
