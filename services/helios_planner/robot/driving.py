@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import threading
 import time
 from collections import deque
@@ -23,8 +24,16 @@ from helios_planner.task import Cause, TaskCancelled, TaskFailed
 log = logging.getLogger(__name__)
 
 HOLDER = "planner"
+_ACTION = re.compile(r"[^.]*?(?:\.(\d+))?-(\d+)")
 RECENT = 20  # actions, of which so many may be answered only when asked for again:
 MOST_IN_VAIN = 8
+
+
+def number_of(action_id: str) -> tuple[int, int]:
+    """Life and number of an action of a task (`TASK.LIFE-NUMBER`), which rise as it goes on; zeros
+    for another id."""
+    parts = _ACTION.fullmatch(action_id)
+    return (int(parts[1] or 0), int(parts[2])) if parts else (0, 0)
 
 
 class Line:

@@ -48,7 +48,7 @@ class Journal:
     """Of one running task; used by its worker alone. `memory` gives what the mission remembers."""
 
     def __init__(self, keeper: Keeper, task_id: str, entry: Entry) -> None:
-        self._keeper, self._task_id, self.entry = keeper, task_id, entry
+        self._keeper, self.task_id, self.entry = keeper, task_id, entry
         self.memory: Callable[[], Memory] = lambda: self.entry.memory
 
     @property
@@ -64,7 +64,7 @@ class Journal:
     def before(self, request: pb.ActionRequest) -> bool:
         """Whether an action is written down, so that it may begin."""
         entry = replace(self.entry, request=request, result=None, memory=self.memory())
-        if not self._keeper.keep(self._task_id, entry):
+        if not self._keeper.keep(self.task_id, entry):
             return False
         self.entry = entry
         return True
@@ -81,7 +81,7 @@ class Journal:
 
     def _keep(self, entry: Entry) -> None:
         self.entry = entry
-        self._keeper.keep(self._task_id, entry)
+        self._keeper.keep(self.task_id, entry)
 
 
 class Waiter(Protocol):

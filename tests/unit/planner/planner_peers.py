@@ -113,6 +113,7 @@ class Peers:
             w.pose().T_world_base, w.tilt_rad(), w.held(), stopped=self.stopped,
             robot_boot_id=self.boot, world_epoch=self.world_epoch,
             message="a person" if self.stopped else "",
+            last_action_id=next(reversed(self.done), ""),
         )  # fmt: skip
 
     def _act(self, request: pb.ActionRequest) -> pb.ActionResult:
