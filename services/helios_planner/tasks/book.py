@@ -103,7 +103,8 @@ class TaskBook:
             if kept:
                 with self._lock:
                     self._unkept -= asked
-                    told = {t.id: t for t in rest if self._tasks[t.id].state.ended}
+                    known = self._tasks
+                    told = {t.id: t for t in rest if t.id in known and known[t.id].state.ended}
                     self._tasks |= told
         if kept:
             for task in told.values():
