@@ -20,6 +20,7 @@ class ActionLog:
         self._lock = threading.Lock()
         self._results: OrderedDict[str, Future[pb.ActionResult]] = OrderedDict()
         self._deeds: OrderedDict[str, ActionResult] = OrderedDict()
+        self.last_id = ""  # of the newest deed
 
     def once(self, action_id: str, do: Callable[[], pb.ActionResult]) -> pb.ActionResult:
         """The result of `do`, which is called only if the id is new.
@@ -51,6 +52,7 @@ class ActionLog:
         done = self._deeds.get(action_id)
         if done is None:
             done = self._deeds[action_id] = do()
+            self.last_id = action_id
             while len(self._deeds) > REMEMBERED:
                 self._deeds.popitem(last=False)
         return done

@@ -52,6 +52,13 @@ def _time(seconds: float) -> float | None:
     return finite(seconds) or None
 
 
+def _eta_s(message: pb.Task) -> tuple[float, float] | None:
+    if not (message.HasField("eta_low_s") and message.HasField("eta_high_s")):
+        return None
+    low, high = finite(message.eta_low_s), finite(message.eta_high_s)
+    return None if low is None or high is None else (low, high)
+
+
 def task(message: pb.Task) -> models.Task:
     """A task as it is now. Raises Internal for a state that nobody knows."""
     if message.state not in _STATES:
@@ -63,8 +70,9 @@ def task(message: pb.Task) -> models.Task:
         kind=message.kind, object=message.object, start=message.start, goal=message.goal,
         steps=message.steps, max_steps=message.max_steps, picks=message.picks,
         time_limit_s=_time(message.time_limit_s),
-        progress=finite(message.progress), created_s=_time(message.created_s),
-        started_s=_time(message.started_s), ended_s=_time(message.ended_s),
+        progress=finite(message.progress), eta_s=_eta_s(message),
+        created_s=_time(message.created_s), started_s=_time(message.started_s),
+        ended_s=_time(message.ended_s),
         context_id=message.context_id, agent=message.agent, priority=message.priority,
         settings=dict(sorted(message.settings.items())), on_hold=message.on_hold,
         unused=list(message.unused),

@@ -111,7 +111,11 @@ class Task(BaseModel):
     max_steps: int
     time_limit_s: float | None = Field(description="seconds from its start; null: none")
     picks: int = Field(description="picks tried so far")
-    progress: float | None = Field(description="0 to 1, a rough guide for people")
+    progress: float | None = Field(description="0 to 1, a rough guide for people; never falls")
+    eta_s: tuple[float, float] | None = Field(
+        description="it may end in so many seconds: at least, at most; null: nobody can say",
+        examples=[[40.0, 310.0]],
+    )
     created_s: float | None = Field(description="seconds since 1970")
     started_s: float | None = Field(description="seconds since 1970; null: not yet")
     ended_s: float | None = Field(description="seconds since 1970; null: not yet")

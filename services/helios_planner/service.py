@@ -48,6 +48,7 @@ log = logging.getLogger(__name__)
 
 MOST_PRIORITY = 100
 PULSE_S = 5.0
+MEND_S = 1.0  # between two tries to keep what could not be kept
 VOCABULARY_S = 1.5  # longest wait at submission; the worker asks again with patience
 
 
@@ -65,6 +66,7 @@ class PlannerService:
         self._store = Store(settings.state_dir, settings.keep_decisions)
         self._model = language_model(settings)
         self._book = TaskBook(bus, settings, health, self._store)
+        self._store.watch(self._tell_health)
         self._queue = deque(self._book.restore())
         self._cancels = {id: threading.Event() for id in self._queue}
         self._holds = {id: self._new_hold(id) for id in self._queue if self._is_under_way(id)}
@@ -99,6 +101,8 @@ class PlannerService:
 
     # --- methods -------------------------------------------------------------------------------
     def submit(self, request: pb.SubmitRequest) -> pb.Task:
+        """Kept before it is answered. Raises Unavailable while tasks cannot be kept."""
+        self._book.check_keeping()
         instruction = parse_with_help(request.instruction, self._model)
         agent = request.agent or self._settings.agent
         agent_named(agent)
@@ -122,7 +126,7 @@ class PlannerService:
         id = uuid.uuid4().hex[:12]
         task = Task(
             id=id,
-            text=request.instruction,
+            text=" ".join(request.instruction.split()),  # one line
             instruction=instruction,
             state=State.QUEUED,
             max_steps=request.max_steps or self._settings.max_steps,
@@ -136,7 +140,12 @@ class PlannerService:
         )
         with self._lock:
             self._cancels[id] = threading.Event()  # it may be cancelled as soon as it is told
-        told = self._book.add(task)  # before the worker can tell that it runs
+        try:
+            told = self._book.add(task)  # before the worker can tell that it runs
+        except Unavailable:
+            with self._lock:
+                self._cancels.pop(id, None)
+            raise
         with self._lock:
             self._queue.append(id)
             self._wake.notify_all()
@@ -200,9 +209,7 @@ class PlannerService:
                 if self._ending.is_set():
                     return
                 log.exception("task %s ended by a fault", id)
-                self._book.end(
-                    id, State.FAILED, f"a fault in the planner: {error!r}", Cause.SYSTEM_ERROR
-                )
+                self._book.end(id, State.FAILED, fault_words(error), Cause.SYSTEM_ERROR)
             self._book.publish(PLAN, pb.Plan(task_id=id))
 
     def _next(self) -> str | None:
@@ -211,7 +218,9 @@ class PlannerService:
             if self._ending.is_set():
                 return None
         with self._lock:
-            while not (ready := [id for id in self._queue if self._may_go(id)]):
+            while self._store.fault or not (
+                ready := [id for id in self._queue if self._may_go(id)]
+            ):
                 if self._ending.is_set():
                     return None
                 self._wake.wait(0.5)
@@ -268,9 +277,10 @@ class PlannerService:
     def _set_on_hold(self, id: str, on_hold: bool) -> pb.Task:
         """Kept before it is obeyed. Raises Conflict for a task that has ended."""
         task = self._book.known(id)
-        if task.state.ended:
+        if self._book.has_ended(id):
             what = "paused" if on_hold else "resumed"
-            raise Conflict(f"task {id} is {task.state}; what has ended cannot be {what}")
+            how = f"is {task.state}" if task.state.ended else "has ended"
+            raise Conflict(f"task {id} {how}; what has ended cannot be {what}")
         changes: dict[str, object] = {"on_hold": on_hold}
         with self._lock:
             if id in self._queue:
@@ -286,9 +296,13 @@ class PlannerService:
         return task_to_proto(told)
 
     def _pulse(self) -> None:
-        """Say that the planner lives, so that the next one knows how long none did."""
-        while not self._ending.wait(PULSE_S):
-            self._book.pulse()
+        """Say that the planner lives, so that the next one knows how long none did; while tasks
+        cannot be kept, try to."""
+        while not self._ending.wait(MEND_S if self._store.fault else PULSE_S):
+            if self._store.fault:
+                self._book.mend()
+            else:
+                self._book.pulse()
 
     def _on_description(self, description: pb.RobotDescription) -> None:
         self._description = description
@@ -298,7 +312,17 @@ class PlannerService:
     def _tell_health(self) -> None:
         if not self._warm.is_set():
             self._health.waiting("compiles its path planner; seconds at the first start")
+        elif fault := self._store.fault:
+            self._health.degraded(f"{fault}; until then no task and no action is begun")
         elif not self._described.is_set():
             self._health.waiting("waits for the bridge to describe the robot")
         else:
-            self._health.ready()
+            self._health.ready(self._store.said)
+
+
+def fault_words(error: Exception) -> str:
+    """What a task says that ended by a fault of the planner."""
+    return (
+        f"a fault in the planner ({type(error).__name__}: {str(error)[:200]}); its log has the "
+        "traceback: logs/planner.log in the state folder"
+    )

@@ -39,6 +39,12 @@ class Settings(ServiceSettings):
         ge=0,
         description="a task goes on by itself if the planner died no longer ago than this",
     )
+    keep_within_s: float = Field(
+        default=60.0,
+        ge=0,
+        description="a task stands and waits this long while what it does cannot be written down, "
+        "on a full disk for example; then it fails",
+    )
     keep_tasks: int = Field(
         default=500, ge=1, description="ended tasks that are remembered; then the oldest goes"
     )

@@ -82,7 +82,8 @@ class Task:
     picks: int = 0
     started_s: float = 0.0
     ended_s: float = 0.0
-    progress: float = 0.0
+    progress: float = 0.0  # never falls
+    eta_s: tuple[float, float] | None = None  # it may end in so many seconds: at least, at most
     context_id: str = ""
     agent: str = "helios"
     priority: int = 0  # a higher one is begun first

@@ -164,6 +164,7 @@ class RobotState:
     message: str = ""
     finished: bool = False  # a recording has come to its end
     last_seq: int = 0
+    last_action_id: str = ""  # of the newest action that was done; empty: none is known
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ A sentence names numbers as the paper does: score is Ψ, class score is S, uncer
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from helios_planner.decisions.candidate import Candidate
 from helios_planner.decisions.standards import ANY_SCORE
@@ -83,25 +83,31 @@ def act(what: str, c: Candidate, threshold: float, sure: int) -> str:
     """Eq. 7 passed."""
     t = c.terms
     of = f", the best of {sure} that pass" if sure > 1 else ""
+    n = _digits(lambda r: _value(t, "score", r) >= r(threshold))
     if threshold == ANY_SCORE:
         return (
             f"{what} {_on(what)}the {c.name}{_away(c)} at last: of {_count(sure, 'candidate')} it "
             f"has the highest score, {_scored(t, 'score')}, and the search has come to its end"
         )
     return (
-        f"{what} {_on(what)}the {c.name}{_away(c)}: score {_scored(t, 'score')} ≥ "
-        f"{threshold:.2f} after {_count(int(t['views']), 'view')} (class score "
+        f"{what} {_on(what)}the {c.name}{_away(c)}: score {_scored(t, 'score', n)} ≥ "
+        f"{threshold:.{n}f} after {_count(int(t['views']), 'view')} (class score "
         f"{t['class_score']:.2f}, uncertainty {t['uncertainty']:.2f}){of}"
     )
 
 
 def look(c: Candidate, threshold: float, tau_inc: float) -> str:
     """One more view is worth it (below eq. 11)."""
-    now, after = _scored(c.terms, "score"), _scored(c.terms, "score_after_view")
-    worth = min(threshold, c.terms["total"] + tau_inc)
+    t, worth = c.terms, min(threshold, c.terms["total"] + tau_inc)
+    n = _digits(
+        lambda r: (
+            _value(t, "score", r) < r(threshold) and _value(t, "score_after_view", r) >= r(worth)
+        )
+    )
     return (
-        f"look again at the {c.name}{_away(c)}: score {now} < {threshold:.2f}, and one more view "
-        f"could bring it to {after} (worth it from {worth:.2f})"
+        f"look again at the {c.name}{_away(c)}: score {_scored(t, 'score', n)} < "
+        f"{threshold:.{n}f}, and one more view could bring it to "
+        f"{_scored(t, 'score_after_view', n)} (worth it from {worth:.{n}f})"
     )
 
 
@@ -118,17 +124,48 @@ def search_on(
             "remembered, none where it was said to be"
         )
     best = max(usable, key=lambda c: c.terms["total"])
-    now, need = _scored(best.terms, "score"), min(threshold, best.terms["total"] + tau_inc)
+    t, need = best.terms, min(threshold, best.terms["total"] + tau_inc)
+    seen = "score_after_view" in t
+    n = _digits(
+        lambda r: (
+            _value(t, "score", r) < r(threshold)
+            and not (seen and _value(t, "score_after_view", r) >= r(need))
+        )
+    )
     view = "no view of it is left"
-    if "score_after_view" in best.terms:
-        after = _scored(best.terms, "score_after_view")
-        view = f"one more view would bring only {after} (worth it from {need:.2f})"
+    if seen:
+        after = _scored(t, "score_after_view", n)
+        view = f"one more view would bring only {after} (worth it from {need:.{n}f})"
     which = f"the {best.name}" if len(usable) == 1 else f"the best {best.name} of {len(usable)}"
-    return f"search on: {which} has score {now} < {threshold:.2f}, and {view}"
+    return f"search on: {which} has score {_scored(t, 'score', n)} < {threshold:.{n}f}, and {view}"
 
 
-def _scored(terms: Mapping[str, float], name: str) -> str:
-    return f"{terms[name]:.2f}" + (f" × place {terms['place']:.2f}" if "place" in terms else "")
+def less(value: float, than: float) -> str:
+    """ "0.42 < 0.50", with so many digits that it is true as it stands there."""
+    n = _digits(lambda r: r(value) < r(than))
+    return f"{value:.{n}f} < {than:.{n}f}"
+
+
+Rounding = Callable[[float], float]
+
+
+def _digits(holds: Callable[[Rounding], bool]) -> int:
+    """Decimals, at least two, with which a comparison holds between the numbers as printed."""
+
+    def to(decimals: int) -> Rounding:
+        return lambda value: float(f"{value:.{decimals}f}")
+
+    return next((n for n in range(2, 16) if holds(to(n))), 2)
+
+
+def _value(terms: Mapping[str, float], name: str, rounded: Rounding) -> float:
+    """Of what `_scored` prints."""
+    return rounded(terms[name]) * rounded(terms.get("place", 1.0))
+
+
+def _scored(terms: Mapping[str, float], name: str, digits: int = 2) -> str:
+    place = f" × place {terms['place']:.{digits}f}" if "place" in terms else ""
+    return f"{terms[name]:.{digits}f}{place}"
 
 
 def best_view(name: str, score: float, candidates: Sequence[Candidate], winner: int) -> str:

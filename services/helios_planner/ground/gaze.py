@@ -105,18 +105,15 @@ def gaze_points(
     top_m = float(max(candidate.top_m, candidate.center_m[2]))
     extent_m = float(np.hypot(*(outline - middle).T).max())
     farthest = max(rules.distances_m) + extent_m + 0.2
-    r0, c0, r1, c1 = _window(ground, middle, farthest)
-    part = GroundMap(
-        ground.occupancy[r0:r1, c0:c1], ground.top_m[r0:r1, c0:c1], ground.cell_m,
-        (ground.origin_m[0] + c0 * ground.cell_m, ground.origin_m[1] + r0 * ground.cell_m),
-    )  # fmt: skip
+    near = ground.window_at(middle, farthest)
+    part = ground.part(near)
     if part.occupancy.size == 0:
         return []
     mask = outline_mask(part, outline)
     if not mask.any():
         return []
     away_m = cv2.distanceTransform((mask == 0).astype(np.uint8), cv2.DIST_L2, 5) * ground.cell_m
-    arrival = reached.arrival[r0:r1, c0:c1]
+    arrival = reached.arrival[near]
     chosen: list[GazePoint] = []
     for wanted_m in rules.distances_m:
         on_contour = (np.abs(away_m - wanted_m) <= 0.75 * ground.cell_m) & np.isfinite(arrival)
@@ -138,17 +135,3 @@ def gaze_points(
                    + tilt_towards(distance_m, float(candidate.center_m[2]), robot)) / 2  # fmt: skip
             chosen.append(GazePoint(pose, aim, float(arrival[row, column])))
     return sorted(chosen, key=lambda g: g.arrival)
-
-
-def _window(
-    ground: GroundMap, middle: NDArray[np.float64], radius_m: float
-) -> tuple[int, int, int, int]:
-    row, column = ground.cells_of(middle[None])[0]
-    n = math.ceil(radius_m / ground.cell_m)
-    rows, columns = ground.occupancy.shape
-    lo = max(0, int(row) - n), max(0, int(column) - n)
-    return (
-        *lo,
-        max(lo[0], min(rows, int(row) + n + 1)),
-        max(lo[1], min(columns, int(column) + n + 1)),
-    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,6 +83,30 @@ class GroundMap:
         row, column = cells[:, 0], cells[:, 1]
         return (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
 
+    def window(self, cell: tuple[int, int], radius_m: float) -> tuple[slice, slice]:
+        """Rows and columns of the square within `radius_m` of a cell, cut to the map; empty where
+        none of it lies on the map."""
+        n = math.ceil(radius_m / self.cell_m)
+        rows, columns = self.occupancy.shape
+        return _cut(int(cell[0]), n, rows), _cut(int(cell[1]), n, columns)
+
+    def window_at(
+        self, point_m: Sequence[float] | NDArray[np.float64], radius_m: float
+    ) -> tuple[slice, slice]:
+        """`window` around the cell of a world point (x, y)."""
+        row, column = self.cells_of(np.array([[point_m[0], point_m[1]]]))[0]
+        return self.window((int(row), int(column)), radius_m)
+
+    def part(self, near: tuple[slice, slice]) -> GroundMap:
+        """The map of a window, which may be empty; a view of these arrays."""
+        row, column = near[0].start, near[1].start
+        origin = (
+            self.origin_m[0] + column * self.cell_m, self.origin_m[1] + row * self.cell_m
+        )  # fmt: skip
+        return GroundMap(
+            self.occupancy[near], self.top_m[near], self.cell_m, origin, self.version
+        )  # fmt: skip
+
     def padded(self, x_m: float, y_m: float, margin_m: float) -> GroundMap:
         """A map that also covers `margin_m` around the point; new cells are unknown."""
         row, column = self.cells_of(np.array([[x_m, y_m]]))[0]
@@ -105,16 +130,25 @@ class GroundMap:
         )
 
 
+def corner_of(near: tuple[slice, slice]) -> NDArray[np.int64]:
+    """Row and column [2] of the first cell of a window."""
+    return np.array([near[0].start, near[1].start])
+
+
 def unknown_near(
     ground: GroundMap, point: tuple[float, float], radius_m: float
 ) -> tuple[float, float]:
     """The unknown cell nearest to a point, or the point itself."""
-    row, column = (int(v) for v in ground.cells_of(np.array([point]))[0])
-    n = math.ceil(radius_m / ground.cell_m)
-    r0, c0 = max(0, row - n), max(0, column - n)
-    cells = np.argwhere(ground.occupancy[r0 : row + n + 1, c0 : column + n + 1] < 0)
+    near = ground.window_at(point, radius_m)
+    cells = np.argwhere(ground.occupancy[near] < 0)
     if not len(cells):
         return point
-    centres = ground.centres_of(cells + np.array([r0, c0]))
+    centres = ground.centres_of(cells + corner_of(near))
     x_m, y_m = centres[np.argmin(np.hypot(*(centres - np.array(point)).T))]
     return float(x_m), float(y_m)
+
+
+def _cut(middle: int, n: int, length: int) -> slice:
+    """Indices middle - n to middle + n that lie in 0 to length - 1."""
+    low = min(max(middle - n, 0), length)
+    return slice(low, max(low, min(middle + n + 1, length)))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from helios_planner.ground import fm2, kernels
 from helios_planner.ground.collision import clearance_m, least_clearance_m
-from helios_planner.ground.grid import GroundMap, Pose2
+from helios_planner.ground.grid import GroundMap, Pose2, corner_of
 
 NONE = np.empty((0, 3))  # no discs
 WIDE_ENOUGH_M = 0.10  # of clearance to spare, a straight line is taken in any case
@@ -84,11 +84,8 @@ class Reach:
     def nearest(self, point: tuple[float, float], within_m: float) -> tuple[float, float] | None:
         """The reachable place nearest to a point, if any lies within `within_m`."""
         ground = self.ground
-        (row, column) = ground.cells_of(np.array([point]))[0]
-        n = math.ceil(within_m / ground.cell_m)
-        r0, c0 = max(0, row - n), max(0, column - n)
-        part = np.isfinite(self.arrival[r0 : row + n + 1, c0 : column + n + 1])
-        cells = np.argwhere(part) + np.array([r0, c0])
+        near = ground.window_at(point, within_m)
+        cells = np.argwhere(np.isfinite(self.arrival[near])) + corner_of(near)
         if not len(cells):
             return None
         centres = ground.centres_of(cells)
@@ -128,9 +125,8 @@ def reach(
     required = np.full(clear.shape, wanted, np.float32)
     here = float(clear[row, column]) - 0.5 * ground.cell_m
     if here < wanted:
-        n = math.ceil(rules.leave_m / ground.cell_m)
-        near = np.s_[max(0, row - n) : row + n + 1, max(0, column - n) : column + n + 1]
-        r, c = np.ogrid[near[0], near[1]]
+        near = ground.window((row, column), rules.leave_m)
+        r, c = np.ogrid[near]
         far_m = np.hypot(r - row, c - column) * ground.cell_m
         # The further from where it stands, the more of the margin must be back.
         required[near] = np.minimum(wanted, here + far_m * (wanted - here) / rules.leave_m)

@@ -12,7 +12,7 @@ from helios_core.types import ObjectInstance, RobotDescription
 from numpy.typing import NDArray
 
 from helios_planner.ground.gaze import eye_of, in_sight, outline_mask, outline_of
-from helios_planner.ground.grid import GroundMap, Pose2, facing
+from helios_planner.ground.grid import GroundMap, Pose2, corner_of, facing
 from helios_planner.ground.motion import Reach
 
 ON_TOP_M = 0.15  # so near to a thing nothing but itself stands
@@ -62,11 +62,8 @@ def stand_for(
     not near one that was tried: short way, wide clearance. None if there is none. near_m: so near
     to the point nothing hides it."""
     ground = reached.ground
-    row, column = ground.cells_of(np.array([target_m[:2]]))[0]
-    n = math.ceil(reach_m / ground.cell_m)
-    r0, c0 = max(0, row - n), max(0, column - n)
-    arrival = reached.arrival[r0 : row + n + 1, c0 : column + n + 1]
-    cells = np.argwhere(np.isfinite(arrival)) + np.array([r0, c0])
+    near = ground.window_at(target_m, reach_m)
+    cells = np.argwhere(np.isfinite(reached.arrival[near])) + corner_of(near)
     if not len(cells):
         return None
     xy = ground.centres_of(cells)
@@ -100,11 +97,12 @@ def place_spots(
     ground = reached.ground
     outline = outline_of(receptacle)
     centre, extent = outline.mean(axis=0), float(np.ptp(outline, axis=0).max())
-    part, r0, c0 = _part(ground, centre, extent + reach_m + 0.3)
+    near = ground.window_at(centre, extent + reach_m + 0.3)
+    part, (r0, c0) = ground.part(near), corner_of(near)
     if part.occupancy.size == 0:
         return []
     inset = _flat_inset_m(part, receptacle, outline, rules)
-    arrival = reached.arrival[r0 : r0 + inset.shape[0], c0 : c0 + inset.shape[1]]
+    arrival = reached.arrival[near]
     stands = np.argwhere(np.isfinite(arrival))
     stand_xy = part.centres_of(stands)
     for x_m, y_m in not_from:
@@ -187,23 +185,6 @@ def edge_spot(
     inward /= max(float(np.hypot(*inward)), 1e-6)
     x_m, y_m = nearest + inward * inset_m
     return float(x_m), float(y_m), float(receptacle.top_m)
-
-
-def _part(
-    ground: GroundMap, centre: NDArray[np.float64], radius_m: float
-) -> tuple[GroundMap, int, int]:
-    row, column = ground.cells_of(centre[None])[0]
-    n = math.ceil(radius_m / ground.cell_m)
-    r0, c0 = max(0, int(row) - n), max(0, int(column) - n)
-    r1, c1 = max(r0, int(row) + n + 1), max(c0, int(column) + n + 1)
-    origin = ground.origin_m[0] + c0 * ground.cell_m, ground.origin_m[1] + r0 * ground.cell_m
-    return (
-        GroundMap(
-            ground.occupancy[r0:r1, c0:c1], ground.top_m[r0:r1, c0:c1], ground.cell_m, origin
-        ),
-        r0,
-        c0,
-    )
 
 
 def _flat_inset_m(

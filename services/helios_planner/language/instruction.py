@@ -57,6 +57,11 @@ def parse(text: str) -> Instruction:
             f"the instruction has {len(text)} characters; send one sentence of at most {LONGEST}, "
             f"for example {EXAMPLE}"
         )
+    if unseen := w.control_character(text):
+        raise InvalidInput(
+            f"the instruction {short(text)} holds the control character {unseen}; send one line of "
+            f"plain text, for example {EXAMPLE}"
+        )
     words = w.tokens(text)
     if not words:
         raise InvalidInput(f"the instruction is empty; send a sentence, for example {EXAMPLE}")

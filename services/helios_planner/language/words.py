@@ -259,6 +259,9 @@ _SPELLED = str.maketrans(
 )
 
 
+_TURNS = ("LRE", "RLE", "PDF", "LRO", "RLO", "LRI", "RLI", "FSI", "PDI")  # of direction
+
+
 def tokens(text: str) -> list[str]:
     """Lower-case words and pauses. Look-alikes of Unicode are made plain (full width, ligatures),
     what cannot be seen is dropped, symbols count as spaces."""
@@ -273,6 +276,17 @@ def tokens(text: str) -> list[str]:
         kept.append(c if c in "'-," or c.isalnum() else " ")
     words = [w if w == PAUSE else w.strip("'-") for w in "".join(kept).split()]
     return trimmed([w for w in words if w])
+
+
+def control_character(text: str) -> str:
+    """The name of the first character that is none to read, such as "U+001B"; empty for none. What
+    parts words, a tab or a line end, is no such; what reverses text on a terminal is one."""
+    for c in text:
+        if unicodedata.category(c) in ("Cc", "Co", "Cs", "Zl", "Zp") and c not in "\t\n\r":
+            return f"U+{ord(c):04X}"
+        if unicodedata.bidirectional(c) in _TURNS:
+            return f"U+{ord(c):04X}"
+    return ""
 
 
 def strange_letter(text: str) -> tuple[str, str] | None:

@@ -249,12 +249,22 @@ class BusBody(Body):
         if self._fresh:
             return
         known = self._ground.version if self._ground is not None else 0
-        reply = self._line.call(SNAPSHOT, pb.SnapshotRequest(layers=False, if_newer=known))
+        reply = self._snapshot(known)
+        if not reply.unchanged and not reply.width * reply.height:
+            # map2d was started again and has no map yet: a new keyframe gives it one.
+            self.act(Observe())
+            reply = self._snapshot(0)
         if not reply.unchanged or self._ground is None:
             try:
                 view = decode_snapshot(reply)
             except InvalidInput as error:
                 raise system_error(error) from error
+            if not view.occupancy.size:
+                raise TaskFailed(
+                    Cause.SYSTEM_ERROR,
+                    "map2d has no map, though it took up the newest keyframe; see `helios status` "
+                    "and its log, logs/map2d.log in the state folder",
+                )
             self._ground = GroundMap(
                 view.occupancy, view.top_m, view.cell_m, view.origin_m, view.version
             )
@@ -262,6 +272,10 @@ class BusBody(Body):
                 Frontier(f.id, (f.x_m, f.y_m), f.size_m, dict(f.values)) for f in view.frontiers
             )
         self._fresh = True
+
+    def _snapshot(self, known: int) -> pb.MapSnapshot:
+        """The newest map; without arrays where it is the version `known`."""
+        return self._line.call(SNAPSHOT, pb.SnapshotRequest(layers=False, if_newer=known))
 
     def _on_pause(self, why: str | None) -> None:
         if why is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import threading
 import time
 from collections import deque
@@ -23,8 +24,16 @@ from helios_planner.task import Cause, TaskCancelled, TaskFailed
 log = logging.getLogger(__name__)
 
 HOLDER = "planner"
+_ACTION = re.compile(r"[^.]*?(?:\.(\d+))?-(\d+)")
 RECENT = 20  # actions, of which so many may be answered only when asked for again:
 MOST_IN_VAIN = 8
+
+
+def number_of(action_id: str) -> tuple[int, int]:
+    """Life and number of an action of a task (`TASK.LIFE-NUMBER`), which rise as it goes on; zeros
+    for another id."""
+    parts = _ACTION.fullmatch(action_id)
+    return (int(parts[1] or 0), int(parts[2])) if parts else (0, 0)
 
 
 class Line:
@@ -101,11 +110,13 @@ class Driver:
         self._on_pause = on_pause
         self._number = 0
         self._token: int | None = None
+        self._lease_s, self._renewed_s = 0.0, 0.0  # for how long it is granted, and since when
         self._in_vain: deque[bool] = deque(maxlen=RECENT)
 
     def do(self, action: Action) -> pb.ActionResult:
         """Send one action until it is done once: under the same id while nobody answers or the
-        lease was lost, under a new one after a stop.
+        lease was lost, under a new one after a stop. A lease that ran out while nothing was done
+        (the task was paused) is renewed without a word.
 
         Raises TaskFailed when that takes longer than `away_s`, or happens again and again: a robot
         that is too slow to be driven would otherwise never be done with its task.
@@ -113,6 +124,7 @@ class Driver:
         away_since: float | None = None
         problem: HeliosError | None = None
         action_id = self._next_id()
+        renewed = False
         while True:
             self._line.check()
             if self._token is None:
@@ -125,6 +137,7 @@ class Driver:
             )
             try:
                 result = self._line.call_once(ACT, request, self._settings.action_timeout_s + 5.0)
+                self._renewed_s = time.monotonic()
                 self._note(problem)
                 if problem is not None:
                     self._line.waits_for("")
@@ -133,6 +146,9 @@ class Driver:
                 self._token = None
                 if self.wait_while_stopped():
                     action_id, away_since, problem = self._next_id(), None, None
+                    continue
+                if not renewed and time.monotonic() - self._renewed_s >= self._lease_s:
+                    renewed = True
                     continue
                 problem = error
             except (Unavailable, DeadlineExceeded) as error:
@@ -183,12 +199,15 @@ class Driver:
         request = pb.LeaseRequest(holder=HOLDER)
         while True:
             try:
-                return self._line.call(LEASE, request, refusals=(Conflict,)).token
+                lease = self._line.call(LEASE, request, refusals=(Conflict,))
             except Conflict as error:
                 if time.monotonic() > deadline:
                     raise system_error(error) from error
                 self._line.waits_for(f"the bridge: {error.message}")
                 self._line.rest(RETRY_S)
+            else:
+                self._lease_s, self._renewed_s = lease.duration_s, time.monotonic()
+                return lease.token
 
     def _next_id(self) -> str:
         self._number += 1

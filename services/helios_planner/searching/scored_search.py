@@ -11,6 +11,7 @@ from helios_core.types import ObjectInstance
 
 from helios_planner.decisions.decide import Decision, Do, act_or_look
 from helios_planner.decisions.remembered import Remembered
+from helios_planner.decisions.sentences import less
 from helios_planner.decisions.standards import Standard, Standards, in_the_end
 from helios_planner.searching.explore import Kit, Search
 from helios_planner.searching.explorers import Explorer
@@ -91,7 +92,7 @@ class ScoredSearch(Search):
             return super().why_not(near)
         score, least = near.score * self._place(near), self._least_near
         if score < least:
-            return f"from near its score is {score:.2f} < {least:.2f}"
+            return f"from near its score is {less(score, least)}"
         if not (self._acted.anywhere or self.in_place(near)):
             return "from near it is not where it was said to be"
         return super().why_not(near)

@@ -10,6 +10,7 @@ from helios_core.robot import Pick, Place
 from helios_core.types import ObjectInstance
 
 from helios_planner.agents import agent_named
+from helios_planner.decisions.sentences import less
 from helios_planner.ground.gaze import GazePoint
 from helios_planner.handling.placed import Seen, look_after
 from helios_planner.handling.skills import Done, Skills
@@ -288,7 +289,7 @@ class Mission:
             if seen is not None and seen.score >= search.threshold:
                 x, y, z = seen.center_m
                 return f"found the {search.name} at ({x:.2f}, {y:.2f}, {z:.2f}) m"
-            worse = seen and f"from near its score is {seen.score:.2f} < {search.threshold:.2f}"
+            worse = seen and f"from near its score is {less(seen.score, search.threshold)}"
             search.give_up("stop", found, worse or search.why_not(None))
             if self.body.budget_used() == used:  # nothing was done, and nothing else would be
                 search.leave(found, out_of_reach=stood is Outcome.UNREACHABLE)

@@ -39,7 +39,15 @@ class Hold:
             return
         tell(True)
         while not self._go.wait(0.1):
-            if self._cancelled.is_set():
-                raise TaskCancelled
-            self.check()
+            self._check_all()
         tell(False)
+
+    def rest(self, seconds: float) -> None:
+        """Wait so long. Raises TaskCancelled and TaskFailed."""
+        self._cancelled.wait(seconds)
+        self._check_all()
+
+    def _check_all(self) -> None:
+        if self._cancelled.is_set():
+            raise TaskCancelled
+        self.check()

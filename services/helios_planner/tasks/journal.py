@@ -17,6 +17,8 @@ from helios_core import proto as pb
 from helios_core.bus import Bus, LivelinessHandler, Registration
 from helios_core.topics import ACT, M, Method, Rep, Req, Topic
 
+from helios_planner.robot.calls import RETRY_S
+from helios_planner.task import Cause, TaskFailed
 from helios_planner.tasks.hold import Hold
 
 Memory = dict[str, Any]  # of JSON
@@ -35,16 +37,18 @@ class Entry:
 
 
 class Keeper(Protocol):
-    """Where entries are kept."""
+    """Where entries are kept; `fault`: why they cannot be, and what to do."""
 
-    def keep(self, task_id: str, entry: Entry) -> None: ...
+    def keep(self, task_id: str, entry: Entry) -> bool: ...
+    @property
+    def fault(self) -> str: ...
 
 
 class Journal:
     """Of one running task; used by its worker alone. `memory` gives what the mission remembers."""
 
     def __init__(self, keeper: Keeper, task_id: str, entry: Entry) -> None:
-        self._keeper, self._task_id, self.entry = keeper, task_id, entry
+        self._keeper, self.task_id, self.entry = keeper, task_id, entry
         self.memory: Callable[[], Memory] = lambda: self.entry.memory
 
     @property
@@ -52,8 +56,18 @@ class Journal:
         """Whether it is known what came of the newest action."""
         return self.entry.request is None or self.entry.result is not None
 
-    def before(self, request: pb.ActionRequest) -> None:
-        self._keep(replace(self.entry, request=request, result=None, memory=self.memory()))
+    @property
+    def fault(self) -> str:
+        """Why nothing can be kept now."""
+        return self._keeper.fault
+
+    def before(self, request: pb.ActionRequest) -> bool:
+        """Whether an action is written down, so that it may begin."""
+        entry = replace(self.entry, request=request, result=None, memory=self.memory())
+        if not self._keeper.keep(self.task_id, entry):
+            return False
+        self.entry = entry
+        return True
 
     def after(self, result: pb.ActionResult) -> None:
         epoch = self.entry.epoch
@@ -67,7 +81,14 @@ class Journal:
 
     def _keep(self, entry: Entry) -> None:
         self.entry = entry
-        self._keeper.keep(self._task_id, entry)
+        self._keeper.keep(self.task_id, entry)
+
+
+class Waiter(Protocol):
+    """Who is told why a task stands."""
+
+    def on_hold(self, paused: bool) -> None: ...
+    def on_wait(self, what: str | None) -> None: ...
 
 
 class TaskBus(Bus):
@@ -75,10 +96,12 @@ class TaskBus(Bus):
     action is in the journal before the robot is asked for it."""
 
     def __init__(
-        self, bus: Bus, journal: Journal, hold: Hold, on_hold: Callable[[bool], None]
+        self, bus: Bus, journal: Journal, hold: Hold, waiter: Waiter, keep_within_s: float
     ) -> None:
+        """keep_within_s: for how long an action may wait until it can be written down."""
         self.robot = bus.robot
-        self._bus, self._journal, self._hold, self._on_hold = bus, journal, hold, on_hold
+        self._bus, self._journal, self._hold, self._waiter = bus, journal, hold, waiter
+        self._keep_within_s = keep_within_s
         self.held_s = 0.0  # for how long the pauses lasted that calls had to wait for
 
     def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
@@ -86,13 +109,34 @@ class TaskBus(Bus):
         if not isinstance(request, pb.ActionRequest) or method.name != ACT.name:
             return self._bus.call(method, request, timeout_s)
         since_s = time.monotonic()
-        self._hold.wait(self._on_hold)
+        self._written_down(request)
         self.held_s += time.monotonic() - since_s
-        self._journal.before(request)
         reply = self._bus.call(method, request, timeout_s)
         assert isinstance(reply, pb.ActionResult)
         self._journal.after(reply)
         return reply
+
+    def _written_down(self, request: pb.ActionRequest) -> None:
+        """Return when an action may begin: the task is not paused, and the journal has it. Raises
+        TaskFailed where the journal cannot take it for too long."""
+        faulty_s = 0.0
+        while True:
+            self._hold.wait(self._waiter.on_hold)
+            if self._journal.before(request):
+                break
+            if faulty_s > self._keep_within_s:
+                raise TaskFailed(
+                    Cause.SYSTEM_ERROR,
+                    f"the robot stood for {faulty_s:.0f} s, since its next action could not be "
+                    f"written down: {self._journal.fault}; then submit the task again",
+                )
+            if not faulty_s:
+                self._waiter.on_wait(f"its journal: {self._journal.fault}")
+            began_s = time.monotonic()
+            self._hold.rest(RETRY_S)
+            faulty_s += time.monotonic() - began_s
+        if faulty_s:
+            self._waiter.on_wait(None)
 
     def publish(self, topic: Topic[M], message: M) -> None:
         self._bus.publish(topic, message)

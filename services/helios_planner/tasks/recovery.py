@@ -15,7 +15,7 @@ from helios_core.topics import ACT, GET_STATE, LEASE
 from helios_core.types import RobotState
 
 from helios_planner.robot.calls import RETRY_S
-from helios_planner.robot.driving import HOLDER, Line
+from helios_planner.robot.driving import HOLDER, Line, number_of
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
 from helios_planner.tasks.journal import Journal
@@ -40,9 +40,11 @@ def last_action(
     """Settle what was in flight, and say what came of it. held_s: for how long somebody has paused
     the task until now, which is nobody's fault.
 
-    Raises TaskFailed when the robot is not in the world that the journal speaks of.
+    Raises TaskFailed when the robot is not in the world that the journal speaks of, or has done
+    more of this task than the journal knows.
     """
     _same_world(line, journal)
+    _not_stale(_state(line).last_action_id, journal)
     entry = journal.entry
     request, result = entry.request, entry.result
     if request is not None and result is None:
@@ -63,6 +65,20 @@ def _same_world(line: Line, journal: Journal) -> None:
             Cause.SYSTEM_ERROR,
             "the robot restarted or its localisation jumped while the planner was away; submit the "
             "task again",
+        )
+
+
+def _not_stale(done: str, journal: Journal) -> None:
+    """done: id of the action that the robot did last, of whatever task."""
+    known = journal.entry.request
+    if done.startswith((f"{journal.task_id}-", f"{journal.task_id}.")) and (
+        known is None or number_of(done) > number_of(known.action_id)
+    ):
+        raise TaskFailed(
+            Cause.SYSTEM_ERROR,
+            f"the robot has done action {done} of this task, which is not in the journal (the "
+            "computer lost power, or its disk was full): how far the task came is not known; see "
+            "what the robot holds, and submit the task again",
         )
 
 

@@ -44,7 +44,7 @@ class TaskRun:
         entry = Entry() if kept is None else replace(kept, life=kept.life + 1)
         self._journal = Journal(store, task.id, entry)
         self._voice = TaskVoice(book, task, settings, store.last_number(task.id) + 1)
-        self._bus = TaskBus(bus, self._journal, hold, self._voice.on_hold)
+        self._bus = TaskBus(bus, self._journal, hold, self._voice, settings.keep_within_s)
 
     def run(self) -> None:
         """Until it has ended, or was cancelled because the planner ends; that is the book's."""

@@ -1,6 +1,10 @@
 """Tasks and decisions that outlive the process: SQLite in the state directory.
 
 Rows hold the messages as they travel, so that what is told later is what was told then.
+
+What is to be believed after a restart is on the disk before it is told. Where the disk refuses (it
+is full), `fault` says so from the first write that failed until `mend` has written everything
+again, and `proof.py` tells the next planner that something may be missing.
 """
 
 from __future__ import annotations
@@ -10,90 +14,99 @@ import logging
 import sqlite3
 import threading
 import time
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TypeVar
 
+from google.protobuf.message import DecodeError
 from helios_core import proto as pb
-from helios_core.errors import Unavailable
 
+from helios_planner.tasks.database import opened, remedy
 from helios_planner.tasks.journal import Entry
+from helios_planner.tasks.proof import Proof
 
 log = logging.getLogger(__name__)
 
-_SCHEMA = """
-CREATE TABLE IF NOT EXISTS tasks (
-    id TEXT PRIMARY KEY, created_s REAL NOT NULL, state TEXT NOT NULL, message BLOB NOT NULL
-);
-CREATE TABLE IF NOT EXISTS decisions (
-    task_id TEXT NOT NULL, number INTEGER NOT NULL, message BLOB NOT NULL,
-    PRIMARY KEY (task_id, number)
-);
-CREATE TABLE IF NOT EXISTS journal (
-    task_id TEXT PRIMARY KEY, life INTEGER NOT NULL, request BLOB, result BLOB,
-    memory TEXT NOT NULL, epoch TEXT NOT NULL, saved_s REAL NOT NULL
-);
-CREATE TABLE IF NOT EXISTS pulse (one INTEGER PRIMARY KEY CHECK (one = 1), at_s REAL NOT NULL);
-"""
+ROOM_BYTES = 256 * 1024  # that the disk must take before it is trusted again
+
+_PUT = "INSERT OR REPLACE INTO tasks VALUES (?, ?, ?, ?)"
+_SETTLE = "DELETE FROM journal WHERE task_id = ?"
+Statement = tuple[str, tuple]
+M = TypeVar("M", pb.Task, pb.Decision)
 
 
 class Store:
     """Safe from any thread. Raises Unavailable where the file cannot be used at the start.
 
-    Of each task the newest `most_decisions` stay; `forget` takes a task out.
+    What writes returns whether it is kept. Of each task the newest `most_decisions` stay; `forget`
+    takes a task out. `proven`: whether the store of before held all that was told. `said`: what is
+    to be said of its file.
     """
 
     def __init__(self, directory: Path, most_decisions: int = 2000) -> None:
         self._lock = threading.Lock()
         self._most_decisions = most_decisions
-        self._said = ""  # the last error of writing
         self.path = directory / "tasks.sqlite"
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-            self._db = sqlite3.connect(self.path, check_same_thread=False)
-            with self._db:
-                self._db.executescript(_SCHEMA)
-            self._db.execute("PRAGMA journal_mode=WAL")
-            self._db.execute("PRAGMA synchronous=NORMAL")
-        except (OSError, sqlite3.Error) as error:
-            raise Unavailable(
-                f"tasks cannot be kept in {self.path}: {error}; give another --state-dir, or move "
-                "the file away"
-            ) from error
+        self._db, self.said = opened(self.path)
+        self._proof = Proof(directory / "tasks.complete")
+        self.proven = self._proof.holds and not self.said
+        self._fault, self._fault_since_s = "", 0.0
+        self._on_fault: Callable[[], None] = lambda: None
 
-    def put(self, task: pb.Task) -> None:
-        """Keep a task as it is now."""
-        row = (task.id, task.created_s, task.state, task.SerializeToString())
-        self._write(("INSERT OR REPLACE INTO tasks VALUES (?, ?, ?, ?)", row))
+    def watch(self, on_fault: Callable[[], None]) -> None:
+        """on_fault: called when `fault` has changed, from the thread that writes."""
+        self._on_fault = on_fault
 
-    def add(self, decision: pb.Decision) -> None:
+    @property
+    def fault(self) -> str:
+        """Why tasks cannot be kept, and what to do about it; empty while they can."""
+        return self._fault
+
+    @property
+    def fault_s(self) -> float:
+        """For how long there has been a fault."""
+        return time.monotonic() - self._fault_since_s if self._fault else 0.0
+
+    # --- tasks and decisions -------------------------------------------------------------------
+    def put(self, task: pb.Task, safe: bool = False) -> bool:
+        """Keep a task as it is now; safe: so that a loss of power does not undo it."""
+        return self._write((_PUT, _row(task)), safe=safe)
+
+    def finish(self, task: pb.Task) -> bool:
+        """Keep how a task has ended, and let go of its journal; a loss of power undoes neither."""
+        return self._write((_PUT, _row(task)), (_SETTLE, (task.id,)), safe=True)
+
+    def add(self, decision: pb.Decision) -> bool:
         """Keep a decision under its task and number, and let go of the oldest one too many."""
         row = (decision.task_id, decision.index, decision.SerializeToString())
         over = (decision.task_id, decision.index - self._most_decisions)
-        self._write(
+        return self._write(
             ("INSERT OR REPLACE INTO decisions VALUES (?, ?, ?)", row),
             ("DELETE FROM decisions WHERE task_id = ? AND number <= ?", over),
         )
 
-    def forget(self, id: str) -> None:
+    def forget(self, id: str) -> bool:
         """Let go of a task and all that is kept of it."""
-        self._write(
+        return self._write(
             ("DELETE FROM decisions WHERE task_id = ?", (id,)),
-            ("DELETE FROM journal WHERE task_id = ?", (id,)),
+            (_SETTLE, (id,)),
             ("DELETE FROM tasks WHERE id = ?", (id,)),
         )
 
     def tasks(self) -> list[pb.Task]:
-        """All tasks, oldest first."""
+        """All tasks that can be read, oldest first."""
         with self._lock:
-            rows = self._db.execute("SELECT message FROM tasks ORDER BY created_s").fetchall()
-        return [pb.Task.FromString(row[0]) for row in rows]
+            rows = self._db.execute("SELECT id, message FROM tasks ORDER BY created_s").fetchall()
+        return [task for id, row in rows if (task := _decoded(pb.Task, row, f"task {id}"))]
 
     def decisions(self, task_id: str) -> list[pb.Decision]:
-        """A task's decisions in order."""
+        """A task's decisions in order, those that can be read."""
         with self._lock:
             rows = self._db.execute(
                 "SELECT message FROM decisions WHERE task_id = ? ORDER BY number", (task_id,)
             ).fetchall()
-        return [pb.Decision.FromString(row[0]) for row in rows]
+        what = f"a decision of task {task_id}"
+        return [d for row in rows if (d := _decoded(pb.Decision, row[0], what))]
 
     def last_number(self, task_id: str) -> int:
         """Number of a task's newest decision; -1 for none."""
@@ -104,16 +117,16 @@ class Store:
         return -1 if row[0] is None else int(row[0])
 
     # --- the journal ---------------------------------------------------------------------------
-    def keep(self, task_id: str, entry: Entry) -> None:
+    def keep(self, task_id: str, entry: Entry) -> bool:
         """Keep what a running task needs to go on."""
         request = entry.request.SerializeToString() if entry.request is not None else None
         result = entry.result.SerializeToString() if entry.result is not None else None
         row = (task_id, entry.life, request, result, json.dumps(entry.memory),
                json.dumps(entry.epoch), time.time())  # fmt: skip
-        self._write(("INSERT OR REPLACE INTO journal VALUES (?, ?, ?, ?, ?, ?, ?)", row))
+        return self._write(("INSERT OR REPLACE INTO journal VALUES (?, ?, ?, ?, ?, ?, ?)", row))
 
     def entry(self, task_id: str) -> Entry | None:
-        """What was kept of a running task."""
+        """What was kept of a running task. Raises ValueError where that cannot be read."""
         with self._lock:
             row = self._db.execute(
                 "SELECT life, request, result, memory, epoch FROM journal WHERE task_id = ?",
@@ -123,22 +136,21 @@ class Store:
             return None
         life, request, result, memory, epoch = row
         boot = json.loads(epoch)
-        return Entry(
-            life,
-            None if request is None else pb.ActionRequest.FromString(request),
-            None if result is None else pb.ActionResult.FromString(result),
-            json.loads(memory),
-            None if boot is None else (str(boot[0]), int(boot[1])),
-        )
-
-    def settle(self, task_id: str) -> None:
-        """The task has ended: its journal is needed no more."""
-        self._write(("DELETE FROM journal WHERE task_id = ?", (task_id,)))
+        try:
+            return Entry(
+                life,
+                None if request is None else pb.ActionRequest.FromString(request),
+                None if result is None else pb.ActionResult.FromString(result),
+                json.loads(memory),
+                None if boot is None else (str(boot[0]), int(boot[1])),
+            )
+        except DecodeError as error:
+            raise ValueError(str(error)) from error
 
     # --- the planner itself --------------------------------------------------------------------
-    def pulse(self, at_s: float) -> None:
+    def pulse(self, at_s: float) -> bool:
         """The planner was alive then; 0: it was stopped."""
-        self._write(("INSERT OR REPLACE INTO pulse VALUES (1, ?)", (at_s,)))
+        return self._write(("INSERT OR REPLACE INTO pulse VALUES (1, ?)", (at_s,)))
 
     def alive_s(self) -> float:
         """When a planner was alive last; 0: it was stopped, or there was none."""
@@ -146,19 +158,70 @@ class Store:
             row = self._db.execute("SELECT at_s FROM pulse").fetchone()
         return float(row[0]) if row else 0.0
 
+    def mend(self, open_tasks: Iterable[pb.Task], ended: Iterable[pb.Task]) -> bool:
+        """After a fault, and at the start: write what could not be written; whether everything is
+        kept now. open_tasks, ended: as they are now, those that may not be kept."""
+        filler = ("INSERT OR REPLACE INTO room VALUES (1, ?)", (bytes(ROOM_BYTES),))
+        written = self._write(
+            *[(_PUT, _row(task)) for task in (*open_tasks, *ended)],
+            *[(_SETTLE, (task.id,)) for task in ended],
+            ("INSERT OR REPLACE INTO pulse VALUES (1, ?)", (time.time(),)),
+            filler,
+            safe=True,
+        )
+        if not (written and self._write(("DELETE FROM room", ()))):
+            return False
+        with self._lock:
+            was, missing = self._fault, self._proof.give()
+            if missing:
+                self._failed(missing)
+            elif was:
+                self._fault = ""
+                log.warning("tasks are kept in %s again", self.path)
+        if was != self._fault:
+            self._on_fault()
+        return not missing
+
     def close(self) -> None:
         with self._lock:
             self._db.close()
 
-    def _write(self, *statements: tuple[str, tuple]) -> None:
-        """All or nothing. A full disk ends no task: what could not be kept is said once."""
-        try:
-            with self._lock, self._db:
-                for statement, values in statements:
-                    self._db.execute(statement, values)
-        except sqlite3.Error as error:
-            if str(error) != self._said:
-                log.error("cannot keep tasks in %s: %s; the task goes on", self.path, error)
-            self._said = str(error)
-        else:
-            self._said = ""
+    def _write(self, *statements: Statement, safe: bool = False) -> bool:
+        """All or nothing. What could not be kept is said once."""
+        with self._lock:
+            try:
+                self._db.execute(f"PRAGMA synchronous={'FULL' if safe else 'NORMAL'}")
+                with self._db:
+                    for statement, values in statements:
+                        self._db.execute(statement, values)
+                return True
+            except sqlite3.Error as error:
+                changed = self._failed(
+                    f"tasks cannot be kept in {self.path}: {error}; {remedy(error)}"
+                )
+        if changed:
+            self._on_fault()
+        return False
+
+    def _failed(self, fault: str) -> bool:
+        """Note why something is not kept; whether that is news. The lock is held."""
+        if not self._fault:
+            self._fault_since_s = time.monotonic()
+            self._proof.take()
+        if fault == self._fault:
+            return False
+        self._fault = fault
+        log.error("%s; until then no task and no action is begun", fault)
+        return True
+
+
+def _row(task: pb.Task) -> tuple:
+    return task.id, task.created_s, task.state, task.SerializeToString()
+
+
+def _decoded(kind: type[M], row: bytes, what: str) -> M | None:
+    try:
+        return kind.FromString(row)
+    except DecodeError as error:
+        log.error("%s cannot be read (%s): it is left out", what, error)
+        return None

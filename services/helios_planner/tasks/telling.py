@@ -17,22 +17,6 @@ from helios_planner.ground.grid import Pose2
 from helios_planner.language.instruction import Instruction, Kind
 from helios_planner.task import Cause, Phase, State, Task
 
-# How far each phase takes a task, for a progress bar; steps fill the rest of a phase.
-_PROGRESS = {
-    Phase.FIND_OBJECT: (0.0, 0.45),
-    Phase.PICK: (0.45, 0.55),
-    Phase.FIND_RECEPTACLE: (0.55, 0.85),
-    Phase.PLACE: (0.85, 1.0),
-}
-
-
-def progress(phase: Phase | None, steps_in_phase: int) -> float:
-    """A rough guide from 0 to 1: half of what is left of a phase every 60 steps."""
-    if phase is None:
-        return 0.0
-    low, high = _PROGRESS[phase]
-    return low + (high - low) * (1 - 0.5 ** (steps_in_phase / 60))
-
 
 def task_to_proto(task: Task) -> pb.Task:
     """As it is told and kept."""
@@ -66,11 +50,13 @@ def task_to_proto(task: Task) -> pb.Task:
     )
     if task.seen_at_goal is not None:
         told.seen_at_goal = task.seen_at_goal
+    if task.eta_s is not None:
+        told.eta_low_s, told.eta_high_s = task.eta_s
     return told
 
 
 def task_from_proto(task: pb.Task) -> Task:
-    """What `task_to_proto` wrote."""
+    """What `task_to_proto` wrote, but for when it may end: that was said then."""
     return Task(
         id=task.id,
         text=task.instruction,

@@ -122,3 +122,12 @@ def test_in_lockstep_a_missing_answer_is_said_by_name() -> None:
     state, reason = stage.health.state
     assert state == "degraded"
     assert "map2d/value" in reason
+
+
+def test_the_state_names_the_action_that_was_done_last() -> None:
+    stage = Stage()
+    assert stage.bridge.state().last_action_id == ""
+    stage.drive("a")
+    stage.drive("b")
+    stage.drive("a")  # asked for again, and not done
+    assert stage.bridge.state().last_action_id == "b"

@@ -68,6 +68,29 @@ def test_a_task_says_whether_what_it_placed_was_seen_at_its_goal(
     assert Task.from_json(answer).seen_at_goal is seen
 
 
+def test_when_a_task_may_end_is_a_pair_and_null_where_nobody_can_say(
+    backend: Backend, client: TestClient
+) -> None:
+    client.post("/v1/tasks", json={"instruction": INSTRUCTION})
+    answer = client.get("/v1/tasks/t1").json()
+    assert answer["eta_s"] is None
+    assert Task.from_json(answer).eta_s is None
+    backend.change_task("t1", "running", eta_low_s=40.0, eta_high_s=310.5)
+    answer = client.get("/v1/tasks/t1").json()
+    assert answer["eta_s"] == [40.0, 310.5]
+    assert Task.from_json(answer).eta_s == [40.0, 310.5]
+
+
+def test_no_time_limit_is_null_and_none(backend: Backend, client: TestClient) -> None:
+    client.post("/v1/tasks", json={"instruction": INSTRUCTION})
+    backend.change_task("t1", "running", time_limit_s=0.0)
+    answer = client.get("/v1/tasks/t1").json()
+    assert answer["time_limit_s"] is None
+    assert Task.from_json(answer).time_limit_s is None
+    backend.change_task("t1", "running", time_limit_s=60.0)
+    assert Task.from_json(client.get("/v1/tasks/t1").json()).time_limit_s == 60.0
+
+
 def test_an_instruction_that_is_not_understood_says_what_was(
     backend: Backend, client: TestClient
 ) -> None:

@@ -14,7 +14,7 @@ from helios_core.topics import GET_TASK, SUBMIT
 from helios_planner.robot import bus_body, calls, driving
 from helios_planner.service import PlannerService
 from helios_planner.settings import Settings
-from helios_planner.tasks import recovery
+from helios_planner.tasks import journal, recovery
 from planner_flat import MOVE, flat_with_mug
 from planner_peers import Peers
 from planner_world import FakeWorld
@@ -26,7 +26,7 @@ Start = Callable[..., tuple[PlannerService, MemoryBus, Peers]]
 
 def lose_patience_soon(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bus_body, "ACK_PATIENCE_S", 0.2)
-    for module in (bus_body, calls, driving, recovery):
+    for module in (bus_body, calls, driving, journal, recovery):
         monkeypatch.setattr(module, "RETRY_S", 0.02)
 
 

@@ -48,14 +48,16 @@ class House:
     def __init__(self, state_dir: Path) -> None:
         self.state_dir, self.hub = state_dir, MemoryHub()
         self.planners: list[PlannerService] = []
+        self.healths: list[Health] = []
 
     def peers(self, world: FakeWorld, robot: str = "robot") -> Peers:
         return Peers(self.hub, world, robot=robot)
 
     def planner(self, robot: str = "robot", **settings: Any) -> MemoryBus:
-        """A planner, and a bus to ask it."""
+        """A planner, and a bus to ask it; its health is the last of `healths`."""
         given = hasty(self.state_dir / robot, **settings)
-        self.planners.append(PlannerService(MemoryBus(self.hub, robot), given, Health()))
+        self.healths.append(Health())
+        self.planners.append(PlannerService(MemoryBus(self.hub, robot), given, self.healths[-1]))
         return MemoryBus(self.hub, robot)
 
     def mortal(

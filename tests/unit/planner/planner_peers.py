@@ -82,6 +82,7 @@ class Peers:
         self.done: dict[str, pb.ActionResult] = {}
         self.silent: set[str] = set()
         self._told = 0
+        self.blank_maps = 0  # so many snapshots are of a map2d that has no map yet
         self.gate: threading.Event | None = None
         self.acting = threading.Event()
         bus = self.bus
@@ -112,6 +113,7 @@ class Peers:
             w.pose().T_world_base, w.tilt_rad(), w.held(), stopped=self.stopped,
             robot_boot_id=self.boot, world_epoch=self.world_epoch,
             message="a person" if self.stopped else "",
+            last_action_id=next(reversed(self.done), ""),
         )  # fmt: skip
 
     def _act(self, request: pb.ActionRequest) -> pb.ActionResult:
@@ -147,6 +149,9 @@ class Peers:
         self.bus.publish(OBSERVATION, observation_to_proto(told))
 
     def _snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot:
+        if self.blank_maps:
+            self.blank_maps -= 1
+            return pb.MapSnapshot()
         ground = self.world.ground()
         top = np.rint(ground.top_m * 1000).astype("<u2")
         rows, columns = ground.occupancy.shape

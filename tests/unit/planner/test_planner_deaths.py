@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CANCEL, DECISIONS, PAUSE, RESUME
 from helios_planner.language.instruction import parse
+from helios_planner.robot.driving import number_of
 from helios_planner.service import PlannerService
 from helios_planner.task import State, Task
 from helios_planner.tasks.book import TaskBook
@@ -179,6 +181,9 @@ def test_how_long_a_task_was_paused_does_not_count_as_the_planner_being_away(
     store = Store(tmp_path)
     paused = Task("a", "go", move, State.PAUSED, 9, long_ago_s, started_s=long_ago_s, on_hold=True)
     store.put(task_to_proto(paused))
+    assert store.mend((), ())
+    store.close()
+    store = Store(tmp_path)
     settings, bus = hasty(tmp_path), MemoryBus(MemoryHub())
     store.pulse(time.time())
     book = TaskBook(bus, settings, Health(), store)
@@ -208,3 +213,33 @@ def test_what_was_queued_when_the_planner_was_stopped_waits_to_be_resumed(house:
     assert "was queued before" in waiting.message
     bus.call(RESUME, pb.TaskRequest(id=queued), 5)
     assert ended(bus, queued).state == "succeeded"
+
+
+def test_a_task_of_which_the_robot_has_done_more_than_the_journal_knows_is_left(
+    house: House,
+) -> None:
+    """The computer lost power, and what it wrote last is not on its disk."""
+    peers = house.peers(flat_with_mug())
+    mortal, bus = house.mortal(lambda _: len(peers.done) >= 7)
+    id = submit(bus).id
+    wait_until(mortal.dead.is_set, 120, "it dies")
+    mortal.close()
+    store = Store(house.state_dir / "robot")
+    entry = store.entry(id)
+    assert entry is not None
+    assert entry.request is not None
+    entry.request.action_id = f"{id}-3"
+    store.keep(id, replace(entry, result=None))
+    store.close()
+    steps = peers.world.steps
+    done = ended(house.planner(), id)
+    assert (done.state, done.cause) == ("failed", "system error")
+    assert f"has done action {id}-8 of this task" in done.message
+    assert peers.world.steps == steps
+
+
+@pytest.mark.parametrize(
+    ("one", "later"), [("t-1", "t-2"), ("t-9", "t-10"), ("t-30", "t.1-1"), ("t.9-4", "t.10-1")]
+)
+def test_actions_of_a_task_are_in_order(one: str, later: str) -> None:
+    assert number_of(one) < number_of(later)

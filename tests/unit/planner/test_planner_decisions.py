@@ -307,6 +307,6 @@ def test_tasks_and_decisions_outlive_the_process(tmp_path: Path) -> None:
 
 
 def test_a_state_directory_that_cannot_be_used_is_said(tmp_path: Path) -> None:
-    (tmp_path / "tasks.sqlite").write_text("this is no database, and it is long enough to show")
-    with pytest.raises(Unavailable, match="move the file away"):
+    (tmp_path / "tasks.sqlite").mkdir()
+    with pytest.raises(Unavailable, match="give another --state-dir"):
         Store(tmp_path)

@@ -23,7 +23,7 @@ class Robot:
     """Answers an action that is asked for again as Spot's driver does: from memory, as failed."""
 
     def __init__(self, trouble: Trouble) -> None:
-        hub = MemoryHub()
+        self.hub = hub = MemoryHub()
         self.bus, self._trouble = MemoryBus(hub), trouble
         self.ids: list[str] = []
         self.stops = 0  # that are still to be cleared
@@ -96,3 +96,41 @@ def test_stops_are_no_trouble_of_the_robots() -> None:
     robot = Robot(lambda n: Conflict("the robot is stopped (a person)") if n % 2 else None)
     drive(robot, 50)
     assert len(robot.ids) == 100
+
+
+def test_a_lease_that_ran_out_in_a_pause_is_renewed_without_a_word(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = [0.0]
+    monkeypatch.setattr(driving.time, "monotonic", lambda: clock[0])
+    robot = Robot(lambda _: None)
+    act, paused = robot._act, [3]
+
+    def lease_ran_out(request: pb.ActionRequest) -> pb.ActionResult:
+        if len(robot.ids) == paused[0]:
+            paused[0] = 0
+            clock[0] += 60.0
+            raise Conflict("lease 1 ran out after 10 s; ask anew")
+        return act(request)
+
+    MemoryBus(robot.hub).serve(ACT, lease_ran_out)
+    WAITED.clear()
+    drive(robot, 6)
+    assert (paused, len(robot.ids), WAITED) == ([0], 6, [])
+
+
+def test_a_lease_that_is_lost_while_the_robot_is_driven_is_told() -> None:
+    robot = Robot(lambda _: None)
+    act, lost = robot._act, [True]
+
+    def taken(request: pb.ActionRequest) -> pb.ActionResult:
+        if lost.pop() if lost else False:
+            raise Conflict("lease 1 is not the present one (a person has it); ask anew")
+        return act(request)
+
+    MemoryBus(robot.hub).serve(ACT, taken)
+    WAITED.clear()
+    drive(robot, 2)
+    assert WAITED == [
+        "the bridge: lease 1 is not the present one (a person has it); ask anew", None
+    ]  # fmt: skip

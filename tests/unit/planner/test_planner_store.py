@@ -11,6 +11,7 @@ from helios_planner.task import State
 from helios_planner.tasks.journal import Entry
 from helios_planner.tasks.store import Store
 from helios_planner.tasks.telling import task_from_proto, task_to_proto
+from planner_disk import refuse
 from planner_tasks import a_task
 
 
@@ -43,7 +44,7 @@ def test_a_journal_comes_back_as_it_was(tmp_path: Path) -> None:
         assert (again.life, again.request, again.result, again.memory, again.epoch) == (
             entry.life, entry.request, entry.result, entry.memory, entry.epoch
         )  # fmt: skip
-    store.settle("a")
+    store.finish(pb.Task(id="a", state="failed"))
     assert store.entry("a") is None
     store.close()
 
@@ -88,3 +89,82 @@ def test_a_full_disk_is_said_once_and_ends_nothing(
     store.put(pb.Task(id="a", state="failed"))
     assert [t.state for t in store.tasks()] == ["failed"]
     store.close()
+
+
+def test_from_the_first_write_that_fails_nothing_is_proven_until_all_is_written(
+    tmp_path: Path,
+) -> None:
+    store = Store(tmp_path)
+    assert not store.proven  # a new one: there is nothing to prove
+    assert store.mend((), ())
+    store.put(pb.Task(id="a", state="running"))
+    refuse(store)
+    changes: list[str] = []
+    store.watch(lambda: changes.append(store.fault))
+    assert not store.put(pb.Task(id="a", state="succeeded"))
+    assert not store.keep("a", Entry())
+    assert not store.mend((), [pb.Task(id="a", state="succeeded")])
+    assert not Store(tmp_path).proven
+    refuse(store, refuses=False)
+    assert store.fault
+    assert store.mend((), [pb.Task(id="a", state="succeeded")])
+    assert (len(changes), store.fault, changes[-1]) == (2, "", "")
+    assert "readonly" in changes[0]
+    again = Store(tmp_path)
+    assert again.proven
+    assert [t.state for t in again.tasks()] == ["succeeded"]
+
+
+def test_a_store_without_room_to_spare_stays_at_fault(tmp_path: Path) -> None:
+    """Small writes that happen to fit do not make it ready and at fault in turn."""
+    store = Store(tmp_path)
+    store._db.execute("PRAGMA max_page_count=20")
+    assert not store.add(pb.Decision(task_id="a", why="x" * 200_000))
+    assert store.put(pb.Task(id="a", state="running"))
+    assert not store.mend((), ())
+    assert "make room on that disk" in store.fault
+    store._db.execute("PRAGMA max_page_count=1000000")
+    assert store.mend((), ())
+    assert store.fault == ""
+
+
+def test_a_proof_that_cannot_be_written_is_a_fault(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    (tmp_path / "tasks.complete").mkdir()
+    assert not store.mend((), ())
+    assert "tasks.complete cannot be written" in store.fault
+    (tmp_path / "tasks.complete").rmdir()
+    assert store.mend((), ())
+
+
+@pytest.mark.parametrize("damage", ["a head", "the middle"])
+def test_a_damaged_file_is_put_aside_and_said(tmp_path: Path, damage: str) -> None:
+    store = Store(tmp_path)
+    for k in range(300):
+        store.put(pb.Task(id=f"task {k}", state="succeeded", message="x" * 300))
+    assert store.mend((), ())
+    store.close()
+    file = tmp_path / "tasks.sqlite"
+    raw = bytearray(file.read_bytes())
+    at = 0 if damage == "a head" else len(raw) // 8
+    raw[at : at + 9000] = b"\xa5" * 9000
+    file.write_bytes(raw)
+    again = Store(tmp_path)
+    assert again.tasks() == []
+    assert not again.proven
+    assert "tasks.sqlite.damaged-1" in again.said
+    assert (tmp_path / "tasks.sqlite.damaged-1").read_bytes() == bytes(raw)
+    assert again.put(pb.Task(id="new"))
+
+
+def test_rows_that_cannot_be_read_are_left_out(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    store.put(pb.Task(id="good", state="failed"))
+    store.put(pb.Task(id="bad", state="failed"))
+    store.keep("bad", Entry())
+    with store._db:
+        store._db.execute("UPDATE tasks SET message = x'ff' WHERE id = 'bad'")
+        store._db.execute("UPDATE journal SET memory = 'no JSON'")
+    assert [t.id for t in store.tasks()] == ["good"]
+    with pytest.raises(ValueError, match="Expecting value"):
+        store.entry("bad")

@@ -95,3 +95,17 @@ def test_nonsense_is_refused_and_a_task_afterwards_is_done(start: Start) -> None
         with pytest.raises(InvalidInput):
             submit(bus, text)
     assert ended(bus, submit(bus, "go to the counter").id).state == "succeeded"
+
+
+@pytest.mark.parametrize("bad", ["\x00", "\x1b[31m", "\x07", "\x85", "\u202e", "\u2028"])
+def test_control_characters_are_refused_and_not_repeated(start: Start, bad: str) -> None:
+    _, bus, _ = start()
+    with pytest.raises(InvalidInput, match="holds the control character U") as refused:
+        submit(bus, f"find the {bad}mug")
+    assert refused.value.message.isprintable()
+    assert not bus.call(LIST_TASKS, pb.Empty(), 5).tasks
+
+
+def test_an_instruction_is_kept_on_one_line(start: Start) -> None:
+    _, bus, _ = start()
+    assert submit(bus, " find\tthe\r\n mug ").instruction == "find the mug"

@@ -101,3 +101,18 @@ def test_a_detector_that_stays_silent_is_named_by_who_trusts_it(start: Start) ->
     done = ended(bus, submit(bus, agent="trusting").id)
     assert (done.state, done.cause) == ("failed", "system error")
     assert "detector" in done.message
+
+
+def test_a_map2d_that_was_started_again_without_a_map_is_given_a_keyframe(start: Start) -> None:
+    _, bus, peers = start()
+    peers.blank_maps = 1
+    assert ended(bus, submit(bus, "go to the counter").id).state == "succeeded"
+    assert peers.blank_maps == 0
+
+
+def test_a_map2d_that_never_has_a_map_is_named(start: Start) -> None:
+    _, bus, peers = start()
+    peers.blank_maps = 1000
+    done = ended(bus, submit(bus, "go to the counter").id)
+    assert (done.state, done.cause) == ("failed", "system error")
+    assert "map2d has no map" in done.message

@@ -1,0 +1,98 @@
+"""The file that tasks are kept in: opened, or put aside where it is damaged."""
+
+from __future__ import annotations
+
+import logging
+import sqlite3
+from pathlib import Path
+
+from helios_core.errors import Unavailable
+
+log = logging.getLogger(__name__)
+
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS tasks (
+    id TEXT PRIMARY KEY, created_s REAL NOT NULL, state TEXT NOT NULL, message BLOB NOT NULL
+);
+CREATE TABLE IF NOT EXISTS decisions (
+    task_id TEXT NOT NULL, number INTEGER NOT NULL, message BLOB NOT NULL,
+    PRIMARY KEY (task_id, number)
+);
+CREATE TABLE IF NOT EXISTS journal (
+    task_id TEXT PRIMARY KEY, life INTEGER NOT NULL, request BLOB, result BLOB,
+    memory TEXT NOT NULL, epoch TEXT NOT NULL, saved_s REAL NOT NULL
+);
+CREATE TABLE IF NOT EXISTS pulse (one INTEGER PRIMARY KEY CHECK (one = 1), at_s REAL NOT NULL);
+CREATE TABLE IF NOT EXISTS room (one INTEGER PRIMARY KEY CHECK (one = 1), filler BLOB NOT NULL);
+"""
+_DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
+_BESIDE = ("", "-wal", "-shm")  # the files of one database
+
+
+def opened(path: Path) -> tuple[sqlite3.Connection, str]:
+    """The database, and what is to be said of it; a damaged one is put aside for a new one.
+
+    Raises Unavailable where there cannot be one.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            return _connected(path), ""
+        except sqlite3.DatabaseError as error:
+            if not damaged(error):
+                raise
+            aside = _put_aside(path)
+            said = (
+                f"the tasks of before cannot be read ({error}): their file was put aside as "
+                f"{aside}, and nothing is known of them"
+            )
+            log.error("%s", said)
+            return _connected(path), said
+    except (OSError, sqlite3.Error) as error:
+        raise Unavailable(
+            f"tasks cannot be kept in {path}: {error}; {remedy(error)}, or give another --state-dir"
+        ) from error
+
+
+def damaged(error: Exception) -> bool:
+    """Whether an error says that the file itself is broken."""
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF in _DAMAGED
+
+
+def remedy(error: Exception) -> str:
+    """What a person should do about an error of the database."""
+    code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+    if damaged(error):
+        return "restart the planner, which puts the file aside"
+    if code == sqlite3.SQLITE_READONLY:
+        return "make that folder writable"
+    if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+        return "end the other process that uses it"
+    return "make room on that disk, or see what is wrong with it"
+
+
+def _connected(path: Path) -> sqlite3.Connection:
+    db = sqlite3.connect(path, check_same_thread=False)
+    try:
+        with db:
+            db.executescript(_SCHEMA)
+        db.execute("PRAGMA journal_mode=WAL")
+        db.execute("PRAGMA synchronous=NORMAL")
+        for table in ("tasks", "journal", "pulse"):  # as far as they are read at the start
+            db.execute(f"SELECT * FROM {table}").fetchall()
+    except BaseException:
+        db.close()
+        raise
+    return db
+
+
+def _put_aside(path: Path) -> Path:
+    """Rename the files of a database; the new name of its first."""
+    n = 1
+    while (aside := path.with_name(f"{path.name}.damaged-{n}")).exists():
+        n += 1
+    for end in _BESIDE:
+        beside = path.with_name(path.name + end)
+        if beside.exists():
+            beside.replace(aside.with_name(aside.name + end))
+    return aside

@@ -1,0 +1,100 @@
+"""A full disk and a killed planner, in real processes: no task that has ended moves the robot."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from helios_core import proto as pb
+from helios_core.topics import TRUTH_EPISODE
+from helios_core.zenoh_bus import ZenohBus
+
+from tests.house import House
+from tests.support import LOOPBACK, wait_until
+
+pytestmark = pytest.mark.timeout(420)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """The planner's folder of the state folder `tmp_path`, on a disk of 4 MB."""
+    folder = tmp_path / "planner"
+    folder.mkdir()
+    mount = shutil.which("mount")
+    if os.geteuid() != 0 or mount is None:
+        pytest.skip("only root can mount the small disk that this test fills")
+    mounted = subprocess.run(
+        [mount, "-t", "tmpfs", "-o", "size=4m", "tmpfs", str(folder)], capture_output=True
+    )
+    if mounted.returncode:
+        pytest.skip(f"a small disk cannot be mounted here: {mounted.stderr.decode().strip()}")
+    yield folder
+    subprocess.run(["umount", "--lazy", str(folder)], check=True)
+
+
+def fill(folder: Path) -> Path:
+    """Take all room that is left on a disk; the file that takes it."""
+    filler = folder / "filler"
+    with filler.open("wb", buffering=0) as file:
+        for size in (65536, 4096, 1):
+            try:
+                while file.write(bytes(size)) == size:
+                    pass
+            except OSError:
+                continue
+    return filler
+
+
+def refused(house: House, instruction: str) -> str:
+    """Why a task is not taken; empty where it is."""
+    answer = LOOPBACK.post(
+        f"{house.address}/v1/tasks", json={"instruction": instruction}, timeout=10
+    )
+    return answer.json()["detail"] if answer.status_code == httpx.codes.SERVICE_UNAVAILABLE else ""
+
+
+def test_a_task_that_ended_on_a_full_disk_moves_nothing_after_the_planner_died(
+    small_disk: Path, tmp_path: Path
+) -> None:
+    house = House(tmp_path)
+    try:
+        wait_until(house.ready, 180, "all services are ready")
+        bus = ZenohBus(f"tcp/127.0.0.1:{house.router_port}")
+        instruction = bus.call(TRUTH_EPISODE, pb.Empty(), 10).instruction
+        bus.close()
+        id = house.post("/v1/tasks", {"instruction": instruction})["id"]
+        wait_until(lambda: house.task(id)["steps"] >= 5, 150, "it works")
+        filler = fill(small_disk)
+        wait_until(lambda: "waits for its journal" in house.task(id)["message"], 60, "it stands")
+        assert "make room on that disk" in house.task(id)["message"]
+        reasons = LOOPBACK.get(f"{house.address}/readyz", timeout=10).json()["reasons"]
+        assert any("planner" in r and "tasks cannot be kept" in r for r in reasons)
+        assert "no task is taken now" in refused(house, instruction)
+
+        house.post(f"/v1/tasks/{id}/cancel")
+        wait_until(lambda: "told as cancelled" in house.task(id)["message"], 30, "it has ended")
+        steps, pose = house.task(id)["steps"], house.get("/v1/robot")["state"]["pose"]
+        old = house.pid("planner")
+        os.kill(old, signal.SIGKILL)
+        wait_until(lambda: house.pid("planner") not in (0, old), 60, "it is started again")
+        wait_until(lambda: house.task(id)["state"] == "failed", 60, "it is not gone on with")
+        assert "could not write down how its tasks went" in house.task(id)["message"]
+        assert refused(house, instruction)
+        assert house.get("/v1/robot")["state"]["pose"] == pytest.approx(pose, abs=0.01)
+
+        filler.unlink()
+        wait_until(lambda: not refused(house, instruction), 60, "tasks are taken again")
+        tasks = house.get("/v1/tasks")["tasks"]
+        running = [t["id"] for t in tasks if t["state"] in ("queued", "running")]
+        assert id not in running
+        assert len(running) == 1
+        wait_until(lambda: house.task(running[0])["steps"] >= 2, 60, "it works")
+        assert (house.task(id)["state"], house.task(id)["steps"]) == ("failed", steps)
+    finally:
+        house.close()

@@ -1,0 +1,196 @@
+"""While tasks cannot be kept none is begun, and none that has ended drives the robot again."""
+
+from __future__ import annotations
+
+import shutil
+import threading
+from pathlib import Path
+
+import pytest
+from helios_core import proto as pb
+from helios_core.errors import Unavailable
+from helios_core.topics import CANCEL, PAUSE, RESUME, TASK
+from helios_planner import service
+from helios_planner.tasks.book import NOT_KEPT
+from planner_bus import ended, submit, task
+from planner_disk import refuse, refusing
+from planner_flat import GO, flat_with_mug
+from planner_house import House
+
+from tests.support import wait_until
+
+pytestmark = pytest.mark.timeout(180)
+
+
+@pytest.fixture(autouse=True)
+def mends_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(service, "MEND_S", 0.05)
+    monkeypatch.setattr(service, "PULSE_S", 0.05)
+
+
+def after_death(house: House, tmp_path: Path) -> House:
+    """The house in which a new planner starts on what the present one has on the disk."""
+    later = House(tmp_path / "later")
+    later.hub = house.hub
+    shutil.copytree(house.state_dir / "robot", later.state_dir / "robot")
+    house.planners[-1].close()
+    return later
+
+
+def test_while_tasks_cannot_be_kept_the_planner_is_degraded_and_takes_none(house: House) -> None:
+    house.peers(flat_with_mug())
+    bus = house.planner()
+    wait_until(lambda: house.healths[-1].state[0] == "ready", 60, "it is ready")
+    with refusing(house.planners[-1]):
+        wait_until(lambda: house.healths[-1].state[0] == "degraded", 10, "it notices by itself")
+        said = house.healths[-1].state[1]
+        assert "tasks cannot be kept in" in said
+        assert "make that folder writable" in said
+        with pytest.raises(Unavailable, match="no task is taken now: tasks cannot be kept"):
+            submit(bus, GO)
+        assert not bus.call(service.LIST_TASKS, pb.Empty(), 5).tasks
+    wait_until(lambda: house.healths[-1].state[0] == "ready", 10, "it recovers by itself")
+    assert ended(bus, submit(bus, GO).id).state == "succeeded"
+
+
+def test_a_task_whose_submission_cannot_be_kept_is_not_known(house: House) -> None:
+    house.peers(flat_with_mug())
+    bus = house.planner()
+    house.planners[-1]._ending.set()  # no pulse notices first
+    with refusing(house.planners[-1]), pytest.raises(Unavailable, match="no task is taken"):
+        submit(bus, GO)
+    assert not bus.call(service.LIST_TASKS, pb.Empty(), 5).tasks
+
+
+def test_no_action_is_begun_that_is_not_written_down_and_it_goes_on_with_room(
+    house: House,
+) -> None:
+    peers = house.peers(flat_with_mug())
+    bus = house.planner()
+    peers.gate = threading.Event()
+    id = submit(bus).id
+    wait_until(peers.acting.is_set, 60, "it acts")
+    told: list[str] = []
+    bus.subscribe(TASK, lambda t: told.append(t.message))
+    with refusing(house.planners[-1]):
+        peers.gate.set()
+        wait_until(lambda: "waits for its journal" in task(bus, id).message, 10, "it says so")
+        assert "tasks cannot be kept in" in task(bus, id).message
+        assert peers.world.steps == 1  # the one that was under way
+    assert ended(bus, id).state == "succeeded"
+    assert any("waits for its journal" in m for m in told)
+
+
+def test_a_task_that_cannot_be_written_down_for_long_fails_and_says_why(house: House) -> None:
+    peers = house.peers(flat_with_mug())
+    bus = house.planner(keep_within_s=0.3)
+    peers.gate = threading.Event()
+    id = submit(bus).id
+    wait_until(peers.acting.is_set, 60, "it acts")
+    with refusing(house.planners[-1]):
+        peers.gate.set()
+        done = ended(bus, id)
+        assert (done.state, done.cause) == ("failed", "system error")
+        assert "could not be written down: tasks cannot be kept" in done.message
+        assert NOT_KEPT in done.message
+        assert peers.world.steps == 1
+    wait_until(lambda: NOT_KEPT not in task(bus, id).message, 10, "it is kept after all")
+    house.planners[-1].close()
+    assert task(house.planner(), id).state == "failed"
+
+
+def test_an_end_is_told_when_it_is_kept(house: House) -> None:
+    peers = house.peers(flat_with_mug())
+    bus = house.planner()
+    peers.gate = threading.Event()
+    id = submit(bus, GO).id
+    wait_until(peers.acting.is_set, 60, "it acts")
+    with refusing(house.planners[-1]):
+        bus.call(CANCEL, pb.TaskRequest(id=id), 5)
+        peers.gate.set()
+        wait_until(lambda: "told as cancelled once" in task(bus, id).message, 10, "it waits")
+        assert task(bus, id).state == "running"
+        with pytest.raises(service.Conflict, match="has ended"):
+            bus.call(PAUSE, pb.TaskRequest(id=id), 5)
+    done = ended(bus, id)
+    assert done.state == "cancelled"
+    assert done.message.startswith("cancelled; the robot stands")
+    assert peers.world.steps == 1
+
+
+def test_a_task_that_has_ended_on_a_full_disk_does_not_drive_after_a_restart(
+    house: House, tmp_path: Path
+) -> None:
+    """Found by hand: it was told as succeeded, and after a restart the robot moved."""
+    peers = house.peers(flat_with_mug())
+    bus = house.planner()
+    peers.gate = threading.Event()
+    id = submit(bus, GO).id
+    wait_until(peers.acting.is_set, 60, "it acts")
+    refuse(house.planners[-1]._store)
+    bus.call(CANCEL, pb.TaskRequest(id=id), 5)
+    peers.gate.set()
+    wait_until(lambda: "told as cancelled once" in task(bus, id).message, 10, "it has ended")
+    steps = peers.world.steps
+    later = after_death(house, tmp_path)
+    bus = later.planner()
+    found = task(bus, id)
+    assert (found.state, found.cause) == ("failed", "system error")
+    assert "could not write down how its tasks went" in found.message
+    again = submit(bus, GO).id
+    assert ended(bus, again).state == "succeeded"  # the planner works
+    assert task(bus, id).state == "failed"
+    assert peers.world.steps > steps
+    later.close()
+
+
+def test_what_was_queued_on_a_full_disk_waits_to_be_resumed_after_a_restart(
+    house: House, tmp_path: Path
+) -> None:
+    peers = house.peers(flat_with_mug())
+    bus = house.planner()
+    peers.gate = threading.Event()
+    submit(bus, GO)
+    wait_until(peers.acting.is_set, 60, "it acts")
+    queued = submit(bus, GO).id
+    refuse(house.planners[-1]._store)
+    bus.call(CANCEL, pb.TaskRequest(id=queued), 5)
+    wait_until(lambda: house.healths[-1].state[0] == "degraded", 10, "it is told")
+    later = after_death(house, tmp_path)
+    bus = later.planner()
+    assert (task(bus, queued).state, task(bus, queued).on_hold) == ("queued", True)
+    later.close()
+
+
+def test_of_two_tasks_that_ran_only_the_newer_may_go_on(house: House) -> None:
+    house.peers(flat_with_mug())
+    mortal, bus = house.mortal(lambda _: True)
+    id = submit(bus, GO).id
+    wait_until(mortal.dead.is_set, 60, "its worker is dead")
+    running = task(bus, id)
+    mortal.close()
+    stale = pb.Task()
+    stale.CopyFrom(running)
+    stale.id, stale.started_s = "older", running.started_s - 50
+    bus = house.planner()
+    house.planners[-1]._store.put(stale)
+    house.planners[-1]._store.put(running)
+    steps_of = house.planner()
+    assert "could not write down" in task(steps_of, "older").message
+    assert task(steps_of, "older").state == "failed"
+
+
+def test_a_pause_is_obeyed_and_a_resumed_task_waits_for_room(house: House) -> None:
+    peers = house.peers(flat_with_mug())
+    bus = house.planner()
+    peers.gate = threading.Event()
+    id = submit(bus, GO).id
+    wait_until(peers.acting.is_set, 60, "it acts")
+    with refusing(house.planners[-1]):
+        assert bus.call(PAUSE, pb.TaskRequest(id=id), 5).on_hold
+        peers.gate.set()
+        wait_until(lambda: task(bus, id).state == "paused", 10, "it stands")
+        bus.call(RESUME, pb.TaskRequest(id=id), 5)
+        wait_until(lambda: "waits for its journal" in task(bus, id).message, 10, "it says so")
+        assert peers.world.steps == 1
+    assert ended(bus, id).state == "succeeded"
