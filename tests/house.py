@@ -22,7 +22,7 @@ class House:
         self._running = ExitStack()
         self._up = self._running.enter_context(helios_up(state, *FLAGS))
         self.router_port, self.state = self._up.router_port, state
-        self.ready = self._up.ready
+        self.ready, self.address = self._up.ready, self._up.address
 
     def get(self, path: str) -> Any:
         answer = LOOPBACK.get(f"{self._up.address}{path}", timeout=10)

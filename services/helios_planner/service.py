@@ -126,9 +126,7 @@ class PlannerService:
             instruction=instruction,
             state=State.QUEUED,
             max_steps=request.max_steps or self._settings.max_steps,
-            time_limit_s=request.time_limit_s
-            or instruction.limit_s
-            or self._settings.time_limit_s,
+            time_limit_s=request.time_limit_s or instruction.limit_s or self._settings.time_limit_s,
             created_s=time.time(),
             message=waiting_words(instruction, self._description is not None),
             context_id=id,

@@ -92,7 +92,9 @@ def _do(
             wait_while_starting(helios, at.port, console(stderr=True))
         task = ask(helios)
         if not no_wait:
-            task = watch_task(helios, task, timeout_s, console(stderr=as_json), console(stderr=True))
+            task = watch_task(
+                helios, task, timeout_s, console(stderr=as_json), console(stderr=True)
+            )
     if as_json:
         print_json(task.raw)
     elif no_wait:

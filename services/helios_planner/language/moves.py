@@ -55,17 +55,17 @@ _TRAVEL = _phrases("go, come, drive, head, return, get, move, navigate, walk, tr
 _STRAIGHT = _phrases("straight, right, directly, all the way")
 _START = _phrases(
     "start, starting point, starting position, starting place, starting pose, start point, "
-    "start position, start pose, home, home position, home base, base, beginning, where you started, "
-    "where you began, where you came from, where you were at the start, place where you started, "
-    "point where you started, place you started from, where it started"
+    "start position, start pose, home, home position, home base, base, beginning, "
+    "where you started, where you began, where you came from, where you were at the start, "
+    "place where you started, point where you started, place you started from, where it started"
 )
 # What people tell robots and this one has no task for.
 _NONE = _phrases(
     "turn, rotate, spin, dock, undock, charge, recharge, follow, wait, stay, sit, back up, "
     "step back, reverse, forward, backward, backwards, drive forward, drive backward, "
     "drive backwards, go forward, go backward, go backwards, move forward, move backward, "
-    "move backwards, move back, go left, go right, move left, move right, come here, come to me, come over, "
-    "come over here, go away, come"
+    "move backwards, move back, go left, go right, move left, move right, come here, come to me, "
+    "come over, come over here, go away, come"
 )
 _ARGUMENTS = _phrases("turn, rotate, spin, dock, undock, charge, recharge, follow, wait, stay, "
                      "back up, step back, reverse, forward, drive forward, drive backward, "
@@ -75,14 +75,13 @@ _ARGUMENTS = _phrases("turn, rotate, spin, dock, undock, charge, recharge, follo
 _SECONDS = {"s": 1.0, "sec": 1.0, "second": 1.0, "min": 60.0, "minute": 60.0, "h": 3600.0,
             "hour": 3600.0}  # fmt: skip
 _COUNTS = {
-    name: float(n)
-    for n, names in enumerate(
-        "a an one,two,three,four,five,six,seven,eight,nine,ten".split(","), start=1
-    )
-    for name in names.split()
-} | {"fifteen": 15.0, "twenty": 20.0, "thirty": 30.0, "half an": 0.5, "half a": 0.5}
+    "a": 1.0, "an": 1.0, "one": 1.0, "two": 2.0, "three": 3.0, "four": 4.0, "five": 5.0,
+    "six": 6.0, "seven": 7.0, "eight": 8.0, "nine": 9.0, "ten": 10.0, "fifteen": 15.0,
+    "twenty": 20.0, "thirty": 30.0, "half an": 0.5, "half a": 0.5,
+}  # fmt: skip
 _DURATION = re.compile(
-    r"\b(?:for|within|at most|up to|no longer than)(?:\s+(?:at most|about|around|up to|the next|the))?\s+"
+    r"\b(?:for|within|at most|up to|no longer than)"
+    r"(?:\s+(?:at most|about|around|up to|the next|the))?\s+"
     rf"(?P<count>\d+(?:\.\d+)?|{'|'.join(sorted(_COUNTS, key=len, reverse=True))})\s*"
     r"(?P<unit>seconds?|secs?|s|minutes?|mins?|hours?|h)\b"
 )

@@ -82,7 +82,11 @@ class TaskRun:
                 body.end()
 
     def _end(
-        self, mission: Mission | MoveMission | None, state: State, message: str, cause: Cause | None = None
+        self,
+        mission: Mission | MoveMission | None,
+        state: State,
+        message: str,
+        cause: Cause | None = None,
     ) -> None:
         seen = mission and mission.seen_at_goal
         self._book.end(self._task.id, state, message, cause, seen_at_goal=seen)
