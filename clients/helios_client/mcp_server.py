@@ -22,9 +22,9 @@ R = TypeVar("R")
 
 INSTRUCTIONS = (
     "A robot in a home that it explores itself. Give it tasks in words (move, find, go to), send "
-    "it to a point, let it explore or come home, watch its "
-    "tasks, ask what it believes to be where and why it went there. Lengths are metres, the world "
-    "is z up. stop_robot latches until clear_stop."
+    "it to a point, let it explore or come home, watch its tasks, ask what it believes to be where "
+    "and why it went there. Lengths are metres, the world is z up. stop_robot latches until "
+    "clear_stop."
 )
 LONGEST_WAIT_S = 600.0
 
