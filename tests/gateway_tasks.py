@@ -59,7 +59,8 @@ class MadeUpTasks:
     def _submit(self, request: pb.SubmitRequest) -> pb.Task:
         self.calls.append("submit")
         words = request.instruction.lower().split()
-        if "move" not in words:
+        moves = {"go": "go_to_point", "explore": "explore", "return": "go_home"}
+        if "move" not in words and words[0] not in moves:
             raise InvalidInput(
                 f"{request.instruction[:60]!r} names no action; understood: nothing; say for "
                 "example: move the mug from the coffee table to the kitchen counter"
@@ -69,7 +70,12 @@ class MadeUpTasks:
             kind="move", object="mug", start="coffee table", goal="kitchen counter",
             created_s=1.8e9 + len(self.tasks), max_steps=request.max_steps or 500,
             agent=request.agent or "helios", priority=request.priority, settings=request.settings,
+            time_limit_s=request.time_limit_s,
         )  # fmt: skip
+        if kind := moves.get(words[0]):
+            task.kind, task.object, task.start, task.goal = kind, "", "", ""
+        if task.kind == "go_to_point":
+            task.point.CopyFrom(pb.GoalPoint(x_m=3.2, y_m=-4.1))
         self.tasks[task.id] = task
         self.bus.publish(TASK, task)
         return task

@@ -16,6 +16,7 @@ from helios_client.commands.assets import app as assets_app
 from helios_client.commands.judge import app as judge_app
 from helios_client.commands.map import app as map_app
 from helios_client.commands.map import objects_app
+from helios_client.commands.moves import app as moves_app
 from helios_client.commands.robot import app as robot_app
 from helios_client.commands.run import app as run_app
 from helios_client.commands.tasks import app as tasks_app
@@ -29,7 +30,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for part in (run_app, tasks_app, why_app, robot_app, objects_app, map_app, judge_app, assets_app):
+for part in (
+    run_app, tasks_app, moves_app, why_app, robot_app, objects_app, map_app, judge_app, assets_app
+):  # fmt: skip
     app.add_typer(part)
 
 

@@ -6,6 +6,7 @@ Every tool answers with what the HTTP interface answers, as JSON; errors are its
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
@@ -20,9 +21,10 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 INSTRUCTIONS = (
-    "A robot in a home that it explores itself. Give it tasks in words (move, find, go to), watch "
-    "them, ask what it believes to be where and why it went there. Lengths are metres, the world "
-    "is z up. stop_robot latches until clear_stop."
+    "A robot in a home that it explores itself. Give it tasks in words (move, find, go to), send "
+    "it to a point, let it explore or come home, watch its tasks, ask what it believes to be where "
+    "and why it went there. Lengths are metres, the world is z up. stop_robot latches until "
+    "clear_stop."
 )
 LONGEST_WAIT_S = 600.0
 
@@ -60,6 +62,25 @@ def build(helios: AsyncHelios) -> MCPServer:
         (-100 to 100) first; watch it with wait_for_task."""
         task = await helios.submit(instruction, time_limit_s=time_limit_s, priority=priority)
         return task.raw
+
+    @tool
+    async def go_to_point(x_m: float, y_m: float, yaw_deg: float | None = None) -> dict[str, Any]:
+        """Send the robot to a point on the floor: metres in the world frame, the one that robot,
+        objects and map_info answer in. yaw_deg: which way to face there, in degrees
+        counter-clockwise from the x axis. It queues; watch it with wait_for_task."""
+        yaw_rad = None if yaw_deg is None else math.radians(yaw_deg)
+        return (await helios.go(x_m, y_m, yaw_rad)).raw
+
+    @tool
+    async def explore(time_limit_s: float | None = None) -> dict[str, Any]:
+        """Let the robot explore until nothing that it can reach is unknown, or for so many seconds.
+        It queues; watch it with wait_for_task."""
+        return (await helios.explore(time_limit_s)).raw
+
+    @tool
+    async def go_home() -> dict[str, Any]:
+        """Send the robot back to where it started. It queues; watch it with wait_for_task."""
+        return (await helios.home()).raw
 
     @tool
     async def wait_for_task(id: str, timeout_s: float = 60.0) -> dict[str, Any]:

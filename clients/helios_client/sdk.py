@@ -75,6 +75,20 @@ class Helios:
             instruction, max_steps, agent, time_limit_s, priority, settings
         ))  # fmt: skip
 
+    def go(self, x_m: float, y_m: float, yaw_rad: float | None = None) -> Task:
+        """Queue a task that drives to a point (world frame, metres) and faces that way there
+        (radians, counter-clockwise from the x axis; None: whichever way it comes)."""
+        return self._do(calls.go(x_m, y_m, yaw_rad))
+
+    def explore(self, time_limit_s: float | None = None) -> Task:
+        """Queue a task that explores until nothing that can be reached is unknown, or its time is
+        up: it succeeds either way."""
+        return self._do(calls.explore(time_limit_s))
+
+    def home(self) -> Task:
+        """Queue a task that drives back to where the robot started in this world."""
+        return self._do(calls.home())
+
     def task(self, id: str) -> Task:
         """How a task is."""
         return self._do(calls.task(id))

@@ -28,14 +28,14 @@ class Task(_FromJson):
     id: str = ""
     instruction: str = ""
     state: str = ""  # queued, running, paused, succeeded, failed, cancelled
-    phase: str = ""  # find_object, pick, find_receptacle, place
+    phase: str = ""  # find_object, pick, find_receptacle, place, go, explore
     message: str = ""  # what it does now, or why it ended
     cause: str = ""
     seeking: str = ""
     agent: str = ""  # helios, trusting …
     priority: int = 0  # of the queued ones a higher one is begun first
     settings: dict[str, str] = field(default_factory=dict)  # of the planner, for it alone
-    kind: str = ""  # move, find, go_to
+    kind: str = ""  # move, find, go_to, go_to_point, explore, go_home
     object: str = ""
     start: str = ""
     goal: str = ""
@@ -52,6 +52,8 @@ class Task(_FromJson):
     on_hold: bool = False  # somebody paused it, and nobody has resumed it yet
     unused: list[str] = field(default_factory=list)  # of the instruction
     seen_at_goal: bool | None = None  # after it was placed; None: it was not, or nobody knows
+
+    point: GoalPoint | None = None  # of kind go_to_point
 
     @property
     def ended(self) -> bool:
@@ -149,6 +151,14 @@ class Event:
     def ends_task(self) -> bool:
         """It tells that a task has ended."""
         return self.type == "task" and self.data.get("state") in ENDED
+
+
+class GoalPoint(TypedDict):
+    """Where the robot was sent, in the world."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float | None  # None: whichever way it comes
 
 
 class ServiceAnswer(TypedDict):

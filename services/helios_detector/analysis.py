@@ -30,7 +30,10 @@ class Analyst:
         self.models, self._health = models, health
 
     def detect(self, frame: Frame, context: SearchContext) -> Findings:
-        """Asks again where what the back end needs did not answer. Raises HeliosError."""
+        """Asks again where what the back end needs did not answer; nothing is asked where no class
+        is sought. Raises HeliosError."""
+        if not context.classes:
+            return Findings((), ())
         detector = self.models.detector
         for attempt in range(1, ATTEMPTS + 1):
             try:
@@ -51,7 +54,10 @@ class Analyst:
         raise AssertionError("not reached")
 
     def judge(self, frame: Frame, findings: Findings, context: SearchContext) -> Judgement:
-        """Scores of all prompts in one pass. Raises HeliosError."""
+        """Scores of all prompts in one pass; nothing is asked where the context seeks nothing.
+        Raises HeliosError."""
+        if not (context.prompts or context.classes):
+            return Judgement({})
         scorer = self.models.scorer
         try:
             judgement, wrong = held_judgement(

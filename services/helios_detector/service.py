@@ -123,7 +123,7 @@ class DetectorService:
     def _seek(self, context: SearchContext) -> bool:
         """Whether the back end took it; where it did not, that is said and the old one stays."""
         try:
-            refused = dict(self._models.detector.refused(context))
+            refused = dict(self._models.detector.refused(context)) if context.classes else {}
         except Exception as error:
             fault = typed(error)
             why = f"search context {context.id} is not sought: {fault.message}"

@@ -26,6 +26,7 @@ from helios_gateway.routes.frames import frame_routes
 from helios_gateway.routes.health import fleet_routes, health_routes, service_routes
 from helios_gateway.routes.map import map_routes
 from helios_gateway.routes.map_file import map_file_routes
+from helios_gateway.routes.moves import move_routes
 from helios_gateway.routes.objects import object_routes
 from helios_gateway.routes.robot import robot_routes
 from helios_gateway.routes.seen import seen_routes
@@ -86,6 +87,7 @@ def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> Fa
             view3d_routes(prefix),
             frame_routes(prefix, settings),
             robot_routes(prefix, settings),
+            move_routes(prefix, settings),
             service_routes(prefix, settings),
         ):
             app.include_router(routes, include_in_schema=prefix == "/v1")

@@ -14,6 +14,9 @@ PHASES = {
     "move": ("find_object", "pick", "find_receptacle", "place"),
     "find": ("find_object",),
     "go_to": ("find_receptacle",),
+    "go_to_point": ("go",),
+    "go_home": ("go",),
+    "explore": ("explore",),
 }
 _STATES: dict[str, models.TaskState] = {
     "queued": "queued", "running": "running", "paused": "paused", "succeeded": "succeeded",
@@ -77,7 +80,13 @@ def task(message: pb.Task) -> models.Task:
         settings=dict(sorted(message.settings.items())), on_hold=message.on_hold,
         unused=list(message.unused),
         seen_at_goal=message.seen_at_goal if message.HasField("seen_at_goal") else None,
+        point=_point(message.point) if message.HasField("point") else None,
     )  # fmt: skip
+
+
+def _point(point: pb.GoalPoint) -> models.GoalPoint:
+    yaw_rad = finite(point.yaw_rad) if point.HasField("yaw_rad") else None
+    return models.GoalPoint(x_m=metres(point.x_m), y_m=metres(point.y_m), yaw_rad=yaw_rad)
 
 
 def phases(kind: str, phase: str, state: str) -> list[models.Phase]:

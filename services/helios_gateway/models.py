@@ -92,18 +92,26 @@ class Phase(BaseModel):
     state: Literal["waiting", "active", "done", "failed"]
 
 
+class GoalPoint(BaseModel):
+    """Where the robot was sent, in the world."""
+
+    x_m: float | None
+    y_m: float | None
+    yaw_rad: float | None = Field(description="null: whichever way it comes")
+
+
 class Task(BaseModel):
     """A task and how far it is."""
 
     id: str
     instruction: str
     state: TaskState
-    phase: str = Field(description="find_object, pick, find_receptacle or place")
+    phase: str = Field(description="find_object, pick, find_receptacle, place, go or explore")
     phases: list[Phase] = Field(description="the phases of a task of this kind, in order")
     message: str = Field(description="what it does now, or why it ended, in one sentence")
     cause: str = Field(description="of a failure: one of a closed list; else empty")
     seeking: str = Field(description="what is sought now", examples=["mug"])
-    kind: str = Field(description="move, find or go_to")
+    kind: str = Field(description="move, find, go_to, go_to_point, explore or go_home")
     object: str = Field(examples=["mug"])
     start: str = Field(description="receptacle to take it from", examples=["coffee table"])
     goal: str = Field(description="receptacle to bring it to", examples=["kitchen counter"])
@@ -133,6 +141,7 @@ class Task(BaseModel):
         description="of a thing that was placed: whether it was seen on the goal receptacle "
         "afterwards; null: nothing was placed, or the task ended before that was known"
     )
+    point: GoalPoint | None = Field(description="of kind go_to_point; null: of any other")
 
     @property
     def ended(self) -> bool:

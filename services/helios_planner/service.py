@@ -116,9 +116,9 @@ class PlannerService:
                 f"time_limit_s is {request.time_limit_s}; wanted seconds, or 0 for the setting"
             )
         try:
-            instruction = in_vocabulary(
-                instruction, self._bus.call(VOCABULARY, pb.Empty(), VOCABULARY_S)
-            )
+            if not instruction.kind.only_moves:
+                vocabulary = self._bus.call(VOCABULARY, pb.Empty(), VOCABULARY_S)
+                instruction = in_vocabulary(instruction, vocabulary)
         except (Unavailable, DeadlineExceeded) as error:
             log.info("the names are checked when the task starts: %s", error.message)
         if self._description is not None:
@@ -130,7 +130,7 @@ class PlannerService:
             instruction=instruction,
             state=State.QUEUED,
             max_steps=request.max_steps or self._settings.max_steps,
-            time_limit_s=request.time_limit_s or self._settings.time_limit_s,
+            time_limit_s=request.time_limit_s or instruction.limit_s or self._settings.time_limit_s,
             created_s=time.time(),
             message=waiting_words(instruction, self._description is not None),
             context_id=id,

@@ -159,6 +159,18 @@ class Settings(ServiceSettings):
     frontier_reach_m: float = Field(
         default=1.2, gt=0, description="a frontier is reached from this near"
     )
+    go_within_m: float = Field(
+        default=0.25,
+        ge=0,
+        le=2,
+        description="where the robot cannot stand on the point that it is sent to, a place this "
+        "near to it will do",
+    )
+    border_m: float = Field(
+        default=0.4,
+        gt=0,
+        description="an exploration leaves shorter edges of the known floor alone",
+    )
     same_place_m: float = Field(
         default=0.5, gt=0, description="two things nearer than this are the same"
     )

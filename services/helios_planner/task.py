@@ -28,12 +28,14 @@ class State(StrEnum):
 
 
 class Phase(StrEnum):
-    """What a running task is at (paper, figure 3)."""
+    """What a running task is at: find, pick, find, place (paper, figure 3); or it only moves."""
 
     FIND_OBJECT = "find_object"
     PICK = "pick"
     FIND_RECEPTACLE = "find_receptacle"
     PLACE = "place"
+    GO = "go"
+    EXPLORE = "explore"
 
 
 class Cause(StrEnum):
@@ -47,6 +49,7 @@ class Cause(StrEnum):
     PLACE_MISSED = "place missed"
     ROLLED_OFF = "object rolled off"
     STUCK = "stuck"
+    UNREACHABLE = "goal unreachable"
     STEP_BUDGET = "step budget"
     SYSTEM_ERROR = "system error"
 
@@ -57,6 +60,13 @@ class TaskFailed(Exception):
     def __init__(self, cause: Cause, message: str) -> None:
         super().__init__(message)
         self.cause, self.message = cause, message
+
+
+class TimeIsUp(TaskFailed):
+    """The task's own time limit is over. An exploration ends so, and has not failed."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(Cause.STEP_BUDGET, message)
 
 
 class TaskCancelled(Exception):

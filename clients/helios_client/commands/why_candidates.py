@@ -14,8 +14,9 @@ from helios_client.tasks import Decision
 
 INDENT = 15  # of what belongs to a sentence
 _ORDER = (  # what a term is made of stands before it
-    "class_score", "uncertainty", "information_gain", "value", "frontier_scale", "distance_m",
-    "views", "in_place", "place", "score", "score_after_view", "total",
+    "class_score", "uncertainty", "information_gain", "value", "frontier_scale", "size_m",
+    "distance_m", "way_m", "unknown_m", "views", "in_place", "place", "score", "score_after_view",
+    "total",
 )  # fmt: skip
 _ALL_OF_TOTAL = ("score", "score_after_view")  # where a total is one of these, it is said once
 _LAYOUTS = ((False, INDENT), (True, INDENT), (True, 2))  # a word a line in the head?, indent

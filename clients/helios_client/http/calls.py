@@ -187,6 +187,20 @@ def clear_stop() -> Call[RobotAnswer]:
     return Call("POST", "/robot/clear-stop", _json)
 
 
+def go(x_m: float, y_m: float, yaw_rad: float | None) -> Call[Task]:
+    body = {"x_m": x_m, "y_m": y_m} | ({} if yaw_rad is None else {"yaw_rad": yaw_rad})
+    return Call("POST", "/robot/go", lambda r: Task.from_json(_json(r)), body)
+
+
+def explore(time_limit_s: float | None) -> Call[Task]:
+    body = {} if time_limit_s is None else {"time_limit_s": time_limit_s}
+    return Call("POST", "/robot/explore", lambda r: Task.from_json(_json(r)), body)
+
+
+def home() -> Call[Task]:
+    return Call("POST", "/robot/home", lambda r: Task.from_json(_json(r)))
+
+
 def status() -> Call[Status]:
     return Call("GET", "/status", _json)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,35 @@ from helios_planner.decisions.objective import ChosenFrontier
 KEPT_M = 0.5  # a frontier this near to the last one is the same (VLFM)
 KEPT_VALUE = 0.01  # and kept while its value has not fallen by so much (VLFM)
 
+NEAREST_BY_WAY = "nearest frontier by way"
+
 FrontierRule = Callable[[Sequence[FrontierOption], str, np.random.Generator], Decision]
+
+
+@dataclass(frozen=True)
+class WayOption:
+    """A frontier that may be explored for its own sake: its length and the way to it, metres."""
+
+    id: int
+    xy_m: tuple[float, float]
+    size_m: float
+    way_m: float
+    distance_m: float
+
+
+def nearest_by_way(frontiers: Sequence[WayOption]) -> Decision:
+    """The frontier with the shortest way to it, for who explores and seeks nothing."""
+    candidates = tuple(
+        Candidate("frontier", f"frontier {f.id}", (*f.xy_m, 0.0),
+                  {"way_m": f.way_m, "size_m": f.size_m, "distance_m": f.distance_m,
+                   "total": -f.way_m}, f.id)
+        for f in frontiers
+    )  # fmt: skip
+    if not candidates:
+        return _nothing(NEAREST_BY_WAY)
+    k = best_of(candidates)
+    why = sentences.nearest_way(candidates, k)
+    return Decision(NEAREST_BY_WAY, Do.GO_TO_FRONTIER, candidates, k, why)
 
 
 def highest_value(

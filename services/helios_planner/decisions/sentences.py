@@ -66,6 +66,24 @@ def nearest_frontier(candidates: Sequence[Candidate], winner: int) -> str:
     return f"explore {c.name}{_away(c)}: the nearest of {_count(len(candidates), 'frontier')}"
 
 
+def nearest_way(candidates: Sequence[Candidate], winner: int) -> str:
+    """Of who explores for its own sake."""
+    c = candidates[winner]
+    way = f"explore {c.name}: its way is {c.terms['way_m']:.1f} m"
+    rest = sorted(k.terms["way_m"] for k in candidates if k is not c)
+    if not rest:
+        return f"{way}; there is no other"
+    return f"{way}, the shortest of {len(candidates)}; the next one is {rest[0]:.1f} m"
+
+
+def way_ends(goal: str, x_m: float, y_m: float, before_m: float, after_m: float) -> str:
+    """Of who goes to a point over ground that is not known yet."""
+    return (
+        f"go on to {goal} by ({x_m:.2f}, {y_m:.2f}) m, where the known ground ends: {before_m:.1f} "
+        f"m to there, then {after_m:.1f} m that nobody has seen yet"
+    )
+
+
 def drawn_frontier(candidates: Sequence[Candidate], winner: int) -> str:
     """Of who explores at random."""
     c = candidates[winner]

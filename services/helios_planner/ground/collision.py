@@ -29,7 +29,7 @@ def clearance_m(
     """
     occupied = (ground.occupancy > 0).astype(np.uint8)
     unknown = (ground.occupancy < 0).astype(np.uint8)
-    _fill_specks(unknown, max(1, int(speck_m2 / ground.cell_m**2)))
+    fill_specks(unknown, max(1, int(speck_m2 / ground.cell_m**2)))
     column, row = (int(v) for v in ground.cells_of(np.array([[robot.x_m, robot.y_m]]))[0][::-1])
     own = int(np.ceil(footprint_m / ground.cell_m)) + 2
     cv2.circle(unknown, (column, row), own, 0, -1)
@@ -66,7 +66,8 @@ def _distance_m(blocked: NDArray[np.uint8], cell_m: float) -> NDArray[np.float32
     return np.maximum((cells - 0.5) * cell_m, 0).astype(np.float32)
 
 
-def _fill_specks(unknown: NDArray[np.uint8], smallest: int) -> None:
+def fill_specks(unknown: NDArray[np.uint8], smallest: int) -> None:
+    """Set connected parts of fewer than `smallest` cells to 0, in place."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(unknown, connectivity=8)
     small = stats[:, cv2.CC_STAT_AREA] < smallest
     small[0] = False

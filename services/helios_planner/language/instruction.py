@@ -14,6 +14,8 @@ from helios_core.errors import InvalidInput
 
 from helios_planner.language import words as w
 from helios_planner.language.clauses import Clause, PlacePhrase, clauses_of, noun
+from helios_planner.language.moves import WHAT_MOVES, Move, read_move
+from helios_planner.language.points import HOW, WORD, Point, Written, confirm, find_point
 from helios_planner.language.refusals import (
     EXAMPLE,
     no_verb,
@@ -32,18 +34,29 @@ class Kind(StrEnum):
     MOVE = "move"
     FIND = "find"
     GO_TO = "go_to"
+    GO_TO_POINT = "go_to_point"
+    EXPLORE = "explore"
+    GO_HOME = "go_home"
+
+    @property
+    def only_moves(self) -> bool:
+        """Whether nothing is looked for: the robot moves, and its map grows."""
+        return self in (Kind.GO_TO_POINT, Kind.EXPLORE, Kind.GO_HOME)
 
 
 @dataclass(frozen=True)
 class Instruction:
-    """kind MOVE has object and goal, start if it was said; FIND an object; GO_TO a goal. unused:
-    what was said and does not change the task, such as "in the kitchen"."""
+    """kind MOVE has object and goal, start if it was said; FIND an object; GO_TO a goal;
+    GO_TO_POINT a point; EXPLORE and GO_HOME nothing. unused: what was said and does not change the
+    task, such as "in the kitchen". limit_s: how long at most, where it was said."""
 
     kind: Kind
     object: str | None = None
     start: str | None = None
     goal: str | None = None
     unused: tuple[str, ...] = ()
+    point: Point | None = None
+    limit_s: float | None = None
 
 
 class NotRead(InvalidInput):
@@ -72,6 +85,11 @@ def parse(text: str) -> Instruction:
         )
     refuse_negation(words, text)
     refuse_return(words, text)
+    if (point := find_point(text)) and (sent := _sent_to(point, text)):
+        return sent
+    if moved := read_move(text):
+        kind = Kind.EXPLORE if moved.move is Move.EXPLORE else Kind.GO_HOME
+        return Instruction(kind, limit_s=moved.limit_s)
     clauses = clauses_of(words)
     if not clauses or w.language_of(words, surely=True):
         raise NotRead(no_verb(words, text))
@@ -79,6 +97,35 @@ def parse(text: str) -> Instruction:
     if all(c.verb is Verb.GO for c in clauses):
         return _go_to(clauses, text)
     return _move_or_find(clauses, text)
+
+
+def _sent_to(written: Written, text: str) -> Instruction | None:
+    """The robot is sent to a point; None where its numbers mean something else ("2 mugs").
+
+    Raises InvalidInput where a point is named, and something else with it.
+    """
+    clauses = clauses_of(w.tokens(written.text))
+    phrases = [" ".join(noun(c.thing)) for c in clauses if c.verb is Verb.GO]
+    phrases += [p.name for c in clauses for p in c.places if p.kind is not Place.FOR]
+    if not any(WORD in phrase.split() for phrase in phrases):
+        return None
+    point = confirm(written.point, short(text))
+    refuse_conditions(clauses, text)
+    goes = clauses[0].verb is Verb.GO or (
+        clauses[0].verb_words in ("move", "return") and not noun(clauses[0].thing)
+    )
+    if len(clauses) > 1 or not goes:
+        raise InvalidInput(
+            f"{short(text)} names the point {point}, and only the robot itself can be sent to one; "
+            f"submit a task for anything else: {HOW}"
+        )
+    beside = [phrase for phrase in phrases if phrase and phrase != WORD]
+    if beside:
+        said = ", ".join(f"“{p.replace(WORD, str(point))}”" for p in beside)
+        raise InvalidInput(
+            f"understood the point {point} in {short(text)}, but not {said}; write {HOW}"
+        )
+    return Instruction(Kind.GO_TO_POINT, point=point, unused=tuple(clauses[0].asides))
 
 
 def _move_or_find(clauses: list[Clause], text: str) -> Instruction:
@@ -138,10 +185,12 @@ def _go_to(clauses: list[Clause], text: str) -> Instruction:
     if len(places) > 1:
         raise InvalidInput(f"{short(text)} names more than one place to go to; name one")
     name = places[0].name if places else ""
+    if name[:1].isdigit():
+        raise InvalidInput(f"understood “go to” in {short(text)}, but no point; write {HOW}")
     if not name or name in w.PEOPLE or tuple(name.split()) in w.ROOMS:
         said = f" (“{name}” is none)" if name else ""
         raise InvalidInput(
-            f"understood “go to” in {short(text)}; missing: a piece of furniture to go to{said}, "
-            'for example "go to the sofa"'
+            f"understood “go to” in {short(text)}; missing: a piece of furniture to go to{said}; "
+            f"{WHAT_MOVES}"
         )
     return Instruction(Kind.GO_TO, goal=one_name(name.split(), text), unused=tuple(unused))

@@ -24,7 +24,8 @@ LONGEST_ANSWER_BYTES = 65_536
 TASK = """You translate what a person tells a household robot into one plain English sentence.
 Answer with one JSON object and nothing else. Either
 {"sentence": "Move the OBJECT from the START to the GOAL"} (leave out "from the START" if unsaid),
-{"sentence": "Find the OBJECT"}, {"sentence": "Go to the PLACE"}, or
+{"sentence": "Find the OBJECT"}, {"sentence": "Go to the PLACE"}, {"sentence": "Go to X, Y"} for a
+point given in metres, {"sentence": "Explore the home"}, {"sentence": "Come back"}, or
 {"missing": "what is unclear, in a few words"} if the person did not say one object and one place.
 START, GOAL and PLACE are pieces of furniture. Invent nothing."""
 

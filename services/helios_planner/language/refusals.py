@@ -67,5 +67,5 @@ def no_verb(words: list[str], text: str) -> str:
     hint = f": it looks like {language}; write in English," if language else ";"
     return (
         f"no verb was understood in {short(text)}{hint} start with move, bring, take, put, fetch, "
-        f"grab, find or go to, for example {EXAMPLE}"
+        f"grab, find, go to or explore, for example {EXAMPLE}"
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 
 import numpy as np
@@ -36,6 +36,17 @@ class Outcome(Enum):
     ARRIVED = auto()
     INTERRUPTED = auto()
     UNREACHABLE = auto()
+
+
+@dataclass(frozen=True)
+class Barred:
+    """Where a way leaves the ground that can be reached: its first place beyond (`at`), its last
+    one before (`stand`), and how far it leads before and after that; metres."""
+
+    at: tuple[float, float]
+    stand: tuple[float, float]
+    before_m: float
+    after_m: float
 
 
 def never() -> bool:
@@ -211,30 +222,48 @@ class Legs(OnTheSpot):
     def clear_way(self, target: tuple[float, float], within_m: float) -> bool:
         """Look at the unknown ground that bars the way to within `within_m` of a place, if it is
         only unknown ground that does. Whether there was any that was not looked at before."""
-        ground, level = self.body.ground(), self.levels[-1]
+        barred = self.way_ends(self.body.ground(), target, within_m)
+        if barred is None or any(math.dist(barred.at, c) < 0.3 for c in self._cleared):
+            return False
+        self._cleared.append(barred.at)
+        self.look_past(barred)
+        return True
+
+    def way_ends(
+        self, ground: GroundMap, target: tuple[float, float], within_m: float
+    ) -> Barred | None:
+        """Where the shortest way to within `within_m` of a place leaves the ground that can be
+        reached, were all unknown ground of a map free. None where none leads there even so, or
+        where all of it can be reached."""
+        level = self.levels[-1]
         known = np.where(ground.occupancy < 0, np.int8(0), ground.occupancy)
         hopeful = self._reach_on(replace(ground, occupancy=known), level)
         place = hopeful.nearest(target, within_m)
         if place is None:
-            return False
+            return None
         route = hopeful.route_to(place)
         reachable = np.isfinite(self.reach(level).at(route))
         if reachable.all() or len(route) < 2:
-            return False
+            return None
         first = int(np.argmin(reachable))
-        barred = (float(route[first, 0]), float(route[first, 1]))
-        if any(math.dist(barred, c) < 0.3 for c in self._cleared):
-            return False
-        self._cleared.append(barred)
+        at = (float(route[first, 0]), float(route[first, 1]))
         stand = route[max(first - 1, 0)]
-        unknown = unknown_near(ground, barred, self.rules.footprint_m + 0.2)
-        goal = facing(float(stand[0]), float(stand[1]), unknown)
-        if self.go_to(goal, "look at unknown ground in the way") is not Outcome.ARRIVED:
-            return True
+        steps_m = np.hypot(*np.diff(route, axis=0).T)
+        before_m = float(steps_m[: max(first - 1, 0)].sum())
+        return Barred(
+            at, (float(stand[0]), float(stand[1])), before_m, float(steps_m.sum()) - before_m
+        )
+
+    def look_past(self, barred: Barred, stop: Callable[[], bool] = never) -> None:
+        """Go to where the known way ends, and look at the unknown ground beyond, until `stop`."""
+        unknown = unknown_near(self.body.ground(), barred.at, self.rules.footprint_m + 0.2)
+        goal = facing(*barred.stand, unknown)
+        outcome = self.go_to(goal, "look at unknown ground in the way", stop)
+        if outcome is not Outcome.ARRIVED:
+            return
         pose = self.body.pose()
         self.turn_to(pose.yaw_rad + pose.bearing_rad(unknown))
         away_m = self.body.pose().distance_m(unknown)
         robot = self.body.description
         ahead_m = max(away_m - robot.camera_forward_m, 0.1)
         self.tilt(math.atan2(robot.camera_height_m, ahead_m))
-        return True

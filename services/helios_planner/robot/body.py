@@ -74,6 +74,11 @@ class Body(ABC):
         """The newest frontiers."""
 
     @abstractmethod
+    def start(self) -> tuple[float, float] | None:
+        """Where the robot stood first in this world (x, y in m), as the 2D map has it; None: it
+        does not know."""
+
+    @abstractmethod
     def objects(self, class_name: str) -> Sequence[ObjectInstance]:
         """All instances of a class, whatever their score."""
 

@@ -94,6 +94,7 @@ class BusBody(Body):
         self._state: RobotState | None = None
         self._ground: GroundMap | None = None
         self._frontiers: tuple[Frontier, ...] = ()
+        self._start: tuple[float, float] | None = None
         self._objects: dict[str, list[ObjectInstance]] = {}
         self._fresh = False  # whether the map is the one after the last action
 
@@ -197,6 +198,10 @@ class BusBody(Body):
         self._refresh()
         return self._frontiers
 
+    def start(self) -> tuple[float, float] | None:
+        self._refresh()
+        return self._start
+
     def objects(self, class_name: str) -> Sequence[ObjectInstance]:
         if class_name not in self._objects:
             reply = self._line.call(OBJECTS, pb.ObjectsRequest(class_names=[class_name]))
@@ -268,6 +273,8 @@ class BusBody(Body):
             self._ground = GroundMap(
                 view.occupancy, view.top_m, view.cell_m, view.origin_m, view.version
             )
+            if len(view.trajectory_m):
+                self._start = float(view.trajectory_m[0, 0]), float(view.trajectory_m[0, 1])
             self._frontiers = tuple(
                 Frontier(f.id, (f.x_m, f.y_m), f.size_m, dict(f.values)) for f in view.frontiers
             )

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from helios_planner.task import Cause, TaskCancelled, TaskFailed
+from helios_planner.task import TaskCancelled, TimeIsUp
 
 
 class Hold:
@@ -29,9 +29,9 @@ class Hold:
         return not self._go.is_set()
 
     def check(self) -> None:
-        """Raises TaskFailed when the task's time is over; its cause is that of the step budget."""
+        """Raises TimeIsUp when the task's time is over; its cause is that of the step budget."""
         if self._limit_s and time.time() > self._ends_s:
-            raise TaskFailed(Cause.STEP_BUDGET, f"the task's {self._limit_s:g} s are used up")
+            raise TimeIsUp(f"the task's {self._limit_s:g} s are used up")
 
     def wait(self, tell: Callable[[bool], None]) -> None:
         """While paused: tell so, and wait. Raises TaskCancelled and TaskFailed."""

@@ -26,6 +26,8 @@ TYPICAL: Mapping[Phase, tuple[float, float]] = {
     Phase.PICK: (3, 40),
     Phase.FIND_RECEPTACLE: (3, 200),
     Phase.PLACE: (3, 40),
+    Phase.GO: (1, 80),  # to another room and around what stands in the way
+    Phase.EXPLORE: (20, 300),
 }
 UNKNOWN_PHASE = (1.0, 300.0)
 PHASES: Mapping[Kind, Sequence[Phase]] = {

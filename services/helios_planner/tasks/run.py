@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Sequence
 from dataclasses import replace
 
 from helios_core import proto as pb
@@ -23,6 +24,7 @@ from helios_planner.tasks.context import check_able, in_vocabulary, search_conte
 from helios_planner.tasks.flow import Mission
 from helios_planner.tasks.hold import Hold
 from helios_planner.tasks.journal import Entry, Journal, TaskBus
+from helios_planner.tasks.moves import MoveMission
 from helios_planner.tasks.recovery import last_action
 from helios_planner.tasks.store import Store
 from helios_planner.tasks.voice import TaskVoice
@@ -48,14 +50,16 @@ class TaskRun:
 
     def run(self) -> None:
         """Until it has ended, or was cancelled because the planner ends; that is the book's."""
-        body, mission = None, None
+        body: BusBody | None = None
+        mission: Mission | MoveMission | None = None
         try:
-            self._named()
+            if not self._task.instruction.kind.only_moves:
+                self._named()
             check_able(self._task.instruction, self._robot)
             context = search_context(self._task.context_id, self._task.instruction, self._settings)
             self._bus.publish(CONTEXT, context_to_proto(context))
             body = self._body(context.id)
-            mission = Mission(body, self._task.instruction, self._settings, self._task.agent)
+            mission = self._mission(body)
             if self._again:
                 self._take_up(mission)
             self._journal.memory = mission.memory
@@ -78,7 +82,11 @@ class TaskRun:
                 body.end()
 
     def _end(
-        self, mission: Mission | None, state: State, message: str, cause: Cause | None = None
+        self,
+        mission: Mission | MoveMission | None,
+        state: State,
+        message: str,
+        cause: Cause | None = None,
     ) -> None:
         seen = mission and mission.seen_at_goal
         self._book.end(self._task.id, state, message, cause, seen_at_goal=seen)
@@ -110,12 +118,25 @@ class TaskRun:
             self._bus, self._settings, self._robot, self._acks,
             f"{self._task.id}.{life}" if life else self._task.id, context_id,
             self._task.max_steps, self._voice, self._cancelled,
-            agent_named(self._task.agent).belief.answered,
+            self._parts(),
         )  # fmt: skip
         body.steps = self._task.steps
         return body
 
-    def _take_up(self, mission: Mission) -> None:
+    def _mission(self, body: BusBody) -> Mission | MoveMission:
+        instruction = self._task.instruction
+        if instruction.kind.only_moves:
+            return MoveMission(body, instruction, self._settings)
+        return Mission(body, instruction, self._settings, self._task.agent)
+
+    def _parts(self) -> Sequence[str]:
+        """Of a keyframe that must be answered before the next action: who only moves needs no
+        detector."""
+        if self._task.instruction.kind.only_moves:
+            return ("occupancy",)
+        return agent_named(self._task.agent).belief.answered
+
+    def _take_up(self, mission: Mission | MoveMission) -> None:
         """Settle the action in flight, and remember what was known."""
         log.info("task %s is taken up again, life %d", self._task.id, self._journal.entry.life)
         last = last_action(self._line(), self._settings, self._journal, lambda: self._bus.held_s)

@@ -15,6 +15,7 @@ from helios_planner.decisions.decide import Decision, Do
 from helios_planner.decisions.recompute import Recomputed
 from helios_planner.ground.grid import Pose2
 from helios_planner.language.instruction import Instruction, Kind
+from helios_planner.language.points import Point
 from helios_planner.task import Cause, Phase, State, Task
 
 
@@ -52,6 +53,10 @@ def task_to_proto(task: Task) -> pb.Task:
         told.seen_at_goal = task.seen_at_goal
     if task.eta_s is not None:
         told.eta_low_s, told.eta_high_s = task.eta_s
+    if i.point is not None:
+        told.point.CopyFrom(pb.GoalPoint(x_m=i.point.x_m, y_m=i.point.y_m))
+        if i.point.yaw_rad is not None:
+            told.point.yaw_rad = i.point.yaw_rad
     return told
 
 
@@ -66,6 +71,7 @@ def task_from_proto(task: pb.Task) -> Task:
             task.start or None,
             task.goal or None,
             tuple(task.unused),
+            _point_from_proto(task.point) if task.HasField("point") else None,
         ),
         state=State(task.state),
         max_steps=task.max_steps,
@@ -87,6 +93,10 @@ def task_from_proto(task: pb.Task) -> Task:
         on_hold=task.on_hold,
         seen_at_goal=task.seen_at_goal if task.HasField("seen_at_goal") else None,
     )
+
+
+def _point_from_proto(point: pb.GoalPoint) -> Point:
+    return Point(point.x_m, point.y_m, point.yaw_rad if point.HasField("yaw_rad") else None)
 
 
 def decision_to_proto(

@@ -59,6 +59,9 @@ def test_help_does_not_wait_for_heavy_imports(heavy: str) -> None:
         ["task"],
         ["tasks"],
         ["names"],
+        ["go"],
+        ["explore"],
+        ["home"],
         ["cancel"],
         ["status"],
         ["stop"],
@@ -114,7 +117,8 @@ def test_a_group_without_a_command_shows_what_there_is(args: list[str], helios: 
 
 def test_nobody_there_is_one_sentence_and_status_1(helios: Helios) -> None:
     for args in (
-        ["status"], ["task", "move it"], ["tasks"], ["cancel", "t1"], ["stop"], ["clear-stop"],
+        ["status"], ["task", "move it"], ["go", "1", "-2"], ["explore"],
+        ["home"], ["tasks"], ["cancel", "t1"], ["stop"], ["clear-stop"],
         ["objects"], ["map", "export"],
     ):  # fmt: skip
         done = helios(*args, "--port", str(free_port()))

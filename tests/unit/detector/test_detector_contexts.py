@@ -8,6 +8,7 @@ from helios_core import proto as pb
 from helios_core.codec import context_to_proto
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.topics import CONTEXT, KEYFRAME
+from helios_core.types import SearchContext
 from helios_detector.backend import Findings
 from helios_detector.coco import COCO_NAMES
 from helios_detector.simulation.ground_truth import GroundTruthDetector
@@ -34,6 +35,21 @@ def test_a_wrong_context_is_refused_and_the_old_one_stays():
     house.bus.publish(KEYFRAME, house.frame())
     assert [o.context_id for o in house.observations] == ["c1"]
     assert house.count("contexts_refused") == 1
+
+
+def test_a_context_that_seeks_nothing_is_answered_without_asking_the_models():
+    class Untouched(Faulty):
+        def refused(self, context):
+            raise AssertionError("it was asked")
+
+        detect = refused
+
+    house = House(Untouched())
+    house.look_for(SearchContext("empty", ()))
+    house.bus.publish(KEYFRAME, house.frame())
+    [observation] = house.observations
+    assert (observation.context_id, len(observation.detections)) == ("empty", 0)
+    assert house.health.state == ("ready", "")
 
 
 LONG = "x" * 301

@@ -162,6 +162,7 @@ class Peers:
             frontiers=[pb.Frontier(id=f.id, x_m=f.xy_m[0], y_m=f.xy_m[1], size_m=f.size_m,
                                    values=f.values, reachable=True)
                        for f in self.world.frontiers()],
+            trajectory_m=self.world.start() or (),
         )  # fmt: skip
 
     def _objects(self, request: pb.ObjectsRequest) -> pb.ObjectsReply:

@@ -237,6 +237,54 @@ go from the desk to the sofa                       | sofa
 Go to the sofa. There is a party on the balcony.   | sofa
 """
 
+# x | y | degrees
+POINTS = r"""
+go to 3.2, 4.1                                      | 3.2 | 4.1 |
+go to (3.2, 4.1) facing 90 degrees                  | 3.2 | 4.1 | 90
+Go to (-3.2 m, -4.1 m), facing -90°                 | -3.2 | -4.1 | -90
+please go to x=3.2 y=4.1 now                        | 3.2 | 4.1 |
+go 3 4                                              | 3 | 4 |
+drive to the point (3,4) with yaw 1.5 rad           | 3 | 4 | 85.94
+navigate to [1.5; 2]                                | 1.5 | 2 |
+move to 3.2, 4.1                                    | 3.2 | 4.1 |
+return to 0, 0                                      | 0 | 0 |
+could you drive over to position 3.25 4.5?          | 3.25 | 4.5 |
+go to \u22121.0, 2                                  | -1 | 2 |
+go to 3.2 metres, 4.1 metres and then face 270      | 3.2 | 4.1 | -90
+head to the location at .5, -.25 with a heading of 360 degrees | 0.5 | -0.25 | 0
+go to the coordinates (2, 3), heading 45            | 2 | 3 | 45
+"""
+
+# kind | seconds
+ONLY_MOVES = r"""
+explore                                             | explore |
+explore the home                                    | explore |
+please explore the whole house                      | explore |
+explore everything                                  | explore |
+explore the rest of the flat                        | explore |
+explore the home for two minutes                    | explore | 120
+explore for 90s                                     | explore | 90
+explore for at most 1.5 minutes                     | explore | 90
+explore for half an hour                            | explore | 1800
+go explore                                          | explore |
+start exploring                                     | explore |
+map the apartment                                   | explore |
+scan the home                                       | explore |
+come back                                           | go_home |
+go home                                             | go_home |
+Come home, please!                                  | go_home |
+go back                                             | go_home |
+return                                              | go_home |
+return home                                         | go_home |
+return to the start                                 | go_home |
+return to your starting point                       | go_home |
+go back to where you started                        | go_home |
+drive straight back to the start                    | go_home |
+back to the start                                   | go_home |
+move to the start position                          | go_home |
+hey robot, could you come back now                  | go_home |
+"""
+
 # what it says
 REFUSED = r"""
                                                     | empty
@@ -352,6 +400,34 @@ bring each can to the sofa                          | several things
 PLEASE STOP!!!                                      | `helios stop`
 Hey robot, could you stop now                       | `helios stop`
 Refuse to bring the mug to the sofa                 | to the sofa”; start with move
+go to 3.2, 4.1, 90                                  | gives three numbers; write two
+go to (1.20, 3.40, 0.78) m                          | gives three numbers; write two
+go to 3.2                                           | no point; write “go to 3.2, 4.1”
+go to 320 cm, 400 cm                                | no point; write “go to 3.2, 4.1”
+go 2 metres forward                                 | no point; write “go to 3.2, 4.1”
+go to 3.2, 4.1 facing north                         | but not “(3.20, 4.10) m facing north”
+go to 3.2, 4.1 and find the cup                     | only the robot itself can be sent
+bring the mug to 3.2, 4.1                           | only the robot itself can be sent
+go to 99999, 1                                      | beyond 10000 m
+go from 1, 2 to 3, 4                                | understood the point (1.00, 2.00) m
+go to the sofa at 3.2, 4.1                          | but not “sofa”
+go to 3, 4 if it is free                            | a condition (“if”)
+don't go to 3, 4                                    | not to be done
+explore the kitchen                                 | rooms are not told apart
+explore and come back                               | submit a task for anything else
+explore the table                                   | “table” is not what can be explored
+explore for 0 seconds                               | wanted more than 0 s
+explore for 100 hours                               | at most 86400 s
+map                                                 | no verb
+turn left                                           | no task for “turn”
+turn around                                         | “explore the home”, “come back”
+rotate 90 degrees                                   | no task for “rotate”
+dock                                                | no task for “dock”
+come here                                           | no task for “come here”
+come to me                                          | no task for “come to me”
+follow me                                           | no task for “follow”
+drive forward                                       | no task for “drive forward”
+move back                                           | no task for “move back”
 """
 
 
@@ -360,7 +436,8 @@ def rows(table: str) -> list[tuple[str, ...]]:
     out = []
     for line in table.splitlines()[1:]:
         for escape, letter in (("\\u200b", "\u200b"), ("\\u00ad", "\u00ad"), ("\\n", "\n"),
-                               ("\\u00a0", "\u00a0"), ("\\u2003", "\u2003"), ("\\t", "\t"),
+                               ("\\u2212", "\u2212"), ("\\u00a0", "\u00a0"),
+                               ("\\u2003", "\u2003"), ("\\t", "\t"),
                                ("\\u0301", "\u0301")):  # fmt: skip
             line = line.replace(escape, letter)
         text, *cells = line.split("|")

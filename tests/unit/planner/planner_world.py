@@ -46,6 +46,7 @@ class FakeWorld(Body):
         self._reported: list[Sighting] = []
         self._held: Thing | None = None
         self._pose, self._tilt = start, 0.0
+        self.started_at: tuple[float, float] | None = start.xy
         rows, columns = round(size_m[1] / CELL_M), round(size_m[0] / CELL_M)
         self.truth_top = np.zeros((rows, columns), np.float32)
         self.seen_top = np.zeros((rows, columns), np.float32)
@@ -180,6 +181,9 @@ class FakeWorld(Body):
 
     def frontiers(self) -> list[Frontier]:
         return frontiers_of(self._known, self.seen_top)
+
+    def start(self) -> tuple[float, float] | None:
+        return self.started_at
 
     def objects(self, class_name: str) -> list[ObjectInstance]:
         out = []

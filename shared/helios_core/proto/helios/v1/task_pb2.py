@@ -25,7 +25,7 @@ _sym_db = _symbol_database.Default()
 from helios_core.proto.helios.v1 import common_pb2 as helios_dot_v1_dot_common__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x14helios/v1/task.proto\x12\thelios.v1\x1a\x16helios/v1/common.proto\"\xf1\x06\n\x04Task\x12\x0e\n\x02id\x18\x01 \x01(\tR\x02id\x12 \n\x0binstruction\x18\x02 \x01(\tR\x0binstruction\x12\x14\n\x05state\x18\x03 \x01(\tR\x05state\x12\x14\n\x05phase\x18\x04 \x01(\tR\x05phase\x12\x14\n\x05\x63\x61use\x18\x05 \x01(\tR\x05\x63\x61use\x12\x18\n\x07message\x18\x06 \x01(\tR\x07message\x12\x16\n\x06object\x18\x07 \x01(\tR\x06object\x12\x14\n\x05start\x18\x08 \x01(\tR\x05start\x12\x12\n\x04goal\x18\t \x01(\tR\x04goal\x12\x12\n\x04kind\x18\n \x01(\tR\x04kind\x12\x14\n\x05steps\x18\x0b \x01(\rR\x05steps\x12\x1b\n\tmax_steps\x18\x0c \x01(\rR\x08maxSteps\x12\x14\n\x05picks\x18\r \x01(\rR\x05picks\x12\x1b\n\tcreated_s\x18\x0e \x01(\x01R\x08\x63reatedS\x12\x1b\n\tstarted_s\x18\x0f \x01(\x01R\x08startedS\x12\x17\n\x07\x65nded_s\x18\x10 \x01(\x01R\x06\x65ndedS\x12\x1a\n\x08progress\x18\x11 \x01(\x01R\x08progress\x12\x1d\n\ncontext_id\x18\x12 \x01(\tR\tcontextId\x12\x18\n\x07seeking\x18\x13 \x01(\tR\x07seeking\x12\x14\n\x05\x61gent\x18\x14 \x01(\tR\x05\x61gent\x12 \n\x0ctime_limit_s\x18\x15 \x01(\x01R\ntimeLimitS\x12\x1a\n\x08priority\x18\x16 \x01(\x11R\x08priority\x12\x39\n\x08settings\x18\x17 \x03(\x0b\x32\x1d.helios.v1.Task.SettingsEntryR\x08settings\x12\x17\n\x07on_hold\x18\x18 \x01(\x08R\x06onHold\x12\x16\n\x06unused\x18\x19 \x03(\tR\x06unused\x12%\n\x0cseen_at_goal\x18\x1a \x01(\x08H\x00R\nseenAtGoal\x88\x01\x01\x12\x1f\n\teta_low_s\x18\x1b \x01(\x01H\x01R\x07\x65taLowS\x88\x01\x01\x12!\n\neta_high_s\x18\x1c \x01(\x01H\x02R\x08\x65taHighS\x88\x01\x01\x1a;\n\rSettingsEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\tR\x05value:\x02\x38\x01\x42\x0f\n\r_seen_at_goalB\x0c\n\n_eta_low_sB\r\n\x0b_eta_high_s\"\xa3\x02\n\rSubmitRequest\x12 \n\x0binstruction\x18\x01 \x01(\tR\x0binstruction\x12\x1b\n\tmax_steps\x18\x02 \x01(\rR\x08maxSteps\x12\x14\n\x05\x61gent\x18\x03 \x01(\tR\x05\x61gent\x12 \n\x0ctime_limit_s\x18\x04 \x01(\x01R\ntimeLimitS\x12\x1a\n\x08priority\x18\x05 \x01(\x11R\x08priority\x12\x42\n\x08settings\x18\x06 \x03(\x0b\x32&.helios.v1.SubmitRequest.SettingsEntryR\x08settings\x1a;\n\rSettingsEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\tR\x05value:\x02\x38\x01\"\x9c\x01\n\x0bTaskRequest\x12\x0e\n\x02id\x18\x01 \x01(\tR\x02id\x12@\n\x08settings\x18\x02 \x03(\x0b\x32$.helios.v1.TaskRequest.SettingsEntryR\x08settings\x1a;\n\rSettingsEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\tR\x05value:\x02\x38\x01\"1\n\x08TaskList\x12%\n\x05tasks\x18\x01 \x03(\x0b\x32\x0f.helios.v1.TaskR\x05tasks\"\xff\x01\n\tCandidate\x12\x12\n\x04kind\x18\x01 \x01(\tR\x04kind\x12\x12\n\x04name\x18\x02 \x01(\tR\x04name\x12\x31\n\nposition_m\x18\x03 \x01(\x0b\x32\x12.helios.v1.Vector3R\tpositionM\x12\x35\n\x05terms\x18\x04 \x03(\x0b\x32\x1f.helios.v1.Candidate.TermsEntryR\x05terms\x12\x16\n\x06\x63hosen\x18\x05 \x01(\x08R\x06\x63hosen\x12\x0e\n\x02id\x18\x06 \x01(\x04R\x02id\x1a\x38\n\nTermsEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\x01R\x05value:\x02\x38\x01\"\xf6\x03\n\x08\x44\x65\x63ision\x12\x17\n\x07task_id\x18\x01 \x01(\tR\x06taskId\x12\x14\n\x05index\x18\x02 \x01(\rR\x05index\x12\x14\n\x05phase\x18\x03 \x01(\tR\x05phase\x12\x12\n\x04rule\x18\x04 \x01(\tR\x04rule\x12\x34\n\ncandidates\x18\x05 \x03(\x0b\x32\x14.helios.v1.CandidateR\ncandidates\x12\x10\n\x03why\x18\x06 \x01(\tR\x03why\x12\"\n\x02id\x18\x07 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x02id\x12\x15\n\x06made_s\x18\x08 \x01(\x01R\x05madeS\x12=\n\x08settings\x18\t \x03(\x0b\x32!.helios.v1.Decision.SettingsEntryR\x08settings\x12\x1d\n\ncontext_id\x18\n \x01(\tR\tcontextId\x12\x0e\n\x02\x64o\x18\x0b \x01(\tR\x02\x64o\x12,\n\x06memory\x18\x0c \x03(\x0b\x32\x14.helios.v1.CandidateR\x06memory\x12\x35\n\nrecomputed\x18\r \x01(\x0b\x32\x15.helios.v1.RecomputedR\nrecomputed\x1a;\n\rSettingsEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\x01R\x05value:\x02\x38\x01\"\x94\x01\n\nRecomputed\x12\x0e\n\x02\x64o\x18\x01 \x01(\tR\x02\x64o\x12\x34\n\ncandidates\x18\x02 \x03(\x0b\x32\x14.helios.v1.CandidateR\ncandidates\x12\x10\n\x03why\x18\x03 \x01(\tR\x03why\x12\x14\n\x05\x66lips\x18\x04 \x01(\x08R\x05\x66lips\x12\x18\n\x07\x63\x65rtain\x18\x05 \x01(\x08R\x07\x63\x65rtain\"A\n\x0c\x44\x65\x63isionList\x12\x31\n\tdecisions\x18\x01 \x03(\x0b\x32\x13.helios.v1.DecisionR\tdecisions\"v\n\x04Plan\x12\x17\n\x07task_id\x18\x01 \x01(\tR\x06taskId\x12\x15\n\x06path_m\x18\x02 \x03(\x02R\x05pathM\x12$\n\x04goal\x18\x03 \x01(\x0b\x32\x10.helios.v1.Pose2R\x04goal\x12\x18\n\x07purpose\x18\x04 \x01(\tR\x07purpose\"\x9d\x02\n\rServiceStatus\x12\x18\n\x07service\x18\x01 \x01(\tR\x07service\x12\x1a\n\x08instance\x18\x02 \x01(\tR\x08instance\x12\x14\n\x05state\x18\x03 \x01(\tR\x05state\x12\x16\n\x06reason\x18\x04 \x01(\tR\x06reason\x12\x10\n\x03pid\x18\x05 \x01(\rR\x03pid\x12\x19\n\x08uptime_s\x18\x06 \x01(\x01R\x07uptimeS\x12?\n\x07metrics\x18\x07 \x03(\x0b\x32%.helios.v1.ServiceStatus.MetricsEntryR\x07metrics\x1a:\n\x0cMetricsEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\x01R\x05value:\x02\x38\x01\"\x7f\n\rProcessStatus\x12\x12\n\x04name\x18\x01 \x01(\tR\x04name\x12\x10\n\x03pid\x18\x02 \x01(\rR\x03pid\x12\x1a\n\x08restarts\x18\x03 \x01(\rR\x08restarts\x12\x14\n\x05state\x18\x04 \x01(\tR\x05state\x12\x16\n\x06reason\x18\x05 \x01(\tR\x06reason\"J\n\x10SupervisorStatus\x12\x36\n\tprocesses\x18\x01 \x03(\x0b\x32\x18.helios.v1.ProcessStatusR\tprocesses\"#\n\rSettingsReply\x12\x12\n\x04json\x18\x01 \x01(\tR\x04jsonb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x14helios/v1/task.proto\x12\thelios.v1\x1a\x16helios/v1/common.proto\"\x9d\x07\n\x04Task\x12\x0e\n\x02id\x18\x01 \x01(\tR\x02id\x12 \n\x0binstruction\x18\x02 \x01(\tR\x0binstruction\x12\x14\n\x05state\x18\x03 \x01(\tR\x05state\x12\x14\n\x05phase\x18\x04 \x01(\tR\x05phase\x12\x14\n\x05\x63\x61use\x18\x05 \x01(\tR\x05\x63\x61use\x12\x18\n\x07message\x18\x06 \x01(\tR\x07message\x12\x16\n\x06object\x18\x07 \x01(\tR\x06object\x12\x14\n\x05start\x18\x08 \x01(\tR\x05start\x12\x12\n\x04goal\x18\t \x01(\tR\x04goal\x12\x12\n\x04kind\x18\n \x01(\tR\x04kind\x12\x14\n\x05steps\x18\x0b \x01(\rR\x05steps\x12\x1b\n\tmax_steps\x18\x0c \x01(\rR\x08maxSteps\x12\x14\n\x05picks\x18\r \x01(\rR\x05picks\x12\x1b\n\tcreated_s\x18\x0e \x01(\x01R\x08\x63reatedS\x12\x1b\n\tstarted_s\x18\x0f \x01(\x01R\x08startedS\x12\x17\n\x07\x65nded_s\x18\x10 \x01(\x01R\x06\x65ndedS\x12\x1a\n\x08progress\x18\x11 \x01(\x01R\x08progress\x12\x1d\n\ncontext_id\x18\x12 \x01(\tR\tcontextId\x12\x18\n\x07seeking\x18\x13 \x01(\tR\x07seeking\x12\x14\n\x05\x61gent\x18\x14 \x01(\tR\x05\x61gent\x12 \n\x0ctime_limit_s\x18\x15 \x01(\x01R\ntimeLimitS\x12\x1a\n\x08priority\x18\x16 \x01(\x11R\x08priority\x12\x39\n\x08settings\x18\x17 \x03(\x0b\x32\x1d.helios.v1.Task.SettingsEntryR\x08settings\x12\x17\n\x07on_hold\x18\x18 \x01(\x08R\x06onHold\x12\x16\n\x06unused\x18\x19 \x03(\tR\x06unused\x12%\n\x0cseen_at_goal\x18\x1a \x01(\x08H\x00R\nseenAtGoal\x88\x01\x01\x12\x1f\n\teta_low_s\x18\x1b \x01(\x01H\x01R\x07\x65taLowS\x88\x01\x01\x12!\n\neta_high_s\x18\x1c \x01(\x01H\x02R\x08\x65taHighS\x88\x01\x01\x12*\n\x05point\x18\x1d \x01(\x0b\x32\x14.helios.v1.GoalPointR\x05point\x1a;\n\rSettingsEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\tR\x05value:\x02\x38\x01\x42\x0f\n\r_seen_at_goalB\x0c\n\n_eta_low_sB\r\n\x0b_eta_high_s\"W\n\tGoalPoint\x12\x0f\n\x03x_m\x18\x01 \x01(\x01R\x02xM\x12\x0f\n\x03y_m\x18\x02 \x01(\x01R\x02yM\x12\x1c\n\x07yaw_rad\x18\x03 \x01(\x01H\x00R\x06yawRad\x88\x01\x01\x42\n\n\x08_yaw_rad\"\xa3\x02\n\rSubmitRequest\x12 \n\x0binstruction\x18\x01 \x01(\tR\x0binstruction\x12\x1b\n\tmax_steps\x18\x02 \x01(\rR\x08maxSteps\x12\x14\n\x05\x61gent\x18\x03 \x01(\tR\x05\x61gent\x12 \n\x0ctime_limit_s\x18\x04 \x01(\x01R\ntimeLimitS\x12\x1a\n\x08priority\x18\x05 \x01(\x11R\x08priority\x12\x42\n\x08settings\x18\x06 \x03(\x0b\x32&.helios.v1.SubmitRequest.SettingsEntryR\x08settings\x1a;\n\rSettingsEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\tR\x05value:\x02\x38\x01\"\x9c\x01\n\x0bTaskRequest\x12\x0e\n\x02id\x18\x01 \x01(\tR\x02id\x12@\n\x08settings\x18\x02 \x03(\x0b\x32$.helios.v1.TaskRequest.SettingsEntryR\x08settings\x1a;\n\rSettingsEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\tR\x05value:\x02\x38\x01\"1\n\x08TaskList\x12%\n\x05tasks\x18\x01 \x03(\x0b\x32\x0f.helios.v1.TaskR\x05tasks\"\xff\x01\n\tCandidate\x12\x12\n\x04kind\x18\x01 \x01(\tR\x04kind\x12\x12\n\x04name\x18\x02 \x01(\tR\x04name\x12\x31\n\nposition_m\x18\x03 \x01(\x0b\x32\x12.helios.v1.Vector3R\tpositionM\x12\x35\n\x05terms\x18\x04 \x03(\x0b\x32\x1f.helios.v1.Candidate.TermsEntryR\x05terms\x12\x16\n\x06\x63hosen\x18\x05 \x01(\x08R\x06\x63hosen\x12\x0e\n\x02id\x18\x06 \x01(\x04R\x02id\x1a\x38\n\nTermsEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\x01R\x05value:\x02\x38\x01\"\xf6\x03\n\x08\x44\x65\x63ision\x12\x17\n\x07task_id\x18\x01 \x01(\tR\x06taskId\x12\x14\n\x05index\x18\x02 \x01(\rR\x05index\x12\x14\n\x05phase\x18\x03 \x01(\tR\x05phase\x12\x12\n\x04rule\x18\x04 \x01(\tR\x04rule\x12\x34\n\ncandidates\x18\x05 \x03(\x0b\x32\x14.helios.v1.CandidateR\ncandidates\x12\x10\n\x03why\x18\x06 \x01(\tR\x03why\x12\"\n\x02id\x18\x07 \x01(\x0b\x32\x12.helios.v1.FrameIdR\x02id\x12\x15\n\x06made_s\x18\x08 \x01(\x01R\x05madeS\x12=\n\x08settings\x18\t \x03(\x0b\x32!.helios.v1.Decision.SettingsEntryR\x08settings\x12\x1d\n\ncontext_id\x18\n \x01(\tR\tcontextId\x12\x0e\n\x02\x64o\x18\x0b \x01(\tR\x02\x64o\x12,\n\x06memory\x18\x0c \x03(\x0b\x32\x14.helios.v1.CandidateR\x06memory\x12\x35\n\nrecomputed\x18\r \x01(\x0b\x32\x15.helios.v1.RecomputedR\nrecomputed\x1a;\n\rSettingsEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\x01R\x05value:\x02\x38\x01\"\x94\x01\n\nRecomputed\x12\x0e\n\x02\x64o\x18\x01 \x01(\tR\x02\x64o\x12\x34\n\ncandidates\x18\x02 \x03(\x0b\x32\x14.helios.v1.CandidateR\ncandidates\x12\x10\n\x03why\x18\x03 \x01(\tR\x03why\x12\x14\n\x05\x66lips\x18\x04 \x01(\x08R\x05\x66lips\x12\x18\n\x07\x63\x65rtain\x18\x05 \x01(\x08R\x07\x63\x65rtain\"A\n\x0c\x44\x65\x63isionList\x12\x31\n\tdecisions\x18\x01 \x03(\x0b\x32\x13.helios.v1.DecisionR\tdecisions\"v\n\x04Plan\x12\x17\n\x07task_id\x18\x01 \x01(\tR\x06taskId\x12\x15\n\x06path_m\x18\x02 \x03(\x02R\x05pathM\x12$\n\x04goal\x18\x03 \x01(\x0b\x32\x10.helios.v1.Pose2R\x04goal\x12\x18\n\x07purpose\x18\x04 \x01(\tR\x07purpose\"\x9d\x02\n\rServiceStatus\x12\x18\n\x07service\x18\x01 \x01(\tR\x07service\x12\x1a\n\x08instance\x18\x02 \x01(\tR\x08instance\x12\x14\n\x05state\x18\x03 \x01(\tR\x05state\x12\x16\n\x06reason\x18\x04 \x01(\tR\x06reason\x12\x10\n\x03pid\x18\x05 \x01(\rR\x03pid\x12\x19\n\x08uptime_s\x18\x06 \x01(\x01R\x07uptimeS\x12?\n\x07metrics\x18\x07 \x03(\x0b\x32%.helios.v1.ServiceStatus.MetricsEntryR\x07metrics\x1a:\n\x0cMetricsEntry\x12\x10\n\x03key\x18\x01 \x01(\tR\x03key\x12\x14\n\x05value\x18\x02 \x01(\x01R\x05value:\x02\x38\x01\"\x7f\n\rProcessStatus\x12\x12\n\x04name\x18\x01 \x01(\tR\x04name\x12\x10\n\x03pid\x18\x02 \x01(\rR\x03pid\x12\x1a\n\x08restarts\x18\x03 \x01(\rR\x08restarts\x12\x14\n\x05state\x18\x04 \x01(\tR\x05state\x12\x16\n\x06reason\x18\x05 \x01(\tR\x06reason\"J\n\x10SupervisorStatus\x12\x36\n\tprocesses\x18\x01 \x03(\x0b\x32\x18.helios.v1.ProcessStatusR\tprocesses\"#\n\rSettingsReply\x12\x12\n\x04json\x18\x01 \x01(\tR\x04jsonb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -45,41 +45,43 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_SERVICESTATUS_METRICSENTRY']._loaded_options = None
   _globals['_SERVICESTATUS_METRICSENTRY']._serialized_options = b'8\001'
   _globals['_TASK']._serialized_start=60
-  _globals['_TASK']._serialized_end=941
-  _globals['_TASK_SETTINGSENTRY']._serialized_start=836
-  _globals['_TASK_SETTINGSENTRY']._serialized_end=895
-  _globals['_SUBMITREQUEST']._serialized_start=944
-  _globals['_SUBMITREQUEST']._serialized_end=1235
-  _globals['_SUBMITREQUEST_SETTINGSENTRY']._serialized_start=836
-  _globals['_SUBMITREQUEST_SETTINGSENTRY']._serialized_end=895
-  _globals['_TASKREQUEST']._serialized_start=1238
-  _globals['_TASKREQUEST']._serialized_end=1394
-  _globals['_TASKREQUEST_SETTINGSENTRY']._serialized_start=836
-  _globals['_TASKREQUEST_SETTINGSENTRY']._serialized_end=895
-  _globals['_TASKLIST']._serialized_start=1396
-  _globals['_TASKLIST']._serialized_end=1445
-  _globals['_CANDIDATE']._serialized_start=1448
-  _globals['_CANDIDATE']._serialized_end=1703
-  _globals['_CANDIDATE_TERMSENTRY']._serialized_start=1647
-  _globals['_CANDIDATE_TERMSENTRY']._serialized_end=1703
-  _globals['_DECISION']._serialized_start=1706
-  _globals['_DECISION']._serialized_end=2208
-  _globals['_DECISION_SETTINGSENTRY']._serialized_start=2149
-  _globals['_DECISION_SETTINGSENTRY']._serialized_end=2208
-  _globals['_RECOMPUTED']._serialized_start=2211
-  _globals['_RECOMPUTED']._serialized_end=2359
-  _globals['_DECISIONLIST']._serialized_start=2361
-  _globals['_DECISIONLIST']._serialized_end=2426
-  _globals['_PLAN']._serialized_start=2428
-  _globals['_PLAN']._serialized_end=2546
-  _globals['_SERVICESTATUS']._serialized_start=2549
-  _globals['_SERVICESTATUS']._serialized_end=2834
-  _globals['_SERVICESTATUS_METRICSENTRY']._serialized_start=2776
-  _globals['_SERVICESTATUS_METRICSENTRY']._serialized_end=2834
-  _globals['_PROCESSSTATUS']._serialized_start=2836
-  _globals['_PROCESSSTATUS']._serialized_end=2963
-  _globals['_SUPERVISORSTATUS']._serialized_start=2965
-  _globals['_SUPERVISORSTATUS']._serialized_end=3039
-  _globals['_SETTINGSREPLY']._serialized_start=3041
-  _globals['_SETTINGSREPLY']._serialized_end=3076
+  _globals['_TASK']._serialized_end=985
+  _globals['_TASK_SETTINGSENTRY']._serialized_start=880
+  _globals['_TASK_SETTINGSENTRY']._serialized_end=939
+  _globals['_GOALPOINT']._serialized_start=987
+  _globals['_GOALPOINT']._serialized_end=1074
+  _globals['_SUBMITREQUEST']._serialized_start=1077
+  _globals['_SUBMITREQUEST']._serialized_end=1368
+  _globals['_SUBMITREQUEST_SETTINGSENTRY']._serialized_start=880
+  _globals['_SUBMITREQUEST_SETTINGSENTRY']._serialized_end=939
+  _globals['_TASKREQUEST']._serialized_start=1371
+  _globals['_TASKREQUEST']._serialized_end=1527
+  _globals['_TASKREQUEST_SETTINGSENTRY']._serialized_start=880
+  _globals['_TASKREQUEST_SETTINGSENTRY']._serialized_end=939
+  _globals['_TASKLIST']._serialized_start=1529
+  _globals['_TASKLIST']._serialized_end=1578
+  _globals['_CANDIDATE']._serialized_start=1581
+  _globals['_CANDIDATE']._serialized_end=1836
+  _globals['_CANDIDATE_TERMSENTRY']._serialized_start=1780
+  _globals['_CANDIDATE_TERMSENTRY']._serialized_end=1836
+  _globals['_DECISION']._serialized_start=1839
+  _globals['_DECISION']._serialized_end=2341
+  _globals['_DECISION_SETTINGSENTRY']._serialized_start=2282
+  _globals['_DECISION_SETTINGSENTRY']._serialized_end=2341
+  _globals['_RECOMPUTED']._serialized_start=2344
+  _globals['_RECOMPUTED']._serialized_end=2492
+  _globals['_DECISIONLIST']._serialized_start=2494
+  _globals['_DECISIONLIST']._serialized_end=2559
+  _globals['_PLAN']._serialized_start=2561
+  _globals['_PLAN']._serialized_end=2679
+  _globals['_SERVICESTATUS']._serialized_start=2682
+  _globals['_SERVICESTATUS']._serialized_end=2967
+  _globals['_SERVICESTATUS_METRICSENTRY']._serialized_start=2909
+  _globals['_SERVICESTATUS_METRICSENTRY']._serialized_end=2967
+  _globals['_PROCESSSTATUS']._serialized_start=2969
+  _globals['_PROCESSSTATUS']._serialized_end=3096
+  _globals['_SUPERVISORSTATUS']._serialized_start=3098
+  _globals['_SUPERVISORSTATUS']._serialized_end=3172
+  _globals['_SETTINGSREPLY']._serialized_start=3174
+  _globals['_SETTINGSREPLY']._serialized_end=3209
 # @@protoc_insertion_point(module_scope)

@@ -1,0 +1,42 @@
+"""What moves the robot without a sentence. Metres and radians, in the world frame."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict, Field
+
+MOST_M = 10_000.0
+MOST_RAD = 1000.0
+DAY_S = 86_400.0
+
+
+class GoRequest(BaseModel):
+    """A point on the floor of the world, and which way to face there."""
+
+    model_config = ConfigDict(
+        extra="forbid", json_schema_extra={"example": {"x_m": 3.2, "y_m": 4.1, "yaw_rad": 1.57}}
+    )
+
+    x_m: float = Field(ge=-MOST_M, le=MOST_M, allow_inf_nan=False)
+    y_m: float = Field(ge=-MOST_M, le=MOST_M, allow_inf_nan=False)
+    yaw_rad: float | None = Field(
+        default=None,
+        ge=-MOST_RAD,
+        le=MOST_RAD,
+        allow_inf_nan=False,
+        description="counter-clockwise from the world's x axis; null: whichever way it comes",
+    )
+
+
+class ExploreRequest(BaseModel):
+    """How long to explore."""
+
+    model_config = ConfigDict(extra="forbid", json_schema_extra={"example": {"time_limit_s": 120}})
+
+    time_limit_s: float | None = Field(
+        default=None,
+        gt=0,
+        le=DAY_S,
+        allow_inf_nan=False,
+        description="seconds from its start; it then ends with success. null: until nothing that "
+        "can be reached is unknown",
+    )

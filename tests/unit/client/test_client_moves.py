@@ -1,0 +1,161 @@
+"""`helios go`, `explore`, `home`, and the same from Python and over MCP."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from helios_client.cli import run
+from helios_client.mcp_server import build
+from helios_client.sdk import Helios
+from helios_client.sdk_async import AsyncHelios
+from mcp import Client
+
+from tests.gateway_process import Served, served
+from tests.support import wait_until
+
+TASK = {"id": "t1", "state": "queued", "kind": "go_to_point",
+        "point": {"x_m": 3.2, "y_m": -4.1, "yaw_rad": None}}  # fmt: skip
+
+
+@pytest.fixture
+def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    with served() as house:
+        yield house
+
+
+def no_wait(house: Served, *args: str) -> int:
+    return run([*args, "--no-wait", "--port", str(house.port)])
+
+
+# --- the command line ---------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("args", "sentence"),
+    [
+        (["go", "3.2", "4.1"], "go to 3.2, 4.1"),
+        (["go", "-3.2", "-4.1", "-90"], "go to -3.2, -4.1 facing -90 degrees"),
+        (["go", "-0", "0.5", "270"], "go to 0, 0.5 facing -90 degrees"),
+        (["go", "1e-9", "2"], "go to 0, 2"),
+        (["explore"], "explore the home"),
+        (["home"], "return to the start"),
+    ],
+)
+def test_a_command_submits_what_the_sentence_says(
+    args: list[str], sentence: str, house: Served, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert no_wait(house, *args) == 0
+    assert capsys.readouterr().out == "t1\n"
+    assert house.backend.tasks["t1"].instruction == sentence
+
+
+def test_an_exploration_may_have_a_time(house: Served) -> None:
+    assert no_wait(house, "explore", "--time-limit-s", "90") == 0
+    assert house.backend.tasks["t1"].time_limit_s == 90
+
+
+@pytest.mark.parametrize(
+    ("args", "says"),
+    [
+        (["go"], "Missing argument"),
+        (["go", "1"], "Missing argument"),
+        (["go", "here", "1"], "helios go --help"),
+        (["go", "1", "2", "--prot", "80"], "helios go --help"),
+        (["go", "1", "2", "3", "4"], "unexpected extra argument"),
+        (["go", "nan", "1"], "X is nan; wanted a number"),
+        (["go", "1", "-inf"], "Y is -inf; wanted a number"),
+        (["go", "1", "99999"], "y_m: Input should be less than or equal to 10000"),
+        (["explore", "--time-limit-s", "0"], "helios explore --help"),
+    ],
+)
+def test_wrong_numbers_are_wrong_use(
+    args: list[str], says: str, house: Served, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert no_wait(house, *args) == 2
+    assert says.lower() in capsys.readouterr().err.lower()
+    assert house.backend.tasks == {}
+
+
+@pytest.mark.parametrize(("state", "status"), [("succeeded", 0), ("failed", 1), ("cancelled", 1)])
+def test_the_exit_status_says_whether_it_got_there(
+    state: str, status: int, house: Served, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def end() -> None:
+        wait_until(lambda: "t1" in house.backend.tasks, 20, "it is submitted")
+        house.backend.change_task("t1", state, message="stands at (3.20, 4.10) m")
+
+    ending = threading.Thread(target=end)
+    ending.start()
+    assert run(["go", "3.2", "4.1", "--port", str(house.port), "--json"]) == status
+    ending.join()
+    said = capsys.readouterr()
+    assert json.loads(said.out)["state"] == state
+    assert "stands at (3.20, 4.10) m" in said.err
+
+
+# --- from Python --------------------------------------------------------------------------------
+def asked(request: httpx.Request, seen: list[tuple[str, Any]]) -> httpx.Response:
+    seen.append((request.url.path, json.loads(request.content) if request.content else None))
+    return httpx.Response(202, json=TASK)
+
+
+CALLS = [
+    ("/v1/robot/go", {"x_m": 3.2, "y_m": -4.1}),
+    ("/v1/robot/go", {"x_m": 0.0, "y_m": 0.0, "yaw_rad": 0.0}),
+    ("/v1/robot/explore", {}),
+    ("/v1/robot/explore", {"time_limit_s": 9.0}),
+    ("/v1/robot/home", None),
+]
+
+
+def test_the_sdk_sends_the_robot() -> None:
+    seen: list[tuple[str, Any]] = []
+    helios = Helios(transport=httpx.MockTransport(lambda request: asked(request, seen)))
+    task = helios.go(3.2, -4.1)
+    assert (task.kind, task.point) == ("go_to_point", TASK["point"])
+    helios.go(0.0, 0.0, yaw_rad=0.0)
+    helios.explore()
+    helios.explore(time_limit_s=9.0)
+    helios.home()
+    assert seen == CALLS
+
+
+def test_the_asynchronous_sdk_sends_the_same() -> None:
+    seen: list[tuple[str, Any]] = []
+
+    async def act() -> None:
+        transport = httpx.MockTransport(lambda request: asked(request, seen))
+        async with AsyncHelios(transport=transport) as helios:
+            await helios.go(3.2, -4.1)
+            await helios.go(0.0, 0.0, yaw_rad=0.0)
+            await helios.explore()
+            await helios.explore(time_limit_s=9.0)
+            assert (await helios.home()).id == "t1"
+
+    asyncio.run(act())
+    assert seen == CALLS
+
+
+# --- over MCP -----------------------------------------------------------------------------------
+def test_an_agent_sends_the_robot_and_lets_it_explore() -> None:
+    async def act() -> None:
+        with served() as house:
+            async with AsyncHelios(house.url) as helios, Client(build(helios)) as client:
+                await client.call_tool("go_to_point", {"x_m": 1, "y_m": -2, "yaw_deg": 90})
+                await client.call_tool("explore", {"time_limit_s": 30})
+                await client.call_tool("go_home", {})
+                wrong = await client.call_tool("go_to_point", {"x_m": 1e6, "y_m": 0})
+            assert wrong.is_error
+            assert "less than or equal to 10000" in str(wrong.content)
+            told = [t.instruction for t in house.backend.tasks.values()]
+            assert told == ["go to 1, -2 facing 90 degrees", "explore the home",
+                            "return to the start"]  # fmt: skip
+            assert house.backend.tasks["t2"].time_limit_s == 30
+
+    asyncio.run(act())

@@ -1,0 +1,233 @@
+"""Going to a point, exploring and coming back, in a made-up flat."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from helios_core.robot import Action, ActionResult, Forward
+from helios_planner.decisions.decide import Do
+from helios_planner.decisions.frontier_rules import NEAREST_BY_WAY
+from helios_planner.ground.borders import borders_of
+from helios_planner.ground.grid import GroundMap, Pose2
+from helios_planner.language.instruction import parse
+from helios_planner.moving.point_goal import spacious, state_of, walled
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, Phase, TaskCancelled, TaskFailed, TimeIsUp
+from helios_planner.tasks.moves import MoveMission
+from helios_planner.tasks.recovery import LastAction
+from hypothesis import given
+from hypothesis import strategies as st
+from planner_flat import flat
+from planner_things import Box
+from planner_world import FakeWorld
+
+
+def mission(world: FakeWorld, text: str, **settings: float) -> MoveMission:
+    return MoveMission(world, parse(text), Settings(**settings))
+
+
+def refused(world: FakeWorld, text: str) -> TaskFailed:
+    with pytest.raises(TaskFailed) as failure:
+        mission(world, text).run()
+    return failure.value
+
+
+# --- to a point ---------------------------------------------------------------------------------
+def test_the_robot_stands_on_the_point_and_faces_as_it_was_told() -> None:
+    world = flat()
+    said = mission(world, "go to 3.5, 5 facing -90 degrees").run()
+    assert world.pose().distance_m((3.5, 5.0)) < 0.12
+    assert abs(world.pose().yaw_rad + math.pi / 2) < math.radians(10)
+    assert said.startswith("stands at (3.")
+    assert said.endswith(" m from the goal")
+    assert "facing -9" in said or "facing -8" in said
+    assert world.contacts == 0
+    assert world.phases == [Phase.GO]
+
+
+def test_a_point_in_another_room_is_got_to_over_ground_that_nobody_has_seen() -> None:
+    world = flat()
+    mission(world, "go to 8.3, 6.3").run()
+    assert world.pose().distance_m((8.3, 6.3)) < 0.12
+    assert world.contacts == 0
+    why = [d.why for d in world.decisions]
+    assert why
+    assert all("where the known ground ends" in one for one in why)
+
+
+def test_known_ground_needs_no_decision() -> None:
+    world = flat()
+    mission(world, "go to 8.3, 6.3").run()
+    world.decisions.clear()
+    mission(world, "go to 3, 2").run()
+    assert world.decisions == []
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("go to 2.2, 6.6", "(2.20, 6.60) m is inside an obstacle"),
+        ("go to 20, 3", "(20.00, 3.00) m is unknown ground, and no way to it was found"),
+        ("go to 500, 3", "the robot is sent 100 m at most"),
+    ],
+)
+def test_a_point_out_of_reach_is_told_with_the_nearest_place(text: str, says: str) -> None:
+    world = flat()
+    failure = refused(world, text)
+    assert failure.cause is Cause.UNREACHABLE
+    assert says in failure.message
+    assert "500" in text or "the nearest place that can be reached is (" in failure.message
+    assert world.contacts == 0
+
+
+def test_a_point_too_near_to_a_wall_is_served_by_the_place_beside_it() -> None:
+    world = flat()
+    said = mission(world, "go to 0.2, 3").run()
+    assert 0.1 < world.pose().distance_m((0.2, 3.0)) < 0.37
+    assert "m from the goal" in said
+    failure = refused(world, "go to 0.05, 3")
+    assert "is inside an obstacle" in failure.message or "from an obstacle" in failure.message
+
+
+def test_a_point_behind_a_gap_that_is_too_narrow_is_out_of_reach() -> None:
+    closed = Box(4.4, 2.5, 4.5, 3.1, 2.5)  # leaves 0.4 m of the door
+    world = flat(extra=[closed])
+    mission(world, "explore").run()
+    failure = refused(world, "go to 7.5, 3")
+    assert failure.cause is Cause.UNREACHABLE
+    assert world.contacts == 0
+
+
+def test_unknown_ground_behind_closed_walls_is_given_up_within_a_few_looks() -> None:
+    """A box closes the only door of the third room."""
+    world = flat(start=Pose2(5.5, 3.0, 0.0), extra=[Box(6.5, 4.0, 7.5, 4.1, 2.5)])
+    failure = refused(world, "go to 6.0, 6.0")
+    assert failure.cause is Cause.UNREACHABLE
+    assert world.contacts == 0
+    assert world.steps < 400
+
+
+# --- home ---------------------------------------------------------------------------------------
+def test_it_comes_back_to_where_it_started() -> None:
+    world = flat()
+    mission(world, "go to 8, 3").run()
+    said = mission(world, "come back").run()
+    assert world.pose().distance_m((1.5, 1.5)) < 0.12
+    assert said.endswith("m from where it started")
+
+
+def test_where_the_start_is_not_known_it_says_so() -> None:
+    world = flat()
+    world.started_at = None
+    failure = refused(world, "go home")
+    assert failure.cause is Cause.UNREACHABLE
+    assert "does not know yet where the robot started" in failure.message
+
+
+# --- exploring ----------------------------------------------------------------------------------
+def test_exploring_leaves_nothing_reachable_unknown_and_says_why_it_went_where() -> None:
+    world = flat()
+    said = mission(world, "explore the home").run()
+    assert "m² of floor are known" in said
+    free = (world.truth_top == 0).sum() * 0.025**2
+    known = (world.ground().occupancy == 0).sum() * 0.025**2
+    assert known > 0.97 * free
+    assert world.contacts == 0
+    went = [d for d in world.decisions if d.do is Do.GO_TO_FRONTIER]
+    assert went
+    assert {d.rule for d in went} == {NEAREST_BY_WAY}
+    for decision in went:
+        ways = [c.terms["way_m"] for c in decision.candidates]
+        assert decision.chosen.terms["way_m"] == min(ways)
+        assert f"its way is {min(ways):.1f} m" in decision.why
+    assert world.phases == [Phase.EXPLORE]
+
+
+def test_a_home_that_is_known_is_not_explored_again() -> None:
+    world = flat()
+    while borders_of(world.ground(), 0.4, 0.015):  # what the first one could not see past
+        before = world.steps
+        mission(world, "explore").run()
+        assert world.steps - before < 400
+    before = world.steps
+    said = mission(world, "explore").run()
+    assert world.steps == before
+    assert "0.0 m² of them new; nothing reachable is unknown" in said
+
+
+def test_a_place_that_it_cannot_see_past_is_named() -> None:
+    world = flat()
+    explored = mission(world, "explore")
+    ground = world.ground
+
+    def never_seen() -> GroundMap:
+        seen = ground()
+        seen.occupancy[40:70, 40:70] = -1  # a rug that the camera cannot make out
+        return seen
+
+    world.ground = never_seen
+    said = explored.run()
+    assert "could not see past (1." in said
+
+
+def test_the_end_of_its_time_is_no_failure_of_an_exploration() -> None:
+    world = flat()
+    act = world.act
+
+    def until(action: Action) -> ActionResult:
+        if world.steps >= 60:
+            raise TimeIsUp("the task's 5 s are used up")
+        return act(action)
+
+    world.act = until
+    said = mission(world, "explore").run()
+    assert "the task's 5 s are used up" in said
+    assert "left to look at" in said
+
+
+def test_an_exploration_that_runs_out_of_steps_says_what_it_got() -> None:
+    world = flat()
+    world.max_steps = 60
+    failure = refused(world, "explore")
+    assert failure.cause is Cause.STEP_BUDGET
+    assert "m² of floor are known" in failure.message
+
+
+# --- over a restart -----------------------------------------------------------------------------
+@pytest.mark.parametrize("text", ["go to 8.3, 6.3 facing 45 degrees", "explore", "come back"])
+def test_it_goes_on_where_it_was_cut_off(text: str) -> None:
+    world = flat()
+    mission(world, "go to 3, 5").run()
+    first = mission(world, text)
+    world.cancel_after = world.steps + 8
+    with pytest.raises(TaskCancelled):
+        first.run()
+    world.cancel_after = None
+    memory = json.loads(json.dumps(first.memory()))
+    again = mission(world, text)
+    again.recall(memory, LastAction(Forward(0.5), True, "", ""))
+    again.run()
+    assert json.loads(json.dumps(again.memory())).keys() == memory.keys()
+    assert world.contacts == 0
+
+
+# --- pure ---------------------------------------------------------------------------------------
+@given(
+    st.integers(1, 30), st.integers(1, 30), st.floats(-5, 5), st.floats(-5, 5),
+    st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), max_size=4),
+)  # fmt: skip
+def test_a_spacious_map_covers_the_point_and_keeps_what_was_known(
+    rows: int, columns: int, x_m: float, y_m: float, walls: list[tuple[float, float]]
+) -> None:
+    occupancy = np.zeros((rows, columns), np.int8)
+    ground = GroundMap(occupancy, np.zeros((rows, columns), np.float32), 0.1, (0.05, -0.3))
+    more = walled(spacious(ground, (x_m, y_m)), walls)
+    assert more.inside(more.cells_of(np.array([[x_m, y_m]])))[0]
+    known = ground.centres_of(np.argwhere(occupancy == 0))
+    cells = more.cells_of(known)
+    assert (more.occupancy[cells[:, 0], cells[:, 1]] == 0).all()
+    assert set(np.unique(more.occupancy)) <= {-1, 0, 100}
+    assert state_of(more, (x_m, y_m), 0.3).startswith("is ")
