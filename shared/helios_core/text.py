@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-_CONTROL = {code: "\N{REPLACEMENT CHARACTER}" for code in (*range(0x20), *range(0x7F, 0xA0))}
+_CONTROL = dict.fromkeys((*range(32), *range(127, 160)), "�")
 _SPACES = dict.fromkeys(map(ord, "\t\n\r"), " ")
 _SHOWN = _CONTROL | _SPACES
 
