@@ -178,15 +178,13 @@ class Driver:
         return paused
 
     def _lease(self) -> int:
-        """Ask until it is granted; somebody else may be driving."""
-        deadline = time.monotonic() + self._settings.away_s
+        """Ask until it is granted. While somebody else drives the robot, the task waits: who has it
+        in hand keeps it."""
         request = pb.LeaseRequest(holder=HOLDER)
         while True:
             try:
                 return self._line.call(LEASE, request, refusals=(Conflict,)).token
             except Conflict as error:
-                if time.monotonic() > deadline:
-                    raise system_error(error) from error
                 self._line.waits_for(f"the bridge: {error.message}")
                 self._line.rest(RETRY_S)
 

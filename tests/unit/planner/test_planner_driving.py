@@ -23,7 +23,7 @@ class Robot:
     """Answers an action that is asked for again as Spot's driver does: from memory, as failed."""
 
     def __init__(self, trouble: Trouble) -> None:
-        hub = MemoryHub()
+        self.hub = hub = MemoryHub()
         self.bus, self._trouble = MemoryBus(hub), trouble
         self.ids: list[str] = []
         self.stops = 0  # that are still to be cleared
@@ -96,3 +96,20 @@ def test_stops_are_no_trouble_of_the_robots() -> None:
     robot = Robot(lambda n: Conflict("the robot is stopped (a person)") if n % 2 else None)
     drive(robot, 50)
     assert len(robot.ids) == 100
+
+
+def test_a_task_waits_for_as_long_as_somebody_else_drives() -> None:
+    robot, asked = Robot(lambda _: None), 0
+
+    def lease(_: pb.LeaseRequest) -> pb.LeaseReply:
+        nonlocal asked
+        asked += 1
+        if asked < 50:
+            raise Conflict("teleop drives the robot for 10 s more")
+        return pb.LeaseReply(token=1, duration_s=10)
+
+    MemoryBus(robot.hub).serve(LEASE, lease)
+    line = Line(robot.bus, Settings(away_s=0.001), threading.Event(), WAITED.append)
+    WAITED.clear()
+    assert Driver(line, Settings(away_s=0.001), "task", lambda _: None).do(Tilt(0.3)).succeeded
+    assert WAITED[0] == "the bridge: teleop drives the robot for 10 s more"
