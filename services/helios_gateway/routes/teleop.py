@@ -142,6 +142,7 @@ async def _commands(
 
 async def _tell(socket: WebSocket, session: TeleopSession) -> None:
     """Each new state; of several that came meanwhile the newest."""
+    await session.checked.wait()
     while True:
         changed = session.changed
         try:

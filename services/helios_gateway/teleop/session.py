@@ -48,6 +48,7 @@ class TeleopSession:
         self._moved_s = -1e9  # when the last move ended
         self._state = TeleopState(state="standing")
         self.changed = anyio.Event()
+        self.checked = anyio.Event()  # whether it may drive is known, and stands in the state
 
     @property
     def state(self) -> TeleopState:
@@ -68,8 +69,7 @@ class TeleopSession:
             await self._in_thread(may_drive)
         except HeliosError as error:
             self._tell("refused", error.message)
-        else:
-            self._tell("standing")
+        self.checked.set()
         try:
             while True:
                 await self._step()
