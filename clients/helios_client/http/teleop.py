@@ -185,7 +185,9 @@ def _told(error: BaseException, url: str) -> BaseException:
     if isinstance(error, InvalidStatus):
         answer = error.response
         request = httpx.Request("GET", url)
-        return refused(httpx.Response(answer.status_code, content=answer.body, request=request))
+        return refused(
+            httpx.Response(answer.status_code, content=bytes(answer.body), request=request)
+        )
     if isinstance(error, ConnectionClosed):
         why = error.rcvd.reason if error.rcvd is not None else ""
         kind = InvalidInput if error.rcvd and error.rcvd.code == NOT_ALLOWED else Unavailable

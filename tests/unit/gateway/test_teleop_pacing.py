@@ -56,7 +56,7 @@ def test_no_pressing_exceeds_the_limits_of_speed(presses: list[tuple[float, floa
         due = pacer.due(Command(forward, turn), now_s)
         if due is not None and isinstance(due.action, Forward):
             driven_m += abs(due.action.distance_m)
-        elif due is not None:
+        elif due is not None and isinstance(due.action, Turn):
             turned_rad += abs(due.action.angle_rad)
     assert driven_m <= MOVES.step_m + MOVES.speed_m_s * now_s + 1e-9
     assert turned_rad <= MOVES.step_rad + MOVES.turn_rad_s * now_s + 1e-9
