@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 import uuid
 
 from helios_core import proto as pb
@@ -15,6 +16,7 @@ from helios_gateway.fleet import Served
 from helios_gateway.models import RobotDescription
 
 UNDER_WAY = ("running", "paused")
+HAND_OVER_S = 1.5  # that who drove before has for a last image and giving the robot back
 MOVE_S = 20.0  # longest time of one move; the bridge stops the robot after it
 KEYFRAME_M, KEYFRAME_RAD = 0.5, math.radians(30)  # driven at most between two keyframes
 
@@ -65,8 +67,15 @@ class TeleopDriver:
         drives."""
         robot = check_may_drive(self._at, self._timeout_s)
         request = pb.LeaseRequest(holder=self._holder)
-        self._token = self._at.bus.call(LEASE, request, self._timeout_s).token
-        return robot
+        deadline_s = time.monotonic() + HAND_OVER_S
+        while True:
+            try:
+                self._token = self._at.bus.call(LEASE, request, self._timeout_s).token
+                return robot
+            except Conflict:
+                if time.monotonic() > deadline_s:
+                    raise
+            time.sleep(HAND_OVER_S / 20)
 
     def move(self, action: Action, keyframe: bool = False) -> pb.ActionResult:
         """One move; without a keyframe while the newest one is near enough."""

@@ -23,6 +23,7 @@ from helios_planner.task import Cause, TaskCancelled, TaskFailed
 log = logging.getLogger(__name__)
 
 HOLDER = "planner"
+RELEASE_S = 1.0  # longest wait for giving the lease back
 RECENT = 20  # actions, of which so many may be answered only when asked for again:
 MOST_IN_VAIN = 8
 
@@ -176,6 +177,16 @@ class Driver:
         if paused:
             self._on_pause(None)
         return paused
+
+    def release(self) -> None:
+        """Give the lease back: whoever wants to drive need not wait until it runs out."""
+        token, self._token = self._token, None
+        if token is None:
+            return
+        try:
+            self._line.call_once(LEASE, pb.LeaseRequest(release_token=token), RELEASE_S)
+        except HeliosError as error:
+            log.info("the lease runs out by itself: %s", error.message)
 
     def _lease(self) -> int:
         """Ask until it is granted. While somebody else drives the robot, the task waits: who has it
