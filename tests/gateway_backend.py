@@ -42,6 +42,7 @@ from helios_core.topics import (
 from helios_core.types import Frame, FrameId, RobotState
 from numpy.typing import NDArray
 
+from tests.gateway_driving import MadeUpDriving
 from tests.gateway_home import description, gaussians, picture_jpeg, snapshot, thing
 from tests.gateway_tasks import MadeUpTasks
 
@@ -73,6 +74,7 @@ class Backend(MadeUpTasks):
 
     def start(self) -> None:
         self.serve_tasks()
+        self.driving = MadeUpDriving(self.bus)
         serve = self.bus.serve
         serve(SNAPSHOT, self._snapshot)
         serve(PICTURE, self._picture)
@@ -122,7 +124,7 @@ class Backend(MadeUpTasks):
     def publish_robot(self) -> None:
         state = RobotState(
             T_world_base=se2_to_se3(*self.pose), moving=True, stopped=self.stopped,
-            robot_boot_id="boot", last_seq=self.seq,
+            robot_boot_id="boot", last_seq=self.seq, message=self.stop_reason,
         )  # fmt: skip
         self.bus.publish(ROBOT_STATE, state_to_proto(state))
 
@@ -181,6 +183,7 @@ class Backend(MadeUpTasks):
 
     def _latch(self, stopped: bool, reason: str) -> pb.Empty:
         self.stopped, self.stop_reason = stopped, reason
+        self.driving.stopped_why = reason or "stop-now" if stopped else ""
         self.publish_robot()
         return pb.Empty()
 

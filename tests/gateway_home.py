@@ -56,6 +56,7 @@ def description() -> pb.RobotDescription:
         name="stretch", footprint_radius_m=0.18, height_m=1.41, camera_height_m=1.31,
         camera=pb.Pinhole(fx=520, fy=520, cx=319.5, cy=239.5, width=640, height=480),
         reach_m=0.8, max_depth_m=5.0, can_move=True, can_pick=True, can_place=True, simulated=True,
+        max_forward_m=1.0, max_turn_rad=1.0,
     )  # fmt: skip
 
 

@@ -33,7 +33,7 @@ class MadeUpTasks:
         serve = self.bus.serve
         serve(SUBMIT, self._submit)
         serve(GET_TASK, self._get)
-        serve(LIST_TASKS, lambda _: pb.TaskList(tasks=self.tasks.values()))
+        serve(LIST_TASKS, self._list)
         serve(CANCEL, self._cancel)
         serve(PAUSE, lambda request: self._hold(request, True))
         serve(RESUME, lambda request: self._hold(request, False))
@@ -84,6 +84,10 @@ class MadeUpTasks:
         if request.id not in self.tasks:
             raise InvalidInput(f"there is no task {request.id!r}; list them with GET /v1/tasks")
         return self.tasks[request.id]
+
+    def _list(self, _: pb.Empty) -> pb.TaskList:
+        self.calls.append("list")
+        return pb.TaskList(tasks=self.tasks.values())
 
     def _cancel(self, request: pb.TaskRequest) -> pb.Task:
         task = self._get(request)

@@ -148,6 +148,13 @@ def build(helios: AsyncHelios) -> MCPServer:
         return dict(await helios.robot())
 
     @tool
+    async def drive(forward_m: float = 0.0, turn_rad: float = 0.0) -> dict[str, Any]:
+        """Make one short move: either forward_m (-0.5 to 0.5; below 0: back) or turn_rad (-0.6 to
+        0.6; above 0: left). Look at camera and map first: nothing plans a way around what is
+        there. Refused while a task has the robot."""
+        return dict(await helios.drive(forward_m, turn_rad))
+
+    @tool
     async def status() -> dict[str, Any]:
         """Whether a task would start now, and how every service is, with reasons."""
         return dict(await helios.status())

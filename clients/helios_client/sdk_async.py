@@ -22,9 +22,11 @@ from helios_client.http import calls
 from helios_client.http.connection import EVENT_RETRY_S, POLL_S, SILENCE_S, Connection
 from helios_client.http.errors import lost, refused
 from helios_client.http.events import EventParser
+from helios_client.http.teleop import AsyncTeleop
 from helios_client.http.waiting import Waiting
 from helios_client.tasks import (
     Decision,
+    DriveAnswer,
     Event,
     FoundObject,
     Frontier,
@@ -201,6 +203,16 @@ class AsyncHelios:
     async def clear_stop(self) -> RobotAnswer:
         """Allow the robot to move again."""
         return await self._do(calls.clear_stop())
+
+    async def drive(self, forward_m: float = 0.0, turn_rad: float = 0.0) -> DriveAnswer:
+        """One short move: at most 0.5 m ahead (below 0: back), or 0.6 rad on the spot (above 0:
+        left). Raises Conflict while a task or somebody else has the robot, or it is stopped."""
+        return await self._do(calls.drive(forward_m, turn_rad))
+
+    def teleop(self) -> AsyncTeleop:
+        """Drive by hand: `async with helios.teleop() as drive: await drive(forward=0.5, for_s=2)`.
+        Raises Conflict, on entering, as `drive` does."""
+        return AsyncTeleop(self._to)
 
     # --- the whole ----------------------------------------------------------------------------
     async def status(self) -> Status:

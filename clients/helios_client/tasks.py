@@ -176,7 +176,19 @@ class Status(TypedDict):
 
     ready: bool
     stopped: bool | None  # stop-now is latched; None: only the gateway knows, and it is away
+    stop_reason: str  # what was said then; empty while it is not stopped
     services: list[ServiceAnswer]
+
+
+class DriveAnswer(TypedDict):
+    """What came of one short move, as the robot measured it."""
+
+    succeeded: bool
+    reason: str  # one sentence when it failed
+    moved_m: float | None
+    turned_rad: float | None
+    collided: bool
+    pose: dict[str, float] | None  # x_m, y_m, yaw_rad
 
 
 class Vocabulary(TypedDict):

@@ -48,5 +48,11 @@ class Lease:
             if token == self._token and self._holder:
                 self._ends_s = self._clock() + self.duration_s
 
+    def release(self, token: int) -> None:
+        """Give it back; without effect for a token that is not the present one."""
+        with self._lock:
+            if token == self._token:
+                self._holder, self._ends_s = "", 0.0
+
     def _held(self) -> bool:
         return bool(self._holder) and self._clock() < self._ends_s

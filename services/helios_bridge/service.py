@@ -41,7 +41,7 @@ from helios_core.topics import (
     ROBOT_STATE,
     STOP,
 )
-from helios_core.types import RobotState
+from helios_core.types import FrameId, RobotState
 
 from helios_bridge.acks import part_of
 from helios_bridge.actions import ActionLog
@@ -129,6 +129,9 @@ class BridgeService:
 
     # --- methods ------------------------------------------------------------------------------
     def lease(self, request: pb.LeaseRequest) -> pb.LeaseReply:
+        if request.release_token:
+            self._lease.release(request.release_token)
+            return pb.LeaseReply()
         if not request.holder:
             raise InvalidInput("the lease has no holder; name who drives")
         token = self._lease.grant(request.holder, request.take)
@@ -264,18 +267,29 @@ class BridgeService:
             self._health.sample("act_ms", (time.monotonic() - began) * 1e3)
             self._publish_state()  # what is held is known before the image that shows it
             out = result_to_proto(done, request.action_id)
-            try:
-                id = self._lookout.look(keyframe=True)
-            except EndOfRecording:
-                id = None
+            id = self._look_after(request)
         finally:
             self._turn.release()
         self._lease.renew(request.lease_token)
         if id is not None:
             out.keyframe.CopyFrom(frame_id_to_proto(id))
+        if id is not None or request.no_keyframe:
             out.T_world_base.CopyFrom(transform_to_proto(self._driver.state().T_world_base))
         self._publish_state()
         return out
+
+    def _look_after(self, request: pb.ActionRequest) -> FrameId | None:
+        """Look, after an action. The keyframe's id; None where there is none. Without a keyframe,
+        the stream of frames goes on at its rate."""
+        try:
+            if not request.no_keyframe:
+                return self._lookout.look(keyframe=True)
+            rate = self._settings.stream_hz
+            if rate > 0 and time.monotonic() - self._lookout.last_look_s >= 1.0 / rate:
+                self._lookout.look(keyframe=False)
+        except EndOfRecording:
+            pass
+        return None
 
     def _check_may_drive(self, request: pb.ActionRequest) -> None:
         self._lease.check(request.lease_token)

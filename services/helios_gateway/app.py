@@ -31,6 +31,7 @@ from helios_gateway.routes.objects import object_routes
 from helios_gateway.routes.robot import robot_routes
 from helios_gateway.routes.seen import seen_routes
 from helios_gateway.routes.tasks import task_routes
+from helios_gateway.routes.teleop import teleop_routes
 from helios_gateway.routes.view3d import view3d_routes
 from helios_gateway.settings import Settings
 
@@ -88,6 +89,7 @@ def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> Fa
             frame_routes(prefix, settings),
             robot_routes(prefix, settings),
             move_routes(prefix, settings),
+            teleop_routes(prefix, settings),
             service_routes(prefix, settings),
         ):
             app.include_router(routes, include_in_schema=prefix == "/v1")

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from helios_core import proto as pb
 from helios_core.errors import Internal
+from helios_core.text import printable
 
 from helios_gateway import map_models, models
 
@@ -67,9 +68,9 @@ def task(message: pb.Task) -> models.Task:
     if message.state not in _STATES:
         raise Internal(f"the planner named a state {message.state!r} of task {message.id}")
     return models.Task(
-        id=message.id, instruction=message.instruction, state=_STATES[message.state],
+        id=message.id, instruction=printable(message.instruction), state=_STATES[message.state],
         phase=message.phase, phases=phases(message.kind, message.phase, message.state),
-        message=message.message, cause=message.cause, seeking=message.seeking,
+        message=printable(message.message), cause=message.cause, seeking=message.seeking,
         kind=message.kind, object=message.object, start=message.start, goal=message.goal,
         steps=message.steps, max_steps=message.max_steps, picks=message.picks,
         time_limit_s=_time(message.time_limit_s),
@@ -197,14 +198,14 @@ def frontier(f: pb.Frontier) -> map_models.Frontier:
 def robot_state(message: pb.RobotState) -> models.RobotState:
     """How the robot is; without a pose where it has none that is finite."""
     return models.RobotState(
-        pose=_pose_of(message.T_world_base.rows), tilt_rad=finite(message.tilt_rad),
+        pose=pose_of(message.T_world_base.rows), tilt_rad=finite(message.tilt_rad),
         held=message.held, moving=message.moving, stopped=message.stopped,
-        finished=message.finished, message=message.message,
+        finished=message.finished, message=printable(message.message),
         robot_boot_id=message.robot_boot_id, world_epoch=message.world_epoch,
     )  # fmt: skip
 
 
-def _pose_of(rows: Sequence[float]) -> models.RobotPose | None:
+def pose_of(rows: Sequence[float]) -> models.RobotPose | None:
     """On the floor, of a row by row T_world_base."""
     return pose(rows[3], rows[7], math.atan2(rows[4], rows[0])) if len(rows) == 16 else None
 
@@ -218,4 +219,7 @@ def robot_description(message: pb.RobotDescription) -> models.RobotDescription:
         camera_height_m=finite(message.camera_height_m),
         camera_width_px=message.camera.width, camera_height_px=message.camera.height,
         can_move=message.can_move, can_pick=message.can_pick, can_place=message.can_place,
+        min_forward_m=finite(message.min_forward_m), max_forward_m=finite(message.max_forward_m),
+        max_back_m=finite(message.max_back_m), min_turn_rad=finite(message.min_turn_rad),
+        max_turn_rad=finite(message.max_turn_rad),
     )  # fmt: skip

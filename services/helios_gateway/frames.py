@@ -17,6 +17,8 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, is_rigid
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from helios_gateway.validation import told
+
 MM = 0.001  # metres per unit of a depth image, as on the bus
 
 Row = Annotated[list[float], Field(min_length=4, max_length=4)]
@@ -84,9 +86,8 @@ def read_meta(text: str | bytes) -> FrameMeta:
     try:
         return FrameMeta.model_validate_json(text)
     except ValidationError as error:
-        parts = [f"{_place(e['loc'])}: {e['msg']}" for e in error.errors()[:3]]
         raise InvalidInput(
-            f"meta is wrong: {'; '.join(parts)}; send JSON with at least K and T_world_cam"
+            f"meta is wrong: {told(error.errors())}; send JSON with at least K and T_world_cam"
         ) from error
 
 
@@ -167,7 +168,3 @@ def _transform(rows: list[list[float]], name: str) -> Matrix:
 
 def _format(data: bytes) -> str:
     return "jpeg" if data[:2] == b"\xff\xd8" else "png"
-
-
-def _place(loc: tuple[str | int, ...]) -> str:
-    return ".".join(map(str, loc)) or "the JSON"

@@ -31,7 +31,12 @@ MOST_LARGE = 8
 STALL_S = 3.0  # longest time without a byte of a body
 MAPS = ("/map.zip",)  # bodies are whole maps; one at a time
 MAP_BODY_S = 60.0
-STREAMS = ("/events", "/events/ws", "/frames/ws")  # counted as viewers, not as requests
+STREAMS = (
+    "/events",
+    "/events/ws",
+    "/frames/ws",
+    "/robot/teleop",
+)  # counted as viewers, not as requests
 _LARGE_BODIES = {("POST", "/frames"): KeyScope.OPERATE, ("PUT", "/map.zip"): KeyScope.ADMIN}
 _ROBOT = re.compile(r"/v1(?:/robots/[^/]+)?(/.*)", re.DOTALL)
 

@@ -33,8 +33,6 @@ from helios_gateway.settings import Settings
 
 log = logging.getLogger(__name__)
 
-STOPPED = "stop-now is latched: the robot will not move until /v1/robot/clear-stop"
-
 
 class Live:
     """Subscribes to everything a viewer may want to know. Thread-safe.
@@ -59,7 +57,7 @@ class Live:
 
         bus.watch(self._on_alive)
         for service in REPORTING:  # by name: `*/status` would match the supervisor's, too
-            bus.subscribe(status_topic(service), self.roster.on_status)
+            bus.subscribe(status_topic(service), self.roster.listener(service))
         bus.subscribe(SUPERVISOR, self.roster.on_supervisor)
         bus.subscribe(ROBOT_DESCRIPTION, self._on_description)
         bus.subscribe(ROBOT_STATE, self._on_robot)
@@ -91,7 +89,10 @@ class Live:
 
     def status(self) -> models.Status:
         return models.Status(
-            ready=not self.reasons(), stopped=self.stopped, services=self.roster.services()
+            ready=not self.reasons(),
+            stopped=self.stopped,
+            stop_reason=self.stop_reason,
+            services=self.roster.services(),
         )
 
     @property
@@ -100,9 +101,21 @@ class Live:
         with self._lock:
             return self._robot is not None and self._robot.stopped
 
+    @property
+    def stop_reason(self) -> str:
+        """What was said when the robot was stopped; empty while it is not."""
+        with self._lock:
+            return self._robot.message if self._robot is not None and self._robot.stopped else ""
+
     def reasons(self) -> list[str]:
         """Why a task could not start now; empty when it could."""
-        return self.roster.reasons() + ([STOPPED] if self.stopped else [])
+        reasons = self.roster.reasons()
+        if self.stopped:
+            why = f" ({self.stop_reason})" if self.stop_reason else ""
+            reasons.append(
+                f"stop-now is latched{why}: the robot will not move until /v1/robot/clear-stop"
+            )
+        return reasons
 
     def tick(self) -> None:
         """Tell of what has changed since the last time."""
@@ -115,7 +128,10 @@ class Live:
             for service in status.services:
                 self._tell_if_new("service", f"service/{service.name}", service)
             readiness = models.Readiness(
-                ready=status.ready, stopped=status.stopped, reasons=self.reasons()
+                ready=status.ready,
+                stopped=status.stopped,
+                stop_reason=status.stop_reason,
+                reasons=self.reasons(),
             )
             self._tell_if_new("ready", "ready", readiness)
 
@@ -149,7 +165,7 @@ class Live:
         state = convert.robot_state(message)
         with self._lock:
             before, self._robot = self._robot, state
-        if before is None or (before.stopped, before.held) != (state.stopped, state.held):
+        if before is None or _happened(before) != _happened(state):
             self.tick()
 
     def _on_task(self, message: pb.Task) -> None:
@@ -162,3 +178,8 @@ class Live:
     def _on_plan(self, message: pb.Plan) -> None:
         self.maps.on_plan(message)
         self.events.publish("plan", convert.plan(message), "plan", message.task_id)
+
+
+def _happened(robot: models.RobotState) -> tuple[bool, str, str]:
+    """What of a state is told at once."""
+    return robot.stopped, robot.message if robot.stopped else "", robot.held

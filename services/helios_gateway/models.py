@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from helios_core.text import printable
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator
 
 MAX_INSTRUCTION_CHARACTERS = 10_000
@@ -82,7 +83,18 @@ class TaskRequest(BaseModel):
             raise ValueError(
                 "the instruction holds half a character; send whole Unicode"
             ) from error
+        if (at := _control_character(text)) is not None:
+            raise ValueError(
+                f"the instruction holds the control character U+{ord(text[at]):04X} as its "
+                f"character {at + 1}; send plain text"
+            )
         return text
+
+
+def _control_character(text: str) -> int | None:
+    """Where the first one is that is no space, tab or line end; None where there is none."""
+    shown = printable(text)
+    return next((i for i, c in enumerate(shown) if c == "\ufffd" and text[i] != c), None)
 
 
 class Phase(BaseModel):
@@ -242,6 +254,11 @@ class RobotDescription(BaseModel):
     can_move: bool
     can_pick: bool
     can_place: bool
+    min_forward_m: float | None = Field(description="shortest single move")
+    max_forward_m: float | None = Field(description="longest single move ahead")
+    max_back_m: float | None = Field(description="longest single move back; 0: it cannot")
+    min_turn_rad: float | None = Field(description="smallest single turn")
+    max_turn_rad: float | None = Field(description="largest single turn")
 
 
 class Robot(BaseModel):
@@ -263,12 +280,16 @@ class Service(BaseModel):
 class Status(BaseModel):
     ready: bool = Field(description="a task submitted now would start")
     stopped: bool = Field(description="stop-now is latched; lift it with /v1/robot/clear-stop")
+    stop_reason: str = Field(description="why it is stopped, as was said then; else empty")
     services: list[Service]
 
 
 class Readiness(BaseModel):
     ready: bool
     stopped: bool = Field(description="stop-now is latched")
+    stop_reason: str = Field(
+        default="", description="why a robot is stopped, as was said then; else empty"
+    )
     reasons: list[str] = Field(description="one sentence for each thing that is in the way")
 
 

@@ -19,6 +19,8 @@ from helios_core.errors import (
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 
+from helios_gateway.validation import sentence
+
 log = logging.getLogger(__name__)
 
 MEDIA_TYPE = "application/problem+json"
@@ -105,9 +107,9 @@ def add_problems(app: FastAPI) -> None:
         assert isinstance(error, HeliosError)
         return problem_of(error)
 
-    async def unreadable(_: Request, error: Exception) -> JSONResponse:
+    async def unreadable(request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)
-        return problem(400, "invalid", "The request is wrong", _sentence(error))
+        return problem(400, "invalid", "The request is wrong", sentence(request, error))
 
     async def http(_: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, HTTPException)
@@ -127,16 +129,3 @@ def add_problems(app: FastAPI) -> None:
     ]
     for kind, handler in handlers:
         app.add_exception_handler(kind, handler)
-
-
-def _sentence(error: RequestValidationError) -> str:
-    parts = []
-    for e in error.errors()[:5]:
-        where = ".".join(str(part) for part in e["loc"] if part != "body") or "the body"
-        if e["loc"] == ("body",) and e["type"] in ("model_attributes_type", "dict_type"):
-            return (
-                "the body is no JSON object; send one, with the header "
-                "content-type: application/json"
-            )
-        parts.append(f"{where}: {e['msg'].removeprefix('Value error, ')}")
-    return "; ".join(parts)

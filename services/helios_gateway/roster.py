@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Mapping
 
 from helios_core import proto as pb
+from helios_core.text import printable
 
 from helios_gateway.models import Service, ServiceState
+
+log = logging.getLogger(__name__)
 
 NEEDED = ("bridge", "detector", "objectmap", "map2d", "planner")  # for a task to start
 KNOWN = ("router", *NEEDED, "gateway")  # always listed
@@ -39,13 +43,26 @@ class Roster:
             else:
                 instances.pop(instance, None)
 
+    def listener(self, service: str) -> Callable[[pb.ServiceStatus], None]:
+        """What takes the word of one service: what names another one, or none, is refused."""
+
+        def take(status: pb.ServiceStatus) -> None:
+            if status.service != service:
+                log.warning(
+                    "a status of %r came on the key of %s; it is not taken", status.service, service
+                )
+                return
+            self.on_status(status)
+
+        return take
+
     def on_status(self, status: pb.ServiceStatus) -> None:
         with self._lock:
             self._said[status.service] = (status, self._clock())
 
     def on_supervisor(self, status: pb.SupervisorStatus) -> None:
         with self._lock:
-            self._processes = {p.name: p for p in status.processes}
+            self._processes = {p.name: p for p in status.processes if p.name}
 
     def on_description(self, robot: pb.RobotDescription) -> None:
         with self._lock:
@@ -100,7 +117,7 @@ class Roster:
             return "degraded", f"it has not reported for {silent_s:.0f} s"
         if status.state not in _STATES:
             return "degraded", f"it reports a state {status.state!r} that nobody knows"
-        return _STATES[status.state], status.reason
+        return _STATES[status.state], printable(status.reason)
 
     def _why_down(self, name: str) -> str:
         process = self._processes.get(name)

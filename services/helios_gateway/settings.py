@@ -93,6 +93,24 @@ class Settings(ServiceSettings):
         default=82, ge=1, le=100, description="quality of /v1/camera.jpg, 1 to 100"
     )
 
+    teleop_speed_m_s: float = Field(
+        default=0.3, gt=0, le=2, description="fastest driving by hand, on average"
+    )
+    teleop_turn_rad_s: float = Field(
+        default=0.6, gt=0, le=3, description="fastest turning by hand, on average"
+    )
+    teleop_hold_s: float = Field(
+        default=0.3,
+        gt=0,
+        le=2,
+        description="a command to drive counts for so long; without a newer one the robot stands",
+    )
+    teleop_idle_s: float = Field(
+        default=30.0,
+        gt=0,
+        description="a socket for driving without a message for so long is closed",
+    )
+
     @property
     def other_robots(self) -> tuple[str, ...]:
         return _names(self.robots)

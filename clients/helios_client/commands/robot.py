@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
+from helios_core.text import printable
 
 from helios_client.commands.options import At, Json, State, console, flat, print_json
 
@@ -16,6 +17,8 @@ app = typer.Typer()
 @flat
 def status(at: At, state: State = None, as_json: Json = False) -> None:
     """How every service is, and whether stop-now is latched. Works while the gateway is down."""
+    from rich.markup import escape
+
     from helios_client.commands.status import find_status, status_table
 
     with at.connect(timeout_s=3.0) as helios:
@@ -26,7 +29,10 @@ def status(at: At, state: State = None, as_json: Json = False) -> None:
     screen = console()
     screen.print(status_table(found))
     if found["stopped"]:
-        screen.print("[red]stop-now is latched[/]: the robot will not move; helios clear-stop")
+        why = f" ({escape(printable(found['stop_reason']))})" if found["stop_reason"] else ""
+        screen.print(
+            f"[red]stop-now is latched[/]{why}: the robot will not move; helios clear-stop"
+        )
     screen.print("ready" if found["ready"] else "not ready")
 
 

@@ -19,7 +19,7 @@ _COLORS = {"ready": "green", "starting": "cyan", "waiting": "yellow", "restartin
 def find_status(
     helios: Helios, port: int | None, state_dir: Path | None, robot: str | None = None
 ) -> Status:
-    """`{ready, stopped, services: [{name, state, reason, restarts, pid}]}`.
+    """`{ready, stopped, stop_reason, services: [{name, state, reason, restarts, pid}]}`.
 
     The supervisor's file of `port` knows the services while the gateway is down; whether stop-now
     is latched only the gateway can say. `robot`: the one that is asked for by name; of another than
@@ -33,7 +33,10 @@ def find_status(
         live = helios.status()
     except HeliosError:
         if found is not None:
-            return {"ready": found["ready"], "stopped": None, "services": found["services"]}
+            services = found["services"]
+            return {
+                "ready": found["ready"], "stopped": None, "stop_reason": "", "services": services,
+            }  # fmt: skip
         raise
     if found is None:
         return live
@@ -41,6 +44,7 @@ def find_status(
     return {
         "ready": found["ready"] and not stopped,
         "stopped": stopped,
+        "stop_reason": live.get("stop_reason", ""),
         "services": found["services"],
     }
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from helios_client.http.errors import refused
 from helios_client.tasks import (
     Decision,
+    DriveAnswer,
     FoundObject,
     Frontier,
     LoadedMaps,
@@ -35,6 +36,7 @@ from helios_client.tasks import (
 T = TypeVar("T")
 
 MAP_S = 180.0  # longest wait for both maps of a large home
+DRIVE_S = 30.0  # one short move of a slow robot
 SEEN_S = 20.0  # the text model may have to wake up
 
 
@@ -199,6 +201,12 @@ def explore(time_limit_s: float | None) -> Call[Task]:
 
 def home() -> Call[Task]:
     return Call("POST", "/robot/home", lambda r: Task.from_json(_json(r)))
+
+
+def drive(forward_m: float, turn_rad: float) -> Call[DriveAnswer]:
+    asked = {"forward_m": forward_m, "turn_rad": turn_rad}
+    body = {name: value for name, value in asked.items() if value}
+    return Call("POST", "/robot/drive", _json, body, timeout_s=DRIVE_S)
 
 
 def status() -> Call[Status]:

@@ -46,6 +46,19 @@ class Connection:
             out["timeout"] = httpx.Timeout(call.timeout_s, connect=connect_s)
         return out
 
+    @property
+    def timeout_s(self) -> float:
+        return self._timeout_s
+
+    def socket_request(self, path: str) -> dict[str, Any]:
+        """Of `connect` of websockets."""
+        scheme, _, rest = self.url.partition("://")
+        secure = "s" if scheme == "https" else ""
+        return {
+            "uri": f"ws{secure}://{rest}{self._prefix}{path}",
+            "additional_headers": self._headers, "open_timeout": self._timeout_s, "proxy": None,
+        }  # fmt: skip
+
     def event_request(
         self, types: tuple[str, ...], task_id: str | None, last_id: str, silence_s: float
     ) -> dict[str, Any]:

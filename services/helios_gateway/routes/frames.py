@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Iterator
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -13,7 +11,7 @@ import anyio.to_thread
 from anyio import CapacityLimiter
 from fastapi import APIRouter, File, Form, WebSocket, WebSocketDisconnect
 from helios_core import proto as pb
-from helios_core.errors import HeliosError, InvalidInput, Unavailable
+from helios_core.errors import HeliosError, InvalidInput
 from helios_core.topics import PUSH
 from starlette.responses import JSONResponse
 
@@ -22,6 +20,7 @@ from helios_gateway.fleet import At, Served
 from helios_gateway.frames import FrameTaken, push_request, read_meta, taken
 from helios_gateway.keys import Scope
 from helios_gateway.limits import MOST_LARGE
+from helios_gateway.places import Places
 from helios_gateway.problems import Forbidden, Unauthorized, problem, problem_of, problems
 from helios_gateway.settings import Settings
 
@@ -36,7 +35,7 @@ def frame_routes(prefix: str, settings: Settings) -> APIRouter:
     routes = APIRouter(prefix=prefix, tags=["frames"])
     # Of its own, so that waiting for the maps holds nobody else up.
     own_threads = CapacityLimiter(MOST_SENDERS + MOST_LARGE)
-    sockets = _Places(MOST_SENDERS)
+    sockets = Places(MOST_SENDERS, "sockets for frames")
 
     async def give(at: Served, meta: str | bytes, color: bytes, depth: bytes | None) -> FrameTaken:
         """Raises HeliosError."""
@@ -136,30 +135,6 @@ class _Silent(Exception):
 
 def _as_text(problem: JSONResponse) -> str:
     return bytes(problem.body).decode()
-
-
-class _Places:
-    """So many sockets at the same time, and no more."""
-
-    def __init__(self, most: int) -> None:
-        self._most, self._held = most, 0
-
-    def taken(self) -> AbstractContextManager[None]:
-        """A place, held until the context ends. Raises Unavailable where none is left."""
-        if self._held >= self._most:
-            raise Unavailable(
-                f"{self._held} sockets for frames are open and no more are taken; close one"
-            )
-        self._held += 1
-
-        @contextlib.contextmanager
-        def hold() -> Iterator[None]:
-            try:
-                yield
-            finally:
-                self._held -= 1
-
-        return hold()
 
 
 class _Messages:

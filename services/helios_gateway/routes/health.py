@@ -18,6 +18,7 @@ from helios_gateway.metrics import Metrics
 from helios_gateway.problems import NotFound, problems
 from helios_gateway.settings import Settings
 
+ROUTER = "router"
 ServiceName = Annotated[
     str, Path(max_length=50, pattern="^[a-z][a-z0-9_-]*$", description="as /v1/status lists it")
 ]
@@ -43,7 +44,10 @@ def health_routes(metrics: Metrics) -> APIRouter:
         reasons = fleet.reasons()
         stopped = any(served.live.stopped for served in fleet.robots.values())
         response.status_code = 503 if reasons else 200
-        return models.Readiness(ready=not reasons, stopped=stopped, reasons=reasons)
+        said = [s.live.stop_reason for s in fleet.robots.values() if s.live.stop_reason]
+        return models.Readiness(
+            ready=not reasons, stopped=stopped, stop_reason="; ".join(said), reasons=reasons
+        )
 
     @routes.get(
         "/metrics",
@@ -78,6 +82,8 @@ def service_routes(prefix: str, settings: Settings) -> APIRouter:
         known = [service.name for service in at.live.status().services]
         if name not in known:
             raise NotFound(f"there is no service {name!r}; there are: {', '.join(known)}")
+        if name == ROUTER:
+            raise NotFound(f"{name} is Zenoh's and tells no settings; ask another service")
         try:
             reply = at.bus.call(settings_method(name), pb.Empty(), settings.call_timeout_s)
         except Unavailable as error:

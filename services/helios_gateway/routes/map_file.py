@@ -84,7 +84,13 @@ def map_file_routes(prefix: str, settings: Settings) -> APIRouter:
     )
     def load(
         at: At,
-        file: Annotated[bytes, Body(media_type=ZIP, description="as GET gives it")],
+        file: Annotated[
+            bytes,
+            Body(
+                media_type=ZIP,
+                description="a map file, as GET /v1/map.zip and `helios map save` give it",
+            ),
+        ],
     ) -> map_models.LoadedMaps:
         """In the place of the present ones: both, or neither where one is refused. What is
         at (x, y) in the file must be there in the robot's world, too. Refused while a task is

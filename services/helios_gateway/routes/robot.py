@@ -10,6 +10,7 @@ import anyio.to_thread
 from anyio import CapacityLimiter
 from fastapi import APIRouter, Request
 from helios_core import proto as pb
+from helios_core.text import printable
 from helios_core.topics import CLEAR_STOP, STOP
 from pydantic import ValidationError
 from starlette.requests import ClientDisconnect
@@ -71,12 +72,13 @@ def robot_routes(prefix: str, settings: Settings) -> APIRouter:
 
 
 def stop_reason(body: bytes) -> str:
-    """Why the robot shall stop: at most 500 characters, the default for what is unreadable."""
+    """Why the robot shall stop: at most 500 printable characters, the default for what cannot be
+    read. Control characters are replaced, not refused: nothing hinders a stop."""
     try:
         known = models.StopRequest.model_validate_json(body)
     except ValidationError:
         known = models.StopRequest()
-    return known.reason[:REASON_CHARACTERS]
+    return printable(known.reason[:REASON_CHARACTERS])
 
 
 async def _begun(request: Request) -> bytes:

@@ -7,6 +7,7 @@ import { Seen } from "./seen.js";
 import { showReady, showService } from "./services.js";
 import { showStopped } from "./stop.js";
 import { Tasks } from "./tasks.js";
+import { Teleop } from "./teleop.js";
 import { View3d } from "./view3d.js";
 import { Why } from "./why.js";
 
@@ -30,14 +31,21 @@ new Seen((place) => {
   map.point(place);
 });
 const tasks = new Tasks((task) => why.view(task));
+const teleop = new Teleop();
 const versions = { map2d: -1, objects: -1 };
 
-const loadTasks = coalesced(() => tasks.load());
+const loadTasks = coalesced(async () => {
+  await tasks.load();
+  teleop.takeTask(tasks.underWay());
+});
 const loadVocabulary = coalesced(() => tasks.loadVocabulary());
 
 listen(
   {
-    task: (task) => tasks.take(task),
+    task: (task) => {
+      tasks.take(task);
+      teleop.takeTask(tasks.underWay());
+    },
     decision: (decision) => why.take(decision),
     plan: (plan) => {
       map.plan = plan;
@@ -74,11 +82,12 @@ function showRobot({ connected, state, description }) {
     $("robot-name").textContent = description.name + (isSaid ? "" : " · simulated");
     document.title = `HELIOS · ${description.name}`;
     tasks.takeRobot(description);
+    teleop.takeRobot(description);
   }
   map.description = description;
   map.robot = state;
   map.redraw();
-  showStopped(state?.stopped);
+  showStopped(state?.stopped, state?.message);
   if (!state) return;
   const { pose } = state;
   const degrees = pose && ((pose.yaw_rad * 180) / Math.PI).toFixed(0);

@@ -18,8 +18,10 @@ const COMMANDS = {
   },
 };
 
-/** Whether stop-now is latched, as far as is known. */
-export function showStopped(stopped) {
+/** Whether stop-now is latched, as far as is known, and what was said then. */
+export function showStopped(stopped, why) {
+  const reason = why ? ` (${why})` : "";
+  $("stopped").textContent = `Stop-now is latched${reason}: the robot will not move until you clear it.`;
   $("stopped").hidden = !stopped;
   $("clear-stop").hidden = !stopped;
 }
@@ -32,7 +34,7 @@ async function press(id) {
   button.setAttribute("aria-busy", "true"); // never disabled: whoever presses again is heard
   try {
     const { state } = await send(`/robot/${id}`, undefined, { signal: AbortSignal.timeout(within_ms) });
-    if (state) showStopped(state.stopped);
+    if (state) showStopped(state.stopped, state.message);
   } catch (error) {
     const why = error instanceof Problem ? error.message.replace(/\.$/, "")
       : error.name === "TimeoutError" ? `no answer came within ${within_ms / 1000} s`

@@ -39,6 +39,11 @@ export class Tasks {
     );
   }
 
+  /** The task that has the robot, or null. */
+  underWay() {
+    return [...this.tasks.values()].find((task) => ["running", "paused"].includes(task.state)) ?? null;
+  }
+
   /** `description` of the robot. */
   takeRobot(description) {
     this.hasArm = description.can_pick && description.can_place;
@@ -166,6 +171,7 @@ export class Tasks {
       ["picks", task.picks || ""],
       ["priority", task.priority || ""],
       ["time", seconds > 0 && seconds < 86400 ? `${Math.round(seconds)} s` : ""],
+      ["left", ENDED.includes(task.state) ? "" : spanOf(task.eta_s)],
       ["cause", task.cause],
     ]);
   }
@@ -191,6 +197,13 @@ export class Tasks {
     );
     if (focused) $("history").querySelector(`[data-id="${CSS.escape(focused)}"]`)?.focus();
   }
+}
+
+/** How long a task may still take, of [low, high] seconds; empty where nobody knows. */
+function spanOf(seconds) {
+  if (!seconds) return "";
+  const [low, high] = seconds.map(Math.round);
+  return high < 120 ? `about ${low} to ${high} s` : `about ${Math.round(low / 60)} to ${Math.round(high / 60)} min`;
 }
 
 function phaseElement(phase) {

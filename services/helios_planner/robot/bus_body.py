@@ -122,7 +122,8 @@ class BusBody(Body):
             self._line.rest(RETRY_S)
 
     def end(self) -> None:
-        """Listen no more."""
+        """Listen no more, and give the robot back."""
+        self._driver.release()
         if self._inbox is not None:
             self._inbox.close()
 

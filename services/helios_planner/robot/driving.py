@@ -25,6 +25,7 @@ log = logging.getLogger(__name__)
 
 HOLDER = "planner"
 _ACTION = re.compile(r"[^.]*?(?:\.(\d+))?-(\d+)")
+RELEASE_S = 1.0  # longest wait for giving the lease back
 RECENT = 20  # actions, of which so many may be answered only when asked for again:
 MOST_IN_VAIN = 8
 
@@ -193,16 +194,24 @@ class Driver:
             self._on_pause(None)
         return paused
 
+    def release(self) -> None:
+        """Give the lease back: whoever wants to drive need not wait until it runs out."""
+        token, self._token = self._token, None
+        if token is None:
+            return
+        try:
+            self._line.call_once(LEASE, pb.LeaseRequest(release_token=token), RELEASE_S)
+        except HeliosError as error:
+            log.info("the lease runs out by itself: %s", error.message)
+
     def _lease(self) -> int:
-        """Ask until it is granted; somebody else may be driving."""
-        deadline = time.monotonic() + self._settings.away_s
+        """Ask until it is granted. While somebody else drives the robot, the task waits: who has it
+        in hand keeps it."""
         request = pb.LeaseRequest(holder=HOLDER)
         while True:
             try:
                 lease = self._line.call(LEASE, request, refusals=(Conflict,))
             except Conflict as error:
-                if time.monotonic() > deadline:
-                    raise system_error(error) from error
                 self._line.waits_for(f"the bridge: {error.message}")
                 self._line.rest(RETRY_S)
             else:

@@ -90,7 +90,13 @@ class Stage:
         self.other.subscribe(KEYFRAME, self.keyframes.append)
         self.token = 0
 
-    def drive(self, action_id: str, distance_m: float = 0.5, left_s: float = 5) -> pb.ActionResult:
+    def drive(
+        self,
+        action_id: str,
+        distance_m: float = 0.5,
+        left_s: float = 5,
+        no_keyframe: bool = False,
+    ) -> pb.ActionResult:
         if not self.token:
             self.token = self.other.call(LEASE, pb.LeaseRequest(holder="planner"), 1).token
         request = pb.ActionRequest(
@@ -98,5 +104,6 @@ class Stage:
             lease_token=self.token,
             time_remaining_s=left_s,
             action=pb.Action(forward=pb.Action.Forward(distance_m=distance_m)),
+            no_keyframe=no_keyframe,
         )
         return self.other.call(ACT, request, 10)

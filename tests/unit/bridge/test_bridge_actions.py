@@ -11,7 +11,7 @@ from helios_core.codec import frame_from_proto
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.geometry import se2_to_se3
 from helios_core.robot import Capture
-from helios_core.topics import KEYFRAME, MAP2D_ACK, OBJECTMAP_ACK, ROBOT_STATE
+from helios_core.topics import FRAME, KEYFRAME, MAP2D_ACK, OBJECTMAP_ACK, ROBOT_STATE
 from helios_core.types import RobotState
 
 from tests.unit.bridge.bridge_stage import LineRobot, Stage
@@ -26,6 +26,25 @@ def test_an_action_ends_with_a_keyframe_that_the_result_names() -> None:
     assert frame.keyframe
     np.testing.assert_allclose(frame.T_world_base, se2_to_se3(0.5, 0, 0), atol=1e-9)
     np.testing.assert_allclose(frame.depth_m, 1.5, atol=5e-4)
+
+
+def test_an_action_without_a_keyframe_tells_where_the_robot_is() -> None:
+    stage = Stage(stream_hz=0.0)
+    result = stage.drive("a", no_keyframe=True)
+    assert result.succeeded
+    assert not result.HasField("keyframe")
+    np.testing.assert_allclose(result.T_world_base.rows, se2_to_se3(0.5, 0, 0).ravel())
+    assert stage.keyframes == []
+    assert stage.drive("b").keyframe.seq == stage.keyframes[0].id.seq
+
+
+def test_frames_stream_on_while_the_robot_moves_without_keyframes() -> None:
+    stage = Stage(stream_hz=60.0)
+    frames: list[pb.Frame] = []
+    stage.other.subscribe(FRAME, frames.append)
+    stage.drive("a", no_keyframe=True)  # the last look is longer ago than one period
+    assert [f.keyframe for f in frames] == [False]
+    assert stage.keyframes == []
 
 
 def test_what_an_action_changed_is_told_before_the_image_that_shows_it() -> None:

@@ -63,3 +63,21 @@ def test_an_action_longer_than_the_lease_leaves_its_driver_the_lease() -> None:
     stage.bridge._lease = Lease(10.0, 0, clock=lambda: now[0])
     stage.drive("a")
     assert stage.drive("b").succeeded
+
+
+def test_a_lease_that_is_given_back_is_free_at_once() -> None:
+    stage = Stage()
+    stage.drive("a")
+    release = pb.LeaseRequest(release_token=stage.token)
+    assert stage.other.call(LEASE, release, 1).token == 0
+    with pytest.raises(Conflict, match="ran out"):
+        stage.drive("b")
+    assert stage.other.call(LEASE, pb.LeaseRequest(holder="other"), 1).token > stage.token
+
+
+def test_an_older_lease_that_is_given_back_changes_nothing() -> None:
+    stage = Stage()
+    before = stage.other.call(LEASE, pb.LeaseRequest(holder="planner"), 1).token
+    stage.drive("a")
+    stage.other.call(LEASE, pb.LeaseRequest(release_token=before), 1)
+    assert stage.drive("b").succeeded

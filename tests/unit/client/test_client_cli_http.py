@@ -90,7 +90,8 @@ def test_a_task_is_paused_and_goes_on(house: Served, helios: Helios) -> None:
 def test_a_stop_latches_is_seen_and_lifted(house: Served, helios: Helios) -> None:
     assert "helios clear-stop" in helios("stop", "--reason", "a child in the way")
     assert house.backend.stop_reason == "a child in the way"
-    assert "stop-now is latched" in helios("status")
+    assert "stop-now is latched (a child in the way)" in helios("status").replace("\n", " ")
+    assert helios.json("status")["stop_reason"] == "a child in the way"
     assert (helios.json("status")["ready"], helios.json("status")["stopped"]) == (False, True)
     assert helios.json("clear-stop")["state"]["stopped"] is False
     assert helios.json("status")["stopped"] is False

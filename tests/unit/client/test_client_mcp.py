@@ -50,7 +50,7 @@ def test_an_agent_finds_the_tools_with_their_meaning() -> None:
         assert set(tools) == {
             "submit_task", "wait_for_task", "list_tasks", "cancel_task", "why", "objects",
             "where_seen", "map_info", "map_picture", "camera", "robot", "status", "stop_robot",
-            "clear_stop", "go_to_point", "explore", "go_home",
+            "clear_stop", "go_to_point", "explore", "go_home", "drive",
         }  # fmt: skip
         assert all(tool.description for tool in tools.values())
 

@@ -48,6 +48,8 @@ def test_settings_of_a_running_service_are_told(backend: Backend, client: TestCl
     answer = client.get("/v1/services/planner/settings")
     assert answer.json() == {"service": "planner", "settings": told}
     assert client.get("/v1/services/map2d/settings").status_code == 503
+    router = client.get("/v1/services/router/settings")
+    assert (router.status_code, "tells no settings" in router.json()["detail"]) == (404, True)
     assert "there are: router" in client.get("/v1/services/nobody/settings").json()["detail"]
     assert client.get("/v1/services/..%2Fsvc/settings").status_code in (400, 404)
 

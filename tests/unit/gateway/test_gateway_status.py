@@ -5,9 +5,13 @@ from __future__ import annotations
 import pytest
 from fastapi.testclient import TestClient
 from helios_core import proto as pb
+from helios_core.topics import status_topic
+from helios_gateway.live import Live
 from helios_gateway.roster import Roster
 
 from tests.gateway_backend import Backend
+
+READY = {"ready": True, "stopped": False, "stop_reason": "", "reasons": []}
 
 
 class Clock:
@@ -97,7 +101,7 @@ def test_the_world_is_listed_only_where_it_is_simulated(roster: Roster) -> None:
 
 
 def test_ready_when_all_five_are(backend: Backend, client: TestClient) -> None:
-    assert client.get("/readyz").json() == {"ready": True, "stopped": False, "reasons": []}
+    assert client.get("/readyz").json() == READY
     backend.report("planner", 4105, "waiting", "waits for the bridge")
     response = client.get("/readyz")
     assert response.status_code == 503
@@ -114,7 +118,41 @@ def test_a_latched_stop_is_in_the_way_and_said(backend: Backend, client: TestCli
     assert client.get("/v1/status").json()["stopped"] is True
     assert 'helios_stopped{robot="robot"} 1.0' in client.get("/metrics").text
     client.post("/v1/robot/clear-stop")
-    assert client.get("/readyz").json() == {"ready": True, "stopped": False, "reasons": []}
+    assert client.get("/readyz").json() == READY
+
+
+def test_why_the_robot_is_stopped_is_said_wherever_the_stop_is(
+    backend: Backend, client: TestClient, live: Live
+) -> None:
+    for reason in ("child on the floor", "a cat\x1b[31m"):  # the second says more of one stop
+        said = reason.replace("\x1b", "\ufffd")
+        client.post("/v1/robot/stop", json={"reason": reason})
+        readiness, status = client.get("/readyz").json(), client.get("/v1/status").json()
+        assert readiness["stop_reason"] == status["stop_reason"] == said
+        assert readiness["reasons"] == [
+            f"stop-now is latched ({said}): the robot will not move until /v1/robot/clear-stop"
+        ]
+    client.post("/v1/robot/clear-stop")
+    assert client.get("/v1/status").json()["stop_reason"] == ""
+
+
+@pytest.mark.parametrize("name", ["", "planner", "map2d/../bridge"])
+def test_a_status_that_names_another_service_or_none_is_refused(roster: Roster, name: str) -> None:
+    before = [s.name for s in roster.services()]
+    roster.listener("map2d")(says(name, "ready"))
+    assert [s.name for s in roster.services()] == before
+    assert state_of(roster, "map2d") == ("down", "it has not been seen; start it")
+    roster.on_supervisor(pb.SupervisorStatus(processes=[pb.ProcessStatus(name="")]))
+    assert [s.name for s in roster.services()] == before
+    roster.listener("map2d")(says("map2d", "ready"))
+    roster.on_alive("map2d", "1", True)
+    assert state_of(roster, "map2d") == ("ready", "")
+
+
+def test_a_nameless_status_on_the_bus_makes_no_row(backend: Backend, client: TestClient) -> None:
+    names = [s["name"] for s in client.get("/v1/status").json()["services"]]
+    backend.bus.publish(status_topic("planner"), says("", "ready"))
+    assert [s["name"] for s in client.get("/v1/status").json()["services"]] == names
 
 
 def test_status_names_every_service_with_restarts_and_pid(
@@ -122,7 +160,7 @@ def test_status_names_every_service_with_restarts_and_pid(
 ) -> None:
     backend.supervise(detector=2)
     status = client.get("/v1/status").json()
-    assert set(status) == {"ready", "stopped", "services"}
+    assert set(status) == {"ready", "stopped", "stop_reason", "services"}
     by_name = {s["name"]: s for s in status["services"]}
     assert by_name["detector"] == {
         "name": "detector", "state": "ready", "reason": "", "restarts": 2, "pid": 4102,

@@ -79,6 +79,7 @@ class Peers:
         self.names = names
         self.context = pb.SearchContext()
         self.token, self.seq, self.stopped = 0, 0, False
+        self.released = 0  # the newest lease that was given back
         self.done: dict[str, pb.ActionResult] = {}
         self.silent: set[str] = set()
         self._told = 0
@@ -104,6 +105,9 @@ class Peers:
             self.contexts.append(context.id)
 
     def _lease(self, request: pb.LeaseRequest) -> pb.LeaseReply:
+        if request.release_token:
+            self.released = request.release_token
+            return pb.LeaseReply()
         self.token += 1
         return pb.LeaseReply(token=self.token, duration_s=30)
 

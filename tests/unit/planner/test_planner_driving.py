@@ -134,3 +134,20 @@ def test_a_lease_that_is_lost_while_the_robot_is_driven_is_told() -> None:
     assert WAITED == [
         "the bridge: lease 1 is not the present one (a person has it); ask anew", None
     ]  # fmt: skip
+
+
+def test_a_task_waits_for_as_long_as_somebody_else_drives() -> None:
+    robot, asked = Robot(lambda _: None), 0
+
+    def lease(_: pb.LeaseRequest) -> pb.LeaseReply:
+        nonlocal asked
+        asked += 1
+        if asked < 50:
+            raise Conflict("teleop drives the robot for 10 s more")
+        return pb.LeaseReply(token=1, duration_s=10)
+
+    MemoryBus(robot.hub).serve(LEASE, lease)
+    line = Line(robot.bus, Settings(away_s=0.001), threading.Event(), WAITED.append)
+    WAITED.clear()
+    assert Driver(line, Settings(away_s=0.001), "task", lambda _: None).do(Tilt(0.3)).succeeded
+    assert WAITED[0] == "the bridge: teleop drives the robot for 10 s more"

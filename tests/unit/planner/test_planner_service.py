@@ -24,6 +24,7 @@ def test_a_task_succeeds_and_its_decisions_say_why(start: Start) -> None:
     wait_until(lambda: states[-1] == "succeeded", 60, "the end was told")
     assert done.steps == peers.world.steps
     assert done.picks == 1
+    wait_until(lambda: peers.released == peers.token, 60, "the robot is given back")
     told = bus.call(DECISIONS, pb.TaskRequest(id=id), 5).decisions
     assert [d.index for d in told] == list(range(len(told)))
     assert all(d.why and d.rule and d.context_id == done.context_id for d in told)

@@ -127,16 +127,18 @@ class Action(_message.Message):
     def __init__(self, forward: _Optional[_Union[Action.Forward, _Mapping]] = ..., turn: _Optional[_Union[Action.Turn, _Mapping]] = ..., tilt: _Optional[_Union[Action.Tilt, _Mapping]] = ..., pick: _Optional[_Union[Action.Pick, _Mapping]] = ..., place: _Optional[_Union[Action.Place, _Mapping]] = ..., observe: _Optional[_Union[Action.Observe, _Mapping]] = ...) -> None: ...
 
 class ActionRequest(_message.Message):
-    __slots__ = ("action_id", "lease_token", "time_remaining_s", "action")
+    __slots__ = ("action_id", "lease_token", "time_remaining_s", "action", "no_keyframe")
     ACTION_ID_FIELD_NUMBER: _ClassVar[int]
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     TIME_REMAINING_S_FIELD_NUMBER: _ClassVar[int]
     ACTION_FIELD_NUMBER: _ClassVar[int]
+    NO_KEYFRAME_FIELD_NUMBER: _ClassVar[int]
     action_id: str
     lease_token: int
     time_remaining_s: float
     action: Action
-    def __init__(self, action_id: _Optional[str] = ..., lease_token: _Optional[int] = ..., time_remaining_s: _Optional[float] = ..., action: _Optional[_Union[Action, _Mapping]] = ...) -> None: ...
+    no_keyframe: bool
+    def __init__(self, action_id: _Optional[str] = ..., lease_token: _Optional[int] = ..., time_remaining_s: _Optional[float] = ..., action: _Optional[_Union[Action, _Mapping]] = ..., no_keyframe: bool = ...) -> None: ...
 
 class ActionResult(_message.Message):
     __slots__ = ("action_id", "succeeded", "reason", "moved_m", "turned_rad", "collided", "steps", "keyframe", "T_world_base")
@@ -161,16 +163,18 @@ class ActionResult(_message.Message):
     def __init__(self, action_id: _Optional[str] = ..., succeeded: bool = ..., reason: _Optional[str] = ..., moved_m: _Optional[float] = ..., turned_rad: _Optional[float] = ..., collided: bool = ..., steps: _Optional[int] = ..., keyframe: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., T_world_base: _Optional[_Union[_common_pb2.Transform, _Mapping]] = ...) -> None: ...
 
 class LeaseRequest(_message.Message):
-    __slots__ = ("holder", "take", "duration_s", "renew_token")
+    __slots__ = ("holder", "take", "duration_s", "renew_token", "release_token")
     HOLDER_FIELD_NUMBER: _ClassVar[int]
     TAKE_FIELD_NUMBER: _ClassVar[int]
     DURATION_S_FIELD_NUMBER: _ClassVar[int]
     RENEW_TOKEN_FIELD_NUMBER: _ClassVar[int]
+    RELEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     holder: str
     take: bool
     duration_s: float
     renew_token: int
-    def __init__(self, holder: _Optional[str] = ..., take: bool = ..., duration_s: _Optional[float] = ..., renew_token: _Optional[int] = ...) -> None: ...
+    release_token: int
+    def __init__(self, holder: _Optional[str] = ..., take: bool = ..., duration_s: _Optional[float] = ..., renew_token: _Optional[int] = ..., release_token: _Optional[int] = ...) -> None: ...
 
 class LeaseReply(_message.Message):
     __slots__ = ("token", "duration_s")

@@ -1,0 +1,201 @@
+"""Driving by hand over the WebSocket: what is sent, and how the answers are read.
+
+A command counts for 0.3 s: the robot stands when no newer one comes. So nothing here repeats a
+command by itself: a program that hangs leaves the robot standing.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from dataclasses import dataclass
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+import httpx
+from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidInput, Unavailable
+
+from helios_client.http.connection import Connection
+from helios_client.http.errors import NobodyThere, refused
+
+if TYPE_CHECKING:
+    from websockets.asyncio.client import ClientConnection as AsyncSocket
+    from websockets.sync.client import ClientConnection as Socket
+
+REPEAT_S = 0.1  # of a command that is held for a while
+NOT_ALLOWED = 1008
+
+
+@dataclass(frozen=True)
+class TeleopState:
+    """How the driving goes."""
+
+    state: str  # standing, driving, blocked
+    reason: str  # why it is blocked
+    pose: dict[str, float] | None  # x_m, y_m, yaw_rad after the newest move
+
+    @classmethod
+    def from_json(cls, text: str | bytes) -> TeleopState:
+        """Raises Conflict where the robot is not to be driven now."""
+        raw = json.loads(text)
+        if raw["state"] == "refused":
+            raise Conflict(raw["reason"])
+        return cls(raw["state"], raw["reason"], raw["pose"])
+
+
+class Teleop:
+    """A connection to drive by, as a context; called with what is held. Used by one thread."""
+
+    def __init__(self, to: Connection) -> None:
+        self._to = to
+        self._socket: Socket | None = None
+        self._state = TeleopState("standing", "", None)
+
+    def __call__(self, forward: float = 0.0, turn: float = 0.0, for_s: float = 0.0) -> TeleopState:
+        """Hold a command: shares of the speed limits, -1 to 1; a positive turn goes left. It
+        counts for 0.3 s: call again while the robot shall move. With `for_s` it is held for so
+        many seconds, and let go then. The newest state.
+
+        Raises Conflict where the robot is not to be driven (a task, stop-now, somebody else), and
+        Unavailable when the connection ended; then the robot stands.
+        """
+        ends_s = time.monotonic() + for_s
+        try:
+            self._send(forward, turn)
+            while (left_s := ends_s - time.monotonic()) > 0:
+                time.sleep(min(REPEAT_S, left_s))
+                self._send(forward, turn)
+        finally:
+            if for_s:
+                self._send(0.0, 0.0)
+        return self._state
+
+    def __enter__(self) -> Self:
+        from websockets.sync.client import connect
+
+        try:
+            self._socket = connect(**self._to.socket_request("/robot/teleop"))
+            self._state = TeleopState.from_json(self._socket.recv(timeout=self._to.timeout_s))
+        except BaseException as error:
+            self._close()
+            raise _told(error, self._to.url) from error
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._close()
+
+    def _send(self, forward: float, turn: float) -> None:
+        socket = self._socket
+        if socket is None:
+            raise InvalidInput("this is no open connection; use it as: with helios.teleop() as …")
+        try:
+            socket.send(_command(forward, turn))
+            while True:
+                self._state = TeleopState.from_json(socket.recv(timeout=0))
+        except TimeoutError:
+            return
+        except Exception as error:
+            raise _told(error, self._to.url) from error
+
+    def _close(self) -> None:
+        socket, self._socket = self._socket, None
+        if socket is not None:
+            socket.close()
+
+
+class AsyncTeleop:
+    """As `Teleop`, with `async with` and `await drive(…)`. Used by one task."""
+
+    def __init__(self, to: Connection) -> None:
+        self._to = to
+        self._socket: AsyncSocket | None = None
+        self._state = TeleopState("standing", "", None)
+
+    async def __call__(
+        self, forward: float = 0.0, turn: float = 0.0, for_s: float = 0.0
+    ) -> TeleopState:
+        """See `Teleop`."""
+        ends_s = time.monotonic() + for_s
+        try:
+            await self._send(forward, turn)
+            while (left_s := ends_s - time.monotonic()) > 0:
+                await asyncio.sleep(min(REPEAT_S, left_s))
+                await self._send(forward, turn)
+        finally:
+            if for_s:
+                await self._send(0.0, 0.0)
+        return self._state
+
+    async def __aenter__(self) -> Self:
+        from websockets.asyncio.client import connect
+
+        try:
+            self._socket = await connect(**self._to.socket_request("/robot/teleop"))
+            async with asyncio.timeout(self._to.timeout_s):
+                self._state = TeleopState.from_json(await self._socket.recv())
+        except BaseException as error:
+            await self._close()
+            raise _told(error, self._to.url) from error
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        await self._close()
+
+    async def _send(self, forward: float, turn: float) -> None:
+        socket = self._socket
+        if socket is None:
+            raise InvalidInput("this is no open connection; use it as: async with … as drive")
+        try:
+            await socket.send(_command(forward, turn))
+            while True:
+                async with asyncio.timeout(0):
+                    self._state = TeleopState.from_json(await socket.recv())
+        except TimeoutError:
+            return
+        except Exception as error:
+            raise _told(error, self._to.url) from error
+
+    async def _close(self) -> None:
+        socket, self._socket = self._socket, None
+        if socket is not None:
+            await socket.close()
+
+
+def _command(forward: float, turn: float) -> str:
+    return json.dumps({"forward": forward, "turn": turn})
+
+
+def _told(error: BaseException, url: str) -> BaseException:
+    """The typed error for what went wrong; what is none of ours as it is."""
+    from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
+
+    if isinstance(error, HeliosError):
+        return error
+    if isinstance(error, InvalidStatus):
+        answer = error.response
+        request = httpx.Request("GET", url)
+        return refused(
+            httpx.Response(answer.status_code, content=bytes(answer.body), request=request)
+        )
+    if isinstance(error, ConnectionClosed):
+        why = error.rcvd.reason if error.rcvd is not None else ""
+        kind = InvalidInput if error.rcvd and error.rcvd.code == NOT_ALLOWED else Unavailable
+        return kind(f"the connection to drive by ended ({why or 'it broke off'}); connect again")
+    if isinstance(error, TimeoutError):
+        return DeadlineExceeded(f"{url} gave no answer in time; see `helios status`")
+    if isinstance(error, OSError):
+        return NobodyThere(f"nobody answers at {url}; start HELIOS with `helios up`")
+    if isinstance(error, InvalidHandshake):
+        return Unavailable(f"{url} opened no connection to drive by ({error}); is HELIOS there?")
+    return error

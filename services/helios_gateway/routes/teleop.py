@@ -1,0 +1,159 @@
+"""Driving by hand: over a WebSocket for as long as a command is held, or one short move."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from typing import Annotated
+
+import anyio
+import anyio.to_thread
+from anyio import CapacityLimiter
+from fastapi import APIRouter, Body, Request, WebSocket, WebSocketDisconnect
+from helios_core.errors import HeliosError
+from helios_core.robot import Forward, Turn
+from helios_core.text import printable
+from pydantic import ValidationError
+from starlette.requests import HTTPConnection
+
+from helios_gateway.access import check, key_of, secured
+from helios_gateway.convert import finite, pose_of
+from helios_gateway.fleet import At, Served
+from helios_gateway.keys import Scope
+from helios_gateway.places import Places
+from helios_gateway.problems import Forbidden, Unauthorized, problem_of, problems
+from helios_gateway.settings import Settings
+from helios_gateway.teleop.driver import TeleopDriver, check_may_drive
+from helios_gateway.teleop.limits import check_move
+from helios_gateway.teleop.messages import DriveRequest, DriveResult, TeleopCommand
+from helios_gateway.teleop.pacing import Command
+from helios_gateway.teleop.session import TeleopSession
+from helios_gateway.validation import told
+
+MOST_DRIVERS = 8  # sockets open at the same time
+SEND_S = 2.0  # that a driver has for reading a state
+GOING_AWAY, NOT_ALLOWED = 1001, 1008
+
+
+def teleop_routes(prefix: str, settings: Settings) -> APIRouter:
+    """`/robot/teleop` and `/robot/drive`."""
+    routes = APIRouter(prefix=f"{prefix}/robot", tags=["robot"])
+    own_threads = CapacityLimiter(2 * MOST_DRIVERS)
+    places = Places(MOST_DRIVERS, "sockets for driving")
+    timeout_s = settings.call_timeout_s
+
+    @routes.post(
+        "/drive",
+        summary="Make one short move",
+        responses=problems(409, body=True),
+        dependencies=secured(Scope.OPERATE),
+    )
+    async def drive(
+        at: At, request: Request, asked: Annotated[DriveRequest, Body()]
+    ) -> DriveResult:
+        """At most 0.5 m or 0.6 rad, within the robot's own limits; answered when it is over. A
+        move that the robot could not make is `succeeded: false` with its reason.
+
+        Refused (409) while a task is running or paused, while stop-now is latched, while somebody
+        else drives, and where the robot offers no motion.
+
+        To drive for as long as a command is held: the WebSocket `/v1/robot/teleop`. Send
+        `{"forward": -1..1, "turn": -1..1}` at least every 0.3 s while the robot shall move; it
+        stands within one short move of the last one, of `{}`, and of the end of the connection.
+        Each change is told as `{"state", "reason", "pose"}`; states are `standing`, `driving`,
+        `blocked` and `refused`."""
+        driver = TeleopDriver(at, _who(request), timeout_s)
+
+        def one_move() -> DriveResult:
+            check_move(asked, check_may_drive(at, timeout_s))
+            driver.acquire()
+            try:
+                action = Forward(asked.forward_m) if asked.forward_m else Turn(asked.turn_rad)
+                result = driver.move(action, keyframe=True)
+            finally:
+                with contextlib.suppress(HeliosError):
+                    driver.release()
+            return DriveResult(
+                succeeded=result.succeeded, reason=printable(result.reason),
+                moved_m=finite(result.moved_m), turned_rad=finite(result.turned_rad),
+                collided=result.collided, pose=pose_of(result.T_world_base.rows),
+            )  # fmt: skip
+
+        return await anyio.to_thread.run_sync(one_move, limiter=own_threads)
+
+    @routes.websocket("/teleop")
+    async def socket(at: At, socket: WebSocket) -> None:
+        try:
+            check(socket, Scope.OPERATE)
+            place = places.taken()
+        except HeliosError as error:
+            await socket.send_denial_response(problem_of(error))
+            return
+        with place:
+            await socket.accept()
+            driver = TeleopDriver(at, _who(socket), timeout_s)
+            session = TeleopSession(driver, settings, own_threads)
+            end = await _driven(at, socket, session, settings)
+        if end is not None:
+            with contextlib.suppress(TimeoutError, RuntimeError):
+                async with asyncio.timeout(SEND_S):
+                    await socket.close(*end)
+
+    return routes
+
+
+async def _driven(
+    at: Served, socket: WebSocket, session: TeleopSession, settings: Settings
+) -> tuple[int, str] | None:
+    """Until the driver is gone, falls silent or may not drive any more; the close's code and
+    reason, None where nobody is there to be told. However it ends, the robot stands then."""
+    async with anyio.create_task_group() as group:
+        group.start_soon(session.run, lambda: check_may_drive(at, settings.call_timeout_s))
+        group.start_soon(_tell, socket, session)
+        try:
+            return await _commands(socket, session, settings)
+        finally:
+            group.cancel_scope.cancel()
+
+
+async def _commands(
+    socket: WebSocket, session: TeleopSession, settings: Settings
+) -> tuple[int, str] | None:
+    """Take them as they come. Returns as `_driven`."""
+    while True:
+        try:
+            async with asyncio.timeout(settings.teleop_idle_s):
+                message = await socket.receive()
+        except TimeoutError:
+            return GOING_AWAY, f"no command for {settings.teleop_idle_s:g} s; connect again"
+        if message["type"] == "websocket.disconnect":
+            return None
+        try:
+            check(socket, Scope.OPERATE)
+        except (Unauthorized, Forbidden):
+            return NOT_ALLOWED, "the key is not accepted any more"
+        try:
+            asked = TeleopCommand.model_validate_json(message.get("text") or message["bytes"])
+        except ValidationError as error:
+            session.refuse(f"the command is wrong: {told(error.errors())}")
+            continue
+        session.command(Command(asked.forward, asked.turn))
+
+
+async def _tell(socket: WebSocket, session: TeleopSession) -> None:
+    """Each new state; of several that came meanwhile the newest."""
+    await session.checked.wait()
+    while True:
+        changed = session.changed
+        try:
+            async with asyncio.timeout(SEND_S):
+                await socket.send_text(session.state.model_dump_json())
+        except (TimeoutError, WebSocketDisconnect, RuntimeError):
+            return  # gone, or not reading: its commands decide
+        await changed.wait()
+
+
+def _who(connection: HTTPConnection) -> str:
+    """The name of the driver's key; empty where no key is asked for."""
+    key = key_of(connection.scope, connection.app.state.keys)
+    return key.name if key else ""

@@ -1,0 +1,71 @@
+"""What driving by hand takes and gives over HTTP and the WebSocket."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from helios_gateway.models import RobotPose
+
+MOST_M, MOST_RAD = 0.5, 0.6  # of one asked-for move; a longer way is a task
+
+StateName = Literal["standing", "driving", "blocked", "refused"]
+
+
+class TeleopCommand(BaseModel):
+    """What the driver holds now. It counts for 0.3 s: send it again while it is held."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    forward: float = Field(
+        default=0.0, ge=-1, le=1, description="share of the speed limit; below 0: back"
+    )
+    turn: float = Field(
+        default=0.0, ge=-1, le=1, description="share of the limit of turning; above 0: left"
+    )
+
+
+class TeleopState(BaseModel):
+    """How the driving goes; sent whenever it changes."""
+
+    state: StateName = Field(
+        description="refused: what was asked for is not begun until it is let go and asked again"
+    )
+    reason: str = Field(default="", description="why it is blocked or refused, in one sentence")
+    pose: RobotPose | None = Field(default=None, description="after the newest move")
+
+
+class DriveRequest(BaseModel):
+    """One short move: ahead or back, or a turn on the spot."""
+
+    model_config = ConfigDict(
+        extra="forbid", allow_inf_nan=False, json_schema_extra={"example": {"forward_m": 0.3}}
+    )
+
+    forward_m: float = Field(
+        default=0.0, ge=-MOST_M, le=MOST_M, description="metres ahead; below 0: back"
+    )
+    turn_rad: float = Field(
+        default=0.0, ge=-MOST_RAD, le=MOST_RAD, description="radians; above 0: left"
+    )
+
+    @model_validator(mode="after")
+    def _is_one(self) -> Self:
+        if bool(self.forward_m) is bool(self.turn_rad):
+            raise ValueError(
+                f"forward_m is {self.forward_m:g} and turn_rad is {self.turn_rad:g}; send one of "
+                "them, not 0"
+            )
+        return self
+
+
+class DriveResult(BaseModel):
+    """What came of one move, as the robot itself measured it."""
+
+    succeeded: bool
+    reason: str = Field(description="one sentence when it failed; else empty")
+    moved_m: float | None
+    turned_rad: float | None
+    collided: bool
+    pose: RobotPose | None = Field(description="where the robot stands now")

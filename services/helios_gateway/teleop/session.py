@@ -1,0 +1,149 @@
+"""One driver's session: commands come, short moves go to the robot, states are told.
+
+The commands and the moves run side by side on the event loop; every wait for the robot is in a
+thread. Nothing is sent to the robot but under a command that is fresh.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+import anyio
+import anyio.to_thread
+from anyio import CapacityLimiter
+from helios_core import proto as pb
+from helios_core.errors import HeliosError
+from helios_core.text import printable
+
+from helios_gateway.convert import pose_of
+from helios_gateway.models import RobotDescription, RobotPose
+from helios_gateway.settings import Settings
+from helios_gateway.teleop.driver import TeleopDriver
+from helios_gateway.teleop.messages import StateName, TeleopState
+from helios_gateway.teleop.pacing import Command, DueMove, LatestCommand, Moves, Pacer
+
+POLL_S = 0.02
+SETTLE_S = 0.4  # a driver that stands for so long gets a keyframe and gives the robot back
+FAREWELL_S = 30.0  # longest time for the last keyframe and giving the robot back
+
+T = TypeVar("T")
+
+
+class TeleopSession:
+    """`command` from the socket, `run` beside it, `state` to tell whenever it changed."""
+
+    def __init__(
+        self,
+        driver: TeleopDriver,
+        settings: Settings,
+        threads: CapacityLimiter,
+    ) -> None:
+        """threads: that moves wait in."""
+        self._driver, self._settings, self._threads = driver, settings, threads
+        self._latest = LatestCommand(settings.teleop_hold_s)
+        self._pacer: Pacer | None = None
+        self._refused = ""  # until the command is let go
+        self._moved_s = -1e9  # when the last move ended
+        self._state = TeleopState(state="standing")
+        self.changed = anyio.Event()
+        self.checked = anyio.Event()  # whether it may drive is known, and stands in the state
+
+    @property
+    def state(self) -> TeleopState:
+        return self._state
+
+    def command(self, command: Command) -> None:
+        """What the driver holds now."""
+        self._latest.take(command, time.monotonic())
+
+    def refuse(self, reason: str) -> None:
+        """Stand, and say why, until the command is let go."""
+        self._latest.take(Command(), time.monotonic())
+        self._tell("refused", reason)
+
+    async def run(self, may_drive: Callable[[], RobotDescription]) -> None:
+        """Until cancelled; then the robot is given back. may_drive: raises why not."""
+        try:
+            await self._in_thread(may_drive)
+        except HeliosError as error:
+            self._tell("refused", error.message)
+        self.checked.set()
+        try:
+            while True:
+                await self._step()
+        finally:
+            with anyio.move_on_after(FAREWELL_S, shield=True):
+                await self._leave()
+
+    async def _step(self) -> None:
+        """One move, or a short rest."""
+        now_s = time.monotonic()
+        command = self._latest.now(now_s)
+        if command.stands:
+            await self._stand(now_s)
+            return
+        if self._refused:
+            await anyio.sleep(POLL_S)
+            return
+        try:
+            if not self._driver.holds or self._pacer is None:
+                self._pacer = self._pacer_of(await self._in_thread(self._driver.acquire))
+                return  # the command may be an old one by now
+            due = self._pacer.due(command, now_s)
+            if due is None:
+                if self._pacer.stuck(command):
+                    self._tell("blocked", self._pacer.blocked)
+                await anyio.sleep(POLL_S)
+                return
+            self._tell("driving", self._pacer.blocked)
+            result = await self._in_thread(lambda: self._driver.move(due.action))
+        except HeliosError as error:
+            await self._give_up(error.message)
+            return
+        self._moved_s = time.monotonic()
+        self._after(due, result, self._pacer)
+
+    def _after(self, due: DueMove, result: pb.ActionResult, pacer: Pacer) -> None:
+        pose = pose_of(result.T_world_base.rows)
+        if not result.succeeded:
+            pacer.failed(due, printable(result.reason) or "the robot did not say why")
+        self._tell("driving", pacer.blocked, pose)
+
+    async def _stand(self, now_s: float) -> None:
+        if self._refused or self._state.state in ("driving", "blocked"):
+            self._refused = ""
+            self._tell("standing", pose=self._state.pose)
+        if self._pacer is not None:
+            self._pacer.due(Command(), now_s)  # what failed may be tried again
+        if self._driver.holds and now_s - self._moved_s >= SETTLE_S:
+            await self._leave()
+        await anyio.sleep(POLL_S)
+
+    async def _give_up(self, reason: str) -> None:
+        self._refused = reason
+        self._tell("refused", reason)
+        await self._leave()
+
+    async def _leave(self) -> None:
+        """A last keyframe, and the lease back; what is refused now no longer matters."""
+        for last in (self._driver.look, self._driver.release):
+            try:
+                await self._in_thread(last)
+            except HeliosError:
+                continue
+
+    def _pacer_of(self, robot: RobotDescription) -> Pacer:
+        s = self._settings
+        return self._pacer or Pacer(Moves.of(robot, s.teleop_speed_m_s, s.teleop_turn_rad_s))
+
+    def _tell(self, state: StateName, reason: str = "", pose: RobotPose | None = None) -> None:
+        told = TeleopState(state=state, reason=reason, pose=pose or self._state.pose)
+        if told != self._state:
+            self._state = told
+            changed, self.changed = self.changed, anyio.Event()
+            changed.set()
+
+    async def _in_thread(self, call: Callable[[], T]) -> T:
+        return await anyio.to_thread.run_sync(call, limiter=self._threads)

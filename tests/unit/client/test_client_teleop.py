@@ -1,0 +1,99 @@
+"""Driving by hand from Python and by a language agent, over a real gateway."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Iterator
+
+import pytest
+from helios_client.mcp_server import build
+from helios_client.sdk import Helios
+from helios_client.sdk_async import AsyncHelios
+from helios_core.errors import Conflict, InvalidInput, Unavailable
+from mcp import Client
+from mcp.types import TextContent
+
+from tests.gateway_process import Served, served
+from tests.support import free_port, wait_until
+
+INSTRUCTION = "move the mug to the kitchen counter"
+
+
+@pytest.fixture
+def house() -> Iterator[Served]:
+    with served() as house:
+        yield house
+
+
+@pytest.fixture
+def helios(house: Served) -> Iterator[Helios]:
+    with Helios(house.url) as helios:
+        yield helios
+
+
+def test_what_is_held_drives_the_robot_until_it_is_let_go(house: Served, helios: Helios) -> None:
+    driving = house.backend.driving
+    with helios.teleop() as drive:
+        state = drive(forward=1.0, for_s=1.0)
+        assert state.state in ("driving", "standing")
+        wait_until(lambda: driving.kinds()[-1:] == ["observe"], 20, "it stands, with a keyframe")
+        assert driving.x_m >= 0.2
+        drive(turn=-1.0)
+        wait_until(lambda: driving.yaw_rad < 0, 20, "it turns right")
+    wait_until(lambda: driving.kinds()[-1] == "observe", 20, "it is given back")
+
+
+def test_the_same_with_await(house: Served) -> None:
+    async def run() -> None:
+        async with AsyncHelios(house.url) as helios:
+            async with helios.teleop() as drive:
+                await drive(forward=1.0, for_s=0.5)
+            made = await helios.drive(turn_rad=0.2)
+            assert made["turned_rad"] == pytest.approx(0.2)
+
+    asyncio.run(run())
+    assert house.backend.driving.x_m >= 0.1
+
+
+def test_whoever_may_not_drive_is_told_so_on_entering(house: Served, helios: Helios) -> None:
+    house.backend.submit(INSTRUCTION)
+    house.backend.change_task("t1", "running")
+    with pytest.raises(Conflict, match="task t1 is running"), helios.teleop():
+        pass
+    with pytest.raises(Conflict, match="task t1 is running"):
+        helios.drive(forward_m=0.2)
+
+
+def test_a_stop_ends_the_driving_with_its_reason(house: Served, helios: Helios) -> None:
+    with helios.teleop() as drive:
+        drive(forward=1.0, for_s=0.2)
+        helios.stop_robot("child on the floor")
+        with pytest.raises(Conflict, match="child on the floor"):
+            drive(forward=1.0, for_s=20)
+
+
+def test_without_a_gateway_it_says_how_to_start_one() -> None:
+    with (
+        Helios(f"http://127.0.0.1:{free_port()}") as helios,
+        pytest.raises(Unavailable, match="helios up"),
+        helios.teleop(),
+    ):
+        pass
+
+
+def test_a_move_without_an_amount_is_refused(helios: Helios) -> None:
+    with pytest.raises(InvalidInput, match="send one of them"):
+        helios.drive()
+
+
+def test_an_agent_makes_one_short_move(house: Served) -> None:
+    async def run() -> None:
+        async with AsyncHelios(house.url) as helios, Client(build(helios)) as client:
+            made = await client.call_tool("drive", {"forward_m": 0.3})
+            [content] = made.content
+            assert isinstance(content, TextContent)
+            assert json.loads(content.text)["moved_m"] == pytest.approx(0.3)
+            assert (await client.call_tool("drive", {"forward_m": 3.0})).is_error
+
+    asyncio.run(run())

@@ -1,0 +1,26 @@
+"""Text from outside, made safe to show."""
+
+from __future__ import annotations
+
+import unicodedata
+
+from helios_core.text import printable
+from hypothesis import given
+from hypothesis import strategies as st
+
+
+def test_an_escape_sequence_loses_its_escape() -> None:
+    assert printable("find the \x1b[31mcup\x9b2J\x00\x7f") == "find the �[31mcup�2J��"
+
+
+def test_lines_become_one() -> None:
+    assert printable("one\ntwo\r\nthree\tfour") == "one two  three four"
+
+
+@given(st.text())
+def test_no_control_character_is_left_and_no_other_is_changed(text: str) -> None:
+    shown = printable(text)
+    assert len(shown) == len(text)
+    for was, now in zip(text, shown, strict=True):
+        assert unicodedata.category(now) != "Cc"
+        assert now == was or unicodedata.category(was) == "Cc"

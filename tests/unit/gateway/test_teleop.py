@@ -1,0 +1,272 @@
+"""Driving by hand over the WebSocket and by single moves: dead-man, refusals, the lease."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+from helios_client.commands.keys import add_key
+from helios_core import proto as pb
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import LEASE, ROBOT_DESCRIPTION
+from helios_gateway.app import create_app
+from helios_gateway.fleet import Fleet, Served
+from helios_gateway.live import Live
+from helios_gateway.settings import Settings
+from starlette.testclient import WebSocketDenialResponse
+
+from tests.gateway_backend import Backend
+from tests.gateway_home import description
+from tests.support import wait_until
+
+SOCKET = "ws://localhost/v1/robot/teleop"
+AHEAD = {"forward": 1.0}
+INSTRUCTION = "move the mug to the kitchen counter"
+
+
+@contextmanager
+def driver(client: TestClient) -> Iterator[Any]:
+    with client.websocket_connect(SOCKET) as socket:
+        yield socket
+
+
+def until(socket: Any, holds: Callable[[dict], bool], hold: dict | None = None) -> dict:
+    """The first state that fits; meanwhile `hold` is sent again with each other state."""
+    for _ in range(500):
+        state = socket.receive_json()
+        if holds(state):
+            return state
+        if hold is not None:
+            socket.send_json(hold)
+    raise AssertionError("no such state came")
+
+
+def is_in(*names: str) -> Callable[[dict], bool]:
+    return lambda state: state["state"] in names
+
+
+def test_what_is_held_moves_the_robot_and_letting_go_stops_it(
+    client: TestClient, backend: Backend
+) -> None:
+    with driver(client) as socket:
+        assert socket.receive_json() == {"state": "standing", "reason": "", "pose": None}
+        socket.send_json(AHEAD)
+        driven = until(socket, lambda s: s["pose"] is not None)
+        assert driven["pose"]["x_m"] == pytest.approx(0.1)
+        socket.send_json({})
+        until(socket, is_in("standing"))
+        moved = backend.driving.kinds().count("forward")
+        wait_until(lambda: backend.driving.kinds()[-1] == "observe", 20, "a last keyframe is taken")
+        assert backend.driving.kinds().count("forward") == moved
+
+
+def test_a_command_that_is_not_repeated_moves_the_robot_no_further(
+    client: TestClient, backend: Backend
+) -> None:
+    with driver(client) as socket:
+        socket.send_json(AHEAD)
+        wait_until(lambda: "observe" in backend.driving.kinds(), 20, "the robot is given back")
+        assert backend.driving.kinds() == ["forward", "observe"]
+        until(socket, is_in("standing"))
+
+
+def test_a_connection_that_ends_leaves_the_robot_standing_and_free(
+    client: TestClient, backend: Backend
+) -> None:
+    with driver(client) as socket:
+        socket.send_json(AHEAD)
+        wait_until(lambda: backend.driving.moves, 20, "it moves")
+    wait_until(lambda: backend.driving.kinds()[-1] == "observe", 20, "a last keyframe is taken")
+    other = pb.LeaseRequest(holder="planner")
+    wait_until(lambda: _granted(backend, other), 20, "the lease is given back")
+
+
+def _granted(backend: Backend, request: pb.LeaseRequest) -> bool:
+    try:
+        return backend.bus.call(LEASE, request, 1).token > 0
+    except Exception:
+        return False
+
+
+def test_only_every_half_metre_becomes_a_keyframe(client: TestClient, backend: Backend) -> None:
+    with driver(client) as socket:
+        socket.send_json(AHEAD)
+        until(socket, lambda s: (s["pose"] or {}).get("x_m", 0) > 1.05, AHEAD)
+        socket.send_json({})
+        wait_until(lambda: "observe" in backend.driving.kinds(), 20, "a last keyframe is taken")
+    marks = [request.no_keyframe for request in backend.driving.moves[:11]]
+    assert marks == ([True] * 5 + [False]) + [True] * 5
+    assert not backend.driving.moves[-1].no_keyframe
+
+
+def test_the_robots_refusal_is_said_and_not_tried_again(
+    client: TestClient, backend: Backend
+) -> None:
+    backend.driving.blocked = "blocked after 0.02 m; look, and go another way"
+    with driver(client) as socket:
+        socket.send_json(AHEAD)
+        said = until(socket, is_in("blocked"))
+        assert said["reason"] == backend.driving.blocked
+        for _ in range(20):
+            socket.send_json(AHEAD)
+        socket.send_json({"forward": 1.0, "turn": 1.0})
+        wait_until(lambda: "turn" in backend.driving.kinds(), 20, "it turns away")
+        assert backend.driving.kinds().count("forward") == 1
+
+
+@pytest.mark.parametrize("state", ["running", "paused"])
+def test_nobody_drives_while_a_task_has_the_robot(
+    client: TestClient, backend: Backend, state: str
+) -> None:
+    backend.submit(INSTRUCTION)
+    backend.change_task("t1", state)
+    with driver(client) as socket:
+        said = until(socket, is_in("refused"))
+        assert f"task t1 is {state} and has the robot" in said["reason"]
+    answer = client.post("/v1/robot/drive", json={"forward_m": 0.2})
+    assert (answer.status_code, "cancel it" in answer.json()["detail"]) == (409, True)
+    assert backend.driving.moves == []
+
+
+def test_a_refusal_lasts_until_the_command_is_let_go(client: TestClient, backend: Backend) -> None:
+    backend.submit(INSTRUCTION)
+    backend.change_task("t1", "running")
+    with driver(client) as socket:
+        until(socket, is_in("refused"))
+        socket.send_json(AHEAD)
+        wait_until(lambda: backend.calls.count("list") > 1, 20, "it was asked again")
+        backend.change_task("t1", "succeeded")
+        for _ in range(5):
+            socket.send_json(AHEAD)
+        assert backend.driving.moves == []
+        socket.send_json({})
+        until(socket, is_in("standing"))
+        socket.send_json(AHEAD)
+        until(socket, is_in("driving"))
+
+
+def test_a_stop_ends_the_driving_and_its_reason_is_said(
+    client: TestClient, backend: Backend
+) -> None:
+    with driver(client) as socket:
+        socket.send_json(AHEAD)
+        until(socket, lambda s: s["pose"] is not None)
+        client.post("/v1/robot/stop", json={"reason": "child on the floor"})
+        said = until(socket, is_in("refused"), AHEAD)
+        assert "child on the floor" in said["reason"]
+    with driver(client) as socket:
+        assert "child on the floor" in until(socket, is_in("refused"))["reason"]
+    answer = client.post("/v1/robot/drive", json={"turn_rad": 0.2})
+    assert (answer.status_code, "child on the floor" in answer.json()["detail"]) == (409, True)
+
+
+def test_only_one_drives(client: TestClient, backend: Backend) -> None:
+    with driver(client) as first, driver(client) as second:
+        first.send_json(AHEAD)
+        until(first, lambda s: s["pose"] is not None)
+        second.send_json(AHEAD)
+        said = until(second, is_in("refused"), AHEAD)
+        assert "drives the robot" in said["reason"]
+
+
+def test_a_robot_without_motion_is_not_driven(client: TestClient, backend: Backend) -> None:
+    still = description()
+    still.can_move = False
+    backend.bus.publish(ROBOT_DESCRIPTION, still)
+    with driver(client) as socket:
+        assert "offers no motion" in until(socket, is_in("refused"))["reason"]
+    answer = client.post("/v1/robot/drive", json={"forward_m": 0.2})
+    assert (answer.status_code, "offers no motion" in answer.json()["detail"]) == (409, True)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ('{"forward": 2}', "forward is 2; wanted less than or equal to 1"),
+        ('{"forwards": 1}', "forwards is not known here"),
+        ('{"forward": NaN}', "forward is nan; wanted a finite number"),
+        ("ahead", "it is no JSON"),
+        (b"\xff", "it is no JSON"),
+    ],
+)
+def test_a_wrong_command_stops_the_robot_and_is_said(
+    client: TestClient, backend: Backend, wrong: str | bytes, said: str
+) -> None:
+    with driver(client) as socket:
+        (socket.send_text if isinstance(wrong, str) else socket.send_bytes)(wrong)
+        state = until(socket, is_in("refused"))
+        assert state["reason"].startswith("the command is wrong: ")
+        assert said in state["reason"]
+        assert backend.driving.moves == []
+        socket.send_json(AHEAD)
+        until(socket, is_in("driving"))
+
+
+def test_one_move_is_made_and_answered(client: TestClient, backend: Backend) -> None:
+    answer = client.post("/v1/robot/drive", json={"forward_m": 0.3})
+    assert answer.status_code == 200
+    made = answer.json()
+    assert (made["succeeded"], made["moved_m"], made["pose"]["x_m"]) == (True, 0.3, 0.3)
+    [move] = backend.driving.moves
+    assert not move.no_keyframe
+    backend.driving.lease.release(backend.driving.lease.grant("planner"))  # it was given back
+    backend.driving.blocked = "blocked after 0.1 m"
+    answer = client.post("/v1/robot/drive", json={"forward_m": 0.3}).json()
+    assert (answer["succeeded"], answer["reason"]) == (False, "blocked after 0.1 m")
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({}, "forward_m is 0 and turn_rad is 0; send one of them"),
+        ({"forward_m": 0.2, "turn_rad": 0.2}, "send one of them"),
+        ({"forward_m": 3}, "forward_m is 3; wanted less than or equal to 0.5"),
+        ({"forward_m": -0.2}, "this robot never drives back"),
+        ({"turn_rad": 0.05}, "this robot makes moves of 0.1 to 0.6 rad at a time"),
+    ],
+)
+def test_a_move_beyond_the_limits_is_refused(
+    client: TestClient, backend: Backend, asked: dict, said: str
+) -> None:
+    coarse = description()
+    coarse.min_turn_rad = 0.1
+    backend.bus.publish(ROBOT_DESCRIPTION, coarse)
+    answer = client.post("/v1/robot/drive", json=asked)
+    assert (answer.status_code, backend.driving.moves) == (400, [])
+    assert said in answer.json()["detail"]
+
+
+def test_a_key_that_may_only_look_drives_nothing(
+    hub: MemoryHub, live: Live, backend: Backend, tmp_path: Path
+) -> None:
+    file = tmp_path / "keys.toml"
+    look, operate = (
+        {"authorization": f"Bearer {add_key(file, scope, scope)}"} for scope in ("read", "operate")
+    )
+    fleet = Fleet({"robot": Served(MemoryBus(hub), live)})
+    client = TestClient(create_app(fleet, Settings.load(["--keys", str(file)])), "http://localhost")
+    assert client.post("/v1/robot/drive", json={"turn_rad": 0.2}, headers=look).status_code == 403
+    with (
+        pytest.raises(WebSocketDenialResponse) as denied,
+        client.websocket_connect(SOCKET, headers=look),
+    ):
+        pass
+    assert denied.value.status_code == 403
+    with client.websocket_connect(SOCKET, headers=operate) as socket:
+        assert socket.receive_json()["state"] == "standing"
+        file.write_text("")
+        socket.send_json(AHEAD)
+        assert socket.receive()["code"] == 1008
+    assert backend.driving.moves == []
+
+
+def test_a_socket_that_says_nothing_is_closed(hub: MemoryHub, live: Live, backend: Backend) -> None:
+    fleet = Fleet({"robot": Served(MemoryBus(hub), live)})
+    quick = Settings.load(["--teleop-idle-s", "0.05"])
+    with TestClient(create_app(fleet, quick), "http://localhost") as client, driver(client) as one:
+        assert one.receive_json()["state"] == "standing"
+        assert one.receive()["code"] == 1001
