@@ -162,3 +162,5 @@ def replay(
     screen.print(results.table())  # first, for a full disk must not take it along
     results.write(out)
     screen.print(f"written to {out}", highlight=False)
+    if results.summary["interrupted"]:
+        raise KeyboardInterrupt
