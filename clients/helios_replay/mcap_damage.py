@@ -19,7 +19,7 @@ Read = Callable[[int, int], bytes]  # offset, size -> that many bytes; raises wh
 LARGEST_SUMMARY = 64_000_000  # bytes
 RECORD = struct.Struct("<BQ")  # opcode, length
 _FOOTER_SIZE = RECORD.size + 20
-_WINDOW = 1 << 20  # bytes that are searched at a time
+_WINDOW = 1 << 16  # bytes that are searched at a time
 # A chunk record up to its data: opcode, length, two times, size, CRC, compression, data's length.
 _CHUNK_HEAD = re.compile(
     rb"(?=\x06(.{8}).{16}.{8}.{4}(?:(\x04\0\0\0zstd)|(\x03\0\0\0lz4)|\0\0\0\0)(.{8}))", re.DOTALL

@@ -28,6 +28,7 @@ from helios_replay.mcap_damage import RECORD, Broken, Lost, Summary, next_chunk,
 
 LARGEST_CHUNK = 256_000_000  # bytes, unpacked; ours have four million
 CACHED_CHUNKS = 3
+MOST_DAMAGES = 10_000  # stretches of one file; what lies behind them is not looked for
 _KNOWN = frozenset(Opcode)
 _ENDS = (Opcode.DATA_END, Opcode.FOOTER)  # of the part that holds messages
 _INDEX = struct.Struct("<HI")  # channel, bytes of what follows
@@ -127,12 +128,16 @@ class McapFile:
     def _stretches(self) -> Iterator[_Stretch]:
         """The file piece by piece: records, and what lies between those that are whole."""
         at = whole = len(MCAP0_MAGIC)  # whole: the end of the last chunk that is
+        damages = 0
         while at < self._size:
             try:
                 opcode, end = self._record(at)
                 found = self._content(opcode, at, end)
             except Broken as error:
                 begin, end = self._unreadable(at, whole)
+                damages += 1
+                if damages == MOST_DAMAGES:
+                    end = self._size
                 yield _Stretch(begin, end, why=str(error), broken=1)
                 if end == self._size:
                     return

@@ -142,7 +142,10 @@ def replay(
         bool, typer.Option(help="do not wait for the maps; gives another result each time")
     ] = False,
     strict: Annotated[
-        bool, typer.Option("--strict", help="end at a frame that cannot be read")
+        bool,
+        typer.Option(
+            "--strict", help="refuse a damaged recording, end at a frame that cannot be read"
+        ),
     ] = False,
     topics: Annotated[
         str, typer.Option(help='of a ROS bag: "color=/a,depth=/b,info=/c,pose=/d"')

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -157,6 +158,18 @@ def test_a_file_whose_chunks_are_all_lost_says_why(
     with pytest.raises(InvalidInput, match=r"no keyframe.*the chunk at byte") as error:
         open_source(broken)
     assert "\n" not in error.value.message
+
+
+def test_reading_a_file_of_nothing_but_damage_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("helios_replay.mcap_file.MOST_DAMAGES", 5)
+    body = struct.pack("<QQQI", 0, 0, 9, 1) + struct.pack("<I", 0) + struct.pack("<Q", 0)
+    path = tmp_path / "x.mcap"
+    path.write_bytes(MCAP0_MAGIC + (struct.pack("<BQ", 6, len(body)) + body) * 100)
+    file = McapFile(path)
+    assert list(file.walk()) == []
+    assert "another size" in file.cut
 
 
 def test_what_lies_behind_a_length_that_is_a_lie_is_played(
