@@ -105,12 +105,12 @@ def test_a_damaged_recording_is_played_without_what_is_lost(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_leaves_what_was_found_so_far(number: signal.Signals, tmp_path: Path) -> None:
-    path = record(tmp_path, "box", "cup", after=12)
+    path = record(tmp_path, "box", "cup", after=60)
     out, said = tmp_path / "out", tmp_path / "said"
     mark = uuid.uuid4().hex
     with said.open("wb") as stream:
         process = subprocess.Popen(
-            command(path, out, ["--detector", "paint", "--rate", "0.001"]),
+            command(path, out, ["--detector", "paint", "--rate", "0.01"]),
             stdout=stream, stderr=stream,
             env=os.environ | {"PYTHONUNBUFFERED": "1", "COLUMNS": "160", MARK: mark},
         )  # fmt: skip
@@ -124,6 +124,6 @@ def test_ctrl_c_leaves_what_was_found_so_far(number: signal.Signals, tmp_path: P
     assert "helios: interrupted" in said.read_text()
     summary = json.loads((out / "summary.json").read_text())
     assert summary["interrupted"] is True
-    assert BEFORE <= summary["keyframes"] < summary["frames"] == BEFORE + 12
+    assert BEFORE <= summary["keyframes"] < summary["frames"] == BEFORE + 60
     for name in ("objects.json", "occupancy.png", "occupancy.npz"):
         assert (out / name).stat().st_size > 0
