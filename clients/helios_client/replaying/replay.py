@@ -92,8 +92,11 @@ def replay(job: ReplayJob, console: Console) -> Results:
                 bus.publish(CONTEXT, context_to_proto(job.context))
             watch = Watch(job, known, board, console)
             interrupted = _play(watch, supervisor, tally, console)
+            try:
+                _settle(supervisor, 0.0 if interrupted else FLUSH_S)
+            except KeyboardInterrupt:
+                interrupted = True
             if not interrupted:
-                _settle(supervisor, FLUSH_S)
                 watch.classes.check(board, over=True, console=console)
                 _say_unreadable(unreadable_frames(board), known.frames, job, console)
             results = collect(bus, tally, board, known.frames, time.monotonic() - began_s)

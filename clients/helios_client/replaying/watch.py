@@ -98,18 +98,17 @@ class Classes:
         """Tell what is new. over: no search is still to come. Raises WrongUse when none of the
         classes of any search is known."""
         status = board.status("detector")
-        if status is None or not figure(board, "detector", "contexts_unknown"):
-            known = True
-        else:
-            known = figure(board, "detector", "contexts_sought") > 0
-        if status is not None and not known and (over or len(self._kinds) == 1):
+        if status is None or status.state != "degraded":
+            return
+        unknown = figure(board, "detector", "contexts_unknown")
+        sought = figure(board, "detector", "contexts_sought")
+        if unknown and not sought and (over or len(self._kinds) == 1):
             raise WrongUse(
                 f"the detector {self._detector} knows nothing of what is looked for: "
                 f"{status.reason}"
             )
-        if status is None or not figure(board, "detector", "classes_refused"):
-            return
-        if status.reason and status.reason not in self._told:
+        refused = figure(board, "detector", "classes_refused")
+        if refused and status.reason not in self._told:
             self._told.add(status.reason)
             console.print(f"[yellow]not looked for[/]: {escape(status.reason)}", soft_wrap=True)
 
