@@ -121,7 +121,7 @@ def test_ctrl_c_leaves_what_was_found_so_far(number: signal.Signals, tmp_path: P
     finally:
         process.kill()
     assert left_of(mark) == []
-    assert "helios: interrupted" in said.read_text()
+    assert "interrupted: what was found so far is written" in said.read_text()
     summary = json.loads((out / "summary.json").read_text())
     assert summary["interrupted"] is True
     assert BEFORE <= summary["keyframes"] < summary["frames"] == BEFORE + 60

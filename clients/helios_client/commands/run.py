@@ -164,6 +164,8 @@ def replay(
     results = run_replay(ReplayJob(dataset, context, detector, out, pace), screen)
     screen.print(results.table())  # first, for a full disk must not take it along
     results.write(out)
-    screen.print(f"written to {out}", highlight=False)
-    if results.summary["interrupted"]:
+    interrupted = bool(results.summary["interrupted"])
+    so_far = "interrupted: what was found so far is " if interrupted else ""
+    screen.print(f"{so_far}written to {out}", highlight=False)
+    if interrupted:
         raise KeyboardInterrupt
