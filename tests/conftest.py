@@ -1,5 +1,5 @@
 """Lets tests import `tests.support`; takes the time limit off every property test; hears Ctrl-C;
-sees to it that no two tests have one name."""
+sees to it that no two tests have one name; tells at the end why tests were skipped."""
 
 import signal
 import sys
@@ -18,6 +18,17 @@ settings.load_profile("untimed")
 # A shell has what it runs in the background ignore Ctrl-C, and so would all that tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Each reason once, with how many tests it skipped."""
+    skipped: list[pytest.TestReport] = terminalreporter.stats.get("skipped", [])
+    said = (report.longrepr for report in skipped)
+    reasons = Counter(str(it[-1]) if isinstance(it, tuple) else str(it) for it in said)
+    if reasons:
+        terminalreporter.section(f"{len(skipped)} skipped")
+    for reason, count in reasons.most_common():
+        terminalreporter.line(f"{count:4d}  {reason.removeprefix('Skipped: ')}")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

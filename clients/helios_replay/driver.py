@@ -57,6 +57,7 @@ class ReplayDriver(RobotDriver):
             raise InvalidInput("a replay needs something to play; name it with --source")
         self._source = open_source(source, Part(limit, from_s, to_s, topics))
         self._rate, self._bus = rate, bus if contexts else None
+        self._searching = self._bus is None  # somebody else says what is looked for
         self._next = 0
         self._T_world_cam = self._source.shots[0].T_world_cam
         self._T_world_base = base_below_camera(self._T_world_cam)
@@ -105,6 +106,7 @@ class ReplayDriver(RobotDriver):
             T_world_cam=shot.T_world_cam,
             T_world_base=T_world_base,
             recorded=picture.recorded,
+            searching=self._searching,
         )
 
     def act(self, action: Action, action_id: str) -> ActionResult:
@@ -130,6 +132,7 @@ class ReplayDriver(RobotDriver):
         mapped; one in lockstep tells it afterwards, and so does the bridge."""
         for context in self._source.contexts_before(index):
             bus.publish(CONTEXT, context)
+            self._searching = True
         before = self._source.state_after(index - 1)
         by_then = self._source.state_when_answered(index)
         if before is not None and by_then is not None and by_then.held != before.held:

@@ -11,7 +11,8 @@ from typing import TypeVar
 from google.protobuf.message import DecodeError, Message
 from helios_core import proto as pb
 from helios_core.codec import frame_id_from_proto
-from helios_core.errors import InvalidInput
+from helios_core.codec.frames import pose_from_proto
+from helios_core.errors import HeliosError, InvalidInput
 from helios_core.recording import KEYFRAME_CHANNELS, channel_of
 from helios_core.topics import (
     CONTEXT,
@@ -23,6 +24,7 @@ from helios_core.topics import (
 )
 from helios_core.types import FrameId
 
+from helios_replay.mcap_damage import Lost
 from helios_replay.mcap_file import Found, McapFile, Place
 
 M = TypeVar("M", bound=Message)
@@ -84,6 +86,7 @@ class Index:
     previews: dict[FrameId, Where] = field(default_factory=dict)
     retired: list[Retirement] = field(default_factory=list)
     description: pb.RobotDescription | None = None
+    left_out: int = 0  # keyframes without pixels, or without a pose
 
     def message(self, where: Where, kind: type[M]) -> M:
         """Read one. Raises InvalidInput."""
@@ -95,6 +98,11 @@ class Index:
         """Why reading ended before the end; empty where it did not."""
         return "; ".join(f"{f.path.name}: {f.cut}" for f in self.files if f.cut)
 
+    @property
+    def lost(self) -> list[Lost]:
+        """What is damaged in the files."""
+        return [lost for file in self.files for lost in file.lost]
+
 
 def read_index(paths: Sequence[Path]) -> Index:
     """Walk the files. Raises InvalidInput, in one sentence, when there is nothing to play."""
@@ -102,17 +110,22 @@ def read_index(paths: Sequence[Path]) -> Index:
     reader = _Reader()
     for number, file in enumerate(files):
         for found in file.walk():
-            reader.take(number, file, found)
+            try:
+                reader.take(number, file, found)
+            except HeliosError as error:
+                reader.refused = reader.refused or error.message
     shown = ", ".join(str(p) for p in paths[:3]) + (" …" if len(paths) > 3 else "")
-    whole = [k for k in reader.keys if k.color is not None and k.depth is not None]
-    if not whole:
-        raise InvalidInput(f"{shown} holds no keyframe of HELIOS{_why(files, reader)}")
-    if len(whole) < len(reader.keys):
-        reader.drop_broken()
+    heard = len(reader.keys)
+    why = _why(files, reader)
+    reader.drop_broken()
+    if not reader.keys:
+        raise InvalidInput(f"{shown} holds no keyframe of HELIOS{why}")
+    if any(f.lost for f in files):
+        reader.forget_lost_searches()
     return Index(
         files, reader.began_ns, reader.keys, _as_needed(reader), reader.states,
         reader.observations, reader.previews,
-        _retirements(reader), reader.description,
+        _retirements(reader), reader.description, heard - len(reader.keys),
     )  # fmt: skip
 
 
@@ -129,6 +142,7 @@ class _Reader:
         self.previews: dict[FrameId, Where] = {}
         self.retired: list[tuple[pb.Retired, int]] = []  # and how many keyframes had come
         self.description: pb.RobotDescription | None = None
+        self.refused = ""  # the first message that is none of its type
 
     def take(self, number: int, file: McapFile, found: Found) -> None:
         self.began_ns = self.began_ns or found.log_time_ns
@@ -164,8 +178,8 @@ class _Reader:
                 pass
 
     def drop_broken(self) -> None:
-        """Forget keyframes whose pixels were not written any more: the last of a cut file."""
-        kept = [i for i, k in enumerate(self.keys) if k.color is not None and k.depth is not None]
+        """Forget keyframes without pixels, as the last of a cut file, and those without a pose."""
+        kept = [i for i, key in enumerate(self.keys) if _is_whole(key)]
 
         def moved(before: int) -> int:
             return bisect.bisect_left(kept, before)
@@ -175,10 +189,25 @@ class _Reader:
         self.retired = [(told, moved(before)) for told, before in self.retired]
         self.keys = [self.keys[i] for i in kept]
 
+    def forget_lost_searches(self) -> None:
+        """Forget answers to searches that are lost: the maps would wait for these for ever."""
+        known = {sought.context.id for sought in self.contexts}
+        self.observations = {
+            id: answer for id, answer in self.observations.items() if answer.context_id in known
+        }
+
     def _newest(self, found: Found) -> Key | None:
         """Pixels follow their head and carry its log time."""
         key = self.keys[-1] if self.keys else None
         return key if key is not None and key.log_time_ns == found.log_time_ns else None
+
+
+def _is_whole(key: Key) -> bool:
+    try:
+        pose_from_proto(key.head.T_world_cam, "T_world_cam")
+    except HeliosError:
+        return False
+    return key.color is not None and key.depth is not None
 
 
 def _as_needed(reader: _Reader) -> list[Sought]:
@@ -223,9 +252,11 @@ def _parse(kind: type[M], data: bytes, path: Path) -> M:
 
 
 def _why(files: Sequence[McapFile], reader: _Reader) -> str:
-    cut = "; ".join(f.cut for f in files if f.cut)
-    if cut:
-        return f": {cut}"
+    damage = [why for f in files for why in (*(lost.why for lost in f.lost), f.cut) if why]
+    if damage:
+        return f": {'; '.join(damage[:3])}"
+    if reader.refused:
+        return f": {reader.refused}"
     topics = sorted({t for f in files for t in f.topics})
     if reader.keys:
         return ": the pixels of its keyframes are missing"

@@ -1,8 +1,8 @@
-"""MCAP files, read so that neither a SIGKILL while they were written nor malice does harm.
+"""MCAP files, read so that neither a SIGKILL while they were written nor damage does harm.
 
-A file is walked record by record from its start: indexes at its end are not needed, and reading
-ends at the first record that is not whole. No size in it is believed before it is checked against
-the file. Records themselves are parsed by the `mcap` library.
+A file is walked record by record from its start. What is damaged is left out and told (`lost`), and
+reading goes on at the next whole chunk; indexes at the end are not needed for it. No size in a file
+is believed before it is checked against the file. Records are parsed by the `mcap` library.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ import io
 import struct
 import zlib
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,14 +24,15 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Schema
 from mcap.writer import MCAP0_MAGIC
 
+from helios_replay.mcap_damage import RECORD, Broken, Lost, Summary, next_chunk, read_summary
+
 LARGEST_CHUNK = 256_000_000  # bytes, unpacked; ours have four million
 CACHED_CHUNKS = 3
-_RECORD = struct.Struct("<BQ")  # opcode, length
+MOST_DAMAGES = 10_000  # stretches of one file; what lies behind them is not looked for
+_KNOWN = frozenset(Opcode)
+_ENDS = (Opcode.DATA_END, Opcode.FOOTER)  # of the part that holds messages
+_INDEX = struct.Struct("<HI")  # channel, bytes of what follows
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-
-
-class Broken(Exception):
-    """A record that is not whole or makes no sense: where reading ends."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,20 @@ class Found:
     place: Place
 
 
+@dataclass(frozen=True)
+class _Stretch:
+    """A piece of a file: a record, or what cannot be read."""
+
+    begin: int
+    end: int
+    found: Sequence[Found] = ()
+    why: str = ""  # it cannot be read
+    broken: int = 0  # records that cannot
+
+    def with_next(self, other: _Stretch) -> _Stretch:
+        return _Stretch(self.begin, other.end, (), self.why, self.broken + other.broken)
+
+
 class McapFile:
     """One open file. Not thread-safe."""
 
@@ -62,6 +78,7 @@ class McapFile:
         self.path = path
         self.topics: dict[str, str] = {}  # topic -> name of its schema, as far as it was walked
         self.cut: str = ""  # why the walk ended early
+        self.lost: list[Lost] = []  # what the walk left out
         self._channels: dict[int, Channel] = {}
         self._schemas: dict[int, Schema] = {}
         self._cache: OrderedDict[int, bytes] = OrderedDict()
@@ -77,24 +94,26 @@ class McapFile:
             raise InvalidInput(f"{path} is no MCAP file; give one that `helios record` has written")
 
     def walk(self) -> Iterator[Found]:
-        """Every message, in the order of the file, as far as it is whole."""
-        at = len(MCAP0_MAGIC)
-        try:
-            while at < self._size:
-                opcode, length = self._head(at)
-                body = at + _RECORD.size
-                if opcode == Opcode.CHUNK:
-                    yield from self._walk_chunk(at)
-                elif opcode == Opcode.MESSAGE:
-                    yield from self._message(self._bytes(body, length), at, body, chunked=False)
-                elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                    self._learn(opcode, self._bytes(body, length))
-                elif opcode in (Opcode.DATA_END, Opcode.FOOTER):
-                    return
-                at = body + length
-            self.cut = "it has no end: whoever wrote it was stopped"
-        except Broken as error:
-            self.cut = str(error)
+        """Every message that is whole, in the order of the file."""
+        self.cut, self.lost = "", []
+        summary = read_summary(self._bytes, self._size)
+        for opcode, record in summary.declared if summary else ():
+            self._learn(opcode, record)
+        gap: _Stretch | None = None  # what is damaged since the last message
+        before_ns = 0  # log time of that message
+        for stretch in self._stretches():
+            if stretch.why:
+                gap = stretch if gap is None else gap.with_next(stretch)
+            for found in stretch.found:
+                if gap is not None:
+                    self._note_lost(gap, summary, found.log_time_ns - before_ns if before_ns else 0)
+                    gap = None
+                before_ns = max(before_ns, found.log_time_ns)
+                yield found
+        if gap is not None and gap.end == self._size and summary is None:
+            self.cut = gap.why
+        elif gap is not None:
+            self._note_lost(gap, summary, 0)
 
     def read(self, place: Place) -> bytes:
         """The data of a message. Raises InvalidInput when it has become unreadable."""
@@ -106,11 +125,80 @@ class McapFile:
             raise InvalidInput(f"{self.path} cannot be read any more: {error}") from error
 
     # --- records ------------------------------------------------------------------------------
-    def _head(self, at: int) -> tuple[int, int]:
-        opcode, length = _RECORD.unpack(self._bytes(at, _RECORD.size))
-        if length > self._size - at - _RECORD.size:
+    def _stretches(self) -> Iterator[_Stretch]:
+        """The file piece by piece: records, and what lies between those that are whole."""
+        at = whole = len(MCAP0_MAGIC)  # whole: the end of the last chunk that is
+        damages = 0
+        while at < self._size:
+            try:
+                opcode, end = self._record(at)
+                found = self._content(opcode, at, end)
+            except Broken as error:
+                begin, end = self._unreadable(at, whole)
+                damages += 1
+                if damages == MOST_DAMAGES:
+                    end = self._size
+                yield _Stretch(begin, end, why=str(error), broken=1)
+                if end == self._size:
+                    return
+                at = whole = end
+                continue
+            yield _Stretch(at, end, found)
+            if opcode in _ENDS:
+                return
+            at = end
+            if opcode == Opcode.CHUNK:
+                whole = end
+        self.cut = "it has no end: whoever wrote it was stopped"
+
+    def _unreadable(self, at: int, whole: int) -> tuple[int, int]:
+        """(begin, end) of what cannot be read because the record at `at` is broken: a chunk alone
+        where a record follows it, else all up to the next chunk behind the last `whole` one, or
+        to the end of the file."""
+        with suppress(Broken):
+            opcode, end = self._record(at)
+            if opcode == Opcode.CHUNK and self._record(end):
+                return at, end
+        behind = next_chunk(self._bytes, whole if at > whole else at + 1, self._size)
+        return min(at, whole), self._size if behind is None else behind
+
+    def _note_lost(self, gap: _Stretch, summary: Summary | None, gap_ns: int) -> None:
+        """gap_ns: from the last message before it to the first one after."""
+        chunks, seconds = gap.broken, gap_ns / 1e9
+        if summary is not None:
+            inside = summary.lost_between(gap.begin, gap.end)
+            chunks = len(inside)
+            seconds = sum(c.message_end_time - c.message_start_time for c in inside) / 1e9
+        if chunks:  # else only indexes are damaged
+            size = gap.end - gap.begin
+            self.lost.append(Lost(gap.begin, size, chunks, max(0.0, seconds), gap.why))
+
+    def _record(self, at: int) -> tuple[int, int]:
+        """(opcode, end) of a record that fits into the file."""
+        opcode, length = RECORD.unpack(self._bytes(at, RECORD.size))
+        if opcode not in _KNOWN:
+            raise Broken(f"what is at byte {at} is no record of MCAP")
+        if length > self._size - at - RECORD.size:
             raise Broken(f"the record at byte {at} claims {length} bytes, more than the file has")
-        return opcode, length
+        return opcode, at + RECORD.size + length
+
+    def _content(self, opcode: int, at: int, end: int) -> list[Found]:
+        """The messages of a record. What it declares is learned."""
+        body = at + RECORD.size
+        if opcode == Opcode.CHUNK:
+            return list(self._walk_chunk(at))
+        if opcode == Opcode.MESSAGE:
+            return [self._message(self._bytes(body, end - body), at, body, chunked=False)]
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            self._learn(opcode, self._bytes(body, end - body))
+        elif opcode == Opcode.MESSAGE_INDEX:
+            if end - body < _INDEX.size or _INDEX.unpack(self._bytes(body, _INDEX.size))[1] != (
+                end - body - _INDEX.size
+            ):
+                raise Broken(f"the index at byte {at} does not have the length it claims")
+        elif opcode in _ENDS and next_chunk(self._bytes, end, self._size) is not None:
+            raise Broken(f"the record at byte {at} ends a file that goes on")
+        return []
 
     def _bytes(self, at: int, size: int) -> bytes:
         if size > min(self._size - at, LARGEST_CHUNK):
@@ -128,26 +216,23 @@ class McapFile:
         data = self._unpacked(chunk)
         at = 0
         while at < len(data):
-            if len(data) - at < _RECORD.size:
+            if len(data) - at < RECORD.size:
                 raise Broken(f"the chunk at byte {chunk} ends within a record")
-            opcode, length = _RECORD.unpack_from(data, at)
-            body = at + _RECORD.size
+            opcode, length = RECORD.unpack_from(data, at)
+            body = at + RECORD.size
             if length > len(data) - body:
                 raise Broken(f"the chunk at byte {chunk} ends within a record")
             if opcode == Opcode.MESSAGE:
-                head = data[body : body + _MESSAGE.size]
-                yield from self._message(head, chunk, body, chunked=True, length=length)
+                yield self._message(data[body : body + length], chunk, body, chunked=True)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._learn(opcode, data[body : body + length])
             at = body + length
 
-    def _message(
-        self, head: bytes, chunk: int, body: int, chunked: bool, length: int | None = None
-    ) -> Iterator[Found]:
-        size = len(head) if length is None else length
+    def _message(self, record: bytes, chunk: int, body: int, chunked: bool) -> Found:
+        size = len(record)
         if size < _MESSAGE.size:
             raise Broken(f"the message at byte {chunk} is too short")
-        number, _, log_time_ns, publish_time_ns = _MESSAGE.unpack_from(head)
+        number, _, log_time_ns, publish_time_ns = _MESSAGE.unpack_from(record)
         channel = self._channels.get(number)
         if channel is None:
             raise Broken(
@@ -156,7 +241,7 @@ class McapFile:
         schema = self._schemas.get(channel.schema_id)
         place = Place(chunk, body + _MESSAGE.size, size - _MESSAGE.size, chunked)
         name = schema.name if schema else ""
-        yield Found(channel.topic, name, log_time_ns, publish_time_ns, place)
+        return Found(channel.topic, name, log_time_ns, publish_time_ns, place)
 
     def _learn(self, opcode: int, data: bytes) -> None:
         stream = ReadDataStream(io.BytesIO(data))
@@ -176,9 +261,10 @@ class McapFile:
         if at in self._cache:
             self._cache.move_to_end(at)
             return self._cache[at]
-        _, length = self._head(at)
+        _, end = self._record(at)
+        body = at + RECORD.size
         try:
-            chunk = Chunk.read(ReadDataStream(io.BytesIO(self._bytes(at + _RECORD.size, length))))
+            chunk = Chunk.read(ReadDataStream(io.BytesIO(self._bytes(body, end - body))))
         except Broken:
             raise
         except Exception as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,11 +13,22 @@ from helios_core import proto as pb
 from helios_core.codec import description_from_proto, frame_from_proto, frame_id_from_proto
 from helios_core.codec.frames import pose_from_proto
 from helios_core.errors import HeliosError, InvalidInput
+from helios_core.geometry import Pinhole
 from helios_core.recording import join_frame
 from helios_core.types import RobotDescription
 
 from helios_replay.index import Key, read_index
-from helios_replay.source import Part, Picture, Shot
+from helios_replay.mcap_damage import Lost
+from helios_replay.source import (
+    DEFAULT_MAX_DEPTH_M,
+    Part,
+    Picture,
+    Shot,
+    carried_camera,
+    left_out_of,
+)
+
+log = logging.getLogger(__name__)
 
 
 class Recording:
@@ -26,7 +38,7 @@ class Recording:
         """Raises InvalidInput when it holds nothing that can be played."""
         self._index = read_index(paths)
         self._name = paths[0].stem
-        if self._index.description is None:
+        if self._index.description is None and not self._index.lost:
             raise InvalidInput(
                 f"{paths[0]} does not say which robot it is of (channel /bridge/description); "
                 "record while the bridge runs"
@@ -34,7 +46,7 @@ class Recording:
         began_ns = self._index.began_ns
         times_s = [(key.log_time_ns - began_ns) / 1e9 for key in self._index.keys]
         self._part = part.of(times_s, str(paths[0]))
-        self.shots = [_shot(self._index.keys[i], times_s[i], paths[0]) for i in self._part]
+        self.shots = [_shot(self._index.keys[i], times_s[i]) for i in self._part]
 
     @property
     def name(self) -> str:
@@ -46,18 +58,55 @@ class Recording:
         return self._index.cut
 
     @property
+    def lost(self) -> Sequence[Lost]:
+        """What is damaged in it and is not played."""
+        return self._index.lost
+
+    @property
+    def assumed(self) -> str:
+        """What is taken for true because it is lost; empty where nothing is."""
+        if self._index.description is not None:
+            return ""
+        return (
+            "the robot's description is lost: a camera that somebody carries is assumed, with "
+            f"depth up to {DEFAULT_MAX_DEPTH_M:g} m"
+        )
+
+    @property
     def left_out(self) -> str:
-        """Nothing: each keyframe has its depth and its pose."""
-        return ""
+        """Keyframes whose pixels are missing or whose pose is none."""
+        left_out = self._index.left_out
+        return left_out_of(
+            len(self._index.keys) + left_out, len(self._index.keys), "no pixels, or no pose"
+        )
 
     def describe(self) -> RobotDescription:
-        assert self._index.description is not None
+        if self._index.description is None:
+            return self._described_by_keyframes()
         robot = description_from_proto(self._index.description)
         had_body = robot.can_move or robot.recorded
         return replace(
             robot, can_move=False, can_pick=False, can_place=False, simulated=False,
             recorded=had_body,
         )  # fmt: skip
+
+    def _described_by_keyframes(self) -> RobotDescription:
+        """Where the robot's own description is lost: as of a camera that is carried."""
+        heights_m = [float(shot.T_world_cam[2, 3]) for shot in self.shots]
+        camera = next((c for i in range(len(self.shots)) if (c := self._camera_of(i))), None)
+        if camera is None:
+            raise InvalidInput(
+                f"{self._name} is damaged: neither the robot's description nor a keyframe can be "
+                "read; record it again"
+            )
+        log.warning("%s: %s", self._name, self.assumed)
+        return carried_camera(self._name, camera, heights_m, DEFAULT_MAX_DEPTH_M)
+
+    def _camera_of(self, index: int) -> Pinhole | None:
+        try:
+            return self.read(index).camera
+        except InvalidInput:
+            return None
 
     def read(self, index: int) -> Picture:
         key = self._index.keys[self._part[index]]
@@ -103,10 +152,7 @@ class Recording:
         return out
 
 
-def _shot(key: Key, time_s: float, path: Path) -> Shot:
-    try:
-        T_world_cam = pose_from_proto(key.head.T_world_cam, "T_world_cam")
-    except HeliosError as error:
-        raise InvalidInput(f"keyframe {key.head.id.seq} of {path}: {error.message}") from error
+def _shot(key: Key, time_s: float) -> Shot:
     stamp = key.head.stamp
+    T_world_cam = pose_from_proto(key.head.T_world_cam, "T_world_cam")
     return Shot(time_s, stamp.seconds * 1_000_000_000 + stamp.nanos, T_world_cam)

@@ -100,6 +100,24 @@ def left_out_of(images: int, played: int, why: str) -> str:
     return f"{images - played} of {images} images left out: {why}" if played < images else ""
 
 
+def carried_camera(
+    name: str, camera: Pinhole, heights_m: Sequence[float], max_depth_m: float
+) -> RobotDescription:
+    """A robot that cannot act, of a camera that somebody carries at these heights."""
+    return RobotDescription(
+        name=name,
+        footprint_radius_m=CARRIED_RADIUS_M,
+        height_m=float(max(heights_m)),
+        camera=camera,
+        camera_height_m=float(np.median(heights_m)),
+        reach_m=0.0,
+        max_depth_m=max_depth_m,
+        can_move=False,
+        can_pick=False,
+        can_place=False,
+    )
+
+
 class Images:
     """What all sources of mere images share: no searches, no states, a camera that is carried."""
 
@@ -123,19 +141,8 @@ class Images:
         return self._left_out
 
     def describe(self) -> RobotDescription:
-        heights_m = [shot.T_world_cam[2, 3] for shot in self._shots]
-        return RobotDescription(
-            name=self._name,
-            footprint_radius_m=CARRIED_RADIUS_M,
-            height_m=float(max(heights_m)),
-            camera=self._camera,
-            camera_height_m=float(np.median(heights_m)),
-            reach_m=0.0,
-            max_depth_m=self._max_depth_m,
-            can_move=False,
-            can_pick=False,
-            can_place=False,
-        )
+        heights_m = [float(shot.T_world_cam[2, 3]) for shot in self._shots]
+        return carried_camera(self._name, self._camera, heights_m, self._max_depth_m)
 
     def contexts_before(self, index: int) -> Sequence[pb.SearchContext]:
         return ()

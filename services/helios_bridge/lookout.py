@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 import uuid
+from collections.abc import Collection
 
 import numpy as np
 from helios_core.acks import AckBook
@@ -17,7 +18,7 @@ from helios_core.robot import Capture, EndOfRecording, RobotDriver
 from helios_core.topics import FRAME, KEYFRAME
 from helios_core.types import Frame, FrameId, RobotState
 
-from helios_bridge.acks import PARTS
+from helios_bridge.acks import OCCUPANCY, PARTS
 from helios_bridge.depth import with_estimated_depth
 from helios_bridge.plausible import check_poses
 from helios_bridge.settings import Settings
@@ -43,6 +44,7 @@ class Lookout:
         self._acks = acks
         self._number = first_number
         self._own_boot_id = uuid.uuid4().hex  # of robots that have none
+        self._searching = True  # at the last capture
         self.last_keyframe = 0
         self.last_look_s = 0.0  # monotonic
         self.finished = False  # a recording has come to its end
@@ -52,13 +54,14 @@ class Lookout:
         return state.robot_boot_id or self._own_boot_id
 
     def look(self, keyframe: bool) -> FrameId:
-        """Capture and publish; in lockstep, until the maps have answered a keyframe.
+        """Capture and publish; in lockstep, until the maps have answered a keyframe: while nothing
+        is looked for, only the occupancy can.
 
         Raises EndOfRecording, and what the driver raises.
         """
         id = self.take(keyframe)
         if keyframe and self._settings.lockstep:
-            self._wait_for_maps(id)
+            self._wait_for_maps(id, PARTS if self._searching else {OCCUPANCY})
         return id
 
     def take(self, keyframe: bool) -> FrameId:
@@ -71,7 +74,7 @@ class Lookout:
             raise
         check_capture(capture)
         state = self._driver.state()
-        self._number += 1
+        self._number, self._searching = self._number + 1, capture.searching
         if capture.recorded is not None:
             id = frame_id_from_proto(capture.recorded.id)
         else:
@@ -82,6 +85,8 @@ class Lookout:
         if keyframe:
             self.last_keyframe = id.seq
             self._health.count("keyframes")
+            if not capture.searching:
+                self._health.count("keyframes_before_search")
         return id
 
     def _publish(self, c: Capture, id: FrameId, keyframe: bool, held: str) -> None:
@@ -104,12 +109,12 @@ class Lookout:
             frame = with_estimated_depth(frame, self._bus, self._settings.depth_timeout_s)
         self._bus.publish(topic, frame_to_proto(frame))
 
-    def _wait_for_maps(self, id: FrameId) -> None:
+    def _wait_for_maps(self, id: FrameId, parts: Collection[str]) -> None:
         within_s = self._settings.ack_timeout_s
-        missing = self._acks.wait(id, PARTS, min(within_s, SAY_WAITING_S))
+        missing = self._acks.wait(id, parts, min(within_s, SAY_WAITING_S))
         if missing and not self._acks.ended:
             self._health.ready(f"keyframe {id} waits for {', '.join(sorted(missing))}")
-            missing = self._acks.wait(id, PARTS, max(0.0, within_s - SAY_WAITING_S))
+            missing = self._acks.wait(id, parts, max(0.0, within_s - SAY_WAITING_S))
         if self._acks.ended:
             return
         if not missing:

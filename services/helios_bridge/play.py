@@ -93,7 +93,7 @@ class Player:
         self._health.degraded(f"the recording cannot go on: {why}")
 
     def _note(self, status: pb.ServiceStatus) -> None:
-        if status.state == "ready":
+        if status.state in ("ready", "degraded"):  # degraded: it works, and says what is wrong
             self._ready.add(status.service)
         else:
             self._ready.discard(status.service)

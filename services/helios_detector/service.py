@@ -144,6 +144,8 @@ class DetectorService:
             self._context, self._refused = replace(context, classes=findable), refused
             self._asked, self._troubles["context"] = None, ""
             held, self._held = self._held, None
+        self._health.set("classes_refused", len(refused))
+        self._health.count("contexts_sought" if findable else "contexts_unknown")
         for reason in refused.values():
             log.warning("search context %s: %s", context.id, reason)
         self._tell_health()

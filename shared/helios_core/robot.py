@@ -86,6 +86,7 @@ class Capture:
     T_world_cam: Matrix
     T_world_base: Matrix
     recorded: pb.Frame | None = None  # of a replay: sent as it is, identity and all
+    searching: bool = True  # False before a replay's first search: no detector answers it
 
 
 class EndOfRecording(Exception):

@@ -2,7 +2,8 @@
 
 How the qualities of service map (why: `docs/decisions/0002-bus.md`):
 
-    LATEST_WINS   blocks for the first message only; read through a ring of one
+    LATEST_WINS   never blocks: a full link drops messages, and the newest is repeated until it got
+                  through (`zenoh_latest.py`); read through a ring of one
     NEVER_DROP    blocks; read through a queue, senders pace themselves by acknowledgements
     RETAINED      as NEVER_DROP, kept by the publisher for whoever comes later
 """
@@ -25,6 +26,7 @@ from helios_core.errors import DeadlineExceeded, Unavailable
 from helios_core.registrations import Registrations
 from helios_core.topics import M, Method, QoS, Rep, Req, Topic, alive_key
 from helios_core.zenoh_config import client_config
+from helios_core.zenoh_latest import Repeater, Unseen
 from helios_core.zenoh_messages import answer, assembled, reply_of
 
 T = TypeVar("T")
@@ -53,13 +55,18 @@ class ZenohBus(Bus):
         self._opened_s = time.monotonic()
         self._readers: list[threading.Thread] = []
         self._publishers: dict[str, zenoh.Publisher | ext.AdvancedPublisher] = {}
+        self._repeater = Repeater(self._start_reader)
         self._mine = Registrations()
         self._lock = threading.Lock()
         self._closed = False
 
     def publish(self, topic: Topic[M], message: M) -> None:
         try:
-            self._publisher(topic).put(message.SerializeToString())
+            publisher, data = self._publisher(topic), message.SerializeToString()
+            if topic.qos is QoS.LATEST_WINS:
+                self._repeater.send(topic.name, publisher.put, data)
+            else:
+                publisher.put(data)
         except zenoh.ZError as error:
             raise Unavailable(f"{topic.name} could not be published: {error}") from error
 
@@ -79,8 +86,12 @@ class ZenohBus(Bus):
             else:
                 subscriber = self._session.declare_subscriber(key, channel)
 
+        unseen = Unseen()
+
         def read() -> None:
             for sample in _received(subscriber.handler):
+                if latest and not unseen.take(_attached(sample)):
+                    continue
                 try:
                     handler(topic.type.FromString(sample.payload.to_bytes()))
                 except Exception:
@@ -182,6 +193,7 @@ class ZenohBus(Bus):
                 return
             self._closed = True
             publishers = list(self._publishers.values())
+        self._repeater.close()
         self._mine.close()
         # One that is not taken back keeps 16 MB of shared memory for as long as the process lives.
         for publisher in publishers:
@@ -248,6 +260,10 @@ class ZenohBus(Bus):
     def _check_open(self) -> None:
         if self._closed:
             raise Unavailable("the bus is closed")
+
+
+def _attached(sample: zenoh.Sample) -> bytes | None:
+    return None if sample.attachment is None else sample.attachment.to_bytes()
 
 
 def _received(channel: zenoh.Handler[T]) -> Iterator[T]:

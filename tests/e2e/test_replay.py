@@ -61,7 +61,7 @@ def test_a_mug_is_found_in_real_frames(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("classes", "detector", "words", "status"),
     [
-        ("cup,unicorn", f"onnx:{MODEL}", "unicorn", 1),
+        ("unicorn,zeppelin", f"onnx:{MODEL}", "unicorn", 2),  # none of them is known
         ("cup", "onnx:/no/such/model.onnx", "/no/such/model.onnx", 1),
         ("cup", "crystal-ball", "crystal-ball", 2),  # wrong use
     ],

@@ -142,7 +142,10 @@ def replay(
         bool, typer.Option(help="do not wait for the maps; gives another result each time")
     ] = False,
     strict: Annotated[
-        bool, typer.Option("--strict", help="end at a frame that cannot be read")
+        bool,
+        typer.Option(
+            "--strict", help="refuse a damaged recording, end at a frame that cannot be read"
+        ),
     ] = False,
     topics: Annotated[
         str, typer.Option(help='of a ROS bag: "color=/a,depth=/b,info=/c,pose=/d"')
@@ -161,4 +164,8 @@ def replay(
     results = run_replay(ReplayJob(dataset, context, detector, out, pace), screen)
     screen.print(results.table())  # first, for a full disk must not take it along
     results.write(out)
-    screen.print(f"written to {out}", highlight=False)
+    interrupted = bool(results.summary["interrupted"])
+    so_far = "interrupted: what was found so far is " if interrupted else ""
+    screen.print(f"{so_far}written to {out}", highlight=False)
+    if interrupted:
+        raise KeyboardInterrupt

@@ -91,7 +91,8 @@ def collect(bus: Bus, tally: Tally, board: Board, frames: int, wall_s: float) ->
         map=decode_snapshot(snapshot),
         summary={
             "frames": frames,
-            "keyframes": tally.frames,
+            "keyframes": tally.mapped,
+            "before_search": figure(board, "bridge", "keyframes_before_search"),
             "unreadable": unreadable_frames(board),
             "wall_s": round(wall_s, 3),
             "ms_per_frame": stage_medians_ms(tally, board),
@@ -102,8 +103,13 @@ def collect(bus: Bus, tally: Tally, board: Board, frames: int, wall_s: float) ->
 
 def unreadable_frames(board: Board) -> int:
     """Frames that the bridge has left out, for they could not be read."""
-    bridge = board.status("bridge")
-    return int(bridge.metrics.get("unreadable_frames", 0)) if bridge else 0
+    return figure(board, "bridge", "unreadable_frames")
+
+
+def figure(board: Board, service: str, name: str) -> int:
+    """A count that a service reports; 0 where it reports none."""
+    status = board.status(service)
+    return int(status.metrics.get(name, 0)) if status else 0
 
 
 def stage_medians_ms(tally: Tally, board: Board) -> dict[str, float]:

@@ -64,6 +64,20 @@ class Tally:
             return len(self._done_s)
 
     @property
+    def mapped(self) -> int:
+        """Frames that the occupancy map has answered: all that were played in the end."""
+        with self._lock:
+            return sum("occupancy" in parts for parts in self._parts.values())
+
+    @property
+    def over(self) -> int:
+        """Frames that nobody works on any more, as far as it is heard: all maps have answered, or
+        a later frame was begun."""
+        with self._lock:
+            *earlier, last = self._parts.values() or [set()]
+            return len(earlier) + (len(last) == len(PARTS))
+
+    @property
     def pace_ms(self) -> float:
         """Median time from one frame to the next."""
         with self._lock:

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.robot import Capture
-from helios_core.topics import CONTEXT, ROBOT_STATE, status_topic
+from helios_core.topics import (
+    CONTEXT,
+    KEYFRAME,
+    MAP2D_ACK,
+    OBJECTMAP_ACK,
+    ROBOT_STATE,
+    status_topic,
+)
 
 from tests.support import wait_until
 from tests.unit.bridge.bridge_stage import LineRobot, Stage
@@ -74,4 +83,46 @@ def test_a_strict_replay_ends_at_a_frame_that_cannot_be_read() -> None:
     wait_until(lambda: stage.health.state[0] == "degraded", 5, "it is said")
     assert "frame 2 is no image" in stage.health.state[1]
     assert len(stage.keyframes) == 1
+    stage.bridge.close()
+
+
+class LateSearch(LineRobot):
+    """A recording of four keyframes: its search begins with the third."""
+
+    def capture(self) -> Capture:
+        return replace(super().capture(), searching=(self.left or 0) < 2)
+
+
+def test_detections_are_not_waited_for_before_the_first_search() -> None:
+    stage = Stage(LateSearch(frames=4), contexts=True, lockstep=True, ack_timeout_s=60.0)
+
+    def answer(parts: list[tuple[str, str]], message: pb.Frame) -> None:
+        for service, part in parts:
+            topic = MAP2D_ACK if service == "map2d" else OBJECTMAP_ACK
+            ack = pb.Ack(service=service, part=part, id=message.id, accepted=True)
+            stage.other.publish(topic, ack)
+
+    stage.other.subscribe(KEYFRAME, lambda m: answer([("map2d", "occupancy")], m))
+    stage.bridge.start()
+    for service in ("detector", "objectmap", "map2d"):
+        stage.other.publish(status_topic(service), pb.ServiceStatus(service=service, state="ready"))
+    wait_until(lambda: len(stage.keyframes) == 3, 5, "the search begins")
+    wait_until(
+        lambda: "waits for map2d/value, objectmap/objects" in stage.health.state[1], 10, "it waits"
+    )
+    assert len(stage.keyframes) == 3
+    assert stage.health.metrics()["keyframes_before_search"] == 2
+    rest = [("map2d", "value"), ("objectmap", "objects")]
+    stage.other.subscribe(KEYFRAME, lambda m: answer(rest, m))
+    answer(rest, stage.keyframes[-1])
+    wait_until(lambda: stage.bridge.state().finished, 5, "the recording ends")
+    stage.bridge.close()
+
+
+def test_a_service_that_works_with_limits_keeps_no_recording_waiting() -> None:
+    stage = Stage(LineRobot(frames=3), contexts=True)
+    stage.bridge.start()
+    for service, state in (("detector", "degraded"), ("objectmap", "ready"), ("map2d", "ready")):
+        stage.other.publish(status_topic(service), pb.ServiceStatus(service=service, state=state))
+    wait_until(lambda: stage.bridge.state().finished, 5, "the recording ends")
     stage.bridge.close()

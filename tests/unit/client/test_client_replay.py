@@ -38,6 +38,18 @@ def test_a_frame_counts_when_all_parts_have_answered() -> None:
     assert tally.frames == 1
 
 
+def test_frames_that_only_the_occupancy_answers_are_over_when_the_next_begins() -> None:
+    tally = Tally()
+    assert (tally.over, tally.mapped) == (0, 0)
+    tally.note_ack(ack("occupancy", 1))
+    assert (tally.over, tally.mapped) == (0, 1)
+    tally.note_ack(ack("occupancy", 2))
+    assert (tally.over, tally.mapped) == (1, 2)
+    for part in PARTS:
+        tally.note_ack(ack(part, 2))
+    assert (tally.over, tally.mapped, tally.frames) == (2, 2, 1)
+
+
 def test_refusals_are_counted_with_their_reason_and_not_timed() -> None:
     tally = Tally()
     tally.note_ack(ack("objects", 1, accepted=False, update_ms=99))

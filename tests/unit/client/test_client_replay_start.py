@@ -8,11 +8,14 @@ from typing import cast
 
 import pytest
 from helios_client.replaying import replay as module
+from helios_client.replaying.examine import Examined
 from helios_client.replaying.replay import ReplayJob
 from helios_client.replaying.results import unreadable_frames
 from helios_client.replaying.tally import PARTS, Tally
-from helios_client.supervision.board import Board
+from helios_client.replaying.watch import Watch, waits_for
+from helios_client.supervision.board import Board, ServiceRow
 from helios_client.supervision.supervisor import ProcessInfo, State, Supervisor
+from helios_client.wrong_use import WrongUse
 from helios_core import proto as pb
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from rich.console import Console
@@ -41,9 +44,12 @@ def board_of(*statuses: pb.ServiceStatus) -> Board:
     return board
 
 
-def play(job: ReplayJob, board: Board, tally: Tally) -> None:
+def play(job: ReplayJob, board: Board, tally: Tally, *searches: str) -> bool:
+    """searches: what each looks for."""
     quiet = Console(quiet=True)
-    module._play(job, 4, cast(Supervisor, Processes()), board, tally, quiet)
+    known = Examined(4, 0.0, tuple(frozenset({name}) for name in searches or ("cup",)), {})
+    watch = Watch(job, known, board, quiet)
+    return module._play(watch, cast(Supervisor, Processes()), tally, quiet)
 
 
 def job(tmp_path: Path, **values: float) -> ReplayJob:
@@ -84,13 +90,76 @@ def test_a_replay_that_starts_and_ends_is_over(tmp_path: Path) -> None:
 def test_a_model_may_take_its_time_to_load_but_one_that_is_not_there_ends_the_replay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "TROUBLE_S", 0.0)
+    monkeypatch.setattr("helios_client.replaying.watch.TROUBLE_S", 0.0)
     loading = status("detector", "waiting", "loading onnx:a")
     with pytest.raises(DeadlineExceeded, match="loading onnx:a"):
         play(job(tmp_path, start_s=0.3), board_of(loading), Tally())
     missing = status("detector", "waiting", "a is not there")
     with pytest.raises(Unavailable, match="detector: a is not there"):
         play(job(tmp_path, start_s=60), board_of(missing), Tally())
+
+
+def test_a_detector_that_knows_none_of_the_classes_ends_the_replay_as_wrong_use(
+    tmp_path: Path,
+) -> None:
+    refused = {"contexts_unknown": 1, "classes_refused": 1}
+    board = board_of(status("detector", "degraded", "'cup' is not painted", **refused))
+    with pytest.raises(WrongUse, match=r"recorded knows nothing.*'cup' is not painted"):
+        play(job(tmp_path, start_s=60), board, Tally(), "cup", "cup")
+
+
+def test_a_class_that_is_not_known_is_told_once_and_the_others_go_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    figures = {"contexts_sought": 1, "classes_refused": 1}
+    board = board_of(status("detector", "degraded", "'cup' is not painted", **figures))
+    classes = Watch(
+        job(tmp_path), Examined(4, 0.0, (frozenset({"cup", "box"}),), {}), board, Console()
+    ).classes
+    for over in (False, False, True):
+        classes.check(board, over, Console(width=200))
+    assert capsys.readouterr().out.count("'cup' is not painted") == 1
+
+
+def test_a_search_that_may_still_be_known_is_waited_for(tmp_path: Path) -> None:
+    refused = {"contexts_unknown": 1, "classes_refused": 1}
+    board = board_of(
+        *(status(name, "ready") for name in NAMES[1:]),
+        status("detector", "degraded", "'cup' is not painted", **refused),
+    )
+    tally = Tally()
+    tally.note_state(pb.RobotState(finished=True))
+    assert not play(job(tmp_path, start_s=60), board, tally, "cup", "box")
+    watch = Watch(
+        job(tmp_path), Examined(4, 0.0, (frozenset({"cup"}), frozenset({"box"})), {}), board,
+        Console(quiet=True),
+    )  # fmt: skip
+    with pytest.raises(WrongUse):
+        watch.classes.check(board, over=True, console=Console(quiet=True))
+
+
+def test_ctrl_c_ends_it_with_what_came_so_far_and_before_that_with_nothing(tmp_path: Path) -> None:
+    class Interrupted(Tally):
+        @property
+        def finished(self) -> bool:
+            raise KeyboardInterrupt
+
+    tally = Interrupted()
+    with pytest.raises(KeyboardInterrupt):
+        play(job(tmp_path), board_of(), tally)
+    tally.note_ack(pb.Ack(part="occupancy", id=pb.FrameId(seq=1), accepted=True))
+    assert play(job(tmp_path), board_of(), tally)
+
+
+def test_the_screen_says_for_whom_it_waits() -> None:
+    rows = [
+        ServiceRow("router", "ready", "", 0, 1),
+        ServiceRow("bridge", "ready", "keyframe a/0/1 waits for map2d/value", 0, 2),
+        ServiceRow("detector", "ready", "waits for a search context", 0, 3),
+    ]
+    assert waits_for(rows) == (
+        "bridge: keyframe a/0/1 waits for map2d/value; detector: waits for a search context"
+    )
 
 
 def test_frames_left_out_are_told_and_none_left_is_an_error(

@@ -21,8 +21,10 @@ def test_a_class_outside_the_vocabulary_is_said_and_the_service_lives_on():
     state, reason = house.health.state
     assert state == "degraded"
     assert "'unicorn' is not among the 80 classes" in reason
+    assert (house.count("contexts_unknown"), house.count("classes_refused")) == (1, 1)
     house.look_for(context_of("cup", id="c2"))
     assert house.health.state[0] == "ready"
+    assert (house.count("contexts_sought"), house.count("classes_refused")) == (1, 0)
 
 
 def test_a_wrong_context_is_refused_and_the_old_one_stays():

@@ -81,6 +81,21 @@ def test_the_driver_begins_the_searches_on_the_bus(
     assert heard == [context().id]
 
 
+def test_keyframes_before_the_first_search_are_marked(tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path)
+    recorded.robot()
+    for seq in (0, 1):
+        recorded.bus.publish(KEYFRAME, frame(seq))
+    recorded.bus.publish(CONTEXT, context())
+    recorded.look(2)
+    recorded.close()
+    bus = MemoryBus(MemoryHub())
+    driver = ReplayDriver(tmp_path, bus=bus, contexts=True)
+    assert [driver.capture().searching for _ in range(3)] == [False, False, True]
+    later = ReplayDriver(tmp_path, limit=2)  # somebody else says what is looked for
+    assert [later.capture().searching for _ in range(2)] == [True, True]
+
+
 @pytest.mark.parametrize("told_first", [True, False])
 def test_what_is_held_is_known_to_the_maps_when_it_was_then(
     told_first: bool, tmp_path: Path

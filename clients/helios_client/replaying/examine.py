@@ -1,0 +1,75 @@
+"""What a replay will play, looked at before any process is started."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from helios_core.errors import InvalidInput
+from rich.console import Console
+from rich.markup import escape
+
+if TYPE_CHECKING:
+    from helios_client.replaying.replay import ReplayJob
+
+
+@dataclass(frozen=True)
+class Examined:
+    """What is known of it."""
+
+    frames: int
+    longest_wait_s: float  # between two of them, at the speed asked for
+    searches: tuple[frozenset[str], ...]  # the class names of each
+    lost: dict[str, Any]  # damage: chunks, bytes, seconds
+
+
+def examine(job: ReplayJob, console: Console) -> Examined:
+    """Open it and tell what of it is not played. Raises InvalidInput where nothing can be, or where
+    it is damaged and `strict` is asked for."""
+    from helios_replay.opening import open_source  # late: OpenCV
+    from helios_replay.source import Part
+
+    pace = job.pace
+    to_s = math.inf if pace.to_s is None else pace.to_s
+    source = open_source(job.source, Part(pace.limit, pace.from_s, to_s, pace.topics))
+    lost = _damage(job, getattr(source, "lost", ()), console)
+    if cut := getattr(source, "cut", ""):
+        console.print(f"[yellow]read up to where it is cut off[/]: {escape(cut)}", soft_wrap=True)
+    for sentence in (getattr(source, "assumed", ""), source.left_out):
+        if sentence:
+            console.print(f"[yellow]{escape(sentence)}[/]", soft_wrap=True)
+    if job.context is not None:
+        searches = (frozenset(c.name for c in job.context.classes),)
+    else:
+        begun = (c for i in range(len(source.shots)) for c in source.contexts_before(i))
+        searches = tuple(frozenset(c.name for c in context.classes) for context in begun)
+        if not searches:
+            raise InvalidInput(
+                f"{job.source} holds no search; say what to look for with --classes and --detector"
+            )
+    waits_s = [b.time_s - a.time_s for a, b in itertools.pairwise(source.shots)]
+    longest_s = max(waits_s, default=0.0) / pace.rate if pace.rate else 0.0
+    return Examined(len(source.shots), longest_s, searches, lost)
+
+
+def _damage(job: ReplayJob, lost: Any, console: Console) -> dict[str, Any]:
+    """Of `helios_replay.mcap_damage.Lost`: summed up and told."""
+    out = {
+        "chunks": sum(one.chunks for one in lost),
+        "bytes": sum(one.size for one in lost),
+        "seconds": round(sum(one.seconds for one in lost), 3),
+    }
+    if not lost:
+        return out
+    what = (
+        f"{out['chunks']} damaged chunk{'s' if out['chunks'] > 1 else ''} "
+        f"({out['bytes']} bytes, about {out['seconds']:.1f} s)"
+    )
+    if job.pace.strict:
+        raise InvalidInput(
+            f"{job.source} has {what}: {lost[0].why}; without --strict the rest is played"
+        )
+    console.print(f"[yellow]{what} left out[/]; the first: {escape(lost[0].why)}", soft_wrap=True)
+    return out

@@ -1,0 +1,137 @@
+"""What the services of a replay say while it runs: for whom it waits, and what cannot go on."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from helios_core.errors import DeadlineExceeded, Unavailable
+from rich.console import Console
+from rich.markup import escape
+
+from helios_client.replaying.results import figure
+from helios_client.replaying.tally import Tally
+from helios_client.supervision.board import Board, ServiceRow
+from helios_client.supervision.supervisor import ProcessInfo
+from helios_client.wrong_use import WrongUse
+
+if TYPE_CHECKING:
+    from helios_client.replaying.examine import Examined
+    from helios_client.replaying.replay import ReplayJob
+
+
+SAY_WAITING_S = 5.0  # whoever is not ready then is named on the screen
+TROUBLE_S = 3.0  # a service that is degraded so long while nothing moves has said the last word
+
+
+class Watch:
+    """Looks at a replay while it runs; see `look`."""
+
+    def __init__(self, job: ReplayJob, known: Examined, board: Board, console: Console) -> None:
+        self._job, self.known, self._board, self._console = job, known, board, console
+        self.classes = Classes(job.detector, known.searches)
+        self._began_s = self._moved_s = time.monotonic()
+        self._heard = (0, 0)  # frames over, frames mapped
+        self._started = False
+        self._trouble_since_s: float | None = None
+
+    def look(self, table: Sequence[ProcessInfo], tally: Tally) -> str:
+        """What goes on, in a few words for the screen. Raises when it cannot go on."""
+        now_s, rows = time.monotonic(), self._board.rows(table)
+        heard = (tally.over, tally.mapped)
+        if heard != self._heard:
+            self._heard, self._moved_s, self._started = heard, now_s, True
+        self.classes.check(self._board, over=False, console=self._console)
+        late = [] if self._started else [r for r in rows if r.state != "ready"]
+        if not late and not self._started:
+            self._started, self._moved_s = True, now_s
+        if late and now_s - self._began_s > self._job.start_s:
+            raise DeadlineExceeded(_not_started(self._job, late))
+        self._check_trouble(trouble_of(rows, self._board), now_s)
+        still_s = now_s - self._moved_s
+        if self._started and still_s > self._job.patience_s:
+            raise DeadlineExceeded(_stalled(self._job, heard[0], self.known.frames, rows))
+        if late:
+            names = ", ".join(row.name for row in late)
+            is_long = now_s - self._began_s > SAY_WAITING_S
+            return f"waiting for {escape(names)}" if is_long else "starting the services"
+        if still_s > SAY_WAITING_S:
+            return f"waiting for {escape(waits_for(rows))}"
+        return "frames" if heard[1] else "the first frame"
+
+    def _check_trouble(self, trouble: str, now_s: float) -> None:
+        if not trouble:
+            self._trouble_since_s = None
+        elif self._trouble_since_s is None:
+            self._trouble_since_s = now_s
+        elif now_s - max(self._trouble_since_s, self._moved_s) > TROUBLE_S:
+            raise Unavailable(trouble)
+
+
+def trouble_of(rows: Sequence[ServiceRow], board: Board) -> str:
+    """What a service says that cannot go on; empty when all is well."""
+    for row in rows:
+        # A detector waits for nothing but its model; what others wait for is still to come.
+        missing = row.name == "detector" and row.state == "waiting"
+        degraded = row.state == "degraded" and not (row.name == "detector" and _goes_on(board))
+        if degraded or (missing and not row.reason.startswith("loading")):
+            return f"{row.name}: {row.reason}"
+    return ""
+
+
+def waits_for(rows: Sequence[ServiceRow]) -> str:
+    """Who keeps it waiting, in the services' own words."""
+    said = [f"{r.name}: {r.reason}" for r in rows if r.reason]
+    return "; ".join(said) or "an answer; no service says why"
+
+
+class Classes:
+    """Tells which of the classes that are looked for the detector does not know."""
+
+    def __init__(self, detector: str, searches: Sequence[frozenset[str]]) -> None:
+        """searches: the class names of each search that is to come."""
+        self._detector, self._kinds = detector, frozenset(searches)
+        self._told: set[str] = set()
+
+    def check(self, board: Board, over: bool, console: Console) -> None:
+        """Tell what is new. over: no search is still to come. Raises WrongUse when none of the
+        classes of any search is known."""
+        status = board.status("detector")
+        if status is None or status.state != "degraded":
+            return
+        unknown = figure(board, "detector", "contexts_unknown")
+        sought = figure(board, "detector", "contexts_sought")
+        if unknown and not sought and (over or len(self._kinds) == 1):
+            raise WrongUse(
+                f"the detector {self._detector} knows nothing of what is looked for: "
+                f"{status.reason}"
+            )
+        refused = figure(board, "detector", "classes_refused")
+        if refused and status.reason not in self._told:
+            self._told.add(status.reason)
+            console.print(f"[yellow]not looked for[/]: {escape(status.reason)}", soft_wrap=True)
+
+
+def _goes_on(board: Board) -> bool:
+    """Whether the detector is only degraded because it does not know some class."""
+    failed = figure(board, "detector", "keyframes_failed")
+    return bool(figure(board, "detector", "classes_refused")) and not failed
+
+
+def _not_started(job: ReplayJob, late: Sequence[ServiceRow]) -> str:
+    """Of each that is not ready: what it says, and where its log is."""
+    each = [
+        f"{r.name} is {r.state} ({r.reason or 'it has said nothing yet'}; log "
+        f"{job.log_dir / f'{r.name}.log'})"
+        for r in late
+    ]
+    return f"the services were not ready within {job.start_s:g} s: {'; '.join(each)}"
+
+
+def _stalled(job: ReplayJob, over: int, total: int, rows: Sequence[ServiceRow]) -> str:
+    waiting = "; ".join(f"{r.name} is {r.state} {r.reason}".strip() for r in rows)
+    return (
+        f"no new frame for {job.patience_s:g} s after {over} of {total} ({waiting}); see the "
+        f"logs in {job.log_dir}"
+    )

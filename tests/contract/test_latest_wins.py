@@ -1,0 +1,91 @@
+"""Latest-wins topics where a link is full: the newest arrives, once, and nobody else waits."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+
+import pytest
+import zenoh
+from helios_core import proto as pb
+from helios_core import zenoh_config
+from helios_core.topics import FRAME
+from helios_core.zenoh_bus import ZenohBus
+from helios_core.zenoh_latest import PAUSES_S
+
+from tests.contract.link import Link
+from tests.support import wait_until
+
+MESSAGES = 60
+SIZE = 300_000  # bytes; all of them are more than the buffers of a link hold
+
+
+def _frame(seq: int, size: int = 0) -> pb.Frame:
+    frame = pb.Frame(id=pb.FrameId(seq=seq))
+    frame.raw_color.data = bytes(size)
+    return frame
+
+
+@pytest.fixture
+def link(router: str, zenoh_bus: ZenohBus) -> Iterator[Link]:
+    link = Link(router)
+    yield link
+    link.close()
+
+
+@pytest.fixture
+def make_bus(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], ZenohBus]]:
+    """Buses on a router, as they are between machines: without shared memory."""
+
+    def config(router: str) -> zenoh.Config:
+        out = zenoh_config.client_config(router)
+        out.insert_json5("transport/shared_memory/enabled", json.dumps(False))
+        return out
+
+    monkeypatch.setattr("helios_core.zenoh_bus.client_config", config)
+    made: list[ZenohBus] = []
+
+    def make(router: str) -> ZenohBus:
+        made.append(ZenohBus(router, "r"))
+        return made[-1]
+
+    yield make
+    for bus in made:
+        bus.close()
+
+
+def test_the_newest_message_passes_a_link_that_was_held_up_and_others_do_not_wait(
+    make_bus: Callable[[str], ZenohBus], router: str, link: Link
+) -> None:
+    sender, near, far = make_bus(router), make_bus(router), make_bus(link.endpoint)
+    heard: dict[str, list[int]] = {"near": [], "far": []}
+    near.subscribe(FRAME, lambda m: heard["near"].append(m.id.seq))
+    far.subscribe(FRAME, lambda m: heard["far"].append(m.id.seq))
+    wait_until(
+        lambda: sender.publish(FRAME, _frame(0)) or all(heard.values()), 5, "the three are joined"
+    )
+    link.hold()
+    for seq in range(1, MESSAGES + 1):
+        sender.publish(FRAME, _frame(seq, SIZE))
+    wait_until(lambda: heard["near"][-1] == MESSAGES, 5, "the near reader has the newest")
+    assert MESSAGES not in heard["far"]
+    link.let_go()
+    wait_until(lambda: heard["far"][-1] == MESSAGES, 10, "the far reader has the newest")
+    for seqs in heard.values():
+        numbered = [seq for seq in seqs if seq]
+        assert numbered == sorted(set(numbered))
+
+
+def test_repetitions_are_read_once(zenoh_bus: ZenohBus, session: zenoh.Session) -> None:
+    heard: list[int] = []
+    zenoh_bus.subscribe(FRAME, lambda m: heard.append(m.id.seq))
+    sent: list[zenoh.Sample] = []
+    session.declare_subscriber(FRAME.key("r"), sent.append)
+    wait_until(lambda: zenoh_bus.publish(FRAME, _frame(0)) or (heard and sent), 5, "all are joined")
+    zenoh_bus.publish(FRAME, _frame(7))
+
+    def times_sent() -> int:
+        return sum(pb.Frame.FromString(s.payload.to_bytes()).id.seq == 7 for s in list(sent))
+
+    wait_until(lambda: times_sent() > 2, 2 * sum(PAUSES_S[:3]) + 5, "it was repeated twice")
+    assert heard.count(7) == 1

@@ -1,0 +1,99 @@
+"""The newest message is repeated until a newer one follows, and read once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+import zenoh
+from helios_core.zenoh_latest import PAUSES_S, REMEMBERED, Repeater, Unseen
+from hypothesis import given
+from hypothesis import strategies as st
+
+
+class Wire:
+    """Writes down what is sent; `now_s` is its clock."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+        self.sent: list[tuple[bytes, str]] = []
+        self.broken = False
+        self.jobs: list[str] = []
+        self.repeater = Repeater(self._start, lambda: self.now_s)
+
+    def put(self, payload: bytes, *, attachment: str) -> None:
+        if self.broken:
+            raise zenoh.ZError("no router")
+        self.sent.append((payload, attachment))
+
+    def wait(self, seconds: float) -> None:
+        self.now_s += seconds
+        self.repeater.repeat_due()
+
+    def _start(self, name: str, job: Callable[[], None]) -> None:
+        self.jobs.append(name)
+
+
+def test_the_newest_is_repeated_a_few_times_then_no_more() -> None:
+    wire = Wire()
+    wire.repeater.send("a", wire.put, b"one")
+    for pause_s in PAUSES_S:
+        wire.wait(pause_s / 2)
+        before = len(wire.sent)
+        wire.wait(pause_s / 2)
+        assert len(wire.sent) == before + 1
+    wire.wait(1000)
+    assert wire.sent == [wire.sent[0]] * (1 + len(PAUSES_S))
+    assert len(wire.jobs) == 1
+
+
+def test_a_newer_message_ends_the_repetitions_of_the_old_one() -> None:
+    wire = Wire()
+    wire.repeater.send("a", wire.put, b"one")
+    wire.repeater.send("b", wire.put, b"other")
+    wire.wait(PAUSES_S[0] / 2)
+    wire.repeater.send("a", wire.put, b"two")
+    for _ in range(50):
+        wire.wait(1)
+    assert [data for data, _ in wire.sent].count(b"one") == 1
+    assert [data for data, _ in wire.sent].count(b"two") == 1 + len(PAUSES_S)
+    assert [data for data, _ in wire.sent].count(b"other") == 1 + len(PAUSES_S)
+
+
+def test_a_repetition_that_cannot_be_sent_is_tried_again_and_a_message_raises() -> None:
+    wire = Wire()
+    wire.repeater.send("a", wire.put, b"one")
+    wire.broken = True
+    wire.wait(PAUSES_S[0])
+    with pytest.raises(zenoh.ZError):
+        wire.repeater.send("a", wire.put, b"two")
+    wire.broken = False
+    wire.wait(PAUSES_S[1])
+    assert [data for data, _ in wire.sent] == [b"one", b"one"]
+    assert wire.sent[0] == wire.sent[1]
+
+
+@given(st.lists(st.integers(0, 9), max_size=30))
+def test_a_reader_takes_what_is_newer_than_all_before(numbers: list[int]) -> None:
+    unseen = Unseen()
+    taken = [n for n in numbers if unseen.take(f"me/{n}".encode())]
+    assert taken == sorted(set(taken))
+    assert not numbers or taken[-1] == max(numbers)
+
+
+@given(st.lists(st.binary(max_size=30) | st.none()))
+def test_what_does_not_say_which_it_is_is_read(attachments: list[bytes | None]) -> None:
+    unseen = Unseen()
+    for attachment in attachments:
+        if attachment is None or not attachment.rpartition(b"/")[2].isdigit():
+            assert unseen.take(attachment)
+        else:
+            unseen.take(attachment)
+
+
+def test_sources_are_told_apart_and_few_are_remembered() -> None:
+    unseen = Unseen()
+    for k in range(REMEMBERED + 10):
+        assert unseen.take(f"{k}/5".encode())
+        assert not unseen.take(f"{k}/5".encode())
+    assert unseen.take(b"0/5")  # forgotten

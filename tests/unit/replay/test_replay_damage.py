@@ -1,0 +1,183 @@
+"""Damaged recordings: what is whole is played, and what is lost is told."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from helios_core import proto as pb
+from helios_core.errors import InvalidInput
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.recording import KEYFRAME_CHANNELS
+from helios_replay.answers import RecordedDetector
+from helios_replay.index import read_index
+from helios_replay.mcap_damage import read_summary
+from helios_replay.mcap_file import McapFile
+from helios_replay.opening import open_source
+from helios_replay.recording import Recording
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.writer import MCAP0_MAGIC
+
+from tests.unit.replay.replay_recorded import record
+
+FRAMES = 8
+Chunks = list[range]  # the bytes of each
+
+
+@pytest.fixture(scope="module", params=["zstd", "lz4", "none"])
+def tour(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, list[pb.Frame]]:
+    folder = tmp_path_factory.mktemp("tour")
+    return record(folder, FRAMES, chunk_mb=0.02, compression=request.param)
+
+
+def chunks_of(path: Path) -> Chunks:
+    data = path.read_bytes()
+    summary = read_summary(lambda at, size: data[at : at + size], len(data))
+    assert summary is not None
+    return [
+        range(c.chunk_start_offset, c.chunk_start_offset + c.chunk_length) for c in summary.chunks
+    ]
+
+
+def keyframe_chunks(path: Path) -> list[set[int]]:
+    """Of each keyframe, where the chunks begin that its messages are in."""
+    out: list[set[int]] = []
+    for found in McapFile(path).walk():
+        if found.topic == KEYFRAME_CHANNELS.head:
+            out.append(set())
+        if found.topic in (
+            KEYFRAME_CHANNELS.head, KEYFRAME_CHANNELS.color, KEYFRAME_CHANNELS.depth
+        ):  # fmt: skip
+            out[-1].add(found.place.chunk)
+    return out
+
+
+def damaged(path: Path, places: Sequence[int], out: Path, flip: int = 0xFF) -> Path:
+    data = bytearray(path.read_bytes())
+    for place in places:
+        data[place] ^= flip
+    out.write_bytes(data)
+    return out
+
+
+def played(path: Path, sent: Sequence[pb.Frame]) -> set[int]:
+    """The keyframes that come, each as it was sent, in their order."""
+    source = open_source(path)
+    came = [source.read(i).recorded for i in range(len(source.shots))]
+    by_number = {frame.id.seq: frame for frame in sent}
+    numbers = [frame.id.seq for frame in came if frame is not None]
+    assert came == [by_number[number] for number in numbers]
+    assert numbers == sorted(numbers)
+    return set(numbers)
+
+
+def whole(path: Path, sent: Sequence[pb.Frame], places: Sequence[int]) -> set[int]:
+    """The keyframes that lie in chunks without any of these bytes."""
+    hit = {c.start for c in chunks_of(path) if any(place in c for place in places)}
+    its = zip(sent, keyframe_chunks(path), strict=True)
+    return {frame.id.seq for frame, chunks in its if not chunks & hit}
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data(), flip=st.integers(1, 255))
+def test_all_that_lies_in_whole_chunks_is_played(
+    data: st.DataObject, flip: int, tour: tuple[Path, list[pb.Frame]],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:  # fmt: skip
+    path, sent = tour
+    size, chunks = path.stat().st_size, chunks_of(path)
+    places = data.draw(
+        st.lists(st.integers(len(MCAP0_MAGIC), size - 1), min_size=1, max_size=4, unique=True)
+    )
+    broken = damaged(path, places, tmp_path_factory.getbasetemp() / "flipped.mcap", flip)
+    # A chunk declares the channels that begin in it, and so does the summary at the end.
+    undeclared = min(places) < chunks[-1].stop <= max(places)
+    wanted = set() if undeclared else whole(path, sent, places)
+    try:
+        came = played(broken, sent)
+    except InvalidInput:
+        assert not wanted
+        return
+    assert came >= wanted
+    index = read_index([broken])
+    assert len(came) == FRAMES or index.lost or index.cut
+
+
+@pytest.mark.parametrize("number", [0, 1, -1])
+def test_a_lost_chunk_is_told_with_its_size_and_time(
+    number: int, tour: tuple[Path, list[pb.Frame]], tmp_path: Path
+) -> None:
+    path, _ = tour
+    chunk = chunks_of(path)[number]
+    source = open_source(damaged(path, [chunk.stop - 5], tmp_path / "broken.mcap"))
+    assert isinstance(source, Recording)
+    (lost,) = source.lost
+    assert (lost.at, lost.chunks) == (chunk.start, 1)
+    assert lost.size >= len(chunk)
+    assert 0 <= lost.seconds < 5
+    assert "checksum" in lost.why or "cannot be unpacked" in lost.why
+
+
+def test_a_robot_whose_description_is_lost_is_a_carried_camera(
+    tour: tuple[Path, list[pb.Frame]], tmp_path: Path
+) -> None:
+    path, _ = tour
+    first = chunks_of(path)[0]
+    source = open_source(damaged(path, [first.stop - 5], tmp_path / "broken.mcap"))
+    assert isinstance(source, Recording)
+    assert "carries" in source.assumed
+    robot = source.describe()
+    assert not robot.can_move
+    assert robot.camera == source.read(0).camera
+
+
+def test_nobody_waits_for_the_answer_to_a_search_that_is_lost(
+    tour: tuple[Path, list[pb.Frame]], tmp_path: Path
+) -> None:
+    path, _ = tour
+    first = chunks_of(path)[0]
+    broken = damaged(path, [first.stop - 5], tmp_path / "broken.mcap")
+    source = open_source(broken)
+    assert not any(source.contexts_before(i) for i in range(len(source.shots)))
+    assert not read_index([broken]).observations
+    with pytest.raises(InvalidInput, match="--detector"):
+        RecordedDetector(MemoryBus(MemoryHub()), broken, Health())
+
+
+def test_a_file_whose_chunks_are_all_lost_says_why(
+    tour: tuple[Path, list[pb.Frame]], tmp_path: Path
+) -> None:
+    path, _ = tour
+    broken = damaged(path, [c.stop - 5 for c in chunks_of(path)], tmp_path / "broken.mcap")
+    with pytest.raises(InvalidInput, match=r"no keyframe.*the chunk at byte") as error:
+        open_source(broken)
+    assert "\n" not in error.value.message
+
+
+def test_reading_a_file_of_nothing_but_damage_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("helios_replay.mcap_file.MOST_DAMAGES", 5)
+    body = struct.pack("<QQQI", 0, 0, 9, 1) + struct.pack("<I", 0) + struct.pack("<Q", 0)
+    path = tmp_path / "x.mcap"
+    path.write_bytes(MCAP0_MAGIC + (struct.pack("<BQ", 6, len(body)) + body) * 100)
+    file = McapFile(path)
+    assert list(file.walk()) == []
+    assert "another size" in file.cut
+
+
+def test_what_lies_behind_a_length_that_is_a_lie_is_played(
+    tour: tuple[Path, list[pb.Frame]], tmp_path: Path
+) -> None:
+    """The length of a chunk, and of the index behind it."""
+    path, sent = tour
+    chunks = chunks_of(path)
+    for place in (chunks[1].start + 1, chunks[1].start + 3, chunks[1].stop + 1):
+        broken = damaged(path, [place], tmp_path / "broken.mcap", flip=0x40)
+        assert played(broken, sent) >= whole(path, sent, [place])
