@@ -87,8 +87,9 @@ def value_grid(view: MapView, value: NDArray[np.float32], z_m: float, stamp_ns: 
     """A heat map from the layer's lowest to its highest value, clear where it has none. The field
     `value` holds the values themselves, 0 to 1, rounded to 0.004."""
     cells = np.zeros(view.shape, VALUE_CELL)
-    rounded = np.round(np.nan_to_num(value) * VALUE_STEPS) / np.float32(VALUE_STEPS)
-    has = value > 0
+    sound = np.clip(np.nan_to_num(value, posinf=1.0, neginf=0.0), 0, 1)
+    rounded = np.round(sound * VALUE_STEPS) / np.float32(VALUE_STEPS)
+    has = sound > 0
     cells["value"] = rounded
     if has.any():
         low, high = float(rounded[has].min()), float(rounded[has].max())
