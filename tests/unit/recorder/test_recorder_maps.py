@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from helios_core import proto as pb
 from helios_core.grids import FREE, OCCUPIED, UNKNOWN, decode_snapshot
 from helios_core.recording import MAPS
@@ -107,6 +109,7 @@ def test_no_number_of_a_map_or_a_plan_hinders_the_recording(
     """Those that are not finite are left out of the drawing."""
     plan = pb.Plan(path_m=numbers, goal=pb.Pose2(x_m=other, yaw_rad=other), purpose="go")
     path, drawn = [e.message for e in plan_entries(plan, 1)]
+    assert isinstance(path, PosesInFrame)
     for pose in path.poses:
         assert np.isfinite([pose.position.x, pose.position.y]).all()
     candidates = [pb.Candidate(name="a", position_m=pb.Vector3(x=x, z=other)) for x in numbers]
@@ -118,7 +121,7 @@ def test_no_number_of_a_map_or_a_plan_hinders_the_recording(
     snapshot.trajectory_m[:] = numbers[: len(numbers) // 2 * 2]
     del snapshot.trajectory_starts[:]
     said = [e.message for e in map_entries(decode_snapshot(snapshot), frozenset(), 1)]
-    for drawing in (*scenes, *(m for m in said if hasattr(m, "entities"))):
+    for drawing in (m for m in (*scenes, *said) if isinstance(m, SceneUpdate)):
         for thing in drawing.entities:
             for part in (*thing.spheres, *thing.cubes, *thing.texts, *thing.arrows):
                 p, q = part.pose.position, part.pose.orientation
