@@ -13,10 +13,11 @@ import cv2
 import numpy as np
 from foxglove_schemas_protobuf.Grid_pb2 import Grid
 from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from helios_core import proto as pb
 from helios_core.grids import FREE, OCCUPIED, UNKNOWN, MapView
-from helios_core.recording import FRONTIERS, OBJECTS, OCCUPANCY, TRAJECTORY, VALUES
+from helios_core.recording import FRONTIERS, OBJECTS, OBSTACLES, OCCUPANCY, TRAJECTORY, VALUES
 from numpy.typing import NDArray
 
 from helios_recorder.entry import Entry
@@ -49,6 +50,7 @@ VALUE_STEPS = 250.0  # values are rounded to this part of 1, which packs well
 
 RGBA = (("red", "u1"), ("green", "u1"), ("blue", "u1"), ("alpha", "u1"))
 OCCUPANCY_CELL = np.dtype([*RGBA, ("occupancy", "i1")])
+POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), *RGBA])
 VALUE_CELL = np.dtype([*RGBA, ("value", "<f4")])
 NUMERIC = {
     "|u1": PackedElementField.UINT8, "|i1": PackedElementField.INT8,
@@ -60,6 +62,7 @@ LEAST_BOX_M = 0.02  # an object seen from one side only still shows
 def map_entries(view: MapView, gone: frozenset[str], stamp_ns: int) -> Iterator[Entry]:
     """One version of the 2D map. gone: layers that it has no more, which are wiped."""
     yield Entry(OCCUPANCY, occupancy_grid(view, stamp_ns))
+    yield Entry(OBSTACLES, obstacle_cloud(view, stamp_ns))
     for layer, (name, value) in enumerate(sorted(view.values.items())):
         yield Entry(VALUES + name, value_grid(view, value, 0.01 * (layer + 1), stamp_ns))
     for name in sorted(gone):
@@ -77,10 +80,26 @@ def occupancy_grid(view: MapView, stamp_ns: int) -> Grid:
     rgb[view.occupancy == FREE] = KNOWN_BEFORE_RGB
     rgb[(view.occupancy == FREE) & view.explored] = FREE_RGB
     occupied = view.occupancy == OCCUPIED
-    tall = np.clip(view.top_m[occupied] / TALL_M, 0, 1)[:, None]
-    rgb[occupied] = np.array(LOW_RGB) * (1 - tall) + np.array(TALL_RGB) * tall
+    rgb[occupied] = _by_height(view.top_m[occupied])
     _paint(cells, rgb.round().astype(np.uint8), np.where(view.occupancy == UNKNOWN, 0, 255))
     return _grid(view, cells, 0.0, stamp_ns)
+
+
+def obstacle_cloud(view: MapView, stamp_ns: int) -> PointCloud:
+    """A point at the top of each occupied cell, for viewers that draw no grids."""
+    occupied = view.occupancy == OCCUPIED
+    rows, columns = np.nonzero(occupied)
+    points = np.zeros(len(rows), POINT)
+    points["x"] = view.origin_m[0] + (columns + 0.5) * view.cell_m
+    points["y"] = view.origin_m[1] + (rows + 0.5) * view.cell_m
+    points["z"] = view.top_m[occupied]
+    _paint(points, _by_height(view.top_m[occupied]).round().astype(np.uint8), np.uint8(255))
+    out = PointCloud(
+        timestamp=stamp(stamp_ns), frame_id=WORLD, pose=pose((0.0, 0.0, 0.0)),
+        point_stride=POINT.itemsize, data=points.tobytes(),
+    )  # fmt: skip
+    _name_fields(out, POINT)
+    return out
 
 
 def value_grid(view: MapView, value: NDArray[np.float32], z_m: float, stamp_ns: int) -> Grid:
@@ -160,20 +179,32 @@ def object_entry(reply: pb.ObjectsReply, stamp_ns: int) -> Entry:
     return Entry(OBJECTS, scene(out, stamp_ns))
 
 
-def _paint(cells: NDArray[np.void], rgb: NDArray[np.uint8], alpha: NDArray) -> None:
+def _by_height(top_m: NDArray[np.float32]) -> NDArray[np.float64]:
+    """RGB [n, 3] of obstacles, darker with their height [n]."""
+    tall = np.clip(top_m / TALL_M, 0, 1)[:, None]
+    return np.array(LOW_RGB) * (1 - tall) + np.array(TALL_RGB) * tall
+
+
+def _paint(
+    cells: NDArray[np.void], rgb: NDArray[np.uint8], alpha: NDArray[np.integer] | np.uint8
+) -> None:
     cells["red"], cells["green"], cells["blue"] = np.moveaxis(rgb, -1, 0)
     cells["alpha"] = alpha
 
 
 def _grid(view: MapView, cells: NDArray[np.void], z_m: float, stamp_ns: int) -> Grid:
     """The cells [rows, columns] where they lie on the floor; z_m lifts a layer over another."""
-    kind = cells.dtype
+    stride = cells.dtype.itemsize
     out = Grid(
         timestamp=stamp(stamp_ns), frame_id=WORLD, pose=pose((*view.origin_m, z_m)),
-        column_count=cells.shape[1], cell_stride=kind.itemsize,
-        row_stride=cells.shape[1] * kind.itemsize, data=cells.tobytes(),
+        column_count=cells.shape[1], cell_stride=stride, row_stride=cells.shape[1] * stride,
+        data=cells.tobytes(),
     )  # fmt: skip
     out.cell_size.x = out.cell_size.y = view.cell_m
+    _name_fields(out, cells.dtype)
+    return out
+
+
+def _name_fields(out: Grid | PointCloud, kind: np.dtype) -> None:
     for name, (field, offset, *_) in (kind.fields or {}).items():
         out.fields.add(name=name, offset=offset, type=NUMERIC[field.str])
-    return out

@@ -35,7 +35,8 @@ def plan_entries(plan: pb.Plan, stamp_ns: int) -> Iterator[Entry]:
     empty while the robot stands."""
     points = _points(plan)
     path = PosesInFrame(timestamp=stamp(stamp_ns), frame_id=WORLD)
-    goal_yaw_rad = plan.goal.yaw_rad if plan.HasField("goal") else None
+    goal = (plan.goal.x_m, plan.goal.y_m, plan.goal.yaw_rad)
+    goal_yaw_rad = goal[2] if plan.HasField("goal") and all(map(math.isfinite, goal)) else None
     for k, (x, y, z) in enumerate(points):
         ahead, behind = points[min(k + 1, len(points) - 1)], points[max(k - 1, 0)]
         near, far = ((x, y), ahead) if k + 1 < len(points) else (behind, (x, y))
@@ -50,8 +51,8 @@ def plan_entries(plan: pb.Plan, stamp_ns: int) -> Iterator[Entry]:
         shown = entity("plan", stamp_ns, about)
         if len(points) > 1:
             add_line(shown, points, 0.05, PATH_RGB)
-        if goal_yaw_rad is not None and math.isfinite(goal_yaw_rad):
-            add_arrow(shown, (plan.goal.x_m, plan.goal.y_m, PATH_Z_M), goal_yaw_rad, PATH_RGB)
+        if goal_yaw_rad is not None:
+            add_arrow(shown, (goal[0], goal[1], PATH_Z_M), goal_yaw_rad, PATH_RGB)
         if plan.purpose:
             x, y, _ = points[-1]
             add_words(shown, (x, y, 0.25), plan.purpose, PATH_RGB)

@@ -34,6 +34,7 @@ ANNOTATIONS = "/detector/annotations"
 MAPS = "/map/"  # what the robot believed; all channels of it begin so
 OCCUPANCY = "/map/occupancy"  # foxglove.Grid
 VALUES = "/map/value/"  # and the layer's name; foxglove.Grid
+OBSTACLES = "/map/obstacles"  # foxglove.PointCloud
 FRONTIERS = "/map/frontiers"  # foxglove.SceneUpdate, as what follows
 TRAJECTORY = "/map/trajectory"
 OBJECTS = "/map/objects"

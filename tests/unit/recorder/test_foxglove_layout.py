@@ -16,6 +16,7 @@ from helios_core.recording import (
     KEYFRAME_CHANNELS,
     LOG,
     OBJECTS,
+    OBSTACLES,
     OCCUPANCY,
     PATH,
     PLAN,
@@ -32,7 +33,7 @@ LAYOUT = json.loads(
 )
 LAYERS = ("pick", "place")  # of a task that moves a thing
 RECORDED = {channel_of(t) for t in TOPICS} | {ANNOTATIONS, CALIBRATION, LOG, TRANSFORMS}
-MAP = {OCCUPANCY, FRONTIERS, TRAJECTORY, OBJECTS, PLAN, CANDIDATES, PATH}
+MAP = {OCCUPANCY, OBSTACLES, FRONTIERS, TRAJECTORY, OBJECTS, PLAN, CANDIDATES, PATH}
 RECORDED |= MAP | {VALUES + layer for layer in LAYERS}
 for channels in (KEYFRAME_CHANNELS, STREAM_CHANNELS):
     RECORDED |= {channels.color, channels.depth}
@@ -73,6 +74,6 @@ def test_its_3d_panel_shows_all_that_the_robot_believes() -> None:
     topics = LAYOUT["configById"]["3D!world"]["topics"]
     assert set(topics) >= MAP
     shown = {name for name, settings in topics.items() if settings["visible"]}
-    assert shown >= MAP - {PATH}  # the plan draws it already
+    assert shown >= MAP - {PATH, OBSTACLES}  # plan and occupancy draw them already
     for grid in (OCCUPANCY, *(VALUES + layer for layer in LAYERS)):
         assert topics[grid]["colorMode"] == "rgba-fields"

@@ -65,6 +65,9 @@ def test_the_map_is_recorded_where_it_lies(tmp_path: Path) -> None:
     assert cell_at(grid, -1.0 + 3.5 * 0.05, 0.5 + 1.5 * 0.05)["occupancy"] == OCCUPIED
     assert cell_at(grid, -1.0 + 1.5 * 0.05, 0.5 + 3.5 * 0.05)["alpha"] == 0  # unknown is clear
     np.testing.assert_array_equal(cells_of(grid)["occupancy"], small_map())
+    cloud = said["/map/obstacles"][-1]
+    [point] = np.frombuffer(cloud.data, "<f4").reshape(-1, cloud.point_stride // 4)
+    assert point[:3] == pytest.approx((-1.0 + 3.5 * 0.05, 0.5 + 1.5 * 0.05, 0.9), abs=1e-6)
     heat = said["/map/value/pick"][-1]
     assert cell_at(heat, -1.0 + 5.5 * 0.05, 0.5 + 0.5 * 0.05)["value"] == pytest.approx(0.5)
     assert (cells_of(heat)["alpha"] > 0).sum() == 1
