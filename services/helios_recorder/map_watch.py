@@ -94,16 +94,8 @@ class MapWatch:
             return False
         if snapshot.unchanged or not snapshot.cell_m > 0:
             return True
-        stamp_ns = time.time_ns()
-        try:
-            view = decode_snapshot(snapshot)
-            entries = list(map_entries(view, self._layers - view.values.keys(), stamp_ns))
-        except (HeliosError, ValueError) as error:
-            self._count("unrecordable_messages")
-            log.warning("the map cannot be recorded: %s", error)
-            return True
-        self._map_version, self._layers = snapshot.version, frozenset(view.values)
-        self._tell(entries)
+        self._map_version = snapshot.version
+        self._tell(SNAPSHOT.name, lambda stamp_ns: self._entries_of(snapshot, stamp_ns))
         return True
 
     def _ask_objects(self, owed: bool) -> bool:
@@ -111,8 +103,14 @@ class MapWatch:
         reply = self._answer(OBJECTS, pb.ObjectsRequest(), owed)
         if reply is not None and reply.version != self._object_version:
             self._object_version = reply.version
-            self._tell([object_entry(reply, time.time_ns())])
+            self._tell(OBJECTS.name, lambda stamp_ns: [object_entry(reply, stamp_ns)])
         return reply is not None
+
+    def _entries_of(self, snapshot: pb.MapSnapshot, stamp_ns: int) -> list[Entry]:
+        view = decode_snapshot(snapshot)
+        entries = list(map_entries(view, self._layers - view.values.keys(), stamp_ns))
+        self._layers = frozenset(view.values)
+        return entries
 
     def _answer(self, method: Method[Req, Rep], request: Req, owed: bool) -> Rep | None:
         """None where none came in time. owed: the map has announced it, so that counts."""
@@ -124,7 +122,14 @@ class MapWatch:
                 log.info("%s gave no answer: %s", method.name, error.message)
         return None
 
-    def _tell(self, entries: list[Entry]) -> None:
+    def _tell(self, name: str, make: Callable[[int], list[Entry]]) -> None:
+        """Put what is made of an answer; one that cannot be read is counted."""
+        try:
+            entries = make(time.time_ns())
+        except Exception as error:  # of whatever came: the next answer may be right
+            self._count("unrecordable_messages")
+            log.warning("%s cannot be recorded (%s: %s)", name, type(error).__name__, error)
+            return
         for entry in entries:
             with self._putting:
                 if not self._ending.is_set():
