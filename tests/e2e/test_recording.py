@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,13 +43,10 @@ from helios_replay.answers import RecordedDetector
 from helios_replay.opening import open_source
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.thread import WorldThread
-from mcap.exceptions import EndOfFile, McapError
-from mcap.reader import NonSeekingReader
-from mcap_protobuf.decoder import DecoderFactory
 
 from tests.helios_up import Up, helios_up
 from tests.support import ENDS_WITHIN_S, LOOPBACK, wait_until
-from tests.unit.recorder.recorder_maps import cells_of
+from tests.unit.recorder.recorder_maps import cells_of, last_of
 
 SEED = 1
 MOST_STEPS = 400
@@ -322,18 +319,6 @@ def test_it_holds_the_map_and_the_objects_that_helios_tells(up: RecordedUp, tmp_
         box = drawn[id].cubes[0].pose.position
         np.testing.assert_allclose([box.x, box.y, box.z], o["center_m"], atol=1e-6)
         assert drawn[id].texts[0].text == f"{o['class']} {o['score']:.2f}"
-
-
-def last_of(folder: Path) -> dict[str, Any]:
-    """The newest message of each channel, as a foreign program reads it; the file may be written at
-    this moment."""
-    out: dict[str, Any] = {}
-    for path in sorted(folder.glob("*.mcap")):
-        reader = NonSeekingReader(path.open("rb"), decoder_factories=[DecoderFactory()])
-        with suppress(EndOfFile, McapError):
-            for _, channel, _, message in reader.iter_decoded_messages(log_time_order=False):
-                out[channel.topic] = message
-    return out
 
 
 def test_without_anything_to_record_it_says_so(tmp_path: Path) -> None:

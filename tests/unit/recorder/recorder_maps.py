@@ -5,11 +5,17 @@ from __future__ import annotations
 import threading
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.topics import MAP2D_ACK, OBJECTMAP_ACK, OBJECTS, SNAPSHOT
+from mcap.exceptions import EndOfFile, McapError
+from mcap.reader import NonSeekingReader
+from mcap_protobuf.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 DTYPES = {1: "u1", 2: "i1", 7: "<f4"}  # foxglove.PackedElementField.NumericType
@@ -95,3 +101,15 @@ def cell_at(grid, x_m: float, y_m: float) -> np.void:
     column = int((x_m - corner.x) / grid.cell_size.x)
     row = int((y_m - corner.y) / grid.cell_size.y)
     return cells_of(grid)[row, column]
+
+
+def last_of(folder: Path) -> dict[str, Any]:
+    """The newest message of each channel, as a foreign program reads it; the file may be written at
+    this moment."""
+    out: dict[str, Any] = {}
+    for path in sorted(folder.glob("*.mcap")):
+        with path.open("rb") as file, suppress(EndOfFile, McapError):
+            reader = NonSeekingReader(file, decoder_factories=[DecoderFactory()])
+            for _, channel, _, message in reader.iter_decoded_messages(log_time_order=False):
+                out[channel.topic] = message
+    return out
