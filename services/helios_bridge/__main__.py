@@ -40,9 +40,9 @@ class Hosted:
                 except HeliosError as error:  # trying again would not help
                     health.degraded(error.message)
                     return
-                except Exception as error:  # of somebody's own driver
-                    log.exception("the driver failed")
-                    health.degraded(f"the driver failed ({type(error).__name__}: {error}); mend it")
+                except Exception as error:  # of ours
+                    log.exception("the bridge could not be made")
+                    health.degraded(f"the bridge failed ({type(error).__name__}: {error})")
                     return
                 self._service = service
                 if not self._ending.is_set():

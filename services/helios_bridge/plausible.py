@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, is_rigid
 
@@ -21,6 +22,8 @@ AWAY_M = 5.0  # from the base to its camera, level; the 2D map takes no more eit
 def check_poses(T_world_cam: Matrix, T_world_base: Matrix, whose: str) -> None:
     """Raises InvalidInput that says what came and what is wanted. whose: "the driver's"."""
     for name, T in (("T_world_cam", T_world_cam), ("T_world_base", T_world_base)):
+        if not isinstance(T, np.ndarray):
+            raise InvalidInput(f"{whose} {name} is a {type(T).__name__}; give an array [4, 4]")
         if not is_rigid(T):
             raise InvalidInput(
                 f"{whose} {name} is no rigid transform [4, 4]: {T.tolist()}; give a rotation and a "

@@ -79,9 +79,9 @@ class Player:
             except HeliosError as error:
                 self._fail(error.message)
                 return
-            except Exception as error:  # of somebody's own driver
-                log.exception("the driver failed")
-                self._fail(f"the driver failed ({type(error).__name__}: {error}); mend it")
+            except Exception as error:  # of ours
+                log.exception("a keyframe could not be made")
+                self._fail(f"the bridge failed ({type(error).__name__}: {error})")
                 return
             told()
         if unreadable:

@@ -46,6 +46,7 @@ from helios_core.types import FrameId, RobotState
 from helios_bridge.acks import part_of
 from helios_bridge.actions import ActionLog
 from helios_bridge.crew import Crew
+from helios_bridge.guard import DriverFault, GuardedDriver
 from helios_bridge.lease import Lease
 from helios_bridge.lookout import Lookout
 from helios_bridge.play import Player
@@ -78,8 +79,9 @@ class BridgeService:
         `crew`: whose threads use the driver. Raises InvalidInput when the driver describes a robot
         that there can't be."""
         first = time.time_ns() // 1_000_000 if first_number is None else first_number
-        self._bus, self._driver, self._settings = bus, driver, settings
+        self._bus, self._settings = bus, settings
         self._health = Wellbeing(health)
+        self._driver = GuardedDriver(driver, self._health)
         self._turn = threading.Lock()  # whoever holds it uses the driver
         self._stopped_why = ""
         self._busy_until_s: float | None = None  # when the running action has outlived its time
@@ -91,9 +93,9 @@ class BridgeService:
         self._crew = crew or Crew()
         self._acks, self._actions = AckBook(part_of), ActionLog()
         self._lease = Lease(settings.lease_s, first)
-        description = description_to_proto(driver.describe())
+        description = description_to_proto(self._driver.describe())
         self._description = description_from_proto(description)  # as every service will check it
-        self._lookout = Lookout(bus, driver, settings, self._health, self._acks, first)
+        self._lookout = Lookout(bus, self._driver, settings, self._health, self._acks, first)
         self._player: Player | None = None
         self._desk: PushDesk | None = None
         if isinstance(driver, PushDriver):
@@ -103,7 +105,7 @@ class BridgeService:
             )  # fmt: skip
         elif not self._description.can_move and settings.autoplay:
             self._player = Player(
-                bus, driver, self._lookout, self._turn, self._health,
+                bus, self._driver, self._lookout, self._turn, self._health,
                 settings.contexts, settings.strict,
             )  # fmt: skip
         bus.publish(ROBOT_DESCRIPTION, description)
@@ -307,13 +309,13 @@ class BridgeService:
             try:
                 self._lookout.look(keyframe=self._lookout.last_keyframe == 0)
                 self._health.ready()
-            except HeliosError as error:
-                self._health.waiting(f"the robot gives no image: {error.message}")
             except EndOfRecording:
                 return
-            except Exception as error:  # of somebody's own driver: it may come right, so go on
-                log.exception("the driver failed")
-                self._health.degraded(f"the driver failed ({type(error).__name__}: {error})")
+            except HeliosError as error:
+                self._health.waiting(f"the robot gives no image: {error.message}")
+            except Exception as error:  # of ours: the next frame may come right, so go on
+                log.exception("a frame could not be made")
+                self._health.degraded(f"the bridge failed ({type(error).__name__}: {error})")
             finally:
                 self._turn.release()
             self._publish_state()
@@ -331,8 +333,7 @@ class BridgeService:
     def _publish_state(self) -> None:
         try:
             self._bus.publish(ROBOT_STATE, state_to_proto(self.state()))
+        except DriverFault:
+            pass  # its health says so until the driver's state comes again
         except HeliosError as error:
             log.warning("the robot's state could not be told: %s", error.message)
-        except Exception as error:  # of somebody's own driver: it may come right, so go on
-            log.exception("the driver failed")
-            self._health.degraded(f"the driver failed ({type(error).__name__}: {error})")

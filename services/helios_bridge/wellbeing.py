@@ -8,13 +8,15 @@ from helios_core.health import Health
 
 
 class Wellbeing:
-    """As Health, but what is wrong with the driver's stop outweighs all that is said meanwhile: a
-    frame of the stream is no sign that the robot stands. Thread-safe."""
+    """As Health, but what is wrong with the driver outweighs all that is said meanwhile, its stop
+    most of all: a frame of the stream is no sign that the robot stands, or that it can drive.
+    Thread-safe."""
 
     def __init__(self, health: Health) -> None:
         self._health = health
         self._lock = threading.Lock()
         self._stop = ""  # what is wrong with it
+        self._faults: dict[str, str] = {}  # method of the driver -> what is wrong with it
         self._said = health.state  # last, of everything else
 
     def ready(self, note: str = "") -> None:
@@ -38,6 +40,18 @@ class Wellbeing:
                 self._stop = ""
                 self._tell()
 
+    def driver_fails(self, method: str, reason: str) -> None:
+        """Until `driver_works` for the same method."""
+        with self._lock:
+            self._faults.pop(method, None)  # the newest is said
+            self._faults[method] = reason
+            self._tell()
+
+    def driver_works(self, method: str) -> None:
+        with self._lock:
+            if self._faults.pop(method, None) is not None:
+                self._tell()
+
     def count(self, name: str) -> None:
         self._health.count(name)
 
@@ -50,7 +64,8 @@ class Wellbeing:
             self._tell()
 
     def _tell(self) -> None:
-        state, reason = ("degraded", self._stop) if self._stop else self._said
+        fault = self._stop or (list(self._faults.values())[-1] if self._faults else "")
+        state, reason = ("degraded", fault) if fault else self._said
         {"waiting": self._health.waiting, "degraded": self._health.degraded}.get(
             state, self._health.ready
         )(reason)

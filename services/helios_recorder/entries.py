@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
@@ -24,17 +23,13 @@ from helios_core.recording import (
     channel_of,
     split_frame,
 )
-from helios_core.topics import DECISION, PREVIEW, TASK
+from helios_core.topics import DECISION, PLAN, PREVIEW, TASK
+
+from helios_recorder.entry import Entry
+from helios_recorder.plan_entries import candidate_entry, plan_entries
+from helios_recorder.scene import stamp
 
 ORANGE = (1.0, 0.55, 0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class Entry:
-    """What is written: a message and where."""
-
-    channel: str
-    message: Message
 
 
 class Entries:
@@ -49,6 +44,7 @@ class Entries:
             channel_of(PREVIEW): self._preview,
             channel_of(TASK): self._task,
             channel_of(DECISION): self._decision,
+            channel_of(PLAN): self._plan,
         }
 
     def of(self, channel: str, message: Message, log_time_ns: int) -> Iterator[Entry]:
@@ -78,8 +74,8 @@ class Entries:
         assert isinstance(message, pb.Preview)
         yield Entry(channel_of(PREVIEW), message)
         id = message.id
-        stamp = self._stamps.get((id.robot_boot_id, id.world_epoch, id.seq))
-        yield Entry(ANNOTATIONS, _annotations(message, stamp or _time(log_time_ns)))
+        taken = self._stamps.get((id.robot_boot_id, id.world_epoch, id.seq))
+        yield Entry(ANNOTATIONS, _annotations(message, taken or stamp(log_time_ns)))
 
     def _task(self, message: Message, log_time_ns: int) -> Iterator[Entry]:
         assert isinstance(message, pb.Task)
@@ -92,6 +88,12 @@ class Entries:
         assert isinstance(message, pb.Decision)
         yield Entry(channel_of(DECISION), message)
         yield Entry(LOG, _log("decision", message.why, Log.Level.INFO, log_time_ns))
+        yield candidate_entry(message, log_time_ns)
+
+    def _plan(self, message: Message, log_time_ns: int) -> Iterator[Entry]:
+        assert isinstance(message, pb.Plan)
+        yield Entry(channel_of(PLAN), message)
+        yield from plan_entries(message, log_time_ns)
 
 
 def _calibration(frame: pb.Frame) -> CameraCalibration:
@@ -107,9 +109,9 @@ def _calibration(frame: pb.Frame) -> CameraCalibration:
     return out
 
 
-def _transform(pose: PoseInFrame, child: str, stamp: Timestamp) -> FrameTransform:
+def _transform(pose: PoseInFrame, child: str, taken: Timestamp) -> FrameTransform:
     out = FrameTransform(
-        timestamp=stamp, parent_frame_id="world", child_frame_id=child,
+        timestamp=taken, parent_frame_id="world", child_frame_id=child,
         rotation=pose.pose.orientation,
     )  # fmt: skip
     p = pose.pose.position
@@ -117,15 +119,15 @@ def _transform(pose: PoseInFrame, child: str, stamp: Timestamp) -> FrameTransfor
     return out
 
 
-def _annotations(preview: pb.Preview, stamp: Timestamp) -> ImageAnnotations:
+def _annotations(preview: pb.Preview, taken: Timestamp) -> ImageAnnotations:
     """A box and a label for each detection."""
     out = ImageAnnotations()
     for detection in preview.detections:
         m = detection.mask
-        box = out.points.add(timestamp=stamp, type=PointsAnnotation.LINE_LOOP, thickness=2)
+        box = out.points.add(timestamp=taken, type=PointsAnnotation.LINE_LOOP, thickness=2)
         for x, y in ((0, 0), (m.width, 0), (m.width, m.height), (0, m.height)):
             box.points.add(x=m.x + x, y=m.y + y)
-        text = out.texts.add(timestamp=stamp, font_size=12)
+        text = out.texts.add(timestamp=taken, font_size=12)
         text.text = f"{detection.class_name} {detection.score:.2f}"
         text.position.x, text.position.y = m.x, m.y
         for color in (box.outline_color, text.text_color):
@@ -134,10 +136,4 @@ def _annotations(preview: pb.Preview, stamp: Timestamp) -> ImageAnnotations:
 
 
 def _log(name: str, said: str, level: Log.Level.ValueType, log_time_ns: int) -> Log:
-    return Log(timestamp=_time(log_time_ns), level=level, message=said, name=name)
-
-
-def _time(ns: int) -> Timestamp:
-    out = Timestamp()
-    out.FromNanoseconds(ns)
-    return out
+    return Log(timestamp=stamp(log_time_ns), level=level, message=said, name=name)

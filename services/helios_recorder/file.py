@@ -13,7 +13,7 @@ from helios_core.recording import PROFILE
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
-from helios_recorder.entries import Entry
+from helios_recorder.entry import Entry
 from helios_recorder.settings import MB, Settings
 
 COMPRESSION = {

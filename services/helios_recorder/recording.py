@@ -10,6 +10,7 @@ import errno
 import logging
 import threading
 import time
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -18,7 +19,8 @@ from helios_core.errors import HeliosError
 from helios_core.health import Health
 from helios_core.recording import SUFFIX
 
-from helios_recorder.entries import Entries, Entry
+from helios_recorder.entries import Entries
+from helios_recorder.entry import Entry
 from helios_recorder.file import DiskFull, RecordingFile
 from helios_recorder.inbox import Inbox, Item
 from helios_recorder.settings import MB, Settings
@@ -30,13 +32,14 @@ CLOSE_WITHIN_S = 1.5
 
 
 class Recording:
-    """See the module. `retained` channels are repeated at the start of every file."""
+    """See the module. `retained`: whether a channel's last message is repeated at the start of
+    every file."""
 
-    def __init__(self, settings: Settings, health: Health, retained: frozenset[str]) -> None:
+    def __init__(self, settings: Settings, health: Health, retained: Callable[[str], bool]) -> None:
         self._settings, self._health, self._retained = settings, health, retained
         self.inbox = Inbox(settings.queue_mb * MB)
         self._entries = Entries(settings.jpeg_quality)
-        self._last: dict[str, tuple[Message, int]] = {}  # of the retained channels
+        self._last: dict[str, tuple[Message, int]] = {}  # of the retained channels, in their order
         self._file: RecordingFile | None = None
         self._trouble = ""
         self._again_s = 0.0  # when the disk is tried again
@@ -86,16 +89,16 @@ class Recording:
                 self._stop(error)
 
     def _step(self, item: Item | None) -> None:
-        if item is not None and item.channel in self._retained:
-            self._last[item.channel] = (item.message, item.log_time_ns)
+        keep = item is not None and self._retained(item.channel)
+        entries = self._entries_of(item) if item is not None and keep else None
         self._unwritten += item is not None
-        file = self._current(item)
+        file = self._current(item, entries or ())
         if file is None:
             self._count_lost()
             return
         before = file.bytes
         if item is not None:
-            self._write(file, item)
+            self._write(file, item, self._entries_of(item) if entries is None else entries)
         tended = file.tend()
         if file.bytes > before:
             self._unwritten = 0
@@ -107,8 +110,9 @@ class Recording:
         if self._dropped != self._told_dropped:
             self._tell(file)
 
-    def _current(self, item: Item | None) -> RecordingFile | None:
-        """The file to write to; None while the disk takes nothing."""
+    def _current(self, item: Item | None, entries: Sequence[Entry]) -> RecordingFile | None:
+        """The file to write to; None while the disk takes nothing. entries: of the item, as far as
+        they are known, which a new file need not repeat."""
         if self._file is not None and self._file.is_over:
             self._file.finish()
             self._file, self._unwritten = None, int(item is not None)
@@ -118,7 +122,7 @@ class Recording:
             self._trouble = ""
             self._health.set("files", self._files)
             self._tell(self._file)
-            self._repeat(self._file, item)
+            self._repeat(self._file, item, {entry.channel for entry in entries})
         return self._file
 
     def _next_path(self) -> Path:
@@ -133,23 +137,32 @@ class Recording:
         lost = f"; {self._told_dropped} messages were dropped" if self._told_dropped else ""
         self._health.ready(f"recording to {file.path}{lost}")
 
-    def _repeat(self, file: RecordingFile, item: Item | None) -> None:
-        """What is still true, so that each file stands alone."""
+    def _repeat(self, file: RecordingFile, item: Item | None, coming: set[str]) -> None:
+        """What is still true, so that each file stands alone. coming: channels that the item writes
+        anew."""
         for channel, (message, log_time_ns) in self._last.items():
-            if item is None or channel != item.channel:
+            if channel not in coming:
                 now_ns = log_time_ns if item is None else item.log_time_ns
                 file.write(Entry(channel, message), now_ns, log_time_ns)
 
-    def _write(self, file: RecordingFile, item: Item) -> None:
+    def _entries_of(self, item: Item) -> Sequence[Entry]:
+        """None at all where the message cannot be recorded, which is counted."""
         try:
             entries = list(self._entries.of(item.channel, item.message, item.log_time_ns))
         except HeliosError as error:
             self._health.count("unrecordable_messages")
             log.warning("%s: %s", item.channel, error.message)
-            return
+            return ()
+        for entry in entries:
+            if self._retained(entry.channel):
+                self._last[entry.channel] = (entry.message, item.log_time_ns)
+        return entries
+
+    def _write(self, file: RecordingFile, item: Item, entries: Sequence[Entry]) -> None:
         for entry in entries:
             file.write(entry, item.log_time_ns, item.log_time_ns)
-        self._health.count("messages")
+        if entries:
+            self._health.count("messages")
 
     def _stop(self, error: OSError | DiskFull) -> None:
         """Say why, end the file where there is room for that, and count what is lost."""

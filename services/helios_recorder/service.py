@@ -14,22 +14,34 @@ from google.protobuf.message import Message
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.health import Health
-from helios_core.recording import channel_of, head_of
+from helios_core.recording import MAPS, channel_of, head_of
 from helios_core.topics import (
     ANY_STATUS,
+    CONTEXT,
     FRAME,
     KEYFRAME,
+    MAP2D_ACK,
+    OBJECTMAP_ACK,
     PREVIEW,
+    RETIRED,
     TOPICS,
     QoS,
     Topic,
     status_topic,
 )
 
+from helios_recorder.entry import Entry
+from helios_recorder.map_watch import MISSED, MapWatch
 from helios_recorder.recording import Recording
 from helios_recorder.settings import Settings
 
 DROPPABLE = frozenset({FRAME.name, PREVIEW.name})
+CHANGES = {  # topic -> which map has something new after it
+    MAP2D_ACK.name: ("map2d",),
+    OBJECTMAP_ACK.name: ("objectmap",),
+    RETIRED.name: ("objectmap",),
+    CONTEXT.name: ("map2d", "objectmap"),
+}
 LARGEST_GAP = 1000  # numbers that leap further were not lost: the bridge started again
 
 
@@ -40,16 +52,20 @@ class RecorderService:
         self._health = health
         self._gaps = Gaps()
         health.waiting("opening the recording")
-        for counter in ("dropped_frames", "dropped_messages", "missed_frames"):
+        for counter in ("dropped_frames", "dropped_messages", "missed_frames", MISSED):
             health.set(counter, 0)
-        retained = frozenset(channel_of(t) for t in TOPICS if t.qos is QoS.RETAINED)
-        self.recording = Recording(settings, health, retained)
+        self.recording = Recording(settings, health, is_retained)
+        self._maps: MapWatch | None = None
+        if settings.map_period_s > 0:
+            self._maps = MapWatch(bus, settings, self._put_map, health.count)
         for topic in TOPICS:
             self._subscribe(bus, topic)
         bus.subscribe(ANY_STATUS, self._on_status)
 
     def close(self) -> None:
         """Ends the file."""
+        if self._maps is not None:
+            self._maps.close()
         self.recording.close()
 
     def _subscribe(self, bus: Bus, topic: Topic) -> None:
@@ -65,16 +81,34 @@ class RecorderService:
                 head = head_of(message.frame)
                 message.frame.CopyFrom(head)
             self._put(channel, message, droppable)
+            self._note_change(topic, message)
 
         bus.subscribe(heard, keep)
 
     def _on_status(self, status: pb.ServiceStatus) -> None:
         self._put(channel_of(status_topic(status.service)), status, False)
 
+    def _note_change(self, topic: Topic, message: Message) -> None:
+        if self._maps is None or (isinstance(message, pb.Ack) and not message.accepted):
+            return
+        for service in CHANGES.get(topic.name, ()):
+            self._maps.news(service)
+
+    def _put_map(self, entry: Entry) -> None:
+        self._put(entry.channel, entry.message, True)
+
     def _put(self, channel: str, message: Message, droppable: bool) -> None:
         is_frame = channel in (channel_of(FRAME), channel_of(KEYFRAME))
         counter = "dropped_frames" if is_frame else "dropped_messages"
         self.recording.put(channel, message, droppable, counter)
+
+
+RETAINED = frozenset(channel_of(t) for t in TOPICS if t.qos is QoS.RETAINED)
+
+
+def is_retained(channel: str) -> bool:
+    """Whether its last message still holds, so that each file begins with it."""
+    return channel in RETAINED or channel.startswith(MAPS)
 
 
 class Gaps:

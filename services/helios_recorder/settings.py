@@ -36,6 +36,15 @@ class Settings(ServiceSettings):
     sync_s: float = Field(
         default=5.0, gt=0, description="the disk is made to keep what it has at this pace"
     )
+    map_period_s: float = Field(
+        default=1.0,
+        ge=0,
+        description="the maps are recorded at most this often, seconds, and only when they have "
+        "changed; 0: not at all",
+    )
+    map_timeout_s: float = Field(
+        default=2.0, gt=0, description="longest wait for a map's answer; without one it is counted"
+    )
     queue_mb: float = Field(
         default=256, gt=0, description="what waits to be written; beyond it messages are dropped"
     )

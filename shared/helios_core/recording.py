@@ -31,6 +31,16 @@ CALIBRATION = "/camera/calibration"
 TRANSFORMS = "/tf"
 LOG = "/log"
 ANNOTATIONS = "/detector/annotations"
+MAPS = "/map/"  # what the robot believed; all channels of it begin so
+OCCUPANCY = "/map/occupancy"  # foxglove.Grid
+VALUES = "/map/value/"  # and the layer's name; foxglove.Grid
+OBSTACLES = "/map/obstacles"  # foxglove.PointCloud
+FRONTIERS = "/map/frontiers"  # foxglove.SceneUpdate, as what follows
+TRAJECTORY = "/map/trajectory"
+OBJECTS = "/map/objects"
+PLAN = "/map/plan"
+CANDIDATES = "/map/candidates"
+PATH = "/map/path"  # foxglove.PosesInFrame
 PIXELS = frozenset({"raw_color", "compressed_color", "raw_depth", "compressed_depth"})
 
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -44,6 +47,22 @@ def act(bus: ZenohBus, id: str, action: pb.Action) -> pb.ActionResult:
 
 def test_the_example_is_as_short_as_the_docs_say() -> None:
     assert len(Path(room_robot.__file__).read_text().splitlines()) <= MOST_LINES
+
+
+def test_the_program_of_the_docs_drives_it_and_hears_the_map(up: OwnUp, tmp_path: Path) -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs/drive-from-python.md").read_text()
+    [program] = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    assert len(program.splitlines()) <= 40, "short enough to read"
+    (tmp_path / "drive.py").write_text(program)
+    done = subprocess.run(
+        [sys.executable, "drive.py", up.router], cwd=tmp_path, capture_output=True, text=True,
+        timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    *steps, known = done.stdout.splitlines()
+    assert [line.split()[:2] for line in steps] == 4 * [["forward", "True"], ["turn", "True"]]
+    assert all(line.endswith(" m True") for line in steps), done.stdout
+    assert float(known.split()[0]) > 5
 
 
 def test_a_drive_is_done_and_its_keyframe_reaches_the_map(up: OwnUp, bus: ZenohBus) -> None:

@@ -24,6 +24,8 @@ from helios_core.codec import action_to_proto
 from helios_core.grids import decode_snapshot
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.recording import OBJECTS as OBJECTS_SEEN
+from helios_core.recording import OCCUPANCY
 from helios_core.robot import Observe
 from helios_core.topics import ACT, GAUSSIANS, LEASE, OBJECTS, ROBOT_STATE, SNAPSHOT
 from helios_eval.episodes.house import House
@@ -44,6 +46,7 @@ from helios_sim.thread import WorldThread
 
 from tests.helios_up import Up, helios_up
 from tests.support import ENDS_WITHIN_S, LOOPBACK, wait_until
+from tests.unit.recorder.recorder_maps import cells_of, last_of
 
 SEED = 1
 MOST_STEPS = 400
@@ -273,6 +276,49 @@ def test_a_recorder_may_come_from_outside(up: RecordedUp, tmp_path: Path) -> Non
     finally:
         process.terminate()
         assert process.wait(ENDS_WITHIN_S) == 0
+
+
+def test_it_holds_the_map_and_the_objects_that_helios_tells(up: RecordedUp, tmp_path: Path) -> None:
+    """While the robot stands, so that both are of one version."""
+    tasks = f"http://127.0.0.1:{up.port}/v1/tasks"
+    task = LOOPBACK.post(tasks, json={"instruction": "Find the bed"}, timeout=20).json()
+
+    def objects() -> dict[int, Any]:
+        answer = LOOPBACK.get(f"http://127.0.0.1:{up.port}/v1/objects", timeout=10).json()
+        return {o["id"]: o for o in answer["objects"]}
+
+    wait_until(objects, 120, "something is believed")
+    LOOPBACK.post(f"{tasks}/{task['id']}/cancel", timeout=10)
+
+    def stands() -> bool:
+        now = LOOPBACK.get(f"{tasks}/{task['id']}", timeout=10).json()["state"]
+        return now in ("cancelled", "succeeded", "failed")
+
+    wait_until(stands, 60, "the robot stands")
+    out = tmp_path / "recorded"
+    argv = ("record", "--out", str(out), "--port", str(up.port), "--state", str(up.state))
+    process = subprocess.Popen([sys.executable, "-m", "helios_client", *argv])
+    try:
+        wait_until(lambda: last_of(out).keys() >= {OCCUPANCY, OBJECTS_SEEN}, 60, "it has the map")
+    finally:
+        process.terminate()
+        assert process.wait(ENDS_WITHIN_S) == 0
+    last = last_of(out)
+    exported = tmp_path / "exported"
+    done = helios("map", "export", "--out", str(exported), "--port", str(up.port))
+    assert done.returncode == 0, done.stderr
+    grid = last[OCCUPANCY]
+    with np.load(exported / "occupancy.npz") as live:
+        np.testing.assert_array_equal(cells_of(grid)["occupancy"], live["occupancy"])
+        corner = grid.pose.position
+        np.testing.assert_allclose([corner.x, corner.y], live["origin_m"])
+        assert grid.cell_size.x == grid.cell_size.y == float(live["cell_m"])
+    drawn = {int(e.id.split()[1]): e for e in last[OBJECTS_SEEN].entities}
+    assert drawn.keys() == objects().keys()
+    for id, o in objects().items():
+        box = drawn[id].cubes[0].pose.position
+        np.testing.assert_allclose([box.x, box.y, box.z], o["center_m"], atol=1e-6)
+        assert drawn[id].texts[0].text == f"{o['class']} {o['score']:.2f}"
 
 
 def test_without_anything_to_record_it_says_so(tmp_path: Path) -> None:

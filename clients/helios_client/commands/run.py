@@ -111,11 +111,18 @@ def record(
     name: Annotated[
         str | None, typer.Option(help="the robot's name  [default: that of helios up]")
     ] = None,
+    url: Annotated[
+        str | None,
+        typer.Option(
+            help="of the HTTP interface, on this machine  [default: http://127.0.0.1:PORT]",
+            envvar="HELIOS_URL",
+        ),
+    ] = None,
 ) -> None:
     """Record every topic of a running robot into MCAP. Until Ctrl-C."""
     from helios_client.commands.record import record as run_record
 
-    run_record(out, port, state, router, name)
+    run_record(out, port, state, router, name, url)
 
 
 @app.command()

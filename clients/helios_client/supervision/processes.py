@@ -31,7 +31,7 @@ class ProcessSpec:
 class Ending:
     """How a process ended."""
 
-    status: int  # as subprocess has it: negative is a signal
+    status: int | None  # as subprocess has it: negative is a signal; None: it never started
     said: str  # the last line of its output
 
     @property
@@ -40,10 +40,16 @@ class Ending:
 
     @property
     def reason(self) -> str:
-        """One clause, with the last words where there are some."""
-        if self.status < 0:
-            return f"ended by {_signal_name(-self.status)}"
-        return self.said or f"ended with status {self.status}"
+        """One clause: the signal or the exit status, and the last log line where there is one. Of
+        wrong use the sentence alone, which says what to do."""
+        if self.status is None or (self.usage_error and self.said):
+            return self.said
+        how = (
+            f"ended by {_signal_name(-self.status)}"
+            if self.status < 0
+            else f"exit status {self.status}"
+        )
+        return f"{how}; last log line: {self.said}" if self.said else how
 
 
 class Child:

@@ -97,7 +97,7 @@ class Supervisor:
                 try:
                     self._start(row)
                 except OSError as error:
-                    self._note_ending(row, Ending(1, f"could not be started: {error}"), now_s)
+                    self._note_ending(row, Ending(None, f"could not be started: {error}"), now_s)
         return tuple(ended)
 
     def table(self) -> tuple[ProcessInfo, ...]:

@@ -95,7 +95,9 @@ def test_a_process_that_keeps_failing_is_started_less_and_less_often(bench: Benc
     for failures in (2, 3, 4):
         wait_for_ending(supervisor)
         row = supervisor.table()[0]
-        assert (row.state, row.pid, row.reason) == (State.RESTARTING, 0, "no model at x")
+        assert (row.state, row.pid, row.reason) == (
+            State.RESTARTING, 0, "exit status 1; last log line: no model at x",
+        )  # fmt: skip
         bench.clock.now_s += restart_delay_s(failures) - 0.01
         supervisor.check()
         assert supervisor.table()[0].state is State.RESTARTING
@@ -168,7 +170,24 @@ def test_the_reason_is_of_this_start_and_not_of_an_earlier_one(bench: Bench) -> 
     supervisor = bench("import sys; sys.exit(3)", restart=False)
     supervisor.start()
     wait_for_ending(supervisor)
-    assert supervisor.table()[0].reason == "ended with status 3"
+    assert supervisor.table()[0].reason == "exit status 3"
+
+
+@pytest.mark.parametrize(
+    ("end", "told"),
+    [
+        ("os._exit(7)", "exit status 7; last log line: INFO ready"),
+        ("os.kill(os.getpid(), 11)", "ended by SIGSEGV; last log line: INFO ready"),
+        ("os._exit(2)", "INFO ready"),  # wrong use: what it said is what to do
+    ],
+)
+def test_the_reason_names_the_exit_status_or_signal_and_the_last_log_line(
+    bench: Bench, end: str, told: str
+) -> None:
+    supervisor = bench(f"import os; print('INFO ready', flush=True); {end}", restart=False)
+    supervisor.start()
+    wait_for_ending(supervisor)
+    assert supervisor.table()[0].reason == told
 
 
 def test_stop_ends_also_what_ignores_it_and_its_children(bench: Bench) -> None:

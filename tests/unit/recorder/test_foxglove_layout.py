@@ -11,10 +11,19 @@ from typing import Any
 from helios_core.recording import (
     ANNOTATIONS,
     CALIBRATION,
+    CANDIDATES,
+    FRONTIERS,
     KEYFRAME_CHANNELS,
     LOG,
+    OBJECTS,
+    OBSTACLES,
+    OCCUPANCY,
+    PATH,
+    PLAN,
     STREAM_CHANNELS,
+    TRAJECTORY,
     TRANSFORMS,
+    VALUES,
     channel_of,
 )
 from helios_core.topics import TOPICS
@@ -22,7 +31,10 @@ from helios_core.topics import TOPICS
 LAYOUT = json.loads(
     (Path(__file__).resolve().parents[3] / "deploy/foxglove-layout.json").read_text()
 )
+LAYERS = ("pick", "place")  # of a task that moves a thing
 RECORDED = {channel_of(t) for t in TOPICS} | {ANNOTATIONS, CALIBRATION, LOG, TRANSFORMS}
+MAP = {OCCUPANCY, OBSTACLES, FRONTIERS, TRAJECTORY, OBJECTS, PLAN, CANDIDATES, PATH}
+RECORDED |= MAP | {VALUES + layer for layer in LAYERS}
 for channels in (KEYFRAME_CHANNELS, STREAM_CHANNELS):
     RECORDED |= {channels.color, channels.depth}
 
@@ -56,3 +68,12 @@ def test_every_channel_of_it_is_recorded() -> None:
     named = {m.group() for w in words(LAYOUT["configById"]) if (m := re.match(r"/[\w/]+", w))}
     assert named
     assert named <= RECORDED
+
+
+def test_its_3d_panel_shows_all_that_the_robot_believes() -> None:
+    topics = LAYOUT["configById"]["3D!world"]["topics"]
+    assert set(topics) >= MAP
+    shown = {name for name, settings in topics.items() if settings["visible"]}
+    assert shown >= MAP - {PATH, OBSTACLES}  # plan and occupancy draw them already
+    for grid in (OCCUPANCY, *(VALUES + layer for layer in LAYERS)):
+        assert topics[grid]["colorMode"] == "rgba-fields"

@@ -1,0 +1,125 @@
+"""A driver whose faults arrive as sentences: which driver, which method, what it did.
+
+A driver is somebody else's code. Its typed errors pass. Whatever else it raises, and whatever it
+returns that is not of the promised type, becomes a `DriverFault`; the traceback goes to the log.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import TypeVar
+
+from helios_core.codec import description_to_proto, result_to_proto, state_to_proto
+from helios_core.errors import HeliosError, Internal
+from helios_core.robot import Action, ActionResult, Capture, EndOfRecording, RobotDriver
+from helios_core.types import RobotDescription, RobotState
+
+from helios_bridge.wellbeing import Wellbeing
+
+log = logging.getLogger(__name__)
+
+R = TypeVar("R")
+
+WHERE = "see STATE/logs/bridge.log"
+
+
+class DriverFault(Internal):
+    """A fault in the driver; the message names driver and method."""
+
+
+class GuardedDriver(RobotDriver):
+    """A driver behind checks. Each fault is told to `health` until the same method succeeds.
+
+    Safe from as many threads as the driver itself.
+    """
+
+    def __init__(self, driver: RobotDriver, health: Wellbeing) -> None:
+        kind = type(driver)
+        self.name = f"{kind.__module__}:{kind.__qualname__}"
+        self._driver, self._health = driver, health
+        self._lock = threading.Lock()
+        self._logged: dict[str, str] = {}  # method -> its last fault
+
+    def describe(self) -> RobotDescription:
+        return self._call(
+            "describe", "describe()", self._driver.describe, RobotDescription, description_to_proto
+        )
+
+    def state(self) -> RobotState:
+        return self._call("state", "state()", self._driver.state, RobotState, state_to_proto)
+
+    def capture(self) -> Capture:
+        return self._call("capture", "capture()", self._driver.capture, Capture)
+
+    def act(self, action: Action, action_id: str) -> ActionResult:
+        return self._call(
+            "act", f"act({type(action).__name__})", lambda: self._driver.act(action, action_id),
+            ActionResult, lambda result: result_to_proto(result, action_id),
+        )  # fmt: skip
+
+    def stop(self, reason: str) -> None:
+        self._call("stop", "stop()", lambda: self._driver.stop(reason))
+
+    def clear_stop(self) -> None:
+        self._call("clear_stop", "clear_stop()", self._driver.clear_stop)
+
+    def close(self) -> None:
+        self._call("close", "close()", self._driver.close)
+
+    def _call(
+        self,
+        method: str,
+        shown: str,
+        call: Callable[[], R],
+        wanted: type[R] | None = None,
+        encode: Callable[[R], object] | None = None,
+    ) -> R:
+        """What the driver returns. Raises DriverFault, and the driver's own HeliosError and
+        EndOfRecording. `encode` raises where a field has a wrong type."""
+        try:
+            out = call()
+        except (HeliosError, EndOfRecording):
+            raise
+        except (Exception, SystemExit) as error:
+            said = f"the driver {self.name} failed in {shown}: {type(error).__name__}: {error}"
+            raise self._fault(method, f"{said}; {WHERE}", error) from error
+        if wanted is not None and not isinstance(out, wanted):
+            came = "None" if out is None else _a(type(out))
+            raise self._fault(
+                method,
+                f"the driver {self.name} returned {came} from {shown}; return {_a(wanted)}",
+            )
+        if encode is not None:
+            try:
+                encode(out)
+            except Exception as error:
+                said = (
+                    f"the driver {self.name} returned {_a(type(out))} from {shown} with a "
+                    f"field of a wrong type: {type(error).__name__}: {error}; {WHERE}"
+                )
+                raise self._fault(method, said, error) from error
+        self._works(method)
+        return out
+
+    def _fault(self, method: str, said: str, error: BaseException | None = None) -> DriverFault:
+        with self._lock:
+            is_new = self._logged.get(method) != said
+            self._logged[method] = said
+        if is_new:  # a camera may fail many times a second
+            log.error("%s", said, exc_info=error)
+        self._health.driver_fails(method, said)
+        return DriverFault(said)
+
+    def _works(self, method: str) -> None:
+        with self._lock:
+            failed = self._logged.pop(method, None) is not None
+        if failed:
+            self._health.driver_works(method)
+
+
+def _a(kind: type) -> str:
+    """Its name with its article."""
+    name = kind.__name__
+    return f"an {name}" if name[0] in "AEIOUaeiou" else f"a {name}"

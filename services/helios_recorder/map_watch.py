@@ -1,0 +1,136 @@
+"""Asks the maps for what they hold whenever they have something new, and records the answer.
+
+One thread, one call at a time, each with a deadline and at most one round in `map_period_s`. What
+the maps do not answer is counted; a map that is away is no fault of the recording.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from google.protobuf.message import Message
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.errors import HeliosError
+from helios_core.grids import decode_snapshot
+from helios_core.topics import OBJECTS, SNAPSHOT, Method
+
+from helios_recorder.entry import Entry
+from helios_recorder.map_entries import map_entries, object_entry
+from helios_recorder.settings import Settings
+
+log = logging.getLogger(__name__)
+
+MISSED = "missed_maps"  # the figure that counts questions without an answer
+CLOSE_WITHIN_S = 0.2
+LONGEST_PAUSE_S = 30.0  # between questions to a map that gives no answer
+
+Req = TypeVar("Req", bound=Message)
+Rep = TypeVar("Rep", bound=Message)
+
+
+class MapWatch:
+    """See the module. `put` takes each message; it must not wait."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        settings: Settings,
+        put: Callable[[Entry], None],
+        count: Callable[[str], None],
+    ) -> None:
+        """count: raises a figure by its name. Asks once at the start, for a robot that stands."""
+        self._bus, self._put, self._count = bus, put, count
+        self._period_s, self._within_s = settings.map_period_s, settings.map_timeout_s
+        self._lock = threading.Lock()
+        self._putting = threading.Lock()  # held while a message is put, so that `close` is the end
+        self._news = {"map2d": False, "objectmap": False}  # whether an answer is owed
+        self._wake, self._ending = threading.Event(), threading.Event()
+        self._map_version = self._object_version = 0
+        self._layers: frozenset[str] = frozenset()
+        self._thread = threading.Thread(target=self._run, name="watch maps", daemon=True)
+        self._thread.start()
+
+    def news(self, service: str) -> None:
+        """That map has changed: "map2d" or "objectmap". Never waits."""
+        with self._lock:
+            self._news[service] = True
+        self._wake.set()
+
+    def close(self) -> None:
+        """Ask no more, and put nothing more."""
+        with self._putting:
+            self._ending.set()
+        self._wake.set()
+        self._thread.join(CLOSE_WITHIN_S)
+
+    def _run(self) -> None:
+        asks = {"map2d": self._ask_map2d, "objectmap": self._ask_objects}
+        for ask in asks.values():
+            ask(owed=False)
+        pause_s = self._period_s
+        while not self._ending.wait(pause_s):
+            self._wake.wait()
+            if self._ending.is_set():
+                return
+            with self._lock:
+                self._wake.clear()
+                owed = {name for name, new in self._news.items() if new}
+                self._news = dict.fromkeys(self._news, False)
+            missed = [name for name in owed if not asks[name](owed=True)]
+            for name in missed:  # the answer is still owed
+                self.news(name)
+            pause_s = min(2 * pause_s, LONGEST_PAUSE_S) if missed else self._period_s
+
+    def _ask_map2d(self, owed: bool) -> bool:
+        """Whether there was an answer."""
+        request = pb.SnapshotRequest(layers=True, if_newer=self._map_version)
+        snapshot = self._answer(SNAPSHOT, request, owed)
+        if snapshot is None:
+            return False
+        if snapshot.unchanged or not snapshot.cell_m > 0:
+            return True
+        self._map_version = snapshot.version
+        self._tell(SNAPSHOT.name, lambda stamp_ns: self._entries_of(snapshot, stamp_ns))
+        return True
+
+    def _ask_objects(self, owed: bool) -> bool:
+        """Whether there was an answer."""
+        reply = self._answer(OBJECTS, pb.ObjectsRequest(), owed)
+        if reply is not None and reply.version != self._object_version:
+            self._object_version = reply.version
+            self._tell(OBJECTS.name, lambda stamp_ns: [object_entry(reply, stamp_ns)])
+        return reply is not None
+
+    def _entries_of(self, snapshot: pb.MapSnapshot, stamp_ns: int) -> list[Entry]:
+        view = decode_snapshot(snapshot)
+        entries = list(map_entries(view, self._layers - view.values.keys(), stamp_ns))
+        self._layers = frozenset(view.values)
+        return entries
+
+    def _answer(self, method: Method[Req, Rep], request: Req, owed: bool) -> Rep | None:
+        """None where none came in time. owed: the map has announced it, so that counts."""
+        try:
+            return self._bus.call(method, request, self._within_s)
+        except HeliosError as error:
+            if owed and not self._ending.is_set():
+                self._count(MISSED)
+                log.info("%s gave no answer: %s", method.name, error.message)
+        return None
+
+    def _tell(self, name: str, make: Callable[[int], list[Entry]]) -> None:
+        """Put what is made of an answer; one that cannot be read is counted."""
+        try:
+            entries = make(time.time_ns())
+        except Exception as error:  # of whatever came: the next answer may be right
+            self._count("unrecordable_messages")
+            log.warning("%s cannot be recorded (%s: %s)", name, type(error).__name__, error)
+            return
+        for entry in entries:
+            with self._putting:
+                if not self._ending.is_set():
+                    self._put(entry)

@@ -1,0 +1,18 @@
+"""The tables of a driver's types are those of the dataclasses."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+from helios_core.robot import Action
+
+from scripts.page_of_types import ACTIONS, PAGE, fresh
+
+
+def test_the_tables_are_as_the_dataclasses_have_it() -> None:
+    page = PAGE.read_text()
+    assert fresh(page) == page, "run scripts/page_of_types.py"
+
+
+def test_every_action_has_its_row() -> None:
+    assert set(ACTIONS) == set(get_args(Action))

@@ -1,0 +1,167 @@
+"""A fault of somebody's own driver arrives as a sentence: the driver, the method, what it did."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from helios_bridge.service import BridgeService
+from helios_bridge.settings import Settings
+from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.robot import Action, ActionResult, Capture
+from helios_core.types import RobotDescription, RobotState
+
+from tests.support import wait_until
+from tests.unit.bridge.bridge_stage import LineRobot, Stage
+
+ME = f"{__name__}:Misbehaving"
+
+
+class Misbehaving(LineRobot):
+    """Each method gives what the test says, or raises it where it is an exception; `...`: right."""
+
+    gives: dict[str, Any]
+
+    def __init__(self, **gives: Any) -> None:
+        super().__init__()
+        self.gives = gives
+
+    def answer(self, method: str, right: Any) -> Any:
+        out = self.gives.get(method, ...)
+        if isinstance(out, BaseException):
+            raise out
+        return right if out is ... else out
+
+    def describe(self) -> RobotDescription:
+        return self.answer("describe", super().describe())
+
+    def state(self) -> RobotState:
+        return self.answer("state", super().state())
+
+    def capture(self) -> Capture:
+        return self.answer("capture", super().capture())
+
+    def act(self, action: Action, action_id: str) -> ActionResult:
+        return self.answer("act", super().act(action, action_id))
+
+    def stop(self, reason: str) -> None:
+        super().stop(reason)
+        self.answer("stop", None)
+
+
+@pytest.mark.parametrize(
+    ("gives", "said"),
+    [
+        (
+            KeyError("motor 3"),
+            f"the driver {ME} failed in act(Forward): KeyError: 'motor 3'; see "
+            "STATE/logs/bridge.log",
+        ),
+        (
+            SystemExit(3),
+            f"the driver {ME} failed in act(Forward): SystemExit: 3; see STATE/logs/bridge.log",
+        ),
+        (None, f"the driver {ME} returned None from act(Forward); return an ActionResult"),
+        (
+            {"succeeded": True},
+            f"the driver {ME} returned a dict from act(Forward); return an ActionResult",
+        ),
+        (
+            ActionResult(True, moved_m="far"),  # pyright: ignore[reportArgumentType]
+            f"the driver {ME} returned an ActionResult from act(Forward) with a field of a wrong "
+            "type",
+        ),
+    ],
+)
+def test_a_fault_in_act_names_driver_and_method_until_an_action_succeeds(
+    gives: Any, said: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = Misbehaving()
+    stage = Stage(robot)
+    stage.bridge.start()
+    assert stage.drive("good").succeeded
+    robot.gives["act"] = gives
+    with caplog.at_level(logging.ERROR), pytest.raises(Internal) as failed:
+        stage.drive("bad")
+    assert failed.value.message.startswith(said)
+    assert stage.health.state == ("degraded", failed.value.message)
+    if isinstance(gives, BaseException):
+        assert "in act" in caplog.text  # the traceback
+    stage.bridge._lookout.look(keyframe=False)  # an image is no sign that it can drive again
+    assert stage.health.state[0] == "degraded"
+    robot.gives.clear()
+    assert stage.drive("good again").succeeded
+    assert stage.health.state[0] == "ready"
+    stage.bridge.close()
+
+
+@pytest.mark.parametrize("method", ["capture", "state"])
+@pytest.mark.parametrize("gives", [None, [1, 2], OSError("USB unplugged")])
+def test_so_does_a_fault_in_what_is_asked_while_the_robot_stands(method: str, gives: Any) -> None:
+    robot, health = Misbehaving(), Health()
+    bridge = BridgeService(MemoryBus(MemoryHub()), robot, Settings(stream_hz=50), health)
+    bridge.start()
+    try:
+        wait_until(lambda: health.state[0] == "ready", 10, "it streams")
+        robot.gives[method] = gives
+        wait_until(lambda: health.state[0] == "degraded", 10, "the fault is said")
+        assert health.state[1].startswith(f"the driver {ME} ")
+        assert f"{method}()" in health.state[1]
+        robot.gives.clear()
+        wait_until(lambda: health.state[0] == "ready", 10, "it is over")
+    finally:
+        bridge.close()
+
+
+@pytest.mark.parametrize("gives", [None, "a robot", ZeroDivisionError("a slip")])
+def test_so_does_a_description_that_is_none(gives: Any) -> None:
+    with pytest.raises(Internal, match=r"the driver .*:Misbehaving .* describe\(\)"):
+        BridgeService(MemoryBus(MemoryHub()), Misbehaving(describe=gives), Settings(), Health())
+
+
+def test_a_stop_that_raises_is_said_to_whoever_asked_for_it() -> None:
+    stage = Stage(Misbehaving(stop=OSError("no route")))
+    from helios_core import proto as pb
+    from helios_core.topics import STOP
+
+    with pytest.raises(Internal, match=r"failed in stop\(\): OSError: no route"):
+        stage.other.call(STOP, pb.StopRequest(reason="a cat"), 5)
+    assert stage.health.state[0] == "degraded"
+
+
+def test_typed_errors_of_a_driver_are_its_own_words() -> None:
+    stage = Stage(Misbehaving(act=Unavailable("the arm is asleep; wake it")))
+    with pytest.raises(Unavailable, match=r"^the arm is asleep; wake it$"):
+        stage.drive("a")
+
+
+def test_the_same_fault_fills_no_log(caplog: pytest.LogCaptureFixture) -> None:
+    stage = Stage(Misbehaving(capture=OSError("USB unplugged")))
+    with caplog.at_level(logging.ERROR):
+        for _ in range(20):
+            with pytest.raises(HeliosError):
+                stage.bridge._lookout.look(keyframe=False)
+    assert caplog.text.count("Traceback") == 1
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"color": [[0]]}, "color is a list; give an array of uint8"),
+        ({"depth_m": None}, "depth_m is a NoneType; give an array of float32"),
+        ({"camera": (8, 8)}, "camera is a tuple; give a Pinhole"),
+        ({"T_world_cam": None}, "T_world_cam is a NoneType"),
+        ({"stamp_ns": 1.5}, "stamp_ns is a float; give an int"),
+        ({"T_world_base": np.eye(4).tolist()}, "T_world_base is a list"),
+    ],
+)
+def test_an_image_with_a_field_of_a_wrong_type_is_refused(wrong: dict[str, Any], said: str) -> None:
+    robot = Misbehaving()
+    robot.gives["capture"] = replace(LineRobot().capture(), **wrong)
+    with pytest.raises(InvalidInput, match=said):
+        Stage(robot).bridge._lookout.look(keyframe=False)

@@ -1,0 +1,115 @@
+"""Two maps that answer as a test says, and the cells of a recorded grid."""
+
+from __future__ import annotations
+
+import threading
+import zlib
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.topics import MAP2D_ACK, OBJECTMAP_ACK, OBJECTS, SNAPSHOT
+from mcap.exceptions import EndOfFile, McapError
+from mcap.reader import NonSeekingReader
+from mcap_protobuf.decoder import DecoderFactory
+from numpy.typing import NDArray
+
+DTYPES = {1: "u1", 2: "i1", 7: "<f4"}  # foxglove.PackedElementField.NumericType
+
+
+def snapshot_of(
+    occupancy: NDArray[np.int8],
+    origin_m: tuple[float, float] = (-1.0, 0.5),
+    cell_m: float = 0.05,
+    version: int = 1,
+    values: dict[str, NDArray[np.float32]] | None = None,
+) -> pb.MapSnapshot:
+    """As map2d sends it."""
+    rows, columns = occupancy.shape
+    out = pb.MapSnapshot(
+        version=version, cell_m=cell_m, origin_x_m=origin_m[0], origin_y_m=origin_m[1],
+        width=columns, height=rows, occupancy=zlib.compress(occupancy.tobytes()),
+        explored=zlib.compress((occupancy >= 0).astype("u1").tobytes()),
+        top_mm=zlib.compress(np.where(occupancy == 100, 900, 0).astype("<u2").tobytes()),
+        trajectory_m=[0, 0, 0.5, 0, 2, 2, 2, 3], trajectory_starts=[2],
+    )  # fmt: skip
+    for name, value in (values or {}).items():
+        out.values[name] = zlib.compress(value.astype("<f2").tobytes())
+    frontier = out.frontiers.add(id=7, x_m=0.4, y_m=1.2, size_m=0.6, reachable=True)
+    frontier.values["pick"] = 0.31
+    return out
+
+
+class FakeMaps:
+    """Answers `map2d/snapshot` and `objectmap/objects`; announces what is new."""
+
+    def __init__(self, bus: Bus, snapshot: pb.MapSnapshot) -> None:
+        self.bus, self.snapshot = bus, snapshot
+        self.objects = pb.ObjectsReply(version=1)
+        self.asked = self.at_once = self.most_at_once = 0
+        self.before: Callable[[], None] = lambda: None  # the answer
+        self._lock = threading.Lock()
+        bus.serve(SNAPSHOT, self._snapshot)
+        bus.serve(OBJECTS, lambda _: self.objects)
+
+    def announce(self) -> None:
+        self.bus.publish(MAP2D_ACK, pb.Ack(service="map2d", part="occupancy", accepted=True))
+        self.bus.publish(OBJECTMAP_ACK, pb.Ack(service="objectmap", part="objects", accepted=True))
+
+    def change(self, snapshot: pb.MapSnapshot) -> None:
+        """A newer version, which is announced."""
+        snapshot.version = self.snapshot.version + 1
+        self.snapshot = snapshot
+        self.objects.version += 1
+        self.announce()
+
+    def _snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot:
+        with self._lock:
+            self.asked += 1
+            self.at_once += 1
+            self.most_at_once = max(self.most_at_once, self.at_once)
+        try:
+            self.before()
+            if request.if_newer == self.snapshot.version:
+                return pb.MapSnapshot(version=self.snapshot.version, unchanged=True)
+            return self.snapshot
+        finally:
+            with self._lock:
+                self.at_once -= 1
+
+
+def cells_of(grid) -> NDArray[np.void]:
+    """[rows, columns] of a foxglove.Grid, read by its own fields as a viewer does."""
+    cell = np.dtype({
+        "names": [f.name for f in grid.fields],
+        "formats": [DTYPES[f.type] for f in grid.fields],
+        "offsets": [f.offset for f in grid.fields],
+        "itemsize": grid.cell_stride,
+    })  # fmt: skip
+    rows = np.frombuffer(grid.data, np.uint8).reshape(-1, grid.row_stride)
+    used = np.ascontiguousarray(rows[:, : grid.column_count * grid.cell_stride])
+    return used.view(cell).reshape(-1, grid.column_count)
+
+
+def cell_at(grid, x_m: float, y_m: float) -> np.void:
+    """The cell of a world point."""
+    corner = grid.pose.position
+    column = int((x_m - corner.x) / grid.cell_size.x)
+    row = int((y_m - corner.y) / grid.cell_size.y)
+    return cells_of(grid)[row, column]
+
+
+def last_of(folder: Path) -> dict[str, Any]:
+    """The newest message of each channel, as a foreign program reads it; the file may be written at
+    this moment."""
+    out: dict[str, Any] = {}
+    for path in sorted(folder.glob("*.mcap")):
+        with path.open("rb") as file, suppress(EndOfFile, McapError):
+            reader = NonSeekingReader(file, decoder_factories=[DecoderFactory()])
+            for _, channel, _, message in reader.iter_decoded_messages(log_time_order=False):
+                out[channel.topic] = message
+    return out

@@ -1,0 +1,265 @@
+"""A recording holds what the robot believed: grids, objects, frontiers, path, candidates."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from helios_core import proto as pb
+from helios_core.grids import FREE, OCCUPIED, UNKNOWN, decode_snapshot
+from helios_core.recording import MAPS
+from helios_core.topics import CONTEXT, DECISION, PLAN
+from helios_recorder.map_entries import map_entries, object_entry
+from helios_recorder.plan_entries import candidate_entry, plan_entries
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as np_st
+
+from tests.support import wait_until
+from tests.unit.recorder.recorder_bus import Recorded, context
+from tests.unit.recorder.recorder_maps import FakeMaps, cell_at, cells_of, snapshot_of
+from tests.unit.recorder.test_recorder_file import messages, only_file
+
+FAST = 0.01  # seconds between questions
+CELL = st.sampled_from([UNKNOWN, FREE, OCCUPIED])
+
+
+def small_map(marked: tuple[int, int] = (1, 3)) -> np.ndarray:
+    """Free, but for one obstacle and an unknown row at the highest y."""
+    out = np.zeros((4, 6), np.int8)
+    out[marked], out[-1] = OCCUPIED, UNKNOWN
+    return out
+
+
+def with_objects(maps: FakeMaps) -> None:
+    o = maps.objects.objects.add(id=3, class_name="cup", score=0.82, class_score=0.9)
+    o.center_m.x, o.center_m.y, o.center_m.z = 0.2, 0.6, 0.8
+    o.size_m.x, o.size_m.y, o.size_m.z = 0.1, 0.1, 0.12
+
+
+def asked(recorded: Recorded, maps: FakeMaps, more_than: int = 0) -> None:
+    wait_until(lambda: maps.asked > more_than and maps.at_once == 0, 20, "the map is asked")
+
+
+# --- what is written --------------------------------------------------------------------------
+def test_the_map_is_recorded_where_it_lies(tmp_path: Path) -> None:
+    """Row up is y up, column right is x right."""
+    recorded = Recorded(tmp_path, map_period_s=FAST)
+    value = np.zeros((4, 6), np.float32)
+    value[0, 5] = 0.5
+    maps = FakeMaps(recorded.bus, snapshot_of(small_map(), values={"pick": value}))
+    with_objects(maps)
+    maps.announce()
+    asked(recorded, maps)
+    wait_until(
+        lambda: recorded.service.recording._last.get("/map/objects"), 20, "it reaches the file"
+    )
+    recorded.close()
+    said = messages(only_file(tmp_path))
+    grid = said["/map/occupancy"][-1]
+    assert (grid.frame_id, grid.column_count, len(cells_of(grid))) == ("world", 6, 4)
+    assert cell_at(grid, -1.0 + 3.5 * 0.05, 0.5 + 1.5 * 0.05)["occupancy"] == OCCUPIED
+    assert cell_at(grid, -1.0 + 1.5 * 0.05, 0.5 + 3.5 * 0.05)["alpha"] == 0  # unknown is clear
+    np.testing.assert_array_equal(cells_of(grid)["occupancy"], small_map())
+    cloud = said["/map/obstacles"][-1]
+    [point] = np.frombuffer(cloud.data, "<f4").reshape(-1, cloud.point_stride // 4)
+    assert point[:3] == pytest.approx((-1.0 + 3.5 * 0.05, 0.5 + 1.5 * 0.05, 0.9), abs=1e-6)
+    heat = said["/map/value/pick"][-1]
+    assert cell_at(heat, -1.0 + 5.5 * 0.05, 0.5 + 0.5 * 0.05)["value"] == pytest.approx(0.5)
+    assert (cells_of(heat)["alpha"] > 0).sum() == 1
+    (cup,) = said["/map/objects"][-1].entities
+    assert cup.texts[0].text == "cup 0.82"
+    assert cup.cubes[0].size.z == pytest.approx(0.12)
+    about = {pair.key: pair.value for pair in cup.metadata}
+    assert (about["class"], about["score"], about["object"]) == ("cup", "0.82", "3")
+    (frontier,) = said["/map/frontiers"][-1].entities
+    assert (frontier.spheres[0].pose.position.x, frontier.texts[0].text) == (0.4, "pick 0.31")
+    (driven,) = said["/map/trajectory"][-1].entities
+    assert [[(p.x, p.y) for p in line.points] for line in driven.lines] == [
+        [(0.0, 0.0), (0.5, 0.0)], [(2.0, 2.0), (2.0, 3.0)],
+    ]  # fmt: skip
+    # A viewer that begins anywhere needs the newest message alone.
+    assert all(len(s.deletions) == 1 and s.deletions[0].type == 1 for s in said["/map/objects"])
+
+
+@given(
+    np_st.arrays(np.int8, np_st.array_shapes(min_dims=2, max_dims=2, max_side=9), elements=CELL),
+    st.floats(0.01, 1.0),
+    st.tuples(st.floats(-50, 50), st.floats(-50, 50)),
+)
+def test_each_cell_of_any_map_is_found_at_its_place(
+    occupancy: np.ndarray, cell_m: float, origin_m: tuple[float, float]
+) -> None:
+    values = {"pick": (occupancy == 0).astype(np.float32) / 2}
+    view = decode_snapshot(snapshot_of(occupancy, origin_m, cell_m, values=values))
+    said = {e.channel: e.message for e in map_entries(view, frozenset({"old"}), 5)}
+    grid, heat = said["/map/occupancy"], said["/map/value/pick"]
+    for row, column in np.ndindex(occupancy.shape):
+        x_m, y_m = origin_m[0] + (column + 0.5) * cell_m, origin_m[1] + (row + 0.5) * cell_m
+        assert cell_at(grid, x_m, y_m)["occupancy"] == occupancy[row, column]
+        assert cell_at(heat, x_m, y_m)["value"] == values["pick"][row, column]
+    assert cells_of(said["/map/value/old"])["alpha"].max() == 0
+
+
+@given(st.lists(st.floats(width=32), max_size=9), st.floats(width=16))
+def test_no_number_of_a_map_or_a_plan_hinders_the_recording(
+    numbers: list[float], other: float
+) -> None:
+    """Those that are not finite are left out of the drawing."""
+    plan = pb.Plan(path_m=numbers, goal=pb.Pose2(x_m=other, yaw_rad=other), purpose="go")
+    path, drawn = [e.message for e in plan_entries(plan, 1)]
+    assert isinstance(path, PosesInFrame)
+    for pose in path.poses:
+        assert np.isfinite([pose.position.x, pose.position.y]).all()
+    candidates = [pb.Candidate(name="a", position_m=pb.Vector3(x=x, z=other)) for x in numbers]
+    scenes = [drawn, candidate_entry(pb.Decision(candidates=candidates), 1).message]
+    objects = [pb.ObjectInstance(id=1, center_m=pb.Vector3(x=x)) for x in numbers]
+    scenes.append(object_entry(pb.ObjectsReply(objects=objects), 1).message)
+    snapshot = snapshot_of(small_map(), values={"pick": np.full((4, 6), other, np.float32)})
+    snapshot.frontiers[0].x_m = other
+    snapshot.trajectory_m[:] = numbers[: len(numbers) // 2 * 2]
+    del snapshot.trajectory_starts[:]
+    said = [e.message for e in map_entries(decode_snapshot(snapshot), frozenset(), 1)]
+    for drawing in (m for m in (*scenes, *said) if isinstance(m, SceneUpdate)):
+        for thing in drawing.entities:
+            for part in (*thing.spheres, *thing.cubes, *thing.texts, *thing.arrows):
+                p, q = part.pose.position, part.pose.orientation
+                assert np.isfinite([p.x, p.y, p.z, q.z, q.w]).all()
+
+
+def test_the_path_and_the_candidates_are_recorded_without_asking_anybody(tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path, map_period_s=0)
+    maps = FakeMaps(recorded.bus, snapshot_of(small_map()))
+    maps.announce()
+    recorded.bus.publish(
+        PLAN,
+        pb.Plan(task_id="t", path_m=[0, 0, 1, 0, 1, 2], purpose="look", goal=pb.Pose2(yaw_rad=0)),
+    )
+    decision = pb.Decision(task_id="t", why="it is near", rule="global_search (eq. 10)")
+    best = decision.candidates.add(kind="frontier", name="frontier 7", chosen=True)
+    best.position_m.x, best.terms["total"] = 0.4, 0.31
+    decision.candidates.add(kind="receptacle", name="table").position_m.x = 2.0
+    recorded.bus.publish(DECISION, decision)
+    recorded.bus.publish(PLAN, pb.Plan(task_id="t"))
+    recorded.close()
+    said = messages(only_file(tmp_path))
+    driven, over = said["/map/path"]
+    yaws = [2 * np.arctan2(p.orientation.z, p.orientation.w) for p in driven.poses]
+    assert yaws == pytest.approx([0, np.pi / 2, 0])  # along the path, at its end as asked
+    assert (list(over.poses), list(said["/map/plan"][1].entities)) == ([], [])
+    assert [t.text for e in said["/map/plan"][0].entities for t in e.texts] == ["look"]
+    chosen, other = said["/map/candidates"][0].entities
+    assert (chosen.texts[0].text, other.texts[0].text) == ("frontier 7 0.31", "table")
+    assert chosen.spheres[0].size.x > other.spheres[0].size.x
+    assert {pair.key: pair.value for pair in chosen.metadata}["total"] == "0.31"
+    assert maps.asked == 0  # 0: off
+    assert "/map/occupancy" not in said
+
+
+def test_each_file_of_a_rotation_begins_with_the_map(tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path, map_period_s=FAST, rotate_mb=0.05, flush_s=0.001)
+    recorded.robot()
+    maps = FakeMaps(recorded.bus, snapshot_of(small_map()))
+    maps.announce()
+    recorded.bus.publish(PLAN, pb.Plan(task_id="t", path_m=[0, 0, 1, 0]))
+    wait_until(
+        lambda: recorded.service.recording._last.get("/map/occupancy"), 20, "the map is recorded"
+    )
+    seq = 0
+    while len(list(tmp_path.glob("*.mcap"))) < 3:
+        recorded.look(seq)
+        seq += 1
+        wait_until(lambda: recorded.service.recording.inbox.bytes == 0, 20, "it is written")
+    recorded.close()
+    for path in sorted(tmp_path.glob("*.mcap"))[1:]:
+        said = messages(path)
+        assert {"/map/occupancy", "/map/frontiers", "/map/path", "/map/plan"} <= said.keys()
+
+
+# --- how the maps are asked -------------------------------------------------------------------
+def test_the_maps_are_asked_at_most_at_the_pace_and_one_question_at_a_time(tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path, map_period_s=0.2)
+    maps = FakeMaps(recorded.bus, snapshot_of(small_map()))
+    for _ in range(500):
+        maps.change(snapshot_of(small_map()))
+    newest = maps.snapshot.version
+
+    def arrived() -> bool:
+        watch = recorded.service._maps
+        return watch is not None and watch._map_version == newest
+
+    wait_until(arrived, 20, "the newest version is recorded")
+    assert maps.asked < 50  # of 500 changes
+    assert maps.most_at_once == 1
+    recorded.close()
+
+
+def test_nothing_is_asked_while_nothing_changes(tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path, map_period_s=FAST)
+    maps = FakeMaps(recorded.bus, snapshot_of(small_map()))
+    maps.announce()
+    asked(recorded, maps)
+    watch = recorded.service._maps
+    assert watch is not None
+    wait_until(lambda: not watch._wake.is_set(), 20, "it waits for news")
+    before = maps.asked
+    assert not watch._wake.wait(20 * FAST)
+    assert maps.asked == before
+    recorded.bus.publish(CONTEXT, context())  # empties what was seen in the last search
+    asked(recorded, maps, before)
+    recorded.close()
+
+
+def test_maps_that_are_away_or_broken_are_counted_and_the_recording_is_ready(
+    tmp_path: Path,
+) -> None:
+    recorded = Recorded(tmp_path, map_period_s=FAST)
+    recorded.bus.publish(CONTEXT, context())  # and nobody answers
+    wait_until(lambda: recorded.health.metrics()["missed_maps"] >= 2, 20, "it is counted")
+    assert recorded.health.state[0] == "ready"
+    broken = snapshot_of(small_map())
+    broken.occupancy = b"no zlib"
+    maps = FakeMaps(recorded.bus, broken)
+    maps.announce()
+    wait_until(lambda: recorded.health.metrics().get("unrecordable_messages"), 20, "it is told")
+    maps.change(snapshot_of(small_map()))
+    watch = recorded.service._maps
+    assert watch is not None
+    wait_until(lambda: watch._map_version == maps.snapshot.version, 20, "the next one is kept")
+    recorded.close()
+    assert said_of(tmp_path) >= {"/map/occupancy"}
+
+
+def test_a_map_that_hangs_holds_up_nothing(tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path, map_period_s=FAST)
+    maps = FakeMaps(recorded.bus, snapshot_of(small_map()))
+    goes_on, hangs = threading.Event(), threading.Event()
+
+    def hang() -> None:
+        hangs.set()
+        goes_on.wait(20)
+
+    maps.before = hang
+    maps.announce()
+    wait_until(hangs.is_set, 20, "the map hangs")
+    recorded.tour(3)
+    wait_until(lambda: recorded.health.metrics().get("messages", 0) >= 11, 20, "all is recorded")
+    recorded.close()
+    goes_on.set()
+    assert said_of(tmp_path) >= {"/bridge/keyframe"}
+    assert recorded.health.metrics()["dropped_messages"] == 0
+
+
+def said_of(folder: Path) -> set[str]:
+    return set(messages(only_file(folder)))
+
+
+def test_all_of_it_lies_under_one_name() -> None:
+    view = decode_snapshot(snapshot_of(small_map(), values={"pick": np.zeros((4, 6), np.float32)}))
+    entries = [*map_entries(view, frozenset(), 1), *plan_entries(pb.Plan(), 1)]
+    entries += [object_entry(pb.ObjectsReply(), 1), candidate_entry(pb.Decision(), 1)]
+    assert all(e.channel.startswith(MAPS) for e in entries)

@@ -1,0 +1,85 @@
+"""The recorder as a process, over a router: it asks the maps, and keeps what they answer."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.errors import Unavailable
+from helios_core.grids import OCCUPIED
+from helios_core.topics import status_topic
+from helios_core.zenoh_bus import ZenohBus
+
+from tests.support import ENDS_WITHIN_S, free_port, wait_until
+from tests.unit.recorder.recorder_maps import FakeMaps, cells_of, last_of, snapshot_of
+from tests.unit.recorder.test_recorder_file import messages, only_file
+
+
+@pytest.fixture
+def router() -> Iterator[str]:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    process = subprocess.Popen([sys.executable, "-m", "helios_core.router", "--listen", endpoint])
+    yield endpoint
+    process.terminate()
+    process.wait(ENDS_WITHIN_S)
+
+
+def test_a_recorder_beside_running_maps_holds_what_they_believe(
+    router: str, tmp_path: Path
+) -> None:
+    """Begun while the robot stands, it asks once; then after each change."""
+    opened: list[ZenohBus] = []
+
+    def connected() -> bool:
+        try:
+            opened.append(ZenohBus(router))
+        except Unavailable:
+            return False
+        return True
+
+    wait_until(connected, 30, "the router is up")
+    (bus,) = opened
+    occupancy = np.zeros((300, 400), np.int8)
+    occupancy[7, 11] = OCCUPIED
+    maps = FakeMaps(bus, snapshot_of(occupancy, values={"pick": np.ones((300, 400), np.float32)}))
+    states: list[pb.ServiceStatus] = []
+    bus.subscribe(status_topic("recorder"), states.append)
+    flags = ("--out", str(tmp_path), "--min-free-mb", "0", "--map-period-s", "0.05")
+    recorder = subprocess.Popen(
+        [sys.executable, "-m", "helios_recorder", "--router", router, *flags]
+    )
+    try:
+        wait_until(lambda: maps.asked, 60, "it asks by itself")
+        wait_until(lambda: states and states[-1].state == "ready", 30, "it records")
+        changed = occupancy.copy()
+        changed[8, 11] = OCCUPIED
+
+        def asked_again() -> bool:  # acks are heard once the recorder is known to the router
+            maps.announce()
+            return maps.asked > 3
+
+        wait_until(asked_again, 30, "it hears that there is something new")
+        maps.change(snapshot_of(changed))
+
+        def is_kept() -> bool:
+            grid = last_of(tmp_path).get("/map/occupancy")
+            return grid is not None and bool(cells_of(grid)["occupancy"][8, 11] == OCCUPIED)
+
+        wait_until(is_kept, 30, "the change is in the file")
+    finally:
+        recorder.terminate()
+        assert recorder.wait(ENDS_WITHIN_S) == 0
+        bus.close()
+    said = messages(only_file(tmp_path))
+    grids = [cells_of(grid)["occupancy"] for grid in said["/map/occupancy"]]
+    np.testing.assert_array_equal(grids[0], occupancy)
+    np.testing.assert_array_equal(grids[-1], changed)
+    assert len(grids) == 2  # what did not change is not recorded again
+    wiped = cells_of(said["/map/value/pick"][-1])
+    assert wiped.shape == (1, 1)  # the layer is gone
+    assert states[-1].metrics["missed_maps"] == 0
