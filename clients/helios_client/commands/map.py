@@ -74,8 +74,9 @@ def save(
     as_json: Json = False,
 ) -> None:
     """Save both maps, ground and objects, in one file."""
-    from helios_client.commands.map_files import write_file
+    from helios_client.commands.map_files import check_folder_of, write_file
 
+    check_folder_of(file)
     with at.connect() as helios:
         data = helios.save_map()
     write_file(file, data)

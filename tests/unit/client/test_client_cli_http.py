@@ -19,6 +19,7 @@ from helios_core.errors import InvalidInput, Unavailable
 from helios_planner.language.instruction import parse
 from helios_planner.tasks.context import in_vocabulary
 
+from tests.full_disk import fill, small_disk
 from tests.gateway_process import Served, served
 from tests.support import free_port, wait_until
 
@@ -119,7 +120,7 @@ def test_the_map_is_exported_as_pictures_and_arrays(helios: Helios, tmp_path: Pa
     helios("map", "export", "--only", "dream", status=2)
     assert "wanted one of occupancy, pick, place" in helios.error
     helios("map", "export", "--out", "/dev/null/x", status=1)
-    assert "cannot be written" in helios.error
+    assert "/dev/null/x cannot be made: Not a directory" in helios.error
 
 
 def test_the_map_is_exported_for_ros(helios: Helios, tmp_path: Path) -> None:
@@ -132,10 +133,40 @@ def test_the_map_is_exported_for_ros(helios: Helios, tmp_path: Path) -> None:
     assert "occupancy alone" in helios.error
 
 
+def test_a_map_is_saved_into_a_folder_that_is_there(helios: Helios, tmp_path: Path) -> None:
+    helios("map", "save", str(tmp_path / "homes" / "first.zip"), status=2)
+    assert f"there is no folder {tmp_path / 'homes'}; make it" in helios.error
+    assert not (tmp_path / "homes").exists()
+    helios("map", "save", str(tmp_path), status=2)
+    assert f"is a folder; name a file in it: {tmp_path / 'map.zip'}" in helios.error
+
+
+def test_a_full_disk_leaves_every_file_that_a_command_would_have_replaced(
+    house: Served, helios: Helios, tmp_path: Path
+) -> None:
+    big = bytes(600_000)
+    house.backend.kept = {"map2d": big, "objects": big}
+    with small_disk(tmp_path / "disk") as disk:
+        good = disk / "home.zip"
+        good.write_bytes(b"a good map")
+        for folder in ("map", "seen"):
+            helios("map", "export", "--out", str(disk / folder))
+        before = {path: path.read_bytes() for path in disk.rglob("*") if path.is_file()}
+        helios("map", "save", str(good), status=1)
+        assert "No space left" in helios.error
+        filler = fill(disk)
+        helios("map", "export", "--out", str(disk / "map"), status=1)
+        helios("seen", "mug", "--out", str(disk / "seen"), status=1)
+        assert "No space left" in helios.error
+        helios("map", "save", str(disk / "never.zip"), status=1)
+        filler.unlink()
+        assert {p: p.read_bytes() for p in disk.rglob("*") if p.is_file()} == before
+
+
 def test_both_maps_are_saved_in_one_file_and_come_back(
     house: Served, helios: Helios, tmp_path: Path
 ) -> None:
-    file = tmp_path / "homes" / "first.zip"
+    file = tmp_path / "first.zip"
     assert helios("map", "save", str(file)) == f"{file}\n"
     house.backend.kept = {"map2d": b"other", "objects": b"other"}
     assert helios.json("map", "load", str(file))["objects"] == 4
