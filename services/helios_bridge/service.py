@@ -214,6 +214,7 @@ class BridgeService:
             message=self._stopped_why or s.message,
             finished=self._lookout.finished,
             last_seq=self._lookout.last_keyframe,
+            origin_id=s.origin_id,
         )
 
     def close(self) -> list[str]:

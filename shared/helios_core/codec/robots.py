@@ -139,6 +139,7 @@ def state_to_proto(state: RobotState) -> pb.RobotState:
         message=state.message,
         finished=state.finished,
         last_seq=state.last_seq,
+        origin_id=state.origin_id,
     )
 
 
@@ -155,6 +156,7 @@ def state_from_proto(state: pb.RobotState) -> RobotState:
         message=state.message,
         finished=state.finished,
         last_seq=state.last_seq,
+        origin_id=state.origin_id,
     )
 
 
