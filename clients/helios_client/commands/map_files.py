@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import typer
 from helios_core import atomic_file
-from helios_core.errors import InvalidInput
+from helios_core.errors import Conflict, InvalidInput
 
 from helios_client.sdk import Helios
 from helios_client.tasks import SeenView
@@ -85,6 +87,16 @@ def check_folder_of(file: Path) -> None:
         raise WrongUse(f"{file} is a folder; name a file in it: {file / 'map.zip'}")
     if not file.parent.is_dir():
         raise WrongUse(f"there is no folder {file.parent}; make it, or name another file")
+
+
+def confirm_reset(address: str, only: str | None) -> None:
+    """Ask at a terminal; a script is not asked. Raises Conflict for a no."""
+    if not sys.stdin.isatty():
+        return
+    what = "both maps, objects and occupancy" if only is None else f"the map of {only}"
+    question = f"Forget {what}, of the robot at {address}? `helios map save` keeps a copy."
+    if not typer.confirm(question, err=True):
+        raise Conflict("nothing was forgotten")
 
 
 def read_file(path: Path) -> bytes:

@@ -47,6 +47,7 @@ class Keeping:
         self._trouble = ""  # what is wrong with keeping the map
         self._refused = ""  # why the kept map was, to be told as long as the process lives
         self._restored: tuple[MapState, str, str] | None = None  # the map, when kept, what is in it
+        self._logged = ""  # what the log says of it
         self._lock, self._maps, self._say = lock, maps, say
         self._kept: KeptFile | None = None
         if settings.state_dir is not None:
@@ -56,10 +57,16 @@ class Keeping:
     def said(self) -> str:
         """What is wrong with keeping the map; what became of the kept one, until another takes its
         place. "" when there is nothing to say."""
-        return "; ".join(part for part in (self._trouble, self._fate()) if part)
+        fate = self._fate()
+        if fate and fate != self._logged:
+            self._logged = fate
+            log.info("%s", fate)
+        return "; ".join(part for part in (self._trouble, fate) if part)
 
     def superseded(self) -> bool:
         """The present map is no longer what an earlier process kept; whether `said` has changed."""
+        if self._restored is not None:
+            self.said()  # into the log
         was, self._restored = self._restored, None
         return was is not None
 

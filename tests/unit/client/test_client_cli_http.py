@@ -103,7 +103,14 @@ def test_objects_are_listed_surest_first_by_class_and_score(helios: Helios) -> N
     assert [o["class"] for o in helios.json("objects", "--class", "mug")["objects"]] == ["mug"] * 2
     assert all(o["score"] >= 0.7 for o in helios.json("objects", "--min-score", "0.7")["objects"])
     assert "coffee table" in helios("objects")
-    assert helios("objects", "--class", "piano") == "no piano is believed\n"
+    for said in ("Mug", "MUGS", "Coffee_Table", "coffee  tables"):
+        assert helios.json("objects", "--class", said)["objects"], said
+    assert helios("objects", "--class", "Bowl") == "no Bowl is believed\n"
+    helios("objects", "--class", "bowll", status=2)
+    assert "did you mean bowl?" in helios.error
+    helios("objects", "--class", "piano", status=2)
+    assert "no class is called 'piano'" in helios.error
+    assert "helios names" in helios.error
     helios("objects", "--min-score", "nan", status=2)
     assert "min_score" in helios.error
 
@@ -161,6 +168,29 @@ def test_a_full_disk_leaves_every_file_that_a_command_would_have_replaced(
         helios("map", "save", str(disk / "never.zip"), status=1)
         filler.unlink()
         assert {p: p.read_bytes() for p in disk.rglob("*") if p.is_file()} == before
+
+
+def test_both_maps_are_forgotten_or_one(house: Served, helios: Helios) -> None:
+    assert helios("map", "reset", "--only", "objects").startswith("forgotten: objects; ")
+    assert house.backend.kept == {"map2d": b"walls", "objects": b""}
+    assert helios.json("map", "reset", "--yes") == {"reset": ["objects", "occupancy"]}
+    assert house.backend.kept == {"map2d": b"", "objects": b""}
+    helios("map", "reset", "--only", "walls", status=2)
+    house.backend.submit(INSTRUCTION)
+    helios("map", "reset", status=1)
+    assert "t1 is queued" in helios.error
+
+
+@pytest.mark.parametrize(("answer", "status"), [("y", 0), ("n", 1), ("", 1)])
+def test_at_a_terminal_it_asks_before_it_forgets(
+    house: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch, answer: str, status: int
+) -> None:
+    terminal = io.StringIO(f"{answer}\n")
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr("sys.stdin", terminal)
+    helios("map", "reset", "--only", "occupancy", status=status)
+    assert "Forget the map of occupancy" in helios.error
+    assert bool(house.backend.kept["map2d"]) == bool(status)
 
 
 def test_both_maps_are_saved_in_one_file_and_come_back(
