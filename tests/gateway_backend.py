@@ -28,6 +28,8 @@ from helios_core.topics import (
     PLAN,
     RECALL,
     RENDER_OBJECTS,
+    RESET_MAP2D,
+    RESET_OBJECTS,
     ROBOT_DESCRIPTION,
     ROBOT_STATE,
     SAVE_MAP2D,
@@ -87,6 +89,8 @@ class Backend(MadeUpTasks):
         serve(SAVE_OBJECTS, lambda _: pb.ObjectMapFile(data=self.kept["objects"]))
         serve(LOAD_MAP2D, self._load_map2d)
         serve(LOAD_OBJECTS, self._load_objects)
+        serve(RESET_MAP2D, lambda _: self._reset("map2d"))
+        serve(RESET_OBJECTS, lambda _: self._reset("objects"))
         serve(RECALL, self._recall)
         serve(STOP, lambda request: self._latch(True, request.reason))
         serve(CLEAR_STOP, lambda _: self._latch(False, ""))
@@ -237,6 +241,12 @@ class Backend(MadeUpTasks):
     def _load_objects(self, request: pb.ObjectMapFile) -> pb.ObjectMapLoaded:
         self.kept["objects"] = request.data
         return pb.ObjectMapLoaded(gaussians=5120, objects=len(self.found))
+
+    def _reset(self, part: str) -> pb.Empty:
+        if part == "map2d" and self.refuses_maps is not None:
+            raise self.refuses_maps
+        self.kept[part] = b""
+        return pb.Empty()
 
     def _recall(self, request: pb.RecallRequest) -> pb.RecallReply:
         if self.recalls is not None:

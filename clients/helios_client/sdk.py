@@ -14,7 +14,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar
 
 import httpx
 from helios_core.errors import DeadlineExceeded, Unavailable
@@ -34,6 +34,7 @@ from helios_client.tasks import (
     Frontier,
     LoadedMaps,
     MapInfo,
+    ResetMaps,
     RobotAnswer,
     Seen,
     SeenView,
@@ -174,6 +175,11 @@ class Helios:
         """Both maps from `save_map`, in the place of the present ones: both, or neither. Raises
         InvalidInput for another file, Conflict while a task is under way."""
         return self._do(calls.load_map(data))
+
+    def reset_map(self, only: Literal["objects", "occupancy"] | None = None) -> ResetMaps:
+        """Forget both maps, or one; what is kept on the disk, too. A new one begins with the next
+        action. Raises Conflict while a task is under way."""
+        return self._do(calls.reset_map(only))
 
     def map_info(self) -> MapInfo:
         """The 2D map's size, place and layers."""

@@ -12,7 +12,7 @@ import asyncio
 import time
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar
 
 import httpx
 from helios_core.errors import DeadlineExceeded, Unavailable
@@ -32,6 +32,7 @@ from helios_client.tasks import (
     Frontier,
     LoadedMaps,
     MapInfo,
+    ResetMaps,
     RobotAnswer,
     Seen,
     SeenView,
@@ -159,6 +160,10 @@ class AsyncHelios:
     async def load_map(self, data: bytes) -> LoadedMaps:
         """Both maps from `save_map`, in the place of the present ones: both, or neither."""
         return await self._do(calls.load_map(data))
+
+    async def reset_map(self, only: Literal["objects", "occupancy"] | None = None) -> ResetMaps:
+        """Forget both maps, or one; see `Helios.reset_map`."""
+        return await self._do(calls.reset_map(only))
 
     async def map_info(self) -> MapInfo:
         """The 2D map's size, place and layers."""

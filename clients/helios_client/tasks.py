@@ -246,6 +246,12 @@ class LoadedMaps(TypedDict):
     gaussians: int
 
 
+class ResetMaps(TypedDict):
+    """Which maps were forgotten: `objects`, `occupancy`."""
+
+    reset: list[str]
+
+
 class MapLayer(TypedDict):
     """A value layer and its largest value."""
 

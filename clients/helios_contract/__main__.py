@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from helios_bridge.drivers import load_driver
 from helios_bridge.settings import Settings
 from helios_core.errors import HeliosError
 from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.robot import RobotDriver
 
 from helios_contract import chosen
 from helios_contract.rig import Rig
@@ -36,13 +38,23 @@ def main() -> int:
     )
     parser.add_argument("--tolerance-rad", type=float, default=Rig.tolerance_rad)
     parser.add_argument("--depth-tolerance-m", type=float, default=Rig.depth_tolerance_m)
+    parser.add_argument(
+        "--start-twice", action="store_true",
+        help="make a second driver beside the first, to see that it names the same origin",
+    )  # fmt: skip
     argv = sys.argv[1:]
     at = argv.index("--") if "--" in argv else len(argv)
     args = vars(parser.parse_args(argv[:at]))
     name, address = args.pop("driver"), args.pop("address")
+    settings = Settings(driver=name, address=address)
+
+    def start() -> closing[RobotDriver]:
+        return closing(load_driver(settings, MemoryBus(MemoryHub())))
+
+    again = start if args.pop("start_twice") else None
     try:
-        settings = Settings(driver=name, address=address)
-        chosen.rig = Rig(load_driver(settings, MemoryBus(MemoryHub())), **args)
+        driver = load_driver(settings, MemoryBus(MemoryHub()))
+        chosen.rig = Rig(driver, **args, started_again=again)
     except HeliosError as error:
         print(f"helios-contract: {error.message}", file=sys.stderr)
         return 2

@@ -86,6 +86,12 @@ class Hosted:
         np.testing.assert_allclose(told.T_world_base, own.T_world_base, atol=rig.tolerance_m / 5)
         assert (told.held, told.stopped, told.moving) == (own.held, own.stopped, False)
 
+    def test_state_and_keyframes_name_the_drivers_origin(self, rig: Rig, host: Host) -> None:
+        own = rig.driver.state().origin_id
+        host.act(host.lease(), Observe())
+        (keyframe,) = host.keyframes
+        assert (host.state().origin_id, keyframe.origin_id) == (own, own)
+
     def test_without_the_lease_nobody_drives(self, rig: Rig, host: Host) -> None:
         before, token = rig.pose(), host.lease()
         with pytest.raises(Conflict):

@@ -35,6 +35,9 @@ class Rig:
     away: Callable[[], AbstractContextManager[object]] | None = (
         None  # in it, no robot can be reached
     )
+    started_again: Callable[[], AbstractContextManager[RobotDriver]] | None = (
+        None  # a second driver of the same robot, as after a start anew
+    )
 
     @property
     def robot(self) -> RobotDescription:

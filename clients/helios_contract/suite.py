@@ -8,18 +8,19 @@ from typing import ClassVar
 
 import pytest
 
-_CLAIMS = ("describing", "hosted", "moving", "seeing", "stopping")
+_CLAIMS = ("describing", "hosted", "moving", "origin", "seeing", "stopping")
 pytest.register_assert_rewrite(*(f"helios_contract.{name}" for name in _CLAIMS))
 
 from helios_contract.describing import Describing  # noqa: E402 - so that asserts say their values
 from helios_contract.hosted import Hosted  # noqa: E402
 from helios_contract.moving import Moving  # noqa: E402
+from helios_contract.origin import Origin  # noqa: E402
 from helios_contract.rig import Rig  # noqa: E402
 from helios_contract.seeing import Seeing  # noqa: E402
 from helios_contract.stopping import Stopping  # noqa: E402
 
 
-class DriverContract(Describing, Seeing, Moving, Stopping, Hosted):
+class DriverContract(Describing, Origin, Seeing, Moving, Stopping, Hosted):
     """Every claim about one driver. Subclass it, with a name that begins with Test, and say in
     `stand` how the driver is made; all claims share it."""
 

@@ -23,6 +23,7 @@ from helios_client.supervision.stack import free_port
 from helios_client.supervision.up import check_port
 from helios_client.tasks import Task
 from helios_core import proto as pb
+from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, Unavailable
 from helios_core.topics import TRUTH_EPISODE, TRUTH_METRICS
 from helios_core.zenoh_bus import ZenohBus
@@ -162,11 +163,11 @@ def run(seed: int, preset: str, port: int, out: Path, console: Console) -> dict:
             wall_s = time.monotonic() - began
             metrics = bus.call(TRUTH_METRICS, pb.Empty(), CALL_S)
             result = result_of(task, truth, metrics, wall_s)
-            (out / "result.json").write_text(json.dumps(result, indent=1) + "\n")
-            (out / "map.png").write_bytes(helios.picture("occupancy"))
+            write_file(out / "result.json", json.dumps(result, indent=1) + "\n")
+            write_file(out / "map.png", helios.picture("occupancy"))
             for layer in ("pick", "place"):
-                (out / f"value-{layer}.png").write_bytes(helios.picture(f"value/{layer}"))
-            (out / "objects.png").write_bytes(object_picture(bus, helios.occupancy()))
+                write_file(out / f"value-{layer}.png", helios.picture(f"value/{layer}"))
+            write_file(out / "objects.png", object_picture(bus, helios.occupancy()))
         finally:
             bus.close()
     show(result, out, console)

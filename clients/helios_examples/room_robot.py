@@ -31,8 +31,8 @@ class RoomRobot(RobotDriver):
         return ROBOT
 
     def state(self) -> RobotState:
-        T_world_base = se2_to_se3(self._x_m, self._y_m, self._yaw_rad)
-        return RobotState(T_world_base, self._tilt_rad, stopped=self._stopped.is_set())
+        base = se2_to_se3(self._x_m, self._y_m, self._yaw_rad)  # (0, 0) is there at every start
+        return RobotState(base, self._tilt_rad, stopped=self._stopped.is_set(), origin_id="room")
 
     def capture(self) -> Capture:
         T_world_base = self.state().T_world_base
@@ -72,9 +72,9 @@ class RoomRobot(RobotDriver):
         for _ in range(steps):
             if self._stopped.wait(STEP_S):
                 return self._why
-            ahead_x_m, ahead_y_m = self.state().T_world_base[:2, 0] * ahead_m / steps
-            if not fits(self._x_m + ahead_x_m, self._y_m + ahead_y_m, ROBOT.footprint_radius_m):
+            x_m, y_m = self.state().T_world_base[:2] @ (ahead_m / steps, 0, 0, 1)
+            if not fits(x_m, y_m, ROBOT.footprint_radius_m):
                 return "blocked; look, and go another way"
-            self._x_m, self._y_m = self._x_m + ahead_x_m, self._y_m + ahead_y_m
-            self._yaw_rad = wrap_angle(self._yaw_rad + left_rad / steps)
+            yaw_rad = wrap_angle(self._yaw_rad + left_rad / steps)
+            self._x_m, self._y_m, self._yaw_rad = x_m, y_m, yaw_rad
         return ""

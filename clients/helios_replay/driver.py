@@ -81,6 +81,7 @@ class ReplayDriver(RobotDriver):
             stopped=bool(self._stopped),
             world_epoch=then.world_epoch if then else 0,
             robot_boot_id=then.robot_boot_id if then else "",
+            origin_id=then.origin_id if then else "",
             message=f"frame {given} of {total}",
             finished=given >= total,
         )

@@ -147,8 +147,9 @@ class Recording:
         """A copy, of the world that a keyframe is in."""
         out = pb.RobotState()
         out.CopyFrom(state)
-        id = self._index.keys[self._part[index]].head.id
-        out.robot_boot_id, out.world_epoch = id.robot_boot_id, id.world_epoch
+        head = self._index.keys[self._part[index]].head
+        out.robot_boot_id, out.world_epoch = head.id.robot_boot_id, head.id.world_epoch
+        out.origin_id = head.origin_id
         return out
 
 

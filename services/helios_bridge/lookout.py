@@ -80,7 +80,7 @@ class Lookout:
             id = frame_id_from_proto(capture.recorded.id)
         else:
             id = FrameId(self.boot_id(state), state.world_epoch, self._number)
-        self._publish(capture, id, keyframe, state.held)
+        self._publish(capture, id, keyframe, state)
         self.last_look_s = time.monotonic()
         self._health.sample("capture_ms", (self.last_look_s - began) * 1e3)
         if keyframe:
@@ -90,7 +90,7 @@ class Lookout:
                 self._health.count("keyframes_before_search")
         return id
 
-    def _publish(self, c: Capture, id: FrameId, keyframe: bool, held: str) -> None:
+    def _publish(self, c: Capture, id: FrameId, keyframe: bool, state: RobotState) -> None:
         topic = KEYFRAME if keyframe else FRAME
         if c.recorded is not None:  # as it was, to the last bit
             self._bus.publish(topic, c.recorded)
@@ -104,7 +104,8 @@ class Lookout:
             camera=c.camera,
             T_world_cam=c.T_world_cam,
             T_world_base=c.T_world_base,
-            held=held,
+            held=state.held,
+            origin_id=state.origin_id,
         )
         if self._settings.depth == "estimated":
             frame = with_estimated_depth(frame, self._bus, self._settings.depth_timeout_s)

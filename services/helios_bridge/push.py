@@ -6,6 +6,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NoReturn
 
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
@@ -40,12 +41,15 @@ class PushDriver(RobotDriver):
         self._state = RobotState(se2_to_se3(0.0, 0.0, 0.0))
         self._stopped = ""
 
-    def offer(self, capture: Capture, robot_boot_id: str, world_epoch: int) -> None:
-        """The next frame; boot id and epoch name the world that its poses live in."""
+    def offer(
+        self, capture: Capture, robot_boot_id: str, world_epoch: int, origin_id: str = ""
+    ) -> None:
+        """The next frame; the others name the world that its poses live in."""
         self._offered = capture
         self._state = RobotState(
-            capture.T_world_base, robot_boot_id=robot_boot_id, world_epoch=world_epoch
-        )
+            capture.T_world_base, robot_boot_id=robot_boot_id, world_epoch=world_epoch,
+            origin_id=origin_id,
+        )  # fmt: skip
 
     def describe(self) -> RobotDescription:
         return RobotDescription(
@@ -62,14 +66,7 @@ class PushDriver(RobotDriver):
         )
 
     def state(self) -> RobotState:
-        s = self._state
-        return RobotState(
-            s.T_world_base,
-            stopped=bool(self._stopped),
-            world_epoch=s.world_epoch,
-            robot_boot_id=s.robot_boot_id,
-            message=self._stopped,
-        )
+        return replace(self._state, stopped=bool(self._stopped), message=self._stopped)
 
     def capture(self) -> Capture:
         capture, self._offered = self._offered, None
@@ -111,7 +108,7 @@ class PushDesk:
         self._turn = turn
         self._estimated_depth, self._threshold = estimated_depth, threshold
         self._classes: tuple[str, ...] = ()
-        self._world = ("", 0)
+        self._world = ("", 0, "")
         self._sought = threading.Event()  # something is looked for
         bus.subscribe(CONTEXT, lambda _: self._sought.set())
 
@@ -133,21 +130,22 @@ class PushDesk:
             )
         try:
             self._look_for(classes)
-            world = (request.frame.id.robot_boot_id, request.frame.id.world_epoch)
+            id = request.frame.id
+            world = (id.robot_boot_id, id.world_epoch, request.frame.origin_id)
             self._driver.offer(capture, *world)
             if world != self._world:  # the maps change worlds when the robot says so
                 self._world = world
                 told()
-            id = self._lookout.take(keyframe=True)
+            taken = self._lookout.take(keyframe=True)
         finally:
             self._turn.release()
         told()
         wanted = PARTS if self._sought.is_set() else frozenset({OCCUPANCY})
         left_s = max(0.0, deadline_s - time.monotonic())
-        missing = self._acks.wait(id, wanted, left_s)
+        missing = self._acks.wait(taken, wanted, left_s)
         return pb.PushReply(
-            id=frame_id_to_proto(id),
-            acks=self._acks.answers(id).values(),
+            id=frame_id_to_proto(taken),
+            acks=self._acks.answers(taken).values(),
             unanswered=sorted(missing),
         )
 
@@ -176,10 +174,10 @@ def capture_of(frame: pb.Frame, estimated_depth: bool) -> Capture:
 
     Raises InvalidInput for a frame that does not hold together.
     """
-    if len(frame.id.robot_boot_id) > LONGEST_NAME:
-        raise InvalidInput(
-            f"robot_boot_id is longer than {LONGEST_NAME} letters; send a shorter one"
-        )
+    names = {"robot_boot_id": frame.id.robot_boot_id, "origin_id": frame.origin_id}
+    for name, given in names.items():
+        if len(given) > LONGEST_NAME:
+            raise InvalidInput(f"{name} is longer than {LONGEST_NAME} letters; send a shorter one")
     whole = pb.Frame()
     whole.CopyFrom(frame)
     if estimated_depth and frame.WhichOneof("depth") is None:

@@ -220,6 +220,7 @@ class BridgeService:
             finished=self._lookout.finished,
             last_seq=self._lookout.last_keyframe,
             last_action_id=self._actions.last_id,
+            origin_id=s.origin_id,
         )
 
     def close(self) -> list[str]:

@@ -27,6 +27,7 @@ from helios_gateway.routes.health import fleet_routes, health_routes, service_ro
 from helios_gateway.routes.map import map_routes
 from helios_gateway.routes.map_file import map_file_routes
 from helios_gateway.routes.moves import move_routes
+from helios_gateway.routes.map_reset import map_reset_routes
 from helios_gateway.routes.objects import object_routes
 from helios_gateway.routes.robot import robot_routes
 from helios_gateway.routes.seen import seen_routes
@@ -84,6 +85,7 @@ def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> Fa
             object_routes(prefix, settings),
             map_routes(prefix),
             map_file_routes(prefix, settings),
+            map_reset_routes(prefix, settings),
             seen_routes(prefix),
             view3d_routes(prefix),
             frame_routes(prefix, settings),

@@ -202,6 +202,7 @@ def robot_state(message: pb.RobotState) -> models.RobotState:
         held=message.held, moving=message.moving, stopped=message.stopped,
         finished=message.finished, message=printable(message.message),
         robot_boot_id=message.robot_boot_id, world_epoch=message.world_epoch,
+        origin_id=message.origin_id,
     )  # fmt: skip
 
 

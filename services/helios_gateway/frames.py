@@ -54,6 +54,12 @@ class FrameMeta(BaseModel):
     world_epoch: int = Field(
         default=0, ge=0, lt=2**32, description="raise it when your localisation jumped"
     )
+    origin_id: str = Field(
+        default="",
+        max_length=64,
+        description="names the origin of your poses; the same one later says that they mean the "
+        "same places, and the maps go on",
+    )
     classes: list[str] = Field(
         default=[], max_length=64, description="what to look for from now on; empty: as before"
     )
@@ -107,7 +113,7 @@ def push_request(meta: FrameMeta, color: bytes, depth: bytes | None) -> pb.PushR
             f"K is {meta.K}; send fx, 0, cx, 0, fy, cy, 0, 0, 1: row by row, and without skew"
         )
     stamp_ns = time.time_ns() if meta.stamp_ns is None else meta.stamp_ns
-    frame = pb.Frame(keyframe=True)
+    frame = pb.Frame(keyframe=True, origin_id=meta.origin_id)
     frame.id.robot_boot_id, frame.id.world_epoch = meta.robot_boot_id, meta.world_epoch
     frame.stamp.FromNanoseconds(stamp_ns)
     frame.compressed_color.CopyFrom(CompressedImage(data=color, format=_format(color)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import BaseModel, ConfigDict, Field
 
 from helios_gateway.models import RobotPose, Vector2, Vector3
@@ -104,6 +106,12 @@ class LoadedMaps(BaseModel):
     views: int = Field(description="past views that can be asked about")
     objects: int
     gaussians: int
+
+
+class ResetMaps(BaseModel):
+    """Which maps were forgotten."""
+
+    reset: list[Literal["objects", "occupancy"]]
 
 
 class SeenView(BaseModel):

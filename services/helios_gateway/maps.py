@@ -9,7 +9,8 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
 from helios_core.grids import MapView, decode_snapshot
-from helios_core.topics import GAUSSIANS, OBJECTS, PICTURE, SNAPSHOT
+from helios_core.naming import closest, is_named
+from helios_core.topics import GAUSSIANS, OBJECTS, PICTURE, SNAPSHOT, VOCABULARY
 
 from helios_gateway import cells, convert, map_models, scene3d
 from helios_gateway.gaussian_colors import ColorBy, Gaussians
@@ -136,9 +137,15 @@ class Maps:
         raise NotFound(f"there is no object {id}; list them with GET /v1/objects")
 
     def objects_json(self, class_name: str | None, min_score: float | None) -> Encoded:
-        """The instances of a class (None: of all) with at least a score Ψ, as they are sent."""
+        """The instances of a class (None: of all) with at least a score Ψ, as they are sent.
+
+        class_name: in any case, with spaces or underscores. Raises NotFound for one that is neither
+        believed nor known to the detector.
+        """
         state = self._state("objectmap")
         reply = self._ask_objects()
+        if class_name is not None:
+            self._check_class(class_name, reply)
 
         def make() -> Encoded:
             found = convert.object_list(reply)
@@ -146,6 +153,26 @@ class Maps:
             return Encoded.json(found.model_copy(update={"objects": kept}))
 
         return self._lists.get((class_name, min_score), (state, reply.version), make)
+
+    def _check_class(self, class_name: str, reply: pb.ObjectsReply) -> None:
+        """Raises NotFound, with names like it."""
+        names = {o.class_name for o in reply.objects}
+        if any(is_named(class_name, name) for name in names):
+            return
+        try:
+            known = self._bus.call(VOCABULARY, pb.Empty(), self._timeout_s)
+        except HeliosError:  # nobody can say that there is no such class
+            return
+        names.update(known.names)
+        if known.open or any(is_named(class_name, name) for name in names):
+            return
+        near = closest(" ".join(class_name.replace("_", " ").lower().split()), sorted(names))
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        raise NotFound(
+            f"no class is called {class_name[:80]!r}: none of it is believed, and the detector "
+            f"({known.detector}) does not know it{hint} (all that it knows: `helios names`, HTTP: "
+            "GET /v1/vocabulary)"
+        )
 
     def scene(self, by: ColorBy) -> Encoded:
         """The Gaussians in 3D, coloured, over the ground where there is a map of it."""
@@ -218,6 +245,6 @@ def _state(view: MapView) -> tuple[int, str, str]:
 def _fits(
     found: map_models.ObjectInstance, class_name: str | None, min_score: float | None
 ) -> bool:
-    if class_name is not None and found.class_name != class_name:
+    if class_name is not None and not is_named(class_name, found.class_name):
         return False
     return min_score is None or (found.score is not None and found.score >= min_score)

@@ -237,6 +237,10 @@ class RobotState(BaseModel):
     message: str
     robot_boot_id: str
     world_epoch: int
+    origin_id: str = Field(
+        description="of its poses: where it stays the same, maps outlive a start of the robot; "
+        "empty: not known"
+    )
 
 
 class RobotDescription(BaseModel):

@@ -1,12 +1,12 @@
-"""Which map a frame belongs to: one per world epoch, the earlier ones parked."""
+"""Which map a frame belongs to: one per world, the earlier ones parked."""
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 
 from helios_core.errors import Conflict
-from helios_core.types import Frame, FrameId, Observation, SearchContext
+from helios_core.robot_starts import RobotStarts
+from helios_core.types import Frame, Observation, SearchContext, WorldId
 
 from helios_map2d.layers.rules import MapRules
 from helios_map2d.state import MapState
@@ -15,23 +15,14 @@ from helios_map2d.view import check_pose
 REMEMBERED_EPOCHS = 256
 
 
-@dataclass(frozen=True)
-class EpochKey:
-    robot_boot_id: str
-    world_epoch: int
-
-    @staticmethod
-    def of(frame_id: FrameId) -> EpochKey:
-        return EpochKey(frame_id.robot_boot_id, frame_id.world_epoch)
-
-
 class EpochMaps:
-    """The present map and the parked ones of earlier world epochs.
+    """The present map and the parked ones of earlier worlds.
 
-    A frame of a new epoch (a reboot of the robot, or a jump of its localisation) parks the present
-    map and starts a fresh one under the same search context. Frames of a parked or earlier epoch
-    are refused, unless it is the one that the robot itself says it is in (`robot_key`): then it was
-    a stranger's frame that parked the map, and it comes back. At most `most_parked` maps are kept.
+    A frame of a new world (a reboot of the robot, or a jump of its localisation) parks the present
+    map and starts a fresh one under the same search context; a robot that started anew with the
+    same origin is in the same world, and its map goes on. Frames of a parked or earlier world are
+    refused, unless it is the one that the robot itself says it is in (`robot_key`): then it was a
+    stranger's frame that parked the map, and it comes back. At most `most_parked` maps are kept.
     """
 
     def __init__(
@@ -44,12 +35,13 @@ class EpochMaps:
         self.rules = rules
         self.footprint_radius_m = footprint_radius_m
         self.current: MapState | None = None
-        self.key: EpochKey | None = None
+        self.key: WorldId | None = None
         self._context: SearchContext | None = None
-        self._parked: deque[tuple[EpochKey, MapState]] = deque(maxlen=most_parked)
-        self._gone: deque[EpochKey] = deque(maxlen=REMEMBERED_EPOCHS)
+        self._parked: deque[tuple[WorldId, MapState]] = deque(maxlen=most_parked)
+        self._gone: deque[WorldId] = deque(maxlen=REMEMBERED_EPOCHS)
         self._first_version = first_version
-        self.robot_key: EpochKey | None = None  # the epoch that the robot itself is in
+        self.robot_key: WorldId | None = None  # the world that the robot itself is in
+        self._starts = RobotStarts()
         self._robot_pose: tuple[float, float, float] | None = None  # x, y (m), yaw (rad) there
 
     @property
@@ -58,26 +50,28 @@ class EpochMaps:
         return self.current.published.version if self.current else self._first_version
 
     def state_for(self, frame: Frame, observation: Observation | None = None) -> MapState:
-        """The map that a frame, or an observation of it, belongs to; starts one when its epoch is
+        """The map that a frame, or an observation of it, belongs to; starts one when its world is
         new.
 
-        Raises Conflict for an epoch that is over or an observation of another search, InvalidInput
-        for a frame that can't start a map: what is refused parks nothing.
+        Raises Conflict for a world, or a start of the robot, that is over and for an observation of
+        another search, InvalidInput for a frame that can't start a map: what is refused parks
+        nothing.
         """
-        key = EpochKey.of(frame.id)
+        key, boot_id = frame.world, frame.id.robot_boot_id
         if self.current is not None and key == self.key:
+            if key.origin_id:
+                self._starts.check(frame.id)
+            self._go_on_in(boot_id)
             return self.current
-        kept = key == self.robot_key or self.current is None
-        if kept and (again := self._brought_back(key)) is not None:
+        new_start = bool(key.origin_id) and not self._starts.knows(boot_id)
+        kept = key == self.robot_key or self.current is None or new_start
+        if kept and (again := self._brought_back(key, boot_id)) is not None:
             return again
         older = self.key is not None and (
-            key.robot_boot_id == self.key.robot_boot_id and key.world_epoch < self.key.world_epoch
+            boot_id == self._starts.present and key.world_epoch < self.key.world_epoch
         )
         if key in self._gone or (older and key != self.robot_key):
-            raise Conflict(
-                f"frame {frame.id.seq} is of world epoch {key.world_epoch} of robot boot "
-                f"{key.robot_boot_id!r}, which is over: its map is parked"
-            )
+            raise Conflict(f"frame {frame.id.seq} is of {key}, which is over: its map is parked")
         base = check_pose(frame.T_world_base, "T_world_base")
         fresh = MapState(
             self.rules, (base[0, 3], base[1, 3]), self.footprint_radius_m, self.version
@@ -91,31 +85,50 @@ class EpochMaps:
             self._parked.append((self.key, self.current))
             self._gone.append(self.key)
         self.current, self.key = fresh, key
+        self._starts.begin(boot_id)
         return fresh
 
-    def robot_is_in(self, key: EpochKey, pose: tuple[float, float, float] | None = None) -> None:
-        """Note the epoch that the robot itself is in, and where (x, y in m, yaw in rad) if it says
-        so; where nothing is known yet but a kept map is of that epoch, it goes on."""
+    def robot_is_in(
+        self,
+        key: WorldId,
+        boot_id: str = "",
+        pose: tuple[float, float, float] | None = None,
+    ) -> None:
+        """Note the world that the robot itself is in, and where (x, y in m, yaw in rad) if it says
+        so; where nothing is known yet but a kept map is of that world, it goes on. boot_id: of this
+        start of the robot, where the world is named by its origin."""
         self.robot_key, self._robot_pose = key, pose
+        boot_id = boot_id or key.robot_boot_id
         if self.current is None:
-            self._brought_back(key)
+            self._brought_back(key, boot_id)
+        elif key == self.key:
+            self._go_on_in(boot_id)
+        self._starts.told(boot_id)
 
-    def keep(self, key: EpochKey, state: MapState) -> None:
-        """Park a map, in place of one of the same epoch; where nothing is known yet and the robot
-        is in that epoch, it goes on. Later versions rise from this map's."""
+    def is_of_another_world(self, state: MapState) -> bool:
+        """Whether a map is parked, and the robot says that it is not in its world."""
+        of = next((key for key, parked in self._parked if parked is state), self.robot_key)
+        return self.robot_key is not None and of != self.robot_key
+
+    def keep(self, key: WorldId, state: MapState) -> None:
+        """Park a map, in place of one of the same world; where nothing is known yet and the robot
+        is in that world, it goes on. Later versions rise from this map's."""
         kept = [(k, other) for k, other in self._parked if k != key]
         self._parked.clear()
         self._parked.extend([*kept, (key, state)])
         self._first_version = max(self._first_version, state.version)
         if self.current is None and key == self.robot_key:
-            self._brought_back(key)
+            self._brought_back(key, self._starts.present)
 
     def replace(self, state: MapState) -> None:
-        """Take a map in place of the present one, in its epoch. Raises Conflict without any."""
+        """Take a map in place of the present one, in its world. Raises Conflict without any."""
         key = self.key or self.robot_key
         if key is None:
             raise Conflict("no robot has said where it is; start its bridge, then load the map")
-        foreign = state.frame_id is None or EpochKey.of(state.frame_id) != key
+        foreign = state.frame_id is None or (
+            state.frame_id.robot_boot_id != self._starts.present
+            or state.frame_id.world_epoch != key.world_epoch
+        )
         if foreign or self.current is not None:
             state.continue_as(self.current, self._told_pose(key))
         state.go_on_from(self.version)
@@ -123,8 +136,15 @@ class EpochMaps:
             state.reset_search(self._context)
         self.current, self.key = state, key
 
-    def _brought_back(self, key: EpochKey) -> MapState | None:
-        """The map that is kept of the robot's own epoch, in place of the present one; None when
+    def _go_on_in(self, boot_id: str) -> None:
+        """The present map is taken up by a start of the robot, which may be another one than
+        before: then it stands elsewhere, and its frames are numbered anew."""
+        if self._starts.begin(boot_id) and self.current is not None:
+            self.current.continue_as(None, self._robot_pose if self.robot_key == self.key else None)
+            self.current.go_on_from(self.version)
+
+    def _brought_back(self, key: WorldId, boot_id: str) -> MapState | None:
+        """The map that is kept of the robot's own world, in place of the present one; None when
         there is none."""
         back = next((state for parked, state in self._parked if parked == key), None)
         if key in self._gone:
@@ -137,16 +157,19 @@ class EpochMaps:
         if self.current is not None and self.key is not None:
             self._parked.append((self.key, self.current))
             self._gone.append(self.key)
-        if back.frame_id is None:
+        if back.frame_id is not None:
+            self._starts.begin(back.frame_id.robot_boot_id)
+        if back.frame_id is None or back.frame_id.robot_boot_id != boot_id:
             back.continue_as(None, self._told_pose(key))
         back.go_on_from(self.version)
         if self._context is not None:
             back.reset_search(self._context)
         self.current, self.key = back, key
+        self._starts.begin(boot_id)
         return back
 
-    def _told_pose(self, key: EpochKey) -> tuple[float, float, float] | None:
-        """Where the robot itself says that it is in an epoch."""
+    def _told_pose(self, key: WorldId) -> tuple[float, float, float] | None:
+        """Where the robot itself says that it is in a world."""
         return self._robot_pose if key == self.robot_key else None
 
     def reset_search(self, context: SearchContext) -> bool:

@@ -41,9 +41,10 @@ from helios_core.topics import (
     SIGHT,
     SNAPSHOT,
 )
+from helios_core.types import WorldId
 
 from helios_map2d.answers import Answers
-from helios_map2d.epochs import EpochKey, EpochMaps
+from helios_map2d.epochs import EpochMaps
 from helios_map2d.files.keeping import Keeping
 from helios_map2d.recollection import Recollection
 from helios_map2d.settings import Settings
@@ -63,7 +64,7 @@ class Map2DService:
         self._maps: EpochMaps | None = None
         self._contexts: list[str] = []  # ids in the order of their coming
         self._context: pb.SearchContext | None = None
-        self._robot: tuple[EpochKey, Pose | None] | None = None  # where it says that it is
+        self._robot: tuple[WorldId, str, Pose | None] | None = None  # where it says that it is
         self._frames_waiting: deque[pb.Frame] = deque()
         self._observations_waiting: deque[pb.Observation] = deque()
         self._holding = False
@@ -149,20 +150,23 @@ class Map2DService:
             self._recollection.fill(context)
 
     def on_robot_state(self, message: pb.RobotState) -> None:
-        """Which world epoch the robot itself says it is in, where, and whether it holds
-        something."""
+        """Which world the robot itself says it is in, where, and whether it holds something."""
         if not message.robot_boot_id:
             return
-        key, pose = EpochKey(message.robot_boot_id, message.world_epoch), told_pose(message)
+        boot_id = message.robot_boot_id
+        world = WorldId.of(boot_id, message.world_epoch, message.origin_id)
+        pose = told_pose(message)
         with self._lock:
-            self._robot = key, pose
+            another = self._robot is None or self._robot[:2] != (world, boot_id)
+            self._robot = world, boot_id, pose
             self._holding = bool(message.held)
             before = self._maps.current if self._maps is not None else None
             if self._maps is not None:
-                self._maps.robot_is_in(key, pose)
+                self._maps.robot_is_in(*self._robot)
             goes_on = self._maps is not None and self._maps.current is not before
-        if goes_on:
+        if another:
             self._say()
+        if goes_on:
             self._catch_up()
 
     def on_keyframe(self, message: pb.Frame) -> None:
@@ -178,7 +182,6 @@ class Map2DService:
             self._answer("occupancy", late.id, "", Unavailable(reason), 0.0)
         if not wait:
             self._integrate("occupancy", message.id, "", lambda: self._fold_frame(message))
-            self._say()  # a frame may have brought back the map that was kept
 
     def on_stream_frame(self, message: pb.Frame) -> None:
         """Fold a stream frame in, unless the maps are not ready for it; it is not answered."""
@@ -225,6 +228,7 @@ class Map2DService:
                     EpochMaps(old.rules, old.footprint_radius_m, first_version=self._version() + 1)
                 )
         self._keeping.forget()
+        self._say()
         return pb.Empty()
 
     # --- inside -------------------------------------------------------------------------------
@@ -255,6 +259,8 @@ class Map2DService:
         except Exception as fault:  # a fault of ours must not leave the sender waiting
             log.exception("part %s of frame %d failed", part, id.seq)
             error = Internal(f"map2d failed ({type(fault).__name__}: {fault}); see its log")
+        if error is None and self._keeping.superseded():
+            self._say()
         self._answer(part, id, context_id, error, (time.perf_counter() - began) * 1e3)
 
     def _answer(

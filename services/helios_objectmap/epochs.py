@@ -1,83 +1,106 @@
-"""One map per world epoch: the present one and the parked ones of worlds that are over."""
+"""One map per world: the present one and the parked ones of worlds that are over."""
 
 from __future__ import annotations
 
 from collections import deque
 
 from helios_core.errors import Conflict
-from helios_core.types import FrameId
+from helios_core.robot_starts import RobotStarts
+from helios_core.types import Frame, FrameId, WorldId
 
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
-
-Epoch = tuple[str, int]  # robot boot id, world epoch
 
 MOST_PARKED = 2
 MOST_REMEMBERED = 256
 
 
 class EpochMaps:
-    """A frame of a new epoch parks the present map and starts a fresh one.
+    """A frame of a new world parks the present map and starts a fresh one.
 
-    A frame of the epoch that the robot itself says it is in is never refused: it brings its map
-    back, if a stranger's frame parked it.
+    A robot that started anew with the same origin is in the same world: its map goes on. A frame of
+    the world that the robot itself says it is in is never refused: it brings its map back, if a
+    stranger's frame parked it.
     """
 
     def __init__(self, settings: ObjectMapSettings) -> None:
         self._settings = settings
-        self._over: deque[Epoch] = deque(maxlen=MOST_REMEMBERED)
-        self.epoch: Epoch | None = None
-        self.robot_epoch: Epoch | None = None  # the one that the robot itself is in
+        self._over: deque[WorldId] = deque(maxlen=MOST_REMEMBERED)
+        self._starts = RobotStarts()
+        self.world: WorldId | None = None
+        self.robot_world: WorldId | None = None  # the one that the robot itself is in
         self.current = ObjectMap(settings)
         self.newest: FrameId | None = None  # the newest frame in the present map
         self.from_disk = False  # no frame has come since the present map was read
-        self.parked: deque[tuple[Epoch, ObjectMap]] = deque(maxlen=MOST_PARKED)
+        self.parked: deque[tuple[WorldId, ObjectMap]] = deque(maxlen=MOST_PARKED)
 
-    def map_for(self, id: FrameId) -> ObjectMap:
-        """The map a frame belongs to. Raises Conflict for an epoch that is over."""
-        if id.epoch == self.epoch:
+    def map_for(self, frame: Frame) -> ObjectMap:
+        """The map a frame belongs to. Raises Conflict for a world, or a start of the robot, that is
+        over."""
+        id, world = frame.id, frame.world
+        new_start = bool(world.origin_id) and not self._starts.knows(id.robot_boot_id)
+        if world == self.world:
+            if world.origin_id:
+                self._starts.check(id)
             self.from_disk = False
-            return self.current
-        if id.epoch == self.robot_epoch:
-            return self._bring_back(id.epoch)
-        same_boot = self.epoch is not None and id.robot_boot_id == self.epoch[0]
-        if id.epoch in self._over or (
-            same_boot and self.epoch is not None and id.world_epoch < self.epoch[1]
-        ):
-            raise Conflict(
-                f"frame {id} is of world epoch {id.world_epoch}, which is over (now "
-                f"{self.epoch}): its map is parked; send frames of the present epoch"
-            )
-        self._go_to(id.epoch, ObjectMap(self._settings))
+        elif world == self.robot_world or (new_start and world in self._over):
+            self._bring_back(world)
+        else:
+            self._check_not_over(id, world)
+            self._go_to(world, ObjectMap(self._settings))
+        self._starts.begin(id.robot_boot_id)
         return self.current
 
-    def robot_is_in(self, epoch: Epoch) -> bool:
-        """Note it. A map that was read from disk and is of another epoch makes room at once.
+    def robot_is_in(self, world: WorldId, boot_id: str) -> bool:
+        """Note it. A map that was read from disk and is of another world makes room at once.
 
         Returns whether the present map is another one now.
         """
-        self.robot_epoch = epoch
-        if not self.from_disk or epoch == self.epoch:
+        self.robot_world = world
+        if self._starts.told(boot_id) and world == self.world:
+            self.newest = None
+        if not self.from_disk or world == self.world:
             return False
-        self._go_to(epoch, ObjectMap(self._settings))
+        self._go_to(world, ObjectMap(self._settings))
         return True
 
-    def _bring_back(self, epoch: Epoch) -> ObjectMap:
-        back = next((m for e, m in self.parked if e == epoch), None)
+    def restored(self, world: WorldId | None, newest: FrameId | None) -> None:
+        """The present map was read from a file of an earlier process, and is of that world."""
+        self.world, self.newest = world, newest
+        self.from_disk = world is not None
+        if newest is not None:
+            self._starts.begin(newest.robot_boot_id)
+
+    def forget(self) -> None:
+        """Forget the present map and the parked ones; frames go on."""
+        self.current.reset()
+        self.parked.clear()
+        self.from_disk = False
+
+    def _check_not_over(self, id: FrameId, world: WorldId) -> None:
+        same_start = self.world is not None and id.robot_boot_id == self._starts.present
+        older = same_start and self.world is not None and world.world_epoch < self.world.world_epoch
+        if older or world in self._over:
+            raise Conflict(
+                f"frame {id} is of {world}, which is over (now {self.world}): its map is parked; "
+                "send frames of the present world"
+            )
+
+    def _bring_back(self, world: WorldId) -> None:
+        back = next((m for e, m in self.parked if e == world), None)
         if back is not None:
-            kept = [(e, m) for e, m in self.parked if e != epoch]
+            kept = [(e, m) for e, m in self.parked if e != world]
             self.parked.clear()
             self.parked.extend(kept)
-        if epoch in self._over:
-            self._over.remove(epoch)
-        self._go_to(epoch, back or ObjectMap(self._settings))
-        return self.current
+        if world in self._over:
+            self._over.remove(world)
+        self._go_to(world, back or ObjectMap(self._settings))
 
-    def _go_to(self, epoch: Epoch, fresh: ObjectMap) -> None:
-        """Park the present map, if it is of an epoch, and go on with another."""
-        if self.epoch is not None:
-            self._over.append(self.epoch)
-            self.parked.append((self.epoch, self.current))
+    def _go_to(self, world: WorldId, fresh: ObjectMap) -> None:
+        """Park the present map, if it is of a world, and go on with another."""
+        if self.world is not None:
+            self._over.append(self.world)
+            self.parked.append((self.world, self.current))
             self.current = fresh
         self.from_disk, self.newest = False, None
-        self.epoch = epoch
+        self.world = world

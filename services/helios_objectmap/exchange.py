@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from helios_core import kept_file
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import object_to_proto, vector_to_proto
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 
 from helios_objectmap.epochs import EpochMaps
 from helios_objectmap.files import export, mapfile
+from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.view import View
 
@@ -53,7 +55,8 @@ class Exchange:
         when `said` has changed."""
         self._lock, self._maps, self._health = lock, maps, health
         self._version, self._replaced, self._say = version, replaced, say
-        self._note = ""  # of the map of an earlier process
+        self._refused = ""  # why the map of an earlier process was, as long as this one lives
+        self._restored: tuple[ObjectMap, str, str] | None = None  # map, time of writing, content
         self._trouble = ""  # with keeping the present one
         self._kept: KeptFile | None = None
         if settings.state_dir is not None:
@@ -67,8 +70,14 @@ class Exchange:
 
     @property
     def said(self) -> str:
-        """That a map was restored or refused, and what is wrong with keeping the present one."""
-        return "; ".join(part for part in (self._trouble, self._note) if part)
+        """What is wrong with keeping the map; what became of the kept one, until another takes its
+        place."""
+        return "; ".join(part for part in (self._trouble, self._refused, self._fate()) if part)
+
+    def superseded(self) -> bool:
+        """The present map is no longer what an earlier process kept; whether `said` has changed."""
+        was, self._restored = self._restored, None
+        return was is not None
 
     def begin(self) -> None:
         """Take up the map of an earlier process, if one was kept, and begin to keep."""
@@ -77,15 +86,21 @@ class Exchange:
         try:
             found = self._kept.found()
             if found is not None:
-                self._note = self._restored(found)
+                self._restore(found)
         except InvalidInput as error:
             self._health.count("maps_refused")
-            self._note = f"the kept map was refused and {self._kept.put_aside()}: {error}"
+            self._refused = f"the kept map was refused and {self._kept.put_aside()}: {error}"
         except OSError as error:
-            self._note = f"the kept map cannot be read: {error}"
-        if self._note:
-            log.warning("%s", self._note)
+            self._refused = f"the kept map cannot be read: {error}"
+        if self.said:
+            log.warning("%s", self.said)
         self._kept.start()
+
+    def forget(self) -> None:
+        """Keep nothing of what was known until now."""
+        self._restored = None
+        if self._kept is not None:
+            self._kept.forget()
 
     def close(self) -> None:
         """Keep what is not kept yet."""
@@ -104,7 +119,10 @@ class Exchange:
 
         The file's world frame is taken to be the present one.
         """
-        return self._recall(request.data, same_world=False)
+        loaded = self._recall(request.data, same_world=False)
+        if self.superseded():
+            self._say()
+        return loaded
 
     def export(self, request: pb.ExportRequest) -> pb.ExportReply:
         """Gaussians of all instances, or of one, for other programs."""
@@ -155,15 +173,22 @@ class Exchange:
         )
 
     # --- parts --------------------------------------------------------------------------------
-    def _restored(self, kept: Kept) -> str:
-        """Know what an earlier process wrote; returns what there is to say. Raises InvalidInput."""
+    def _restore(self, kept: Kept) -> None:
+        """Know what an earlier process wrote. Raises InvalidInput."""
         loaded = self._recall(kept.data, same_world=True)
         newest = self._maps.newest
         frames = "" if newest is None else f", frames up to number {newest.seq}"
-        return (
-            f"the map was restored as it was written {kept.age_s:.1f} s ago: {loaded.objects} "
-            f"objects, {loaded.gaussians} Gaussians{frames}"
-        )
+        content = f"{loaded.objects} objects, {loaded.gaussians} Gaussians{frames}"
+        self._restored = self._maps.current, kept.written, content
+
+    def _fate(self) -> str:
+        """What became of the map that an earlier process kept; "" where there is nothing to say."""
+        if self._restored is None:
+            return ""
+        map, written, content = self._restored
+        if self._maps.current is map:
+            return f"the map was restored as it was written at {written}: {content}"
+        return kept_file.of_another_world(written)
 
     def _recall(self, data: bytes, *, same_world: bool) -> pb.ObjectMapLoaded:
         """same_world: only while the robot is in the world epoch that the file names."""
@@ -172,9 +197,8 @@ class Exchange:
         with self._lock:
             present = self._maps.current
             present.recall(found.memory)
-            if same_world and self._maps.epoch is None:
-                self._maps.epoch, self._maps.newest = found.epoch, found.newest
-                self._maps.from_disk = found.epoch is not None
+            if same_world and self._maps.world is None:
+                self._maps.restored(found.world, found.newest)
             self._replaced()
             objects, gaussians = len(present.objects()), len(present)
         log.info("%d Gaussians read in %.1f s", gaussians, time.perf_counter() - began)
@@ -197,8 +221,7 @@ class Exchange:
 
     def _arrays(self) -> dict[str, NDArray]:
         maps = self._maps
-        seq = maps.newest.seq if maps.newest is not None else None
-        return mapfile.arrays_of(maps.current.memory(), maps.epoch, seq)
+        return mapfile.arrays_of(maps.current.memory(), maps.world, maps.newest)
 
     @staticmethod
     def _unknown(object_id: int) -> InvalidInput:

@@ -40,7 +40,7 @@ from helios_core.topics import (
     ROBOT_STATE,
     WHAT_IF,
 )
-from helios_core.types import ObjectInstance, Observation, SearchContext
+from helios_core.types import ObjectInstance, Observation, SearchContext, WorldId
 
 from helios_objectmap.epochs import EpochMaps
 from helios_objectmap.exchange import Exchange
@@ -139,11 +139,15 @@ class ObjectMapService:
             return
         with self._lock:
             self._held = held
-            if message.robot_boot_id and self._maps.robot_is_in(
-                (message.robot_boot_id, message.world_epoch)
-            ):
-                log.warning("the kept map is of a world that is over: it is parked")
+            another = bool(message.robot_boot_id) and self._maps.robot_is_in(
+                WorldId.of(message.robot_boot_id, message.world_epoch, message.origin_id),
+                message.robot_boot_id,
+            )
+            if another:
                 self._replaced()
+        if another:
+            log.warning("%s", self._exchange.said)
+            self._say()
 
     def on_observation(self, message: pb.Observation) -> None:
         """Integrate, or say why not. Never raises."""
@@ -253,12 +257,12 @@ class ObjectMapService:
         return reply
 
     def reset(self, _: pb.Empty) -> pb.Empty:
-        """Forget the present map; parked ones stay."""
+        """Forget every map, the parked and the kept ones too; the present search goes on."""
         with self._lock:
-            self._maps.current.reset()
-            if self._context is not None:
-                self._maps.current.set_context(self._context)
-            self._changed()
+            self._maps.forget()
+            self._replaced()
+        self._exchange.forget()
+        self._say()
         return pb.Empty()
 
     def gaussians(self, request: pb.GaussiansRequest) -> pb.GaussiansReply:
@@ -291,6 +295,8 @@ class ObjectMapService:
             self._refuse(message, f"a fault in the object map: {type(error).__name__}: {error}")
             return
         update_ms = (time.perf_counter() - began) * 1e3
+        if self._exchange.superseded():
+            self._say()
         self._health.count("observations_accepted")
         self._health.sample("update_ms", update_ms)
         self._health.set("gaussians", report.total)
@@ -309,7 +315,7 @@ class ObjectMapService:
                 f"the observation answers search context {observation.context_id!r}; the present "
                 f"one is {context.id if context else None!r}: observe again"
             )
-        present = self._maps.map_for(observation.frame.id)
+        present = self._maps.map_for(observation.frame)
         held = observation.frame.held
         report = present.update(observation, context, self._held if held is None else held)
         self._maps.newest = observation.frame.id
@@ -317,7 +323,7 @@ class ObjectMapService:
         return report
 
     def _replaced(self) -> None:
-        """A file took the present map's place."""
+        """Another map took the present one's place."""
         if self._context is not None:
             self._maps.current.set_context(self._context)
         self._changed()

@@ -1,18 +1,18 @@
 """A service's map on disk: written while it changes, read when the service starts again.
 
-The file is replaced as a whole, so that a process that is killed leaves the old or the new one. One
-that cannot be read is put aside under another name.
+A file that cannot be read is put aside under another name.
 """
 
 from __future__ import annotations
 
 import logging
-import os
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+
+from helios_core.atomic_file import remove_temporaries, write_file
 
 log = logging.getLogger(__name__)
 
@@ -22,12 +22,21 @@ CLOSE_WITHIN_S = 1.0  # of a write that is under way
 Newer = Callable[[int], tuple[int, bytes] | None]
 
 
+def of_another_world(written: str) -> str:
+    """What there is to say of a kept map that the robot's start or jump has put aside."""
+    return (
+        f"the map that was kept at {written} is of another world and is not used: the robot "
+        "started anew, or its poses jumped, and its driver names no origin (origin_id) that is "
+        "still the same"
+    )
+
+
 @dataclass(frozen=True)
 class Kept:
     """A file of an earlier process."""
 
     data: bytes
-    age_s: float  # since it was written
+    written: str  # when, in local time: "2026-11-23 14:03:22"
 
 
 class KeptFile:
@@ -47,9 +56,11 @@ class KeptFile:
 
     def found(self) -> Kept | None:
         """The file of an earlier process; None where there is none. Raises OSError."""
+        remove_temporaries(self._path)
         try:
             written_s = self._path.stat().st_mtime
-            return Kept(self._path.read_bytes(), max(0.0, time.time() - written_s))
+            written = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(written_s))
+            return Kept(self._path.read_bytes(), written)
         except FileNotFoundError:
             return None
 
@@ -106,12 +117,7 @@ class KeptFile:
 
     def _replace(self, data: bytes) -> None:
         self._path.parent.mkdir(parents=True, exist_ok=True)
-        new = self._path.with_name(f".{self._path.name}.new")
-        with new.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        new.replace(self._path)
+        write_file(self._path, data)
 
     def _run(self) -> None:
         while not self._stopped.wait(self._period_s):

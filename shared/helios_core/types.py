@@ -30,6 +30,27 @@ class FrameId:
 
 
 @dataclass(frozen=True)
+class WorldId:
+    """Names a world frame: poses under one name mean the same places.
+
+    Where the driver names the origin of its poses, the name outlives the start of the robot.
+    """
+
+    robot_boot_id: str  # empty where the origin is named
+    world_epoch: int
+    origin_id: str = ""
+
+    @staticmethod
+    def of(robot_boot_id: str, world_epoch: int, origin_id: str) -> WorldId:
+        """Of a frame, or of what the robot says of itself."""
+        return WorldId("" if origin_id else robot_boot_id, world_epoch, origin_id)
+
+    def __str__(self) -> str:
+        name = f"origin {self.origin_id!r}" if self.origin_id else f"start {self.robot_boot_id!r}"
+        return f"world epoch {self.world_epoch} of {name}"
+
+
+@dataclass(frozen=True)
 class Frame:
     """A posed RGB-D image."""
 
@@ -42,6 +63,12 @@ class Frame:
     T_world_cam: Matrix  # [4, 4]
     T_world_base: Matrix  # [4, 4]
     held: str | None = None  # class of what the robot held then, "" for nothing; None: not told
+    origin_id: str = ""  # as in RobotState
+
+    @property
+    def world(self) -> WorldId:
+        """The world that its poses live in."""
+        return WorldId.of(self.id.robot_boot_id, self.id.world_epoch, self.origin_id)
 
 
 @dataclass(frozen=True)
@@ -165,6 +192,7 @@ class RobotState:
     finished: bool = False  # a recording has come to its end
     last_seq: int = 0
     last_action_id: str = ""  # of the newest action that was done; empty: none is known
+    origin_id: str = ""  # names the origin of the poses, the same at every start; empty: not known
 
 
 @dataclass(frozen=True)

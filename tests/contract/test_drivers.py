@@ -46,7 +46,10 @@ class TestExample(DriverContract):
     @classmethod
     @contextmanager
     def stand(cls) -> Iterator[Rig]:
-        yield Rig(RoomRobot(), tolerance_m=0.01, tolerance_rad=0.01, depth_tolerance_m=0.02)
+        yield Rig(
+            RoomRobot(), tolerance_m=0.01, tolerance_rad=0.01, depth_tolerance_m=0.02,
+            started_again=lambda: closing(RoomRobot()),
+        )  # fmt: skip
 
 
 class TestSimulator(DriverContract):

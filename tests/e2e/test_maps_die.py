@@ -40,6 +40,7 @@ class Watched:
         bus.subscribe(MAP2D_ACK, self._on_ack)
         self.instruction = bus.call(TRUTH_EPISODE, pb.Empty(), 10).instruction
         self.task = ""
+        self._logged = dict.fromkeys(MAPS, 0)  # bytes of their logs when they were last killed
         self.works_on()
 
     def works_on(self) -> None:
@@ -59,17 +60,23 @@ class Watched:
     def kill(self, name: str) -> int:
         """Returns the process that is no more."""
         pid = self.house.pid(name)
+        self._logged[name] = len(self.log(name))
         os.kill(pid, signal.SIGKILL)
         return pid
 
+    def log(self, name: str) -> bytes:
+        return (self.house.state / "logs" / f"{name}.log").read_bytes()
+
     def back(self, name: str, killed_pid: int, says: str) -> re.Match[str]:
-        """Wait until it is ready under another process and says something (a pattern)."""
+        """Wait until it is ready under another process and has said something (a pattern), in its
+        status or, where a frame has come since, in its log."""
         found: list[re.Match[str]] = []
 
         def is_back() -> bool:
             now = self.house.service(name)
             if now["state"] == "ready" and now["pid"] != killed_pid:
-                found.extend(re.finditer(says, now["reason"]))
+                log = self.log(name)[self._logged[name] :].decode()
+                found.extend(re.finditer(says, f"{now['reason']}\n{log}"))
             return bool(found)
 
         wait_until(is_back, 60, f"{name} is back and says {says!r}")  # loaded machines are slow
@@ -130,7 +137,7 @@ def test_a_killed_map_is_back_with_what_it_knew_5_s_before_and_says_so(
     else:
         assert_knows_ground(watched.ground(), ground, newest)
     watched.takes_more(name, 3)
-    assert said[0] in (watched.house.state / "logs" / f"{name}.log").read_text()
+    assert said[0] in watched.log(name).decode()
 
 
 @pytest.mark.parametrize("kind", ["truncated", "foreign"])

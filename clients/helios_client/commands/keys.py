@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
 import secrets
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+from helios_core.atomic_file import write_file
 from helios_core.errors import Conflict, InvalidInput
 
 from helios_client.wrong_use import WrongUse
@@ -17,7 +21,7 @@ BYTES = 32
 
 
 def add_key(file: Path, name: str, scope: str) -> str:
-    """A new key, its hash appended to the file; nobody can read the key from there.
+    """A new key, its hash added to the file; nobody can read the key from there.
 
     Raises WrongUse for a name that cannot be read, Conflict where the file has a key of that name,
     InvalidInput where it cannot be used.
@@ -29,6 +33,16 @@ def add_key(file: Path, name: str, scope: str) -> str:
     quoted = json.dumps(name, ensure_ascii=False)  # such a JSON string is a TOML string, too
     entry = f'[[key]]\nname = {quoted}\nscope = "{scope}"\nsha256 = "{digest}"\n'
     try:
+        with _alone_in(file.parent):
+            _add(file, name, entry)
+    except OSError as error:
+        raise InvalidInput(f"{file} cannot be written: {error.strerror}") from error
+    return key
+
+
+def _add(file: Path, name: str, entry: str) -> None:
+    """Raises as `add_key`, and OSError where the file cannot be written: then it is as it was."""
+    try:
         text = file.read_text(encoding="utf-8") if file.exists() else ""
         names = [entry.get("name") for entry in tomllib.loads(text).get("key", [])]
         added = ("\n" if text else "") + entry
@@ -39,10 +53,15 @@ def add_key(file: Path, name: str, scope: str) -> str:
         ) from error
     if name in names:
         raise Conflict(f"{file} has a key {name!r}; take that entry out, or choose another name")
+    write_file(file, text + added, mode=0o600)
+
+
+@contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """One process at a time: of two that add a key at once neither is lost. Raises OSError."""
+    descriptor = os.open(folder, os.O_RDONLY)
     try:
-        descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
-        with os.fdopen(descriptor, "a", encoding="utf-8") as out:
-            out.write(added)
-    except OSError as error:
-        raise InvalidInput(f"{file} cannot be written: {error.strerror}") from error
-    return key
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -74,8 +74,9 @@ def save(
     as_json: Json = False,
 ) -> None:
     """Save both maps, ground and objects, in one file."""
-    from helios_client.commands.map_files import write_file
+    from helios_client.commands.map_files import check_folder_of, write_file
 
+    check_folder_of(file)
     with at.connect() as helios:
         data = helios.save_map()
     write_file(file, data)
@@ -108,6 +109,30 @@ def load(
             f"loaded: {loaded['known_m2']:.0f} m² of ground, {loaded['objects']} objects of "
             f"{loaded['gaussians']} Gaussians, {loaded['views']} past views"
         )
+
+
+@app.command()
+@flat
+def reset(
+    at: At,
+    only: Annotated[
+        Literal["objects", "occupancy"] | None,
+        typer.Option(help="this map alone; occupancy: with values and past views"),
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="do not ask")] = False,
+    as_json: Json = False,
+) -> None:
+    """Forget both maps, or one. For a home that was rebuilt. Refused while a task runs."""
+    from helios_client.commands.map_files import confirm_reset
+
+    if not yes:
+        confirm_reset(at.base_url, only)
+    with at.connect() as helios:
+        done = helios.reset_map(only)
+    if as_json:
+        print_json(done)
+    else:
+        print(f"forgotten: {' and '.join(done['reset'])}; the next action begins a new map")
 
 
 @app.command()

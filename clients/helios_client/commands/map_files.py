@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from helios_core.errors import InvalidInput
+import typer
+from helios_core import atomic_file
+from helios_core.errors import Conflict, InvalidInput
 
 from helios_client.sdk import Helios
 from helios_client.tasks import SeenView
@@ -22,6 +25,7 @@ def export_map(helios: Helios, out: Path, only: str | None) -> list[Path]:
     layers = [layer["name"] for layer in helios.map_info()["layers"]]
     if only is not None and only not in (OCCUPANCY, *layers):
         raise WrongUse(f"the map has no {only!r}; wanted one of {', '.join((OCCUPANCY, *layers))}")
+    make_folder(out)
     written = []
     for name in [only] if only else [OCCUPANCY, *layers]:
         what, stem = (name, name) if name == OCCUPANCY else (f"value/{name}", f"value-{name}")
@@ -35,6 +39,7 @@ def export_map(helios: Helios, out: Path, only: str | None) -> list[Path]:
 def export_ros(helios: Helios, out: Path) -> list[Path]:
     """`map.pgm` and `map.yaml` for ROS's map_server; the paths written. Raises InvalidInput where
     nothing can be written."""
+    make_folder(out)
     written = []
     for name, data in helios.ros_map().items():
         path = out / Path(name).name
@@ -44,7 +49,9 @@ def export_ros(helios: Helios, out: Path) -> list[Path]:
 
 
 def write_views(views: Sequence[SeenView], out: Path) -> list[Path]:
-    """The pictures of past views, best first; the paths written."""
+    """The pictures of past views, best first; the paths written. Raises InvalidInput where nothing
+    can be written."""
+    make_folder(out)
     pictured = [view for view in views if view.jpeg]
     paths = [out / f"view-{k}.jpg" for k in range(1, len(pictured) + 1)]
     for path, view in zip(paths, pictured, strict=True):
@@ -53,12 +60,43 @@ def write_views(views: Sequence[SeenView], out: Path) -> list[Path]:
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """With the folders on its way. Raises InvalidInput where that cannot be."""
+    """Whole or not at all. Raises InvalidInput where it cannot be written; a file that was there is
+    as it was."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)
+        atomic_file.write_file(path, data)
     except OSError as error:
-        raise InvalidInput(f"{path} cannot be written: {error.strerror}") from error
+        raise InvalidInput(
+            f"{path} cannot be written: {error.strerror}; make room there, or name another place"
+        ) from error
+
+
+def make_folder(folder: Path) -> None:
+    """With those above it. Raises InvalidInput where that cannot be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInput(
+            f"{folder} cannot be made: {error.strerror}; name another folder with --out"
+        ) from error
+
+
+def check_folder_of(file: Path) -> None:
+    """Raises WrongUse where the folder of a file to be written is not there, or the file is a
+    folder."""
+    if file.is_dir():
+        raise WrongUse(f"{file} is a folder; name a file in it: {file / 'map.zip'}")
+    if not file.parent.is_dir():
+        raise WrongUse(f"there is no folder {file.parent}; make it, or name another file")
+
+
+def confirm_reset(address: str, only: str | None) -> None:
+    """Ask at a terminal; a script is not asked. Raises Conflict for a no."""
+    if not sys.stdin.isatty():
+        return
+    what = "both maps, objects and occupancy" if only is None else f"the map of {only}"
+    question = f"Forget {what}, of the robot at {address}? `helios map save` keeps a copy."
+    if not typer.confirm(question, err=True):
+        raise Conflict("nothing was forgotten")
 
 
 def read_file(path: Path) -> bytes:

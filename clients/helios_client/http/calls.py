@@ -25,6 +25,7 @@ from helios_client.tasks import (
     Frontier,
     LoadedMaps,
     MapInfo,
+    ResetMaps,
     RobotAnswer,
     Seen,
     SeenView,
@@ -158,6 +159,11 @@ def save_map() -> Call[bytes]:
 
 def load_map(data: bytes) -> Call[LoadedMaps]:
     return Call("PUT", "/map.zip", _json, content=data, timeout_s=MAP_S)
+
+
+def reset_map(only: str | None) -> Call[ResetMaps]:
+    query = {} if only is None else {"only": only}
+    return Call("POST", "/map/reset", _json, query=query, timeout_s=MAP_S)
 
 
 def seen(prompt: str, limit: int) -> Call[Seen]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
 import json
 import math
@@ -12,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from helios_core import proto as pb
+from helios_core.atomic_file import write_file
 from helios_core.bus import Bus
 from helios_core.errors import InvalidInput
 from helios_core.grids import MapView, decode_snapshot
@@ -152,13 +152,9 @@ def _finite(value: Any) -> Any:
 
 
 def _replace(path: Path, data: bytes) -> None:
-    half = path.with_name(f".{path.name}.new")
     try:
-        half.write_bytes(data)
-        half.replace(path)
+        write_file(path, data)
     except OSError as error:
-        with contextlib.suppress(OSError):
-            half.unlink(missing_ok=True)
         raise InvalidInput(
             f"{path} cannot be written: {error.strerror}; make room there, or name another folder "
             "with --out"

@@ -15,6 +15,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from helios_core.atomic_file import write_file
+
 FILE_NAME = "supervisor.json"
 LOCK_NAME = "supervisor.lock"
 STALE_S = 15.0  # the supervisor writes every two seconds
@@ -62,9 +64,7 @@ def write(directories: Sequence[Path], status: dict[str, Any]) -> None:
     text = json.dumps(status | {"supervisor_pid": os.getpid(), "updated_s": time.time()}, indent=1)
     for directory in directories:
         directory.mkdir(parents=True, exist_ok=True)
-        half = directory / f".{FILE_NAME}.{os.getpid()}"
-        half.write_text(text)
-        half.replace(directory / FILE_NAME)
+        write_file(directory / FILE_NAME, text, sync=False)  # every second; no crash outlives it
 
 
 def read(directory: Path) -> dict[str, Any] | None:

@@ -6,6 +6,7 @@ import importlib
 import json
 from pathlib import Path
 
+from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 from rich.console import Console
 from rich.table import Table
@@ -51,4 +52,4 @@ def main(only: str | None = None, json_path: Path | None = None) -> None:
             "rows": [row.as_dict() for row in rows],
         }
         json_path.parent.mkdir(parents=True, exist_ok=True)
-        json_path.write_text(json.dumps(document, indent=1) + "\n")
+        write_file(json_path, json.dumps(document, indent=1) + "\n")

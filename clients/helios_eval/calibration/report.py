@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 
 from helios_eval.calibration.figures import Figure, figures
@@ -84,12 +85,12 @@ def write(folders: Sequence[Path], out: Path, every_step: bool) -> Path:
     ]  # fmt: skip
     for k, figure in enumerate(made, 1):
         name = f"calibration-{k:02d}-{_slug(figure.title)}.png"
-        (out / name).write_bytes(figure.png)
+        write_file(out / name, figure.png)
         parts.append(_section(figure, name))
     numbers = [{"title": f.title, "caption": f.caption, "rows": f.table} for f in made]
-    (out / "calibration.json").write_text(json.dumps(numbers, indent=1, ensure_ascii=False) + "\n")
+    write_file(out / "calibration.json", json.dumps(numbers, indent=1, ensure_ascii=False) + "\n")
     path = out / REPORT
-    path.write_text("\n".join(parts), encoding="utf-8")
+    write_file(path, "\n".join(parts))
     return path
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from helios_core.atomic_file import replacing
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
@@ -73,17 +74,15 @@ def save(folder: Path, kept: Keepsake) -> Path:
     path = path_of(folder, kept)
     path.parent.mkdir(parents=True, exist_ok=True)
     words = {name: value for name, value in asdict(kept).items() if name not in _ARRAYS}
-    part = path.with_suffix(".part")
-    with part.open("wb") as file:
+    with replacing(path) as temporary:
         np.savez_compressed(
-            file,
+            temporary,
             allow_pickle=False,
             words=np.array(json.dumps(words)),
             occupancy=kept.occupancy.astype(np.int8),
             trajectory_m=kept.trajectory_m.astype(np.float64).reshape(-1, 2),
             camera_jpeg=np.frombuffer(kept.camera_jpeg, np.uint8),
         )
-    part.replace(path)
     return path
 
 

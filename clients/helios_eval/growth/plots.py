@@ -7,6 +7,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+from helios_core.atomic_file import replacing
 from matplotlib.axes import Axes
 
 from helios_eval.growth.cost import Cost
@@ -84,5 +85,6 @@ def _finish(figure, axes: tuple[Axes, ...], path: Path) -> None:
     for axis in axes:
         axis.spines[["top", "right"]].set_visible(False)
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
+    with replacing(path) as temporary:
+        figure.savefig(temporary)
     plt.close(figure)

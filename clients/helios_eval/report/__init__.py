@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 
 from helios_eval.episodes import record
@@ -41,6 +42,4 @@ def write_report_of(folder: Path, records: Sequence[EpisodeRecord], run: Mapping
     report = build(folder, records, run)
     write_drawings(folder, report)
     for name, content in ((HTML, html_of(report)), (MARKDOWN, markdown_of(report))):
-        part = folder / f"{name}.part"
-        part.write_text(content, encoding="utf-8")
-        part.replace(folder / name)
+        write_file(folder / name, content)

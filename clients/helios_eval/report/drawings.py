@@ -10,6 +10,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from helios_core.atomic_file import write_file
+
 from helios_eval.report import style
 from helios_eval.report.model import Block, Graphic, Report, Section
 
@@ -38,9 +40,7 @@ def write_drawings(folder: Path, report: Report) -> None:
         for name, block in named(section):
             if name and isinstance(block, Graphic):
                 kept.add(folder / name)
-                part = folder / f"{name}.part"
-                part.write_text(standing_alone(block.svg), encoding="utf-8")
-                part.replace(folder / name)
+                write_file(folder / name, standing_alone(block.svg))
     for former in set(into.glob("*.svg")) - kept:
         former.unlink()
 

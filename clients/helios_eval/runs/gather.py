@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from helios_client.wrong_use import WrongUse
+from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 
 from helios_eval.episodes.record import EPISODES, PACKED, EpisodeRecord, read
@@ -71,7 +72,7 @@ def pack(folder: Path, records: Sequence[EpisodeRecord], run: dict[str, Any]) ->
     if (folder / EPISODES).exists():
         raise WrongUse(f"{folder} holds a run; give another folder with --out")
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / RUN).write_text(json.dumps(run, indent=1) + "\n")
+    write_file(folder / RUN, json.dumps(run, indent=1) + "\n")
     small = (r.model_copy(update={"beliefs": (), "stage_ms": {}}) for r in records)
     lines = "".join(r.model_dump_json(exclude_defaults=True) + "\n" for r in small)
-    (folder / PACKED).write_bytes(gzip.compress(lines.encode(), 9, mtime=0))
+    write_file(folder / PACKED, gzip.compress(lines.encode(), 9, mtime=0))

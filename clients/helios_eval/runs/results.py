@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
@@ -78,9 +79,7 @@ def metrics(records: Sequence[EpisodeRecord], picks: Picks) -> dict[str, dict[st
 
 def write(folder: Path, records: Iterable[EpisodeRecord], picks: Sequence[Picks]) -> None:
     """`results.json`, whole or not at all."""
-    part = folder / f"{RESULTS}.part"
-    part.write_text(json.dumps(rows(records, picks), indent=1) + "\n")
-    part.replace(folder / RESULTS)
+    write_file(folder / RESULTS, json.dumps(rows(records, picks), indent=1) + "\n")
 
 
 def _group(record: EpisodeRecord) -> str:

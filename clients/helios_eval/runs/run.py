@@ -15,6 +15,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 from rich.console import Console
 
@@ -183,9 +184,7 @@ def note(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
         "started": datetime.fromtimestamp(began_s, UTC).isoformat(timespec="seconds"),
         "wall_s": None if wall_s is None else round(wall_s, 1),
     }
-    part = asked.out / f"{RUN}.part"
-    part.write_text(json.dumps(told, indent=1) + "\n")
-    part.replace(asked.out / RUN)
+    write_file(asked.out / RUN, json.dumps(told, indent=1) + "\n")
 
 
 def _outcomes(asked: Run, missing: Sequence[EpisodeSpec], here: str) -> Generator[Outcome]:

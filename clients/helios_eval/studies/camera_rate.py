@@ -27,6 +27,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 from helios_core import proto as pb
+from helios_core.atomic_file import write_file
 from helios_core.bus import Bus
 from helios_core.codec import context_to_proto, frame_to_proto, observation_from_proto
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
@@ -299,7 +300,7 @@ def main(argv: list[str] | None = None) -> int:
         given.json.parent.mkdir(parents=True, exist_ok=True)
         figures = asdict(rate) | {"dropped_share": rate.dropped_share}
         out = {"rate": figures, "middles": [asdict(m) | {"share": m.share} for m in middles]}
-        given.json.write_text(json.dumps(out, indent=1) + "\n")
+        write_file(given.json, json.dumps(out, indent=1) + "\n")
     good = rate.older == 0 and rate.keyframes_answered_once == rate.keyframes
     return 0 if good and all(m.share >= given.share for m in middles) else 1
 

@@ -25,6 +25,7 @@ from pathlib import Path
 import numba
 import numpy as np
 from helios_client.wrong_use import WrongUse
+from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError
 from helios_core.types import ObjectInstance, Role
 from helios_detector.vocabulary import normalised
@@ -185,7 +186,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"map_study: {error.message}", file=sys.stderr)
         return 1
     given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "study.json").write_text(json.dumps(rows, indent=1) + "\n")
+    write_file(given.out / "study.json", json.dumps(rows, indent=1) + "\n")
     print(table(rows))
     return 0
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+from helios_core.atomic_file import replacing
 from helios_core.errors import HeliosError, InvalidInput
 from helios_detector.simulation.noise import load_noise
 from helios_detector.simulation.view_noise import SECTORS, Views, key_of, keys_of, latent
@@ -74,7 +75,8 @@ def draw(table: ViewTable, path: Path) -> None:
         f"miss {table.file.scale.miss:g}, false {table.file.scale.false:g}",
         fontsize=18,
     )
-    figure.savefig(path)
+    with replacing(path) as temporary:
+        figure.savefig(temporary)
     plt.close(figure)
 
 

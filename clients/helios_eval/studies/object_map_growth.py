@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numba
+from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError
 
 from helios_eval.growth import cost, hours, plots, scene, tape
@@ -86,7 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"object_map_growth: {error.message}", file=sys.stderr)
         return 1
     text = json.dumps({"stride_px": given.stride} | found, indent=1)
-    (given.out / "growth.json").write_text(text + "\n")
+    write_file(given.out / "growth.json", text + "\n")
     print(text)
     if not steady:
         print("object_map_growth: memory still grows at the end", file=sys.stderr)

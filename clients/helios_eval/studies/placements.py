@@ -23,6 +23,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.robot import Pick
 from helios_core.types import ObjectInstance
@@ -241,7 +242,7 @@ def run(kind: str, seed0: int, count: int, per_home: int, folder: Path) -> str:
                 file.write(json.dumps(asdict(outcome)) + "\n")
             file.flush()
     table = report(outcomes)
-    (folder / "placements.md").write_text(table)
+    write_file(folder / "placements.md", table)
     return table
 
 

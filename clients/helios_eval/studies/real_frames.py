@@ -30,6 +30,7 @@ from pathlib import Path
 import numpy as np
 from helios_client.replaying.watch_list import watch_list
 from helios_client.wrong_use import WrongUse
+from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.types import Role, SearchContext
 from helios_detector.backend import DetectorOptions
@@ -141,7 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"real_frames: {error.message}", file=sys.stderr)
         return 2 if isinstance(error, InvalidInput | WrongUse) else 1
     given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "beliefs.json").write_text(json.dumps(figures(found), indent=1) + "\n")
+    write_file(given.out / "beliefs.json", json.dumps(figures(found), indent=1) + "\n")
     draw_beliefs(found, [p.name for p in given.place], given.out / "psi.png")
     draw_counts(found, given.out / "gaussians.png")
     print(table(found))

@@ -20,6 +20,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from pathlib import Path
 
+from helios_core.atomic_file import write_file
+
 os.environ.setdefault("MUJOCO_GL", "egl")  # before MuJoCo is imported; needs no display
 
 from helios_core.errors import HeliosError, InvalidInput
@@ -133,17 +135,17 @@ def _measure(given: argparse.Namespace) -> None:
     rows = rows_of(sights)
     given.out.mkdir(parents=True, exist_ok=True)
     text = table(rows, right)
-    (given.out / "realism.md").write_text(text)
+    write_file(given.out / "realism.md", text)
     figures = {
         "detector": detector.name, "preset": given.preset, "seeds": list(given.seeds),
         "threshold": given.threshold, "views": dict(views), "of_nothing": dict(of_nothing),
         "rows": [{"class": c, "looks": k} | asdict(row) for (c, k), row in sorted(rows.items())],
     }  # fmt: skip
-    (given.out / "realism.json").write_text(json.dumps(figures, indent=1) + "\n")
+    write_file(given.out / "realism.json", json.dumps(figures, indent=1) + "\n")
     chart(rows, detector.name, given.out / "realism-classes.png")
     shown = album.write(given.out)
     if shown:
-        (given.out / "attributions.md").write_text(_credits(shown))
+        write_file(given.out / "attributions.md", _credits(shown))
     print(text)
     for looks, count in views.items():
         own = [s for s in sights if s.looks == looks]

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import matplotlib as mpl
 import numpy as np
+from helios_core.atomic_file import replacing, write_file
 from helios_sim.assets.pack import Model
 from numpy.typing import NDArray
 
@@ -46,7 +47,8 @@ class Album:
             rows = [np.hstack(tiles[i : i + 3]) for i in range(0, len(tiles), 3)]
             quality = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
             path = folder / f"realism-{looks}.jpg"
-            cv2.imwrite(str(path), np.vstack(rows)[..., ::-1], quality)
+            _, picture = cv2.imencode(".jpg", np.vstack(rows)[..., ::-1], quality)
+            write_file(path, picture.tobytes())
             for judged in chosen:
                 shown |= {t.model.key: t.model for t in judged.view.things if t.model}
         return [shown[key] for key in sorted(shown)]
@@ -97,5 +99,6 @@ def chart(rows: Mapping[tuple[str, str], Row], detector: str, path: Path) -> Non
         title=f"What {detector} recognises in simulated homes",
     )  # fmt: skip
     axes.legend(loc="lower right")
-    figure.savefig(path)
+    with replacing(path) as temporary:
+        figure.savefig(temporary)
     plt.close(figure)

@@ -21,6 +21,7 @@ from pathlib import Path
 
 import psutil
 from helios_core import proto as pb
+from helios_core.atomic_file import write_file
 from helios_core.codec import context_to_proto
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.topics import CONTEXT, status_topic
@@ -156,7 +157,7 @@ def main(argv: list[str] | None = None) -> int:
     )
     if given.json:
         given.json.parent.mkdir(parents=True, exist_ok=True)
-        given.json.write_text(json.dumps(asdict(r), indent=1) + "\n")
+        write_file(given.json, json.dumps(asdict(r), indent=1) + "\n")
     return 0 if r.whole else 1
 
 

@@ -22,6 +22,7 @@ from importlib import resources
 from pathlib import Path
 
 import numpy as np
+from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, InvalidInput
 from rich.console import Console
 from rich.table import Table
@@ -122,7 +123,7 @@ def compare(asked: argparse.Namespace, console: Console) -> list[Kept]:
         folder = asked.out / str(factors).replace(":", "-")
         folder.mkdir(parents=True, exist_ok=True)
         table = folder / f"{asked.table}.toml"
-        table.write_text(scaled_table(text, factors), encoding="utf-8")
+        write_file(table, scaled_table(text, factors))
         noisy = play(asked, noise_of(str(table), 1.0, None), folder, console)
         found += [
             kept(m, str(factors), [getattr(r, m) for r in truth], [getattr(r, m) for r in noisy])
@@ -158,7 +159,7 @@ def main() -> int:
         print(f"helios-severity: {error.message}", file=sys.stderr)
         return 1
     show(found, WANTED, console)
-    (asked.out / "severity.json").write_text(json.dumps([asdict(k) for k in found], indent=1))
+    write_file(asked.out / "severity.json", json.dumps([asdict(k) for k in found], indent=1))
     return 0
 
 

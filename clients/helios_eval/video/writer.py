@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 import cv2
+from helios_core.atomic_file import replacing
 from helios_core.errors import InvalidInput, Unavailable
 
 from helios_eval.video.paint import Picture
@@ -15,7 +17,8 @@ CODEC = "vp09"  # VP9: plays in every browser, free to write (docs/decisions)
 
 
 class VideoFile:
-    """A context manager; what was written until then is a whole video, whatever ends it."""
+    """A context manager; what was written until then is a whole video, whatever ends it. Until
+    then a file of that name stays as it was."""
 
     def __init__(self, path: Path, width: int, height: int, fps: float) -> None:
         """Raises InvalidInput for a name that does not end in .mp4, Unavailable where no video
@@ -26,13 +29,14 @@ class VideoFile:
         self.frames = 0
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.touch()
+            self._replacing = ExitStack()
+            self._temporary = self._replacing.enter_context(replacing(path))
         except OSError as error:
-            raise Unavailable(f"{path} cannot be written: {error.strerror}") from error
+            raise self._unwritable(error.strerror) from error
         code = cv2.VideoWriter.fourcc(*CODEC)
-        self._writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, fps, self._size)
+        self._writer = cv2.VideoWriter(str(self._temporary), cv2.CAP_FFMPEG, code, fps, self._size)
         if not self._writer.isOpened():
-            path.unlink()
+            self._discard()
             raise Unavailable(
                 "this OpenCV cannot write VP9 video, that of PyPI can; "
                 "pip install --force-reinstall opencv-python-headless"
@@ -50,7 +54,23 @@ class VideoFile:
         self.frames += times
 
     def close(self) -> None:
+        """Put the video in its place. Raises Unavailable where it is not whole."""
         self._writer.release()
+        if self.frames and not _is_whole(self._temporary):  # the codec does not tell of errors
+            self._discard()
+            raise self._unwritable("what was written cannot be read again; is the disk full?")
+        try:
+            self._replacing.close()
+        except OSError as error:
+            raise self._unwritable(error.strerror) from error
+
+    def _discard(self) -> None:
+        """Remove what was written; the file of that name stays as it was."""
+        self._temporary.unlink(missing_ok=True)
+        self._replacing.pop_all()
+
+    def _unwritable(self, why: str | None) -> Unavailable:
+        return Unavailable(f"{self._path} cannot be written: {why}")
 
     def __enter__(self) -> Self:
         return self
@@ -62,3 +82,12 @@ class VideoFile:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether a player finds a picture in it; the table of pictures is written last."""
+    video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    try:
+        return bool(video.isOpened() and video.grab())
+    finally:
+        video.release()

@@ -15,6 +15,7 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 import cv2
 import mujoco
 import numpy as np
+from helios_core.atomic_file import write_file
 from numpy.typing import NDArray
 
 from helios_sim.home import PRESETS, Home, Receptacle, generate_home
@@ -179,8 +180,10 @@ def write_picture(path: Path, image: Image) -> None:
     """As PNG or JPEG by the file's name. OSError when that cannot be."""
     path.parent.mkdir(parents=True, exist_ok=True)
     options = [cv2.IMWRITE_JPEG_QUALITY, 82] if path.suffix in (".jpg", ".jpeg") else []
-    if not cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options):
+    if path.suffix not in (".png", ".jpg", ".jpeg"):
         raise OSError(f"cannot write {path}: give a file name that ends in .png or .jpg")
+    _, data = cv2.imencode(path.suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options)
+    write_file(path, data.tobytes())
 
 
 def _seeds(text: str) -> list[int]:

@@ -19,6 +19,7 @@ from typing import TypeVar
 
 import cv2
 import numpy as np
+from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.geometry import Pinhole, camera_on_base
 from helios_core.types import Frame, FrameId, Role, SearchClass, SearchContext
@@ -88,7 +89,9 @@ def _check(args: argparse.Namespace) -> None:
             print(f"  {score:.3f}  {prompt}")
     if args.detector:
         out = args.out or args.image.with_name(f"{args.image.stem}-checked.png")
-        cv2.imwrite(str(out), drawn(color, findings)[..., ::-1])
+        coded, picture = cv2.imencode(out.suffix, drawn(color, findings)[..., ::-1])
+        assert coded
+        write_file(out, picture.tobytes())
         print(f"picture: {out}")
 
 

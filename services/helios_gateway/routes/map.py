@@ -105,13 +105,13 @@ def map_routes(prefix: str) -> APIRouter:
         "/objects",
         summary="What is believed to be where",
         response_model=map_models.ObjectList,
-        responses=UNCHANGED,
+        responses=UNCHANGED | problems(404),
     )
     def objects(
         at: At,
         request: Request,
         class_name: Annotated[
-            str | None, Query(alias="class", description="only those of this class")
+            str | None, Query(alias="class", description="only those of this class, in any case")
         ] = None,
         min_score: Annotated[
             float | None,

@@ -97,23 +97,23 @@ def map_file_routes(prefix: str, settings: Settings) -> APIRouter:
         queued or under way. After a 504 which maps are in place is not known: load a file again."""
         maps = unpacked(file, settings.map_limit_bytes)
         named = pb.Map2DFile(name=f"map2d{MAP2D_SUFFIX}", data=maps.map2d)
-        _check_idle(at, settings.call_timeout_s)
+        check_idle(at, settings.call_timeout_s)
         before = at.bus.call(SAVE_OBJECTS, pb.Empty(), FILE_S)
-        _check_idle(at, settings.call_timeout_s)  # a task may have come meanwhile
+        check_idle(at, settings.call_timeout_s)  # a task may have come meanwhile
         try:
             file_of_objects = pb.ObjectMapFile(data=maps.objects)
             objects = _loaded(at.bus, LOAD_OBJECTS, file_of_objects, "the object map")
             try:
-                _check_idle(at, settings.call_timeout_s)
+                check_idle(at, settings.call_timeout_s)
             except HeliosError as error:
-                _put_back(at.bus, before, error)
+                put_back(at.bus, before, error)
                 raise
             try:
                 ground = _loaded(at.bus, LOAD_MAP2D, pb.LoadMap2DRequest(files=[named]), "map2d")
             except DeadlineExceeded:
                 raise  # map2d may yet take its part of the file, and wants the objects with it
             except HeliosError as error:
-                _put_back(at.bus, before, error)
+                put_back(at.bus, before, error)
                 raise
         finally:
             at.live.maps.on_change()
@@ -136,7 +136,7 @@ def _loaded(bus: Bus, method: Method[Req, M], request: Req, whose: str) -> M:
         ) from error
 
 
-def _put_back(bus: Bus, objects: pb.ObjectMapFile, why: HeliosError) -> None:
+def put_back(bus: Bus, objects: pb.ObjectMapFile, why: HeliosError) -> None:
     """Gives the object map its former objects. Raises `why`, with that, where it fails, too."""
     try:
         bus.call(LOAD_OBJECTS, objects, FILE_S)
@@ -147,7 +147,7 @@ def _put_back(bus: Bus, objects: pb.ObjectMapFile, why: HeliosError) -> None:
         ) from why
 
 
-def _check_idle(at: Served, timeout_s: float) -> None:
+def check_idle(at: Served, timeout_s: float) -> None:
     """Raises Conflict while a task is queued or under way."""
     for task in at.bus.call(LIST_TASKS, pb.Empty(), timeout_s).tasks:
         if task.state in UNDER_WAY:

@@ -11,7 +11,7 @@ from helios_core import proto as pb
 from helios_core.codec import frame_id_to_proto
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.grids import OCCUPIED, UNKNOWN
-from helios_core.kept_file import Kept, KeptFile
+from helios_core.kept_file import Kept, KeptFile, of_another_world
 
 from helios_map2d.answers import DEFAULT_PICTURE_PX, known
 from helios_map2d.epochs import EpochMaps
@@ -46,7 +46,8 @@ class Keeping:
         """say: called when `said` has changed."""
         self._trouble = ""  # what is wrong with keeping the map
         self._refused = ""  # why the kept map was, to be told as long as the process lives
-        self._restored = ("", "")  # id of the map that was kept, and what to say once it goes on
+        self._restored: tuple[MapState, str, str] | None = None  # the map, when kept, what is in it
+        self._logged = ""  # what the log says of it
         self._lock, self._maps, self._say = lock, maps, say
         self._kept: KeptFile | None = None
         if settings.state_dir is not None:
@@ -54,15 +55,23 @@ class Keeping:
             self._kept = KeptFile(path, settings.keep_period_s, self._newer, self._troubled)
 
     def said(self) -> str:
-        """What is wrong with keeping the map, and that it was restored; "" when neither is so."""
-        maps = self._maps()
-        state = maps.current if maps is not None else None
-        id, note = self._restored
-        goes_on = state is not None and state.map_id == id
-        return "; ".join(part for part in (self._trouble, note if goes_on else "") if part)
+        """What is wrong with keeping the map; what became of the kept one, until another takes its
+        place. "" when there is nothing to say."""
+        fate = self._fate()
+        if fate and fate != self._logged:
+            self._logged = fate
+            log.info("%s", fate)
+        return "; ".join(part for part in (self._trouble, fate) if part)
+
+    def superseded(self) -> bool:
+        """The present map is no longer what an earlier process kept; whether `said` has changed."""
+        if self._restored is not None:
+            self.said()  # into the log
+        was, self._restored = self._restored, None
+        return was is not None
 
     def recover(self, maps: EpochMaps) -> None:
-        """Park the map that was kept until the robot says that it is in its epoch, and begin to
+        """Park the map that was kept until the robot says that it is in its world, and begin to
         keep. A file that cannot be used is put aside and told of. The caller holds the lock."""
         if self._kept is None:
             return
@@ -80,19 +89,31 @@ class Keeping:
         self._kept.start()
 
     def _restore(self, found: Kept, maps: EpochMaps) -> None:
-        state, epoch = decode_map(found.data, maps.rules, maps.footprint_radius_m, maps.version)
+        state, world = decode_map(found.data, maps.rules, maps.footprint_radius_m, maps.version)
         state.go_on_from(state.version + LOST_VERSIONS)
         newest = "" if state.frame_id is None else f", frames up to number {state.frame_id.seq}"
-        note = (
-            f"the map was restored as it was written {found.age_s:.1f} s ago: "
-            f"{areas_m2(state.published)[0]:.0f} m² known, {len(state.memory)} views{newest}"
-        )
-        log.info("%s; it goes on while the robot is in %s", note, epoch)
-        self._restored = (state.map_id, note)
-        maps.keep(epoch, state)
+        known_m2 = areas_m2(state.published)[0]
+        content = f"{known_m2:.0f} m² known, {len(state.memory)} views{newest}"
+        self._restored = state, found.written, content
+        log.info(
+            "a map was kept at %s: %s; it goes on when the robot is in %s",
+            found.written, content, world,
+        )  # fmt: skip
+        maps.keep(world, state)
+
+    def _fate(self) -> str:
+        """What became of the map that an earlier process kept; "" where there is nothing to say."""
+        maps, restored = self._maps(), self._restored
+        if maps is None or restored is None:
+            return ""
+        state, written, content = restored
+        if maps.current is state:
+            return f"the map was restored as it was written at {written}: {content}"
+        return of_another_world(written) if maps.is_of_another_world(state) else ""
 
     def forget(self) -> None:
         """Keep nothing of what was known until now."""
+        self._restored = None
         if self._kept is not None:
             self._kept.forget()
 
@@ -135,6 +156,7 @@ class Keeping:
             if self._maps() is not maps:
                 raise Unavailable("the maps were begun anew meanwhile; load again")
             maps.replace(state)
+            self._restored = None
             published = state.published
             views = len(state.memory)
         known_m2, occupied_m2 = areas_m2(published)
@@ -153,8 +175,8 @@ class Keeping:
             published = known(maps)
             current = maps.current if maps is not None else None
             views = current.memory.snapshot() if current is not None else ()
-            epoch = maps.key if maps is not None else None
-        return published.version, encode_map(published, views, epoch)
+            world = maps.key if maps is not None else None
+        return published.version, encode_map(published, views, world)
 
     def _newer(self, kept_version: int) -> tuple[int, bytes] | None:
         try:

@@ -14,9 +14,9 @@ from google.protobuf.message import DecodeError
 from helios_core import proto as pb
 from helios_core.codec import frame_id_from_proto, frame_id_to_proto
 from helios_core.errors import InvalidInput
+from helios_core.types import WorldId
 from numpy.typing import NDArray
 
-from helios_map2d.epochs import EpochKey
 from helios_map2d.files.content import MapContent, check_cell, check_content
 from helios_map2d.grid import TILE, Tile
 from helios_map2d.layers.frontiers import Frontier
@@ -31,8 +31,8 @@ HEAD = b"helios map2d 1\n"
 FILE_NAME = "map2d.map"
 
 
-def encode_map(snapshot: MapSnapshot, views: tuple[SeenView, ...], epoch: EpochKey | None) -> bytes:
-    """The file of a version, the views that can be asked about later, and its world's epoch."""
+def encode_map(snapshot: MapSnapshot, views: tuple[SeenView, ...], world: WorldId | None) -> bytes:
+    """The file of a version, the views that can be asked about later, and the world it is of."""
     head = pb.KeptMap(
         map_id=snapshot.map_id, stamp_ns=snapshot.stamp_ns, version=snapshot.version,
         cell_m=snapshot.grid.cell_m, tile_cells=TILE, context_id=snapshot.context_id,
@@ -42,8 +42,9 @@ def encode_map(snapshot: MapSnapshot, views: tuple[SeenView, ...], epoch: EpochK
         frontiers=[pb.KeptFrontier(id=f.id, cells=f.cells.ravel().tolist())
                    for f in snapshot.frontiers],
     )  # fmt: skip
-    if epoch is not None:
-        head.robot_boot_id, head.world_epoch = epoch.robot_boot_id, epoch.world_epoch
+    if world is not None:
+        head.robot_boot_id, head.world_epoch = world.robot_boot_id, world.world_epoch
+        head.origin_id = world.origin_id
     if snapshot.frame_id is not None:
         head.id.CopyFrom(frame_id_to_proto(snapshot.frame_id))
     if snapshot.robot_pose is not None:
@@ -60,8 +61,8 @@ def encode_map(snapshot: MapSnapshot, views: tuple[SeenView, ...], epoch: EpochK
 
 def decode_map(
     data: bytes, rules: MapRules, footprint_radius_m: float, version: int
-) -> tuple[MapState, EpochKey]:
-    """The map of a file, with a version above `version`, and the epoch of its world.
+) -> tuple[MapState, WorldId]:
+    """The map of a file, with a version above `version`, and the world it is of.
 
     Raises InvalidInput when the file is cut short, damaged, not ours, or of another cell size.
     """
@@ -104,7 +105,7 @@ def decode_map(
     )  # fmt: skip
     for view in message.views:
         state.memory.add(read_view(view))
-    return state, EpochKey(message.robot_boot_id, message.world_epoch)
+    return state, WorldId(message.robot_boot_id, message.world_epoch, message.origin_id)
 
 
 def rebuilt(

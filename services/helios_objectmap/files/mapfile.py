@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from helios_core.errors import InvalidInput
 from helios_core.npz import unpacked
-from helios_core.types import FrameId, Role
+from helios_core.types import FrameId, Role, WorldId
 from numpy.typing import NDArray
 
 from helios_objectmap.evidence import sides
@@ -39,11 +39,11 @@ class Memory:
 
 
 def arrays_of(
-    memory: Memory, epoch: tuple[str, int] | None, newest_seq: int | None = None
+    memory: Memory, world: WorldId | None, newest: FrameId | None = None
 ) -> dict[str, NDArray]:
     """Copies of everything, so that a file can be written while the map goes on.
 
-    epoch: world epoch that it is of; newest_seq: number of the newest frame in it.
+    world: that it is of; newest: the newest frame in it.
     """
     header: dict[str, Any] = {
         "format": FORMAT,
@@ -51,8 +51,10 @@ def arrays_of(
         "class_names": memory.store.class_names,
         "roles": {name: role.value for name, role in memory.roles.items()},
         "updates": memory.updates,
-        "epoch": epoch,
-        "newest_seq": newest_seq,
+        "epoch": None if world is None else [world.robot_boot_id, world.world_epoch],
+        "origin_id": "" if world is None else world.origin_id,
+        "newest_seq": None if newest is None else newest.seq,
+        "newest_boot_id": None if newest is None else newest.robot_boot_id,
         "next_label": memory.registry.next_label,
         "records": {
             label: [r.class_name, r.views, r.detected,
@@ -82,7 +84,7 @@ class Found:
     """What a file holds."""
 
     memory: Memory
-    epoch: tuple[str, int] | None  # world epoch it is of
+    world: WorldId | None  # it is of
     newest: FrameId | None  # the newest frame in it
 
 
@@ -101,9 +103,7 @@ def read(data: bytes, viewpoints: Viewpoints) -> Found:
                 f"{FORMAT!r} version {VERSION}"
             )
         memory = _memory(header, arrays, viewpoints)
-        epoch = (str(header["epoch"][0]), int(header["epoch"][1])) if header["epoch"] else None
-        seq = header.get("newest_seq")  # missing in files of earlier builds
-        newest = FrameId(*epoch, int(seq)) if epoch is not None and seq is not None else None
+        world, newest = _place(header)
     except InvalidInput:
         raise
     except Exception as error:  # whatever the readers of ZIP, arrays and JSON think of it
@@ -111,7 +111,18 @@ def read(data: bytes, viewpoints: Viewpoints) -> Found:
             f"this is no whole object map ({type(error).__name__}: {error}): give a file that "
             "`helios map save` wrote"
         ) from None
-    return Found(memory, epoch, newest)
+    return Found(memory, world, newest)
+
+
+def _place(header: dict[str, Any]) -> tuple[WorldId | None, FrameId | None]:
+    """The world it is of, and the newest frame in it. Files of earlier builds lack some of it."""
+    if not header["epoch"]:
+        return None, None
+    boot_id, epoch = str(header["epoch"][0]), int(header["epoch"][1])
+    world = WorldId(boot_id, epoch, str(header.get("origin_id", "")))
+    seq, newest_boot_id = header.get("newest_seq"), header.get("newest_boot_id", boot_id)
+    newest = None if seq is None else FrameId(str(newest_boot_id), epoch, int(seq))
+    return world, newest
 
 
 def _memory(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) -> Memory:

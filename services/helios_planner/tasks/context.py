@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Sequence
 from dataclasses import replace
 
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
+from helios_core.naming import closest
 from helios_core.types import Role, SearchClass, SearchContext
 
 from helios_planner.language.instruction import Instruction, Kind
@@ -15,7 +14,6 @@ from helios_planner.language.words import BINDING
 from helios_planner.searching.explore import PICK_LAYER, PLACE_LAYER
 from helios_planner.settings import Settings
 
-NEAR = 0.68  # share of letters, in order, that names have in common which are taken for each other
 ALL_NAMES = "all that it knows: `helios names` (HTTP: GET /v1/vocabulary)"
 
 
@@ -50,14 +48,6 @@ def in_vocabulary(instruction: Instruction, vocabulary: pb.VocabularyReply) -> I
             named[role], rest = _known(role, said, known, vocabulary.detector)
             unused += rest
     return replace(instruction, unused=(*instruction.unused, *unused), **named)
-
-
-def closest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
-    """Known names most like `name`: by letters, then by shared words."""
-    words = set(name.split())
-    sharing = [k for k in known if words & set(k.replace("_", " ").split())]
-    like = difflib.get_close_matches(name, known, n=count, cutoff=NEAR)
-    return list(dict.fromkeys([*like, *sharing]))[:count]
 
 
 def check_able(instruction: Instruction, robot: pb.RobotDescription) -> None:

@@ -111,7 +111,10 @@ def pose_from_proto(pose: PoseInFrame, what: str) -> Matrix:
 def frame_to_proto(frame: Frame) -> pb.Frame:
     """Colour as rgb8; depth as 16UC1 millimetres (exact for a sensor of that kind)."""
     height, width = frame.depth_m.shape
-    out = pb.Frame(id=frame_id_to_proto(frame.id), keyframe=frame.keyframe, held=frame.held)
+    out = pb.Frame(
+        id=frame_id_to_proto(frame.id), keyframe=frame.keyframe, held=frame.held,
+        origin_id=frame.origin_id,
+    )  # fmt: skip
     out.stamp.FromNanoseconds(frame.stamp_ns)
     out.raw_color.CopyFrom(
         RawImage(width=width, height=height, encoding="rgb8", step=3 * width,
@@ -169,6 +172,7 @@ def frame_from_proto(frame: pb.Frame) -> Frame:
         T_world_cam=pose_from_proto(frame.T_world_cam, "T_world_cam"),
         T_world_base=pose_from_proto(frame.T_world_base, "T_world_base"),
         held=frame.held if frame.HasField("held") else None,
+        origin_id=frame.origin_id,
     )
 
 

@@ -140,6 +140,7 @@ def state_to_proto(state: RobotState) -> pb.RobotState:
         finished=state.finished,
         last_seq=state.last_seq,
         last_action_id=state.last_action_id,
+        origin_id=state.origin_id,
     )
 
 
@@ -157,6 +158,7 @@ def state_from_proto(state: pb.RobotState) -> RobotState:
         finished=state.finished,
         last_seq=state.last_seq,
         last_action_id=state.last_action_id,
+        origin_id=state.origin_id,
     )
 
 

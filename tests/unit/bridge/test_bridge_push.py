@@ -9,7 +9,7 @@ import pytest
 from helios_bridge.push import LONGEST_WAIT_S, PushDriver, capture_of
 from helios_core import proto as pb
 from helios_core.codec import frame_from_proto
-from helios_core.errors import DeadlineExceeded, Unavailable
+from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.geometry import base_below_camera
 from helios_core.topics import CONTEXT, ESTIMATE_DEPTH, KEYFRAME, ROBOT_STATE
 
@@ -39,6 +39,23 @@ def test_frames_are_numbered_and_their_world_is_the_senders() -> None:
     state = house.bridge.state()
     assert (state.robot_boot_id, state.world_epoch) == ("me", 3)
     assert state.last_seq == ids[2].seq
+
+
+def test_the_origin_of_a_sender_goes_with_its_frames_and_its_state() -> None:
+    house = House()
+    for origin_id in ("kitchen", "garage", ""):
+        frame = pushed(robot_boot_id="me")
+        frame.origin_id = origin_id
+        house.push(frame)
+        assert house.keyframes[-1].origin_id == origin_id
+        assert house.bridge.state().origin_id == origin_id
+
+
+def test_an_origin_with_too_long_a_name_is_refused() -> None:
+    frame = pushed()
+    frame.origin_id = "x" * 65
+    with pytest.raises(InvalidInput, match="origin_id is longer than 64"):
+        House().push(frame)
 
 
 def test_the_maps_hear_of_a_new_world_before_its_first_frame() -> None:

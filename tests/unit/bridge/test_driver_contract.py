@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +16,7 @@ from helios_contract.suite import DriverContract
 from helios_core.errors import HeliosError
 from helios_core.geometry import R_BODY_CAM, se2_to_se3
 from helios_core.robot import ActionResult, Capture, Forward, Turn
-from helios_core.types import RobotDescription
+from helios_core.types import RobotDescription, RobotState
 from helios_examples.room_robot import ROBOT, RoomRobot
 
 
@@ -155,6 +156,29 @@ class Raising(RoomRobot):
         return why_not
 
 
+class Lost(RoomRobot):
+    """Names its origin by the moment."""
+
+    def state(self) -> RobotState:
+        return replace(super().state(), origin_id=f"room {time.monotonic_ns()}")
+
+
+class Renamed(RoomRobot):
+    """Names its origin anew at each start."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._origin_id = f"room {time.monotonic_ns()}"
+
+    def state(self) -> RobotState:
+        return replace(super().state(), origin_id=self._origin_id)
+
+
+class Wordy(RoomRobot):
+    def state(self) -> RobotState:
+        return replace(super().state(), origin_id="room " * 20)
+
+
 SLIPS: list[tuple[Callable[[], RoomRobot], str]] = [
     (lambda: Described(footprint_radius_m=25.0), "test_lengths_are_metres"),
     (lambda: Described(max_depth_m=5000.0), "test_lengths_are_metres"),
@@ -212,6 +236,9 @@ SLIPS: list[tuple[Callable[[], RoomRobot], str]] = [
     (Wordless, "test_a_stop_latches_refuses_every_action_and_says_why"),
     (Stuck, "test_a_cleared_stop_is_over"),
     (Deaf, "test_a_stop_from_another_thread_ends_the_action_that_runs"),
+    (Lost, "test_the_origin_stays_the_same_while_the_robot_acts"),
+    (Renamed, "test_a_driver_that_names_an_origin_names_the_same_one_at_every_start"),
+    (Wordy, "test_the_name_of_the_origin_is_short_enough_to_be_shown"),
     (Raising, "test_a_thing_out_of_reach_is_not_picked_and_the_reason_said"),
 ]
 
@@ -224,6 +251,7 @@ def test_a_slip_breaks_its_claim(
 ) -> None:
     monkeypatch.setattr("helios_contract.stopping.WITHIN_S", 0.5)
     check = getattr(DriverContract(), claim)
-    check(Rig(RoomRobot()))  # holds of the driver without the slip
+    # It holds of the driver without the slip.
+    check(Rig(RoomRobot(), started_again=lambda: closing(RoomRobot())))
     with pytest.raises((AssertionError, ValueError, HeliosError)):
-        check(Rig(make()))
+        check(Rig(make(), started_again=lambda: closing(make())))

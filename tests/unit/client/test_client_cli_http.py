@@ -19,6 +19,7 @@ from helios_core.errors import InvalidInput, Unavailable
 from helios_planner.language.instruction import parse
 from helios_planner.tasks.context import in_vocabulary
 
+from tests.full_disk import fill, small_disk
 from tests.gateway_process import Served, served
 from tests.support import free_port, wait_until
 
@@ -103,7 +104,14 @@ def test_objects_are_listed_surest_first_by_class_and_score(helios: Helios) -> N
     assert [o["class"] for o in helios.json("objects", "--class", "mug")["objects"]] == ["mug"] * 2
     assert all(o["score"] >= 0.7 for o in helios.json("objects", "--min-score", "0.7")["objects"])
     assert "coffee table" in helios("objects")
-    assert helios("objects", "--class", "piano") == "no piano is believed\n"
+    for said in ("Mug", "MUGS", "Coffee_Table", "coffee  tables"):
+        assert helios.json("objects", "--class", said)["objects"], said
+    assert helios("objects", "--class", "Bowl") == "no Bowl is believed\n"
+    helios("objects", "--class", "bowll", status=2)
+    assert "did you mean bowl?" in helios.error
+    helios("objects", "--class", "piano", status=2)
+    assert "no class is called 'piano'" in helios.error
+    assert "helios names" in helios.error
     helios("objects", "--min-score", "nan", status=2)
     assert "min_score" in helios.error
 
@@ -120,7 +128,7 @@ def test_the_map_is_exported_as_pictures_and_arrays(helios: Helios, tmp_path: Pa
     helios("map", "export", "--only", "dream", status=2)
     assert "wanted one of occupancy, pick, place" in helios.error
     helios("map", "export", "--out", "/dev/null/x", status=1)
-    assert "cannot be written" in helios.error
+    assert "/dev/null/x cannot be made: Not a directory" in helios.error
 
 
 def test_the_map_is_exported_for_ros(helios: Helios, tmp_path: Path) -> None:
@@ -133,10 +141,63 @@ def test_the_map_is_exported_for_ros(helios: Helios, tmp_path: Path) -> None:
     assert "occupancy alone" in helios.error
 
 
+def test_a_map_is_saved_into_a_folder_that_is_there(helios: Helios, tmp_path: Path) -> None:
+    helios("map", "save", str(tmp_path / "homes" / "first.zip"), status=2)
+    assert f"there is no folder {tmp_path / 'homes'}; make it" in helios.error
+    assert not (tmp_path / "homes").exists()
+    helios("map", "save", str(tmp_path), status=2)
+    assert f"is a folder; name a file in it: {tmp_path / 'map.zip'}" in helios.error
+
+
+def test_a_full_disk_leaves_every_file_that_a_command_would_have_replaced(
+    house: Served, helios: Helios, tmp_path: Path
+) -> None:
+    big = bytes(600_000)
+    house.backend.kept = {"map2d": big, "objects": big}
+    with small_disk(tmp_path / "disk") as disk:
+        good = disk / "home.zip"
+        good.write_bytes(b"a good map")
+        for folder in ("map", "seen"):
+            helios("map", "export", "--out", str(disk / folder))
+        before = {path: path.read_bytes() for path in disk.rglob("*") if path.is_file()}
+        helios("map", "save", str(good), status=1)
+        assert "No space left" in helios.error
+        filler = fill(disk)
+        helios("map", "export", "--out", str(disk / "map"), status=1)
+        helios("seen", "mug", "--out", str(disk / "seen"), status=1)
+        assert "No space left" in helios.error
+        helios("map", "save", str(disk / "never.zip"), status=1)
+        filler.unlink()
+        assert {p: p.read_bytes() for p in disk.rglob("*") if p.is_file()} == before
+
+
+def test_both_maps_are_forgotten_or_one(house: Served, helios: Helios) -> None:
+    assert helios("map", "reset", "--only", "objects").startswith("forgotten: objects; ")
+    assert house.backend.kept == {"map2d": b"walls", "objects": b""}
+    assert helios.json("map", "reset", "--yes") == {"reset": ["objects", "occupancy"]}
+    assert house.backend.kept == {"map2d": b"", "objects": b""}
+    helios("map", "reset", "--only", "walls", status=2)
+    house.backend.submit(INSTRUCTION)
+    helios("map", "reset", status=1)
+    assert "t1 is queued" in helios.error
+
+
+@pytest.mark.parametrize(("answer", "status"), [("y", 0), ("n", 1), ("", 1)])
+def test_at_a_terminal_it_asks_before_it_forgets(
+    house: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch, answer: str, status: int
+) -> None:
+    terminal = io.StringIO(f"{answer}\n")
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr("sys.stdin", terminal)
+    helios("map", "reset", "--only", "occupancy", status=status)
+    assert "Forget the map of occupancy" in helios.error
+    assert bool(house.backend.kept["map2d"]) == bool(status)
+
+
 def test_both_maps_are_saved_in_one_file_and_come_back(
     house: Served, helios: Helios, tmp_path: Path
 ) -> None:
-    file = tmp_path / "homes" / "first.zip"
+    file = tmp_path / "first.zip"
     assert helios("map", "save", str(file)) == f"{file}\n"
     house.backend.kept = {"map2d": b"other", "objects": b"other"}
     assert helios.json("map", "load", str(file))["objects"] == 4

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import stat
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -11,6 +14,8 @@ from helios_client.wrong_use import WrongUse
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from hypothesis import given
 from hypothesis import strategies as st
+
+from tests.full_disk import fill, refuse_writing, small_disk
 
 
 @given(names=st.lists(st.text(min_size=1), max_size=4, unique=True))
@@ -56,3 +61,38 @@ def test_a_file_that_is_none_of_keys_is_left_as_it_is(content: bytes, tmp_path: 
         add_key(file, "tablet", "read")
     assert isinstance(refused.value, InvalidInput)
     assert file.read_bytes() == content
+
+
+def test_only_its_owner_reads_the_file_also_after_a_further_key(tmp_path: Path) -> None:
+    file = tmp_path / "keys.toml"
+    for name in ("tablet", "phone"):
+        add_key(file, name, "read")
+        assert stat.S_IMODE(file.stat().st_mode) == 0o600
+
+
+@pytest.mark.parametrize("real", [False, True])
+def test_a_full_disk_leaves_the_keys_that_were_there(
+    real: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with ExitStack() as stack:
+        folder = stack.enter_context(small_disk(tmp_path / "disk")) if real else tmp_path
+        file = folder / "keys.toml"
+        add_key(file, "tablet", "read")
+        before = file.read_bytes()
+        if real:
+            fill(folder)
+        else:
+            refuse_writing(monkeypatch)
+        for path in (file, folder / "other.toml"):
+            with pytest.raises(InvalidInput, match="No space left"):
+                add_key(path, "phone", "read")
+        assert file.read_bytes() == before
+        assert not (folder / "other.toml").exists()
+
+
+def test_of_keys_that_are_added_at_once_none_is_lost(tmp_path: Path) -> None:
+    file, names = tmp_path / "keys.toml", [f"tablet {k}" for k in range(20)]
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda name: add_key(file, name, "read"), names))
+    read = tomllib.loads(file.read_text("utf-8"))
+    assert sorted(entry["name"] for entry in read["key"]) == sorted(names)

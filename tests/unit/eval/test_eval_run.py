@@ -26,6 +26,8 @@ from helios_eval.runs.pool import Outcome
 from helios_eval.runs.run import Run, run
 from rich.console import Console
 
+from tests.full_disk import refuse_writing
+
 NOISE = noise_of("ovmm-v1", 1.0, None)
 
 
@@ -227,16 +229,16 @@ def test_a_file_is_no_folder(stage: Stage, tmp_path: Path) -> None:
     assert not stage.played
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a disk that is full: Linux has one")
 @pytest.mark.parametrize(("file", "played"), [(runs.RUN, 0), (results.RESULTS, 6)])
 def test_a_full_disk_is_told_in_a_sentence(
     file: str, played: int, stage: Stage, tmp_path: Path
 ) -> None:
-    full = tmp_path / f"{file}.part"  # what is to be the file
-    full.symlink_to("/dev/full")
-    with pytest.raises(Unavailable, match=r"cannot write to .*No space left"):
-        run(asked(tmp_path), quiet())
+    with pytest.MonkeyPatch.context() as patch:
+        stem, ending = file.split(".")
+        refuse_writing(patch, f".{stem}.", f".new.{ending}")
+        with pytest.raises(Unavailable, match=r"cannot write to .*No space left"):
+            run(asked(tmp_path), quiet())
     assert len(stage.played) == played
-    full.unlink()
+    assert not (tmp_path / file).exists()
     assert len(run(asked(tmp_path), quiet())) == 6
     assert len(stage.played) == 6

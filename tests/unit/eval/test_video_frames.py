@@ -22,6 +22,8 @@ from helios_eval.video.scene import Scene
 from helios_eval.video.watch import MOST_GLIDES, Watcher, glides
 from helios_eval.video.writer import VideoFile
 
+from tests.full_disk import small_disk
+
 HOSTILE = "‮\x00\n<b>" + "W" * 2000 + "\u0301" * 30 + "漢字🤖"
 
 
@@ -207,6 +209,22 @@ def test_an_error_leaves_a_whole_video(tmp_path):
     with pytest.raises(RuntimeError):
         breaks()
     assert len(frames_of(path)) == 3
+
+
+def test_a_full_disk_leaves_the_video_that_was_there(tmp_path):
+    noise = np.random.default_rng(0).integers(0, 255, (480, 640, 3), np.uint8)
+
+    def write(path):
+        with VideoFile(path, 640, 480, 8) as video:
+            for shift in range(20):
+                video.write(np.roll(noise, 31 * shift, axis=1))
+
+    with small_disk(tmp_path / "disk", kilobytes=600) as disk:
+        (disk / "film.mp4").write_bytes(b"an earlier film")
+        with pytest.raises(Unavailable, match=r"film\.mp4 cannot be written"):
+            write(disk / "film.mp4")
+        assert (disk / "film.mp4").read_bytes() == b"an earlier film"
+        assert [path.name for path in disk.iterdir()] == ["film.mp4"]
 
 
 def test_wrong_files_and_frames_are_refused(tmp_path):

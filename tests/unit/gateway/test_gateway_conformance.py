@@ -119,7 +119,9 @@ def test_every_operation_was_also_answered_with_success() -> None:
     answered = house().answered
     if not answered:
         pytest.skip("runs after the test of the answers")
-    # nobody knows a random key, no grammar understands random words, no random bytes are a picture
+    # nobody knows a random key, no grammar understands random words, no random bytes are a picture,
+    # and a task is queued all the time
     assert {name for name, count in answered.items() if not count} <= {
         "POST /v1/session", "POST /v1/tasks", "POST /v1/frames", "PUT /v1/map.zip",
+        "POST /v1/map/reset",
     }  # fmt: skip

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from helios_core import proto as pb
 from helios_core.topics import LOAD_MAP2D, SAVE_MAP2D
-from helios_map2d.epochs import EpochKey, EpochMaps
+from helios_core.types import WorldId
+from helios_map2d.epochs import EpochMaps
 from helios_map2d.state import MapState
 from map2d_house import House
 
@@ -17,7 +18,7 @@ def state_of(house: House) -> MapState:
     return maps.current
 
 
-def parked(maps: EpochMaps) -> dict[EpochKey, MapState]:
+def parked(maps: EpochMaps) -> dict[WorldId, MapState]:
     """The maps of earlier world epochs, oldest first."""
     return dict(maps._parked)
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import Conflict, InvalidInput
-from helios_core.types import FrameId, Observation, SearchContext
-from helios_map2d.epochs import EpochKey, EpochMaps
+from helios_core.types import FrameId, Observation, SearchContext, WorldId
+from helios_map2d.epochs import EpochMaps
 from helios_map2d.grid import GridSpec
 from helios_map2d.kernels import fuse as fuse_kernels
 from helios_map2d.kernels.fuse import MEMORY
@@ -145,11 +145,11 @@ def test_late_frames_that_fall_among_themselves_are_no_other_robots() -> None:
 
 def test_the_robots_own_epoch_is_taken_although_a_strangers_was_later() -> None:
     walk, maps = Walk(room(), epoch=5), EpochMaps(RULES, 0.2)
-    maps.robot_is_in(EpochKey("boot", 0))
+    maps.robot_is_in(WorldId("boot", 0))
     stranger = maps.state_for(walk.frame(2.0, 1.5, 0.0))
     walk.epoch = 0
     assert maps.state_for(walk.frame(2.0, 1.5, 0.0)) is not stranger
-    assert maps.key == EpochKey("boot", 0)
+    assert maps.key == WorldId("boot", 0)
 
 
 def test_a_stranger_that_was_found_out_parks_the_map_no_second_time() -> None:
@@ -159,7 +159,7 @@ def test_a_stranger_that_was_found_out_parks_the_map_no_second_time() -> None:
     walk.epoch = 5
     strange, again = (walk.frame(2.0, 1.5, 0.0) for _ in range(2))
     stranger = maps.state_for(strange)
-    maps.robot_is_in(EpochKey("boot", 0))
+    maps.robot_is_in(WorldId("boot", 0))
     assert maps.state_for(later) is state
     assert list(parked(maps).values()) == [stranger]
     with pytest.raises(Conflict, match="which is over"):
@@ -171,7 +171,7 @@ def test_of_many_parked_maps_the_newest_are_kept() -> None:
     walk, maps = Walk(room()), EpochMaps(RULES, 0.2, most_parked=2)
     for walk.epoch in range(5):
         maps.state_for(walk.frame(2.0, 1.5, 0.0))
-    assert list(parked(maps)) == [EpochKey("boot", 2), EpochKey("boot", 3)]
+    assert list(parked(maps)) == [WorldId("boot", 2), WorldId("boot", 3)]
 
 
 def test_ground_right_around_the_robot_counts_as_searched_up_to_obstacles() -> None:

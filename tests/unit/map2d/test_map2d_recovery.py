@@ -44,12 +44,17 @@ def test_a_killed_service_goes_on_with_its_map_when_the_robot_is_still_in_its_wo
     said = again.health.state[1]
     newest = state_of(house).published.frame_id
     assert newest is not None
-    assert re.search(r"was restored as it was written \d+\.\d s ago: \d+ m² known, 12 views", said)
+    assert re.search(
+        r"was restored as it was written at \d{4}(-\d\d){2} \d\d(:\d\d){2}: \d+ m² known, 12 views",
+        said,
+    )
     assert said.endswith(f"frames up to number {newest.seq}")
     again.search("first")
     assert_same_state(state_of(house), state_of(again))
+    assert again.health.state == ("ready", said)
     again.keyframe(house.walk.frame(2.0, 1.5, 0.1))
     assert again.acks[-1].accepted
+    assert again.health.state == ("ready", "")  # it is another map now
 
 
 def test_a_kept_map_of_another_world_is_not_used(tmp_path: Path) -> None:
@@ -58,10 +63,26 @@ def test_a_kept_map_of_another_world_is_not_used(tmp_path: Path) -> None:
     again = House(*kept(tmp_path))
     again.say_epoch("another boot")
     assert again.snapshot().cell_m == 0
-    assert again.health.state == ("ready", "")
+    assert "is of another world and is not used" in again.health.state[1]
     frame = again.walk.frame(2.0, 1.5, 0.0)
     again.keyframe(replace(frame, id=replace(frame.id, robot_boot_id="another boot")))
     assert again.snapshot().version > house.snapshot().version
+    assert again.health.state == ("ready", "")
+
+
+@pytest.mark.parametrize("supersede", ["load", "reset"])
+@pytest.mark.parametrize("boot", ["boot", "another boot"])
+def test_what_is_said_of_a_kept_map_ends_with_it(tmp_path: Path, boot: str, supersede: str) -> None:
+    house = walked(*kept(tmp_path))
+    house.service.close()
+    again = House(*kept(tmp_path))
+    again.say_epoch(boot)
+    assert again.health.state[1]
+    if supersede == "load":
+        load(again, saved(house, "map"))
+    else:
+        again.bus.call(RESET_MAP2D, pb.Empty(), 5)
+    assert again.health.state == ("ready", "")
 
 
 @pytest.mark.parametrize("damage", ["cut", "changed", "foreign", "empty"])
@@ -105,7 +126,6 @@ def test_a_frame_of_its_world_brings_a_kept_map_back_before_the_robot_says_where
     again = House(*kept(tmp_path))
     again.keyframe(house.walk.frame(2.0, 1.5, 0.1))
     assert again.acks[-1].accepted
-    assert "was restored" in again.health.state[1]
     assert again.snapshot().occupied_m2 >= 0.9 * house.snapshot().occupied_m2
 
 

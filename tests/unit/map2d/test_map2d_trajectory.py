@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_core.grids import decode_snapshot
-from helios_map2d.epochs import EpochKey, EpochMaps
+from helios_map2d.epochs import EpochMaps
 from helios_map2d.files.kept import decode_map, encode_map
 from helios_map2d.layers.rules import MapRules
 from helios_map2d.versions import trajectory
@@ -52,7 +52,7 @@ def test_no_line_leads_from_the_end_of_a_loaded_map_to_the_robot() -> None:
         frame = walk.frame(x, 1.5, 0.0)
         maps.state_for(frame).integrate_frame(frame)
     assert maps.current is not None
-    file = encode_map(maps.current.published, (), EpochKey.of(frame.id))
+    file = encode_map(maps.current.published, (), frame.world)
     later = EpochMaps(RULES, 0.2)
     frame = walk.frame(3.0, 2.5, 0.0)
     later.state_for(frame).integrate_frame(frame)
@@ -67,5 +67,5 @@ def test_no_line_leads_from_the_end_of_a_loaded_map_to_the_robot() -> None:
     # It is told on the wire, and kept in both kinds of file.
     assert decode_snapshot(snapshot_to_proto(now, False)).trajectory_starts == (3,)
     assert decode_npz(encode_npz(now)).trajectory_starts == (3,)
-    again, _ = decode_map(encode_map(now, (), EpochKey.of(frame.id)), RULES, 0.2, 0)
+    again, _ = decode_map(encode_map(now, (), frame.world), RULES, 0.2, 0)
     assert again.published.trajectory_starts == (3,)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 from helios_core.errors import InvalidInput
+from helios_core.naming import closest
 from helios_planner.language.instruction import parse
-from helios_planner.tasks.context import closest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

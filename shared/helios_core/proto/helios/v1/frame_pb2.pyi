@@ -12,7 +12,7 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Map
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class Frame(_message.Message):
-    __slots__ = ("id", "stamp", "keyframe", "raw_color", "compressed_color", "raw_depth", "compressed_depth", "calibration", "T_world_cam", "T_world_base", "held")
+    __slots__ = ("id", "stamp", "keyframe", "raw_color", "compressed_color", "raw_depth", "compressed_depth", "calibration", "T_world_cam", "T_world_base", "held", "origin_id")
     ID_FIELD_NUMBER: _ClassVar[int]
     STAMP_FIELD_NUMBER: _ClassVar[int]
     KEYFRAME_FIELD_NUMBER: _ClassVar[int]
@@ -24,6 +24,7 @@ class Frame(_message.Message):
     T_WORLD_CAM_FIELD_NUMBER: _ClassVar[int]
     T_WORLD_BASE_FIELD_NUMBER: _ClassVar[int]
     HELD_FIELD_NUMBER: _ClassVar[int]
+    ORIGIN_ID_FIELD_NUMBER: _ClassVar[int]
     id: _common_pb2.FrameId
     stamp: _timestamp_pb2.Timestamp
     keyframe: bool
@@ -35,7 +36,8 @@ class Frame(_message.Message):
     T_world_cam: _PoseInFrame_pb2.PoseInFrame
     T_world_base: _PoseInFrame_pb2.PoseInFrame
     held: str
-    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., stamp: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., keyframe: bool = ..., raw_color: _Optional[_Union[_RawImage_pb2.RawImage, _Mapping]] = ..., compressed_color: _Optional[_Union[_CompressedImage_pb2.CompressedImage, _Mapping]] = ..., raw_depth: _Optional[_Union[_RawImage_pb2.RawImage, _Mapping]] = ..., compressed_depth: _Optional[_Union[_CompressedImage_pb2.CompressedImage, _Mapping]] = ..., calibration: _Optional[_Union[_CameraCalibration_pb2.CameraCalibration, _Mapping]] = ..., T_world_cam: _Optional[_Union[_PoseInFrame_pb2.PoseInFrame, _Mapping]] = ..., T_world_base: _Optional[_Union[_PoseInFrame_pb2.PoseInFrame, _Mapping]] = ..., held: _Optional[str] = ...) -> None: ...
+    origin_id: str
+    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., stamp: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., keyframe: bool = ..., raw_color: _Optional[_Union[_RawImage_pb2.RawImage, _Mapping]] = ..., compressed_color: _Optional[_Union[_CompressedImage_pb2.CompressedImage, _Mapping]] = ..., raw_depth: _Optional[_Union[_RawImage_pb2.RawImage, _Mapping]] = ..., compressed_depth: _Optional[_Union[_CompressedImage_pb2.CompressedImage, _Mapping]] = ..., calibration: _Optional[_Union[_CameraCalibration_pb2.CameraCalibration, _Mapping]] = ..., T_world_cam: _Optional[_Union[_PoseInFrame_pb2.PoseInFrame, _Mapping]] = ..., T_world_base: _Optional[_Union[_PoseInFrame_pb2.PoseInFrame, _Mapping]] = ..., held: _Optional[str] = ..., origin_id: _Optional[str] = ...) -> None: ...
 
 class Mask(_message.Message):
     __slots__ = ("x", "y", "width", "height", "bits")

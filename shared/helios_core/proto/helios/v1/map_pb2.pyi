@@ -424,7 +424,7 @@ class KeptView(_message.Message):
     def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., stamp_ns: _Optional[int] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., heading_x: _Optional[float] = ..., heading_y: _Optional[float] = ..., half_fov_rad: _Optional[float] = ..., bins: _Optional[int] = ..., first_bin: _Optional[int] = ..., reach_m: _Optional[bytes] = ..., embedding: _Optional[_Union[_frame_pb2.Embedding, _Mapping]] = ..., jpeg: _Optional[bytes] = ..., named: _Optional[_Iterable[_Union[KeptSighting, _Mapping]]] = ...) -> None: ...
 
 class KeptMap(_message.Message):
-    __slots__ = ("map_id", "id", "stamp_ns", "version", "cell_m", "tile_cells", "context_id", "layers", "robot", "trajectory_m", "next_frontier_id", "frontiers", "ground", "values", "views", "robot_boot_id", "world_epoch", "trajectory_starts")
+    __slots__ = ("map_id", "id", "stamp_ns", "version", "cell_m", "tile_cells", "context_id", "layers", "robot", "trajectory_m", "next_frontier_id", "frontiers", "ground", "values", "views", "robot_boot_id", "world_epoch", "trajectory_starts", "origin_id")
     MAP_ID_FIELD_NUMBER: _ClassVar[int]
     ID_FIELD_NUMBER: _ClassVar[int]
     STAMP_NS_FIELD_NUMBER: _ClassVar[int]
@@ -443,6 +443,7 @@ class KeptMap(_message.Message):
     ROBOT_BOOT_ID_FIELD_NUMBER: _ClassVar[int]
     WORLD_EPOCH_FIELD_NUMBER: _ClassVar[int]
     TRAJECTORY_STARTS_FIELD_NUMBER: _ClassVar[int]
+    ORIGIN_ID_FIELD_NUMBER: _ClassVar[int]
     map_id: str
     id: _common_pb2.FrameId
     stamp_ns: int
@@ -461,4 +462,5 @@ class KeptMap(_message.Message):
     robot_boot_id: str
     world_epoch: int
     trajectory_starts: _containers.RepeatedScalarFieldContainer[int]
-    def __init__(self, map_id: _Optional[str] = ..., id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., stamp_ns: _Optional[int] = ..., version: _Optional[int] = ..., cell_m: _Optional[float] = ..., tile_cells: _Optional[int] = ..., context_id: _Optional[str] = ..., layers: _Optional[_Iterable[str]] = ..., robot: _Optional[_Union[_common_pb2.Pose2, _Mapping]] = ..., trajectory_m: _Optional[_Iterable[float]] = ..., next_frontier_id: _Optional[int] = ..., frontiers: _Optional[_Iterable[_Union[KeptFrontier, _Mapping]]] = ..., ground: _Optional[_Iterable[_Union[KeptTile, _Mapping]]] = ..., values: _Optional[_Iterable[_Union[KeptValues, _Mapping]]] = ..., views: _Optional[_Iterable[_Union[KeptView, _Mapping]]] = ..., robot_boot_id: _Optional[str] = ..., world_epoch: _Optional[int] = ..., trajectory_starts: _Optional[_Iterable[int]] = ...) -> None: ...
+    origin_id: str
+    def __init__(self, map_id: _Optional[str] = ..., id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., stamp_ns: _Optional[int] = ..., version: _Optional[int] = ..., cell_m: _Optional[float] = ..., tile_cells: _Optional[int] = ..., context_id: _Optional[str] = ..., layers: _Optional[_Iterable[str]] = ..., robot: _Optional[_Union[_common_pb2.Pose2, _Mapping]] = ..., trajectory_m: _Optional[_Iterable[float]] = ..., next_frontier_id: _Optional[int] = ..., frontiers: _Optional[_Iterable[_Union[KeptFrontier, _Mapping]]] = ..., ground: _Optional[_Iterable[_Union[KeptTile, _Mapping]]] = ..., values: _Optional[_Iterable[_Union[KeptValues, _Mapping]]] = ..., views: _Optional[_Iterable[_Union[KeptView, _Mapping]]] = ..., robot_boot_id: _Optional[str] = ..., world_epoch: _Optional[int] = ..., trajectory_starts: _Optional[_Iterable[int]] = ..., origin_id: _Optional[str] = ...) -> None: ...

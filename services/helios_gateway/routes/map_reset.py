@@ -1,0 +1,81 @@
+"""The maps forgotten on purpose: both, or one of them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query
+from helios_core import proto as pb
+from helios_core.errors import DeadlineExceeded, HeliosError
+from helios_core.topics import RESET_MAP2D, RESET_OBJECTS, SAVE_OBJECTS, Method
+
+from helios_gateway import map_models
+from helios_gateway.access import secured
+from helios_gateway.fleet import At, Served
+from helios_gateway.keys import Scope
+from helios_gateway.problems import problems
+from helios_gateway.routes.map_file import FILE_S, check_idle, put_back
+from helios_gateway.settings import Settings
+
+Part = Literal["objects", "occupancy"]
+BOTH: tuple[Part, ...] = ("objects", "occupancy")
+METHODS: dict[Part, Method[pb.Empty, pb.Empty]] = {
+    "objects": RESET_OBJECTS, "occupancy": RESET_MAP2D,
+}  # fmt: skip
+
+
+def map_reset_routes(prefix: str, settings: Settings) -> APIRouter:
+    """`/map/reset`."""
+    routes = APIRouter(prefix=prefix, tags=["maps and camera"])
+
+    @routes.post(
+        "/map/reset",
+        summary="Forget both maps, or one",
+        responses=problems(409),
+        dependencies=secured(Scope.ADMIN),
+    )
+    def reset(
+        at: At,
+        only: Annotated[
+            Part | None,
+            Query(description="objects, or occupancy with values and past views; default: both"),
+        ] = None,
+    ) -> map_models.ResetMaps:
+        """What is kept on the disk is forgotten, too: both, or neither where one cannot be. A new
+        map begins with the next image after an action. Refused while a task is queued or under way.
+        After a 504 which map is empty is not known: ask again."""
+        check_idle(at, settings.call_timeout_s)
+        parts = BOTH if only is None else (only,)
+        try:
+            if only is None:
+                _reset_both(at)
+            else:
+                _reset(at, only)
+        finally:
+            at.live.maps.on_change()
+        return map_models.ResetMaps(reset=list(parts))
+
+    return routes
+
+
+def _reset_both(at: Served) -> None:
+    """Raises HeliosError, and then neither is empty; DeadlineExceeded where that is not known."""
+    before = at.bus.call(SAVE_OBJECTS, pb.Empty(), FILE_S)
+    _reset(at, "objects")
+    try:
+        _reset(at, "occupancy")
+    except DeadlineExceeded:
+        raise  # map2d may yet forget its part
+    except HeliosError as error:
+        put_back(at.bus, before, error)
+        raise
+
+
+def _reset(at: Served, part: Part) -> None:
+    try:
+        at.bus.call(METHODS[part], pb.Empty(), FILE_S)
+    except DeadlineExceeded as error:
+        raise DeadlineExceeded(
+            f"{error.message}: whether the map of {part} is empty is not known; wait until "
+            "/v1/status says that all is ready, and reset again"
+        ) from error

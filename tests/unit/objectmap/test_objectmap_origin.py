@@ -1,0 +1,181 @@
+"""A robot that starts anew and says that its origin is the same: what it knows goes on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helios_core import proto as pb
+from helios_core.codec import context_to_proto, observation_to_proto, state_to_proto
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import (
+    CONTEXT,
+    LOAD_OBJECTS,
+    OBJECTMAP_ACK,
+    OBJECTS,
+    OBSERVATION,
+    RESET_OBJECTS,
+    ROBOT_STATE,
+    SAVE_OBJECTS,
+)
+from helios_core.types import RobotState
+from helios_objectmap.exchange import FILE_NAME
+from helios_objectmap.service import ObjectMapService
+from objectmap_scene import CONTEXT as SOUGHT
+from objectmap_scene import ROOM, SETTINGS, looking_at, mug_at, observe
+
+MUG_CENTER = (1.2, 0.0, 0.8)
+SCENE = (*ROOM, mug_at(1.2, 0.0))
+ORIGIN = "kitchen-2026"
+
+
+class Rig:
+    """A service that keeps its map in a folder, and a robot with an origin."""
+
+    def __init__(self, folder: Path | None = None) -> None:
+        hub = MemoryHub()
+        self.bus, self.health = MemoryBus(hub), Health()
+        self.acks: list[pb.Ack] = []
+        self.bus.subscribe(OBJECTMAP_ACK, self.acks.append)
+        kept = SETTINGS.model_copy(update={"state_dir": folder, "save_every_s": 3600.0})
+        self.service = ObjectMapService(MemoryBus(hub), kept, self.health)
+        self.service.warm_up()
+        self.bus.publish(CONTEXT, context_to_proto(SOUGHT))
+        self._seq = 0
+
+    def say(self, boot: str, origin: str, epoch: int = 0) -> None:
+        state = RobotState(np.eye(4), robot_boot_id=boot, origin_id=origin, world_epoch=epoch)
+        self.bus.publish(ROBOT_STATE, state_to_proto(state))
+
+    def see(self, boot: str, origin: str, epoch: int = 0, y: float = 0.0, scene=SCENE) -> pb.Ack:
+        self._seq += 1
+        o = observe(scene, looking_at(0.0, y, MUG_CENTER), seq=self._seq, epoch=epoch)
+        id = replace(o.frame.id, robot_boot_id=boot)
+        o = replace(o, frame=replace(o.frame, id=id, origin_id=origin))
+        self.bus.publish(OBSERVATION, observation_to_proto(o))
+        return self.acks[-1]
+
+    def ids(self) -> list[int]:
+        return [o.id for o in self.bus.call(OBJECTS, pb.ObjectsRequest(), 5.0).objects]
+
+
+def known(folder: Path | None = None, origin: str = ORIGIN) -> Rig:
+    rig = Rig(folder)
+    rig.say("monday", origin)
+    for y in (0.0, 0.3, -0.3):
+        assert rig.see("monday", origin, y=y).accepted
+    assert rig.ids()
+    return rig
+
+
+@pytest.mark.parametrize("told_first", [True, False])
+def test_what_is_known_goes_on_after_a_start_with_the_same_origin(told_first: bool) -> None:
+    rig = known()
+    before = rig.ids()
+    if told_first:
+        rig.say("tuesday", ORIGIN)
+        assert rig.ids() == before
+    assert rig.see("tuesday", ORIGIN).accepted
+    assert rig.ids() == before
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "epoch"),
+    [(ORIGIN, "garage", 0), ("", "", 0), (ORIGIN, "", 0), ("", ORIGIN, 0), (ORIGIN, ORIGIN, 1)],
+)
+def test_another_origin_or_none_or_a_jump_begins_a_new_map(
+    before: str, after: str, epoch: int
+) -> None:
+    rig = known(origin=before)
+    rig.say("tuesday", after, epoch)
+    assert rig.see("tuesday", after, epoch, scene=ROOM).accepted
+    reply = rig.bus.call(OBJECTS, pb.ObjectsRequest(class_names=["mug"]), 5.0)
+    assert not reply.objects
+
+
+def test_a_late_frame_of_an_earlier_start_is_refused() -> None:
+    rig = known()
+    rig.say("tuesday", ORIGIN)
+    assert rig.see("tuesday", ORIGIN).accepted
+    late = rig.see("monday", ORIGIN)
+    assert not late.accepted
+    assert "an earlier start of the robot" in late.reason
+
+
+def test_each_number_of_jumps_from_an_origin_has_its_own_map() -> None:
+    rig = known()
+    before = rig.ids()
+    rig.say("monday", ORIGIN, 1)
+    assert rig.see("monday", ORIGIN, 1, scene=ROOM).accepted
+    assert rig.see("tuesday", ORIGIN, 0).accepted
+    assert rig.ids() == before
+
+
+def test_what_was_kept_comes_back_by_itself_where_the_origin_is_the_same(tmp_path: Path) -> None:
+    first = known(tmp_path)
+    first.service.close()
+    again = Rig(tmp_path)
+    assert again.ids() == first.ids()
+    again.say("tuesday", ORIGIN)
+    assert again.ids() == first.ids()
+    assert "the map was restored as it was written at 20" in again.health.state[1]
+    assert again.see("tuesday", ORIGIN, y=0.2).accepted
+    assert again.health.state == ("ready", "")
+    assert not again.see("monday", ORIGIN).accepted
+    again.service.close()
+    third = Rig(tmp_path)
+    third.say("wednesday", ORIGIN)
+    assert third.ids() == first.ids()
+
+
+def restarted_elsewhere(folder: Path) -> Rig:
+    known(folder).service.close()
+    again = Rig(folder)
+    assert "was restored" in again.health.state[1]
+    again.say("tuesday", "garage")
+    return again
+
+
+def test_a_kept_map_of_another_world_is_said_to_be_unused_until_another_begins(
+    tmp_path: Path,
+) -> None:
+    again = restarted_elsewhere(tmp_path)
+    assert not again.ids()
+    said = again.health.state[1]
+    assert "is of another world and is not used" in said
+    assert "restored" not in said
+    assert again.see("tuesday", "garage").accepted
+    assert again.health.state == ("ready", "")
+
+
+@pytest.mark.parametrize("elsewhere", [True, False])
+@pytest.mark.parametrize("supersede", ["load", "reset"])
+def test_what_is_said_of_a_kept_map_ends_with_it(
+    tmp_path: Path, elsewhere: bool, supersede: str
+) -> None:
+    if elsewhere:
+        again = restarted_elsewhere(tmp_path)
+    else:
+        known(tmp_path).service.close()
+        again = Rig(tmp_path)
+    assert again.health.state[1]
+    if supersede == "load":
+        again.bus.call(LOAD_OBJECTS, known().bus.call(SAVE_OBJECTS, pb.Empty(), 5.0), 5.0)
+    else:
+        again.bus.call(RESET_OBJECTS, pb.Empty(), 5.0)
+    assert again.health.state == ("ready", "")
+
+
+def test_what_was_forgotten_on_purpose_does_not_come_back_after_a_kill(tmp_path: Path) -> None:
+    first = known(tmp_path)
+    assert first.service._exchange._kept is not None
+    assert first.service._exchange._kept.write()
+    first.bus.call(RESET_OBJECTS, pb.Empty(), 5.0)
+    assert not first.ids()
+    assert not (tmp_path / FILE_NAME).exists()
+    again = Rig(tmp_path)  # the first one is never closed: it was killed
+    again.say("monday", ORIGIN)
+    assert not again.ids()

@@ -1,0 +1,126 @@
+"""What users get as files is written by `helios_core.atomic_file`, and by nothing else."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+
+LOG = "a log: lines are added to it"
+LOCK = "a lock: nothing is written"
+MEMORY = "into memory"
+LINES = "lines are added, each on the disk before the next; a torn last one is left out when read"
+SCRATCH = "in a scratch folder that is renamed as a whole, or goes"
+SCRIPT = "a script of the developers: git keeps the old file"
+
+# (file, what writes) -> how often, and why that is right
+ELSEWHERE = {
+    ("shared/helios_core/atomic_file.py", "write_bytes"): (1, "this is the one place"),
+    ("shared/helios_core/atomic_file.py", "os.open"): (2, "this is the one place"),
+    ("services/helios_recorder/file.py", "open"): (1, "grows for hours; made anew, read when torn"),
+    ("services/helios_planner/tasks/store.py", "connect"): (1, "SQLite has a journal of its own"),
+    ("services/helios_objectmap/files/mapfile.py", "savez"): (1, MEMORY),
+    ("services/helios_objectmap/files/export.py", "savez_compressed"): (1, MEMORY),
+    ("services/helios_map2d/versions/snapshot.py", "savez_compressed"): (1, MEMORY),
+    ("services/helios_gateway/cells.py", "savez_compressed"): (1, MEMORY),
+    ("services/helios_gateway/map_file.py", "ZipFile"): (1, MEMORY),
+    ("services/helios_gateway/routes/map_file.py", "ZipFile"): (1, MEMORY),
+    ("services/helios_gateway/routes/objects.py", "savez"): (1, MEMORY),
+    ("clients/helios_client/replaying/results.py", "savez_compressed"): (1, MEMORY),
+    ("clients/helios_client/commands/keys.py", "os.open"): (1, LOCK),
+    ("clients/helios_client/supervision/state_file.py", "open"): (1, LOCK),
+    ("clients/helios_client/supervision/processes.py", "open"): (1, LOG),
+    ("clients/helios_eval/demo.py", "open"): (1, LOG),
+    ("clients/helios_eval/folder.py", "open"): (1, LOCK),
+    ("clients/helios_eval/episodes/record.py", "open"): (1, LINES),
+    ("clients/helios_eval/studies/placements.py", "open"): (1, LINES),
+    ("clients/helios_eval/video/writer.py", "VideoWriter"): (1, "into what `replacing` gave"),
+    ("clients/helios_eval/pictures.py", "savefig"): (1, MEMORY),
+    ("clients/helios_eval/report/plots.py", "savefig"): (1, MEMORY),
+    ("clients/helios_eval/report/maps.py", "savefig"): (1, MEMORY),
+    ("clients/helios_eval/report/maps.py", "save"): (1, MEMORY),
+    ("clients/helios_eval/calibration/charts.py", "savefig"): (1, MEMORY),
+    ("clients/helios_sim/assets/pack.py", "savez_compressed"): (1, SCRATCH),
+    ("clients/helios_sim/assets/pack.py", "write_text"): (2, SCRATCH),
+    ("clients/helios_sim/assets/library.py", "open"): (1, SCRATCH),
+    ("clients/helios_sim/assets/library.py", "copyfileobj"): (1, SCRATCH),
+    ("scripts/page_of_keys.py", "write_text"): (1, SCRIPT),
+    ("scripts/generate_proto.py", "write_bytes"): (2, SCRIPT),
+    ("scripts/generate_proto.py", "write_text"): (1, SCRIPT),
+    ("scripts/home_pictures.py", "save"): (1, SCRIPT),
+}
+
+WRITES = {
+    "write_bytes", "write_text", "fdopen", "mkstemp", "NamedTemporaryFile", "copyfile", "copy2",
+    "copyfileobj", "imwrite", "imsave", "savez", "savez_compressed", "savetxt", "savefig",
+    "tofile", "to_csv", "urlretrieve", "dump", "VideoWriter", "connect",
+}  # fmt: skip
+ONLY_OF = {"connect": "sqlite3", "dump": "json", "copy": "shutil", "move": "shutil"}
+
+
+def written_by(path: Path) -> Iterator[str]:
+    """What in a module may write to a file, outside of a block of `replacing`."""
+    tree = ast.parse(path.read_text())
+    safe = {
+        id(inner)
+        for block in ast.walk(tree)
+        if isinstance(block, ast.With)
+        and any("replacing(" in ast.unparse(item.context_expr) for item in block.items)
+        for inner in ast.walk(block)
+    }
+    for call in ast.walk(tree):
+        if isinstance(call, ast.Call) and id(call) not in safe and (name := _writer(call)):
+            yield name
+
+
+def _writer(call: ast.Call) -> str:
+    """The name of a call that may write to a file; "" for another."""
+    dotted = ast.unparse(call.func)
+    owner, _, name = dotted.rpartition(".")
+    constants = [
+        node.value
+        for node in (*call.args, *(k.value for k in call.keywords if k.arg == "mode"))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    ]
+    if name in ONLY_OF:
+        return name if owner == ONLY_OF[name] else ""
+    if dotted == "os.open":
+        return dotted
+    if name in ("open", "ZipFile", "TarFile"):
+        return name if any(set(c) & set("wxa+") and len(c) <= 3 for c in constants) else ""
+    if name == "save":  # of a picture or an array; others are methods of ours
+        return name if constants or owner in ("np", "numpy") or call.keywords else ""
+    return name if name in WRITES else ""
+
+
+def test_nobody_else_writes_files() -> None:
+    found: Counter[tuple[str, str]] = Counter()
+    for folder in ("services", "shared", "clients", "scripts"):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            if not path.name.endswith("_pb2.py"):
+                for name in written_by(path):
+                    found[str(path.relative_to(ROOT)), name] += 1
+    allowed = {where: times for where, (times, _) in ELSEWHERE.items()}
+    assert dict(found) == allowed, (
+        "write files with helios_core.atomic_file.write_file or replacing, so that a full disk "
+        "leaves the old one; or list the place here, with the reason why that is right"
+    )
+
+
+def test_each_way_to_write_is_found(tmp_path: Path) -> None:
+    module = tmp_path / "module.py"
+    for line in (
+        'p.write_text("a")', 'p.write_bytes(b"a")', 'open(p, "w")', 'p.open("ab+")',
+        'p.open(mode="x")', 'zipfile.ZipFile(p, "w")', "os.open(p, 0)", "np.savez(p, a=a)",
+        "figure.savefig(p)", "cv2.imwrite(p, a)", 'image.save(p, "PNG")', "json.dump(a, f)",
+    ):  # fmt: skip
+        module.write_text(line + "\n")
+        assert len(list(written_by(module))) == 1, line
+        module.write_text(f"with replacing(p) as p:\n    {line}\n")
+        assert not list(written_by(module)), line
+    for line in ('p.open("rb")', "open(p)", "zipfile.ZipFile(p)", "bus.connect()", "self.save()"):
+        module.write_text(line + "\n")
+        assert not list(written_by(module)), line
