@@ -121,7 +121,7 @@ def test_a_plain_name_is_an_entry_point_or_nothing(folder: Path) -> None:
     assert find(DETECTORS, "nobody") is None
     with pytest.raises(InvalidInput, match=r"no detector 'nobody'.*offer paint"):
         check_there(DETECTORS, "nobody")
-    with pytest.raises(InvalidInput, match="no toy 'nobody'; wanted package:attribute$"):
+    with pytest.raises(InvalidInput, match=r"no toy 'nobody'; wanted package:attribute$"):
         check_there(Kind("toy", "helios.toys"), "nobody")
 
 
