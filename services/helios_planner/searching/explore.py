@@ -149,7 +149,8 @@ class Search(ABC):
             cause, where = Cause.OBJECT_NOT_FOUND, "every frontier and every candidate place"
         else:
             cause, where = Cause.RECEPTACLE_NOT_FOUND, "every frontier"
-        return TaskFailed(cause, f"no {self.name} was found: {where} was searched")
+        said = f"no {self.name} was found: {where} was searched{self.body.detector_trouble()}"
+        return TaskFailed(cause, said)
 
     def tell(self, message: str) -> None:
         used, first = self._first
