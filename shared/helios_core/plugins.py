@@ -128,7 +128,7 @@ def make(
     wanted = f"a class that derives from {base.__module__}.{base.__name__}"
     if not callable(factory) or (isinstance(factory, type) and not issubclass(factory, base)):
         raise InvalidInput(
-            f"{kind.name} {named.spec!r} is {_described(factory)}; wanted {wanted}, or a function "
+            f"{kind.name} {named.spec!r} is {described(factory)}; wanted {wanted}, or a function "
             "that returns an instance of one"
         )
     if missing := sorted(getattr(factory, "__abstractmethods__", ())):
@@ -149,7 +149,7 @@ def make(
         ) from error
     if not isinstance(made, base):
         raise InvalidInput(
-            f"{kind.name} {named.spec!r} returned {_described(made)}; wanted {wanted}"
+            f"{kind.name} {named.spec!r} returned {described(made)}; wanted {wanted}"
         )
     if why := into(made):
         raise InvalidInput(f"{kind.name} {named.spec!r}: {why}")
@@ -229,7 +229,7 @@ def _told(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}"
 
 
-def _described(value: object) -> str:
+def described(value: object) -> str:
     """What it is, in words."""
     if isinstance(value, type):
         return f"the class {value.__name__}"
