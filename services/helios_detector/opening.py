@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from helios_core.errors import InvalidInput
-from helios_core.plugins import DETECTORS, SCORERS, Kind, find, make
+from helios_core.plugins import DETECTORS, SCORERS, Kind, find, load, make
 
 from helios_detector.backend import (
     DepthBackend,
@@ -64,6 +64,16 @@ def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
     ):
         return made
     raise _unknown(DETECTORS, spec, "simulated, ground-truth, onnx:FILE, transformers:ID")
+
+
+def check_plugins(detector: str, scorer: str) -> None:
+    """Import the outside packages that two settings name. Raises InvalidInput."""
+    for kind, spec, ours in (
+        (DETECTORS, detector, _OUR_DETECTORS), (SCORERS, scorer, _OUR_SCORERS),
+    ):  # fmt: skip
+        named = None if spec.partition(":")[0] in ours else find(kind, spec)
+        if named is not None:
+            load(kind, named)
 
 
 def open_scorer(spec: str, options: DetectorOptions | None = None) -> ScorerBackend:
