@@ -18,7 +18,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib.machinery import PathFinder
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 from typing import Any, TypeVar
 
 from helios_core.errors import HeliosError, InvalidInput
@@ -60,11 +60,13 @@ class Named:
 def find(kind: Kind, spec: str) -> Named | None:
     """The plug-in that a setting names; None for a plain name that no package offers."""
     first, colon, rest = spec.partition(":")
+    attribute, _, argument = rest.partition(":")
     for entry in entry_points(group=kind.group, name=first):
-        return _of_entry(entry, spec, rest)
+        if (entry.module, entry.attr) == (first, attribute):  # named in full
+            break
+        return Named(spec, entry.module, entry.attr, rest)
     if not colon:
         return None
-    attribute, _, argument = rest.partition(":")
     return Named(spec, first, attribute, argument)
 
 
@@ -188,10 +190,6 @@ def _check_words(kind: Kind, named: Named) -> None:
         raise InvalidInput(
             f"{kind.name} {named.spec!r} is no package:attribute, such as my_package:Mine"
         )
-
-
-def _of_entry(entry: EntryPoint, spec: str, argument: str) -> Named:
-    return Named(spec, entry.module, entry.attr, argument)
 
 
 def _look_here() -> None:
