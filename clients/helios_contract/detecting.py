@@ -40,7 +40,7 @@ class DetectorContract:
         cls._bench.close()
 
     @pytest.fixture
-    def bench(self) -> Iterator[DetectorBench]:
+    def bench(self) -> DetectorBench:
         return self._bench
 
     # --- names ---------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,11 +70,11 @@ def options() -> tuple[list[ReceptacleOption], list[FrontierOption]]:
     return receptacles, frontiers
 
 
-def chosen(rule: Callable[[Places], object], *, frontiers_only: bool = False) -> Decision:
+def chosen(rule: Callable[[Places], Any], *, frontiers_only: bool = False) -> Decision:
     receptacles, frontiers = options()
     rng = np.random.default_rng(0)
     given = [] if frontiers_only else receptacles
-    return by_own_rule(rule, given, frontiers, "mug", "pick", rng)  # pyright: ignore
+    return by_own_rule(rule, given, frontiers, "mug", "pick", rng)
 
 
 # --- rules -------------------------------------------------------------------------------------
