@@ -101,7 +101,8 @@ def held_judgement(judgement: object, layers: Collection[str]) -> tuple[Judgemen
         else:
             scores[layer] = score
     if missing := [layer for layer in layers if layer not in judgement.scores]:
-        wrong.note("scores_refused", "missing", f"no score for {_names(missing)}, {wanted}")
+        said = f"no score for {_names(missing)}"
+        wrong.note("scores_refused", "missing", said if wrong.said else f"{said}, {wanted}")
     image = _embedding(judgement.image, wrong)
     if not wrong:
         return judgement, wrong

@@ -22,8 +22,8 @@ class DetectorStatus:
 
     @property
     def noted(self) -> str:
-        """Why it was degraded last, since `note_from_now`; empty where it never was."""
-        return self._noted
+        """Why it is degraded, or was last since `note_from_now`; empty where it never was."""
+        return self._reason if self._state == "degraded" else self._noted
 
     def note_from_now(self) -> None:
         """What it said before was of another search."""

@@ -27,6 +27,8 @@ from helios_detector.yolox import YoloxDetector
 from helios_examples.on_furniture import OnFurniture
 from helios_examples.paint_detector import PaintDetector
 
+from tests.support import python_blocks
+
 ROOT = Path(__file__).parents[3]
 FOUND = [((30.0, 40.0, 90.0, 100.0), 0, 0.95), ((10.0, 10.0, 40.0, 30.0), 1, 0.5)]
 
@@ -527,3 +529,26 @@ def test_what_cannot_be_tested_is_wrong_use(
     done = suite(*flags, cwd=tmp_path)
     assert done.returncode == 2
     assert said in done.stderr
+
+
+# --- the tutorial --------------------------------------------------------------------------------
+def test_what_the_tutorial_shows_keeps_the_contract(tmp_path: Path) -> None:
+    """The blocks of docs/your-own-detector.md, as files of an empty folder."""
+    blobs, on_tables, own_test = python_blocks(ROOT / "docs/your-own-detector.md")
+    (tmp_path / "blobs.py").write_text(blobs)
+    (tmp_path / "on_tables.py").write_text(on_tables)
+    (tmp_path / "test_blobs.py").write_text(own_test)
+    picture = tmp_path / "room.png"
+    cv2.imwrite(str(picture), room(0.0).color[..., ::-1])
+    for flags in (
+        ("--detector", "blobs:Blobs", "--image", str(picture)),
+        ("--detector", "blobs:Blobs:50", "--", "-k", "threads"),
+        ("--scorer", "on_tables:OnTables"),
+    ):
+        done = suite(*flags, cwd=tmp_path)
+        assert done.returncode == 0, done.stdout[-3000:] + done.stderr
+    own = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_blobs.py"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert own.returncode == 0, own.stdout[-3000:]

@@ -74,3 +74,22 @@ def test_a_search_in_vain_says_that_the_detector_was_degraded_meanwhile(start: S
     again = ended(bus, submit(bus, "find the mug", max_steps=9).id)
     assert again.cause == "step budget"
     assert again.message == "the task's 9 steps are used up"
+
+
+def test_a_detector_that_is_degraded_from_the_first_keyframe_on_is_told_at_the_end(
+    start: Start,
+) -> None:
+    """It says so while the search begins, and nothing after that."""
+    _, bus, peers = start(flat([coffee_table(), counter()]))
+    act = peers.world.act
+
+    def slips(action):
+        if peers.world.steps == 0:
+            say(peers, "degraded", WHY)
+        return act(action)
+
+    peers.world.act = slips
+    done = ended(bus, submit(bus, "find the mug", max_steps=9).id)
+    assert done.message == (
+        f"the task's 9 steps are used up; meanwhile the detector was degraded: {WHY}"
+    )

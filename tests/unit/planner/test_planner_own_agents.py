@@ -32,6 +32,8 @@ from planner_flat import MOVE, coffee_table, counter, flat, mug
 from planner_world import FakeWorld
 from pydantic import ValidationError
 
+from tests.support import python_blocks
+
 SOURCE = """
 import numpy as np
 from helios_planner.plugins import exploring_by
@@ -147,14 +149,23 @@ def run(world: FakeWorld, agent: str) -> Mission:
     return mission
 
 
-@pytest.mark.parametrize(
-    "agent", [*EXAMPLES, "agents_of_a_test:agent", "agents_of_a_test:trusting"]
-)
+@pytest.mark.parametrize("agent", ["agents_of_a_test:agent", "agents_of_a_test:trusting"])
 def test_an_agent_of_another_package_brings_a_mug(agent: str) -> None:
     world = flat([coffee_table(), counter(), mug()])
     run(world, agent)
     assert world.released is world.things[3]
     assert world.contacts == 0
+
+
+@pytest.mark.parametrize("agent", ["mine_of_the_tutorial:agent", "careful_of_the_tutorial:agent"])
+def test_what_the_tutorial_shows_brings_a_mug(agent: str, folder: Path) -> None:
+    """The blocks of docs/your-own-agent.md; the examples of the package are the same."""
+    mine, careful = python_blocks(Path(__file__).parents[3] / "docs/your-own-agent.md")
+    (folder / "mine_of_the_tutorial.py").write_text(mine)
+    (folder / "careful_of_the_tutorial.py").write_text(careful)
+    world = flat([coffee_table(), counter(), mug()])
+    run(world, agent)
+    assert world.released is world.things[3]
 
 
 def test_it_goes_where_its_rule_says() -> None:
