@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from helios_core.errors import InvalidInput
-from helios_core.plugins import DETECTORS, SCORERS, Kind, find, load, make
+from helios_core.plugins import DETECTORS, SCORERS, Kind, find, load_factory, make
 
 from helios_detector.backend import (
     DepthBackend,
@@ -67,13 +67,14 @@ def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
 
 
 def check_plugins(detector: str, scorer: str) -> None:
-    """Import the outside packages that two settings name. Raises InvalidInput."""
-    for kind, spec, ours in (
-        (DETECTORS, detector, _OUR_DETECTORS), (SCORERS, scorer, _OUR_SCORERS),
-    ):  # fmt: skip
-        named = None if spec.partition(":")[0] in ours else find(kind, spec)
-        if named is not None:
-            load(kind, named)
+    """Import the outside packages that two settings name; nothing is made of them.
+
+    Raises InvalidInput.
+    """
+    if detector.partition(":")[0] not in _OUR_DETECTORS and (named := find(DETECTORS, detector)):
+        load_factory(DETECTORS, named, DetectorBackend)
+    if scorer.partition(":")[0] not in _OUR_SCORERS and (named := find(SCORERS, scorer)):
+        load_factory(SCORERS, named, ScorerBackend)
 
 
 def open_scorer(spec: str, options: DetectorOptions | None = None) -> ScorerBackend:

@@ -111,6 +111,26 @@ def load(kind: Kind, named: Named) -> Any:
     return getattr(module, named.attribute)
 
 
+def load_factory(kind: Kind, named: Named, base: type[T]) -> Callable[..., T]:
+    """The class of a plug-in, or the function that returns an instance; nothing of it is called.
+
+    Raises InvalidInput: it cannot be imported, is of another type, or lacks methods.
+    """
+    factory = load(kind, named)
+    if not callable(factory) or (isinstance(factory, type) and not issubclass(factory, base)):
+        raise InvalidInput(
+            f"{kind.name} {named.spec!r} is {described(factory)}; wanted {_class_of(base)}, or a "
+            "function that returns an instance of one"
+        )
+    if missing := sorted(getattr(factory, "__abstractmethods__", ())):
+        many = "methods" if len(missing) > 1 else "method"
+        raise InvalidInput(
+            f"{kind.name} {named.spec!r} lacks the {many} {', '.join(missing)}; write every "
+            f"abstract method of {base.__module__}.{base.__name__}"
+        )
+    return factory
+
+
 def make(
     kind: Kind,
     named: Named,
@@ -126,19 +146,7 @@ def make(
     is wrong all the same, in words; empty when it is right.
     Raises InvalidInput for what cannot be made, and the HeliosErrors of the constructor.
     """
-    factory = load(kind, named)
-    wanted = f"a class that derives from {base.__module__}.{base.__name__}"
-    if not callable(factory) or (isinstance(factory, type) and not issubclass(factory, base)):
-        raise InvalidInput(
-            f"{kind.name} {named.spec!r} is {described(factory)}; wanted {wanted}, or a function "
-            "that returns an instance of one"
-        )
-    if missing := sorted(getattr(factory, "__abstractmethods__", ())):
-        many = "methods" if len(missing) > 1 else "method"
-        raise InvalidInput(
-            f"{kind.name} {named.spec!r} lacks the {many} {', '.join(missing)}; write every "
-            f"abstract method of {base.__module__}.{base.__name__}"
-        )
+    factory = load_factory(kind, named, base)
     try:
         made = factory(**_arguments(kind, named, factory, offered))
     except HeliosError:
@@ -151,7 +159,7 @@ def make(
         ) from error
     if not isinstance(made, base):
         raise InvalidInput(
-            f"{kind.name} {named.spec!r} returned {described(made)}; wanted {wanted}"
+            f"{kind.name} {named.spec!r} returned {described(made)}; wanted {_class_of(base)}"
         )
     if why := into(made):
         raise InvalidInput(f"{kind.name} {named.spec!r}: {why}")
@@ -190,6 +198,10 @@ def _check_words(kind: Kind, named: Named) -> None:
         raise InvalidInput(
             f"{kind.name} {named.spec!r} is no package:attribute, such as my_package:Mine"
         )
+
+
+def _class_of(base: type) -> str:
+    return f"a class that derives from {base.__module__}.{base.__name__}"
 
 
 def _look_here() -> None:
