@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import re
 import socket
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import httpx
 from helios_core.settings import ServiceSettings
@@ -43,3 +45,8 @@ def settings_of(module: str) -> type[ServiceSettings]:
         if isinstance(d, type) and issubclass(d, ServiceSettings) and d is not ServiceSettings
     )  # fmt: skip
     return own
+
+
+def python_blocks(page: Path) -> list[str]:
+    """The Python that a page of the documents shows, in its order."""
+    return re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL)

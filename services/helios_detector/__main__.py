@@ -6,17 +6,26 @@ import logging
 import os
 import sys
 
-from helios_core.service import run_service
+from helios_core.bus import Bus
+from helios_core.health import Health
+from helios_core.service import Closeable, run_service
 
 from helios_detector.fleet import HOME, Fleet
 from helios_detector.hosted import Hosted
+from helios_detector.opening import check_plugins
 from helios_detector.settings import Settings
+
+
+def host(bus: Bus, health: Health, settings: Settings) -> Closeable:
+    """Raises InvalidInput for a plug-in that cannot be imported: that does not mend by itself."""
+    check_plugins(settings.detector, settings.scorer)
+    return (Fleet if settings.robots else Hosted)(bus, health, settings)
+
 
 if __name__ == "__main__":
     settings = Settings.load()
     if settings.robots:
         settings = settings.model_copy(update={"robot": HOME})
-    host = Fleet if settings.robots else Hosted
     status = run_service("detector", settings, lambda bus, health: host(bus, health, settings))
     # Everything is closed. Taking torch apart would keep the process for seconds of work.
     logging.shutdown()

@@ -1,26 +1,38 @@
 """A frame through the models: what was found, how it scores, and what each of it took.
 
-Whatever a back end raises becomes a typed error; whatever it gives is held to its contract.
+Whatever a back end raises becomes a typed error; whatever it gives is checked (`contract.py`). What
+is said of it names the back end, its method, and where the log is.
 """
 
 from __future__ import annotations
 
 import logging
 import time
-from collections import Counter
+from collections.abc import Callable
+from typing import TypeVar
 
 from helios_core.errors import DeadlineExceeded, HeliosError, Internal, Unavailable
 from helios_core.health import Health
+from helios_core.log_file import log_place
 from helios_core.types import Frame, SearchContext
 
-from helios_detector.backend import Findings, Judgement
-from helios_detector.contract import held_findings, held_judgement
+from helios_detector.backend import DetectorBackend, Findings, Judgement, ScorerBackend
+from helios_detector.contract import (
+    Wrong,
+    held_findings,
+    held_judgement,
+    held_refusals,
+    held_vocabulary,
+)
 from helios_detector.memory import resident_mb
 from helios_detector.models import Models
+from helios_detector.seldom import Seldom
 
 log = logging.getLogger(__name__)
 
 ATTEMPTS = 3  # at a frame when what the back end needs does not answer
+
+T = TypeVar("T")
 
 
 class Analyst:
@@ -28,47 +40,59 @@ class Analyst:
 
     def __init__(self, models: Models, health: Health) -> None:
         self.models, self._health = models, health
+        self._seldom = Seldom(log)
 
-    def detect(self, frame: Frame, context: SearchContext) -> Findings:
-        """Asks again where what the back end needs did not answer; nothing is asked where no class
-        is sought. Raises HeliosError."""
-        if not context.classes:
-            return Findings((), ())
+    def vocabulary(self) -> tuple[str, ...] | None:
+        """The detector's names. Raises HeliosError."""
         detector = self.models.detector
+        return self._checked(detector, "vocabulary", lambda: held_vocabulary(detector.vocabulary()))
+
+    def refused(self, context: SearchContext) -> dict[str, str]:
+        """Class name -> why it cannot be found. Raises HeliosError."""
+        detector = self.models.detector
+        return self._checked(detector, "refused", lambda: held_refusals(detector.refused(context)))
+
+    def detect(self, frame: Frame, context: SearchContext) -> tuple[Findings, str]:
+        """And what of it had to be left out, in a sentence; empty for nothing.
+
+        Asks again where what the back end needs did not answer; nothing is asked where no class is
+        sought. Raises HeliosError.
+        """
+        if not context.classes:
+            return Findings((), ()), ""
+        detector = self.models.detector
+        asked = {c.name for c in context.classes}
         for attempt in range(1, ATTEMPTS + 1):
             try:
-                findings, wrong = held_findings(
-                    detector.detect(frame, context), frame.depth_m.shape
-                )
-                self._note(detector.name, wrong)
-                return findings
+                findings, wrong = self._checked(
+                    detector, "detect",
+                    lambda: held_findings(
+                        detector.detect(frame, context), frame.depth_m.shape, asked
+                    ),
+                )  # fmt: skip
+                return findings, self._note(detector, "detect", frame, wrong)
             except (Unavailable, DeadlineExceeded) as error:
                 self._health.count("detect_retries")
                 if attempt == ATTEMPTS:
                     raise
                 log.warning("frame %s: %s; asking again", frame.id, error.message)
-            except HeliosError:
-                raise
-            except Exception as error:  # a back end's own fault must not lose the frame silently
-                raise _fault(detector.name, frame, error) from error
         raise AssertionError("not reached")
 
-    def judge(self, frame: Frame, findings: Findings, context: SearchContext) -> Judgement:
-        """Scores of all prompts in one pass; nothing is asked where the context seeks nothing.
-        Raises HeliosError."""
+    def judge(
+        self, frame: Frame, findings: Findings, context: SearchContext
+    ) -> tuple[Judgement, str]:
+        """Scores of all prompts in one pass, and what of them had to be left out; nothing is asked
+        where the context seeks nothing. Raises HeliosError."""
         if not (context.prompts or context.classes):
-            return Judgement({})
+            return Judgement({}), ""
         scorer = self.models.scorer
-        try:
-            judgement, wrong = held_judgement(
-                scorer.judge(frame, findings.seen, context.prompts), scorer.name
-            )
-        except HeliosError:
-            raise
-        except Exception as error:
-            raise _fault(scorer.name, frame, error) from error
-        self._note(scorer.name, wrong)
-        return judgement
+        judgement, wrong = self._checked(
+            scorer, "score",
+            lambda: held_judgement(
+                scorer.judge(frame, findings.seen, context.prompts), context.prompts.keys()
+            ),
+        )  # fmt: skip
+        return judgement, self._note(scorer, "score", frame, wrong)
 
     def timed(self, what: str, began: float) -> float:
         """Milliseconds since `began` (of `time.perf_counter`), kept as a figure."""
@@ -83,12 +107,35 @@ class Analyst:
         if peak_mb > 0:
             self._health.sample("accelerator_mb", peak_mb)
 
-    def _note(self, name: str, wrong: Counter[str]) -> None:
-        for what, count in wrong.items():
+    def _checked(self, of: DetectorBackend | ScorerBackend, method: str, ask: Callable[[], T]) -> T:
+        """What a method gave. Raises HeliosError, which names the back end where it is at fault."""
+        who = f"the {kind_of(of)} {of.name}"
+        try:
+            return ask()
+        except Internal as error:  # of `contract`: nothing of it can be used
+            said = f"{who} gave what cannot be used, in {method}(): {error.message}"
+            self._seldom.warn((of.name, method, said), said)
+            raise Internal(f"{said}; see {log_place()}") from error
+        except HeliosError:
+            raise
+        except Exception as error:  # a back end's own fault must not lose the frame silently
+            said = f"{who} failed in {method}() ({type(error).__name__}: {error})"
+            self._seldom.warn((of.name, method, type(error)), said, error)
+            raise Internal(f"{said}; the traceback is in {log_place()}") from error
+
+    def _note(
+        self, of: DetectorBackend | ScorerBackend, method: str, frame: Frame, wrong: Wrong
+    ) -> str:
+        for what, count in wrong.counts.items():
             self._health.count(what, count)
-            log.warning("%s: %d %s", name, count, what.replace("_", " "))
+        if not wrong.said:
+            return ""
+        said = f"the {kind_of(of)} {of.name} gave in {method}() {wrong.sentence}"
+        kinds = tuple(sorted(wrong.said))
+        self._seldom.warn((of.name, method, kinds), f"frame {frame.id}: {said}")
+        return f"{said}; see {log_place()}"
 
 
-def _fault(name: str, frame: Frame, error: Exception) -> Internal:
-    log.exception("%s failed at frame %s", name, frame.id)
-    return Internal(f"{name} failed ({type(error).__name__}: {error}); see its log")
+def kind_of(back_end: DetectorBackend | ScorerBackend) -> str:
+    """In words."""
+    return "detector" if isinstance(back_end, DetectorBackend) else "scorer"

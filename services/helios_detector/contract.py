@@ -1,80 +1,263 @@
-"""What a back end gave, held to its contract. Outside packages are as fallible as anybody.
+"""What a back end gives, checked before it is used: outside packages err as anybody does.
 
-What can be mended is mended, what cannot is left out, and each of it is counted under a name that
-`helios status` and `/metrics` show:
+What can be used is used. What cannot is left out, counted under a name that `/metrics` shows, and
+told in words: what came, and what was wanted.
 
     scores_clipped       a score outside 0 to 1: cut to it
-    detections_refused   a score that is no number, a box or a mask that does not fit the image
+    detections_refused   a detection of another type or class, or that does not fit the image
+    seen_refused         an entry of `seen` of another type, or without a number as its score
     boxes_widened        a mask that goes beyond its box: only what is in the box would be sent
+    scores_refused       a scorer's entry for no layer that was asked for, or that is no number,
+                         and a layer without a score
+    embeddings_refused   an image embedding of another type or shape, or that is not finite
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import replace
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from numbers import Integral
+from typing import Any
 
 import numpy as np
 from helios_core.errors import Internal
-from helios_core.types import Detection
+from helios_core.types import Detection, Embedding
 
 from helios_detector.backend import Findings, Judgement, Seen
 from helios_detector.box_to_mask import Box
 from helios_detector.boxes import box_of
 
-Counts = Counter[str]
+ROUNDING = 1e-3  # so far outside 0 to 1 a score is cut without a word
+MOST_NAMED = 8  # names of one list in a sentence
+MOST_CHARACTERS = 80  # of a value in a sentence
 
 
-def held_findings(findings: Findings, shape: tuple[int, int]) -> tuple[Findings, Counts]:
-    """(what may be sent, what was wrong); `shape` is (height, width) of the image."""
-    counts: Counts = Counter()
-    detections = [_detection(d, shape, counts) for d in findings.detections]
-    seen = [_seen(s, counts) for s in findings.seen]
-    if not counts:
-        return findings, counts
-    kept = tuple(d for d in detections if d is not None)
-    return Findings(kept, tuple(s for s in seen if s is not None)), counts
+@dataclass
+class Wrong:
+    """What was wrong with one answer of a back end."""
+
+    counts: Counter[str] = field(default_factory=Counter)  # as in the module
+    said: dict[str, str] = field(default_factory=dict)  # kind -> the first fault of it, in words
+    times: Counter[str] = field(default_factory=Counter)  # kind -> how many
+
+    def __bool__(self) -> bool:
+        return bool(self.counts)
+
+    def note(self, counter: str, kind: str, said: str) -> None:
+        """One fault."""
+        self.counts[counter] += 1
+        self.said.setdefault(kind, said)
+        self.times[kind] += 1
+
+    @property
+    def sentence(self) -> str:
+        """Every kind of fault once; empty where there is none to tell."""
+        return "; ".join(
+            said + (f" ({self.times[kind]} times)" if self.times[kind] > 1 else "")
+            for kind, said in self.said.items()
+        )
 
 
-def held_judgement(judgement: Judgement, scorer: str) -> tuple[Judgement, Counts]:
-    """Raises Internal for a score that is no number."""
-    counts: Counts = Counter()
-    scores = {}
-    for layer, score in judgement.scores.items():
-        if math.isnan(score):
-            raise Internal(f"{scorer} gave no number as the score of {layer!r}; see its log")
-        scores[layer] = _clipped(score, counts)
-    return (replace(judgement, scores=scores) if counts else judgement), counts
+def held_findings(
+    findings: object, shape: tuple[int, int], asked: Collection[str] | None = None
+) -> tuple[Findings, Wrong]:
+    """(what may be sent, what was wrong).
+
+    shape: (height, width) of the image. asked: the names of the search's classes; None: any.
+    Raises Internal where nothing of it can be used.
+    """
+    if not isinstance(findings, Findings):
+        raise Internal(f"{_a(findings)}, wanted Findings(detections, seen)")
+    wrong = Wrong()
+    given = [
+        _detection(d, shape, asked, wrong) for d in _entries(findings.detections, "detections")
+    ]
+    detections = tuple(d for d in given if d is not None)
+    seen = tuple(
+        s for s in [_seen(s, wrong) for s in _entries(findings.seen, "seen")] if s is not None
+    )
+    as_it_is = not wrong and (detections, seen) == (findings.detections, findings.seen)
+    return (findings if as_it_is else Findings(detections, seen)), wrong
 
 
-def _detection(d: Detection, shape: tuple[int, int], counts: Counts) -> Detection | None:
-    if math.isnan(d.score) or d.mask.shape != shape or d.mask.dtype != bool:
-        counts["detections_refused"] += 1
+def held_judgement(judgement: object, layers: Collection[str]) -> tuple[Judgement, Wrong]:
+    """(what may be sent, what was wrong). layers: those that were asked for.
+
+    Raises Internal where nothing of it can be used.
+    """
+    if not isinstance(judgement, Judgement):
+        raise Internal(f"{_a(judgement)}, wanted Judgement(scores, image)")
+    wanted = f"wanted a score of 0 to 1 for each of {_names(layers)}"
+    if not isinstance(judgement.scores, Mapping):
+        raise Internal(f"{_a(judgement.scores)}, {wanted}")
+    wrong, scores = Wrong(), {}
+    for layer, given in judgement.scores.items():
+        if layer not in layers:
+            wrong.note("scores_refused", "layer", f"a score for {_short(layer)}, {wanted}")
+        elif (score := _score(given, wrong, f"as the score of {layer!r}")) is None:
+            wrong.counts["scores_refused"] += 1
+        else:
+            scores[layer] = score
+    if missing := [layer for layer in layers if layer not in judgement.scores]:
+        said = f"no score for {_names(missing)}"
+        wrong.note("scores_refused", "missing", said if wrong.said else f"{said}, {wanted}")
+    image = _embedding(judgement.image, wrong)
+    if not wrong:
+        return judgement, wrong
+    return replace(judgement, scores=scores, image=image), wrong
+
+
+def held_refusals(refused: object) -> dict[str, str]:
+    """What `refused` gave. Raises Internal."""
+    if isinstance(refused, Mapping) and all(
+        isinstance(name, str) and isinstance(why, str) for name, why in refused.items()
+    ):
+        return dict(refused)
+    raise Internal(f"{_a(refused)}, wanted a dict of class name to the sentence why not")
+
+
+def held_vocabulary(vocabulary: object) -> tuple[str, ...] | None:
+    """What `vocabulary` gave. Raises Internal."""
+    if vocabulary is None:
         return None
-    x0, y0, x1, y1 = d.box_xyxy
-    if not (0 <= x0 < x1 <= shape[1] and 0 <= y0 < y1 <= shape[0]):
-        counts["detections_refused"] += 1
+    if isinstance(vocabulary, Collection) and not isinstance(vocabulary, str | bytes | Mapping):
+        names = tuple(vocabulary)
+        if names and all(isinstance(name, str) and name.strip() for name in names):
+            return names
+    raise Internal(
+        f"{_a(vocabulary)} ({_short(vocabulary)}), wanted a tuple of names, or None for any name"
+    )
+
+
+def _detection(
+    d: object, shape: tuple[int, int], asked: Collection[str] | None, wrong: Wrong
+) -> Detection | None:
+    if not isinstance(d, Detection):
+        wrong.note("detections_refused", "type", f"{_a(d)} among detections, wanted Detection")
         return None
-    score, box = _clipped(d.score, counts), d.box_xyxy
+    if not isinstance(d.class_name, str) or (asked is not None and d.class_name not in asked):
+        names = _names(asked) if asked is not None else "names"
+        wrong.note(
+            "detections_refused", "class",
+            f"a detection with class_name {_short(d.class_name)}, wanted one of {names}",
+        )  # fmt: skip
+        return None
+    of = f"of {d.class_name!r}"
+    if said := _mask_fault(d.mask, shape) or _box_fault(d.box_xyxy, shape):
+        wrong.note("detections_refused", said[0], f"a detection {of} with {said[1]}")
+        return None
+    score = _score(d.score, wrong, f"as the score of a detection {of}")
+    if score is None:
+        wrong.counts["detections_refused"] += 1
+        return None
+    x0, y0, x1, y1 = (int(v) for v in d.box_xyxy)
+    box = x0, y0, x1, y1
     if np.count_nonzero(d.mask) > np.count_nonzero(d.mask[y0:y1, x0:x1]):
         box = _around(box, box_of(d.mask))
-        counts["boxes_widened"] += 1
+        wrong.counts["boxes_widened"] += 1
     return d if (score, box) == (d.score, d.box_xyxy) else replace(d, score=score, box_xyxy=box)
 
 
-def _seen(seen: Seen, counts: Counts) -> Seen | None:
-    if math.isnan(seen.score):
-        counts["detections_refused"] += 1
+def _mask_fault(mask: object, shape: tuple[int, int]) -> tuple[str, str] | None:
+    """(kind, what came and what was wanted), None for a good one."""
+    wanted = f"wanted bool {shape}, as large as the image"
+    if not isinstance(mask, np.ndarray):
+        return "mask", f"{_a(mask)} as its mask, {wanted}"
+    if mask.shape != shape or mask.dtype != bool:
+        return "mask", f"a mask {mask.dtype} {mask.shape}, {wanted}"
+    return None
+
+
+def _box_fault(box: Any, shape: tuple[int, int]) -> tuple[str, str] | None:
+    """As `_mask_fault`."""
+    height, width = shape
+    wanted = f"wanted whole x0 < x1 of 0 to {width} and y0 < y1 of 0 to {height}"
+    try:
+        x0, y0, x1, y1 = box
+    except (TypeError, ValueError):
+        return "box", f"box_xyxy {_short(box)}, {wanted}"
+    whole = all(isinstance(v, Integral) for v in (x0, y0, x1, y1))
+    if not (whole and 0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
+        return "box", f"box_xyxy {_short(box)}, {wanted}"
+    return None
+
+
+def _seen(seen: object, wrong: Wrong) -> Seen | None:
+    if not isinstance(seen, Seen) or not isinstance(seen.class_name, str):
+        said = f"{_a(seen)} in seen, wanted Seen(class_name, score)"
+        wrong.note("seen_refused", "seen", said)
         return None
-    score = _clipped(seen.score, counts)
+    score = _score(seen.score, wrong, f"as the score of {seen.class_name!r} in seen")
+    if score is None:
+        wrong.counts["seen_refused"] += 1
+        return None
     return seen if score == seen.score else replace(seen, score=score)
 
 
-def _clipped(score: float, counts: Counts) -> float:
+def _score(given: Any, wrong: Wrong, what: str) -> float | None:
+    """A score of 0 to 1; None for what is no number."""
+    try:
+        score = math.nan if isinstance(given, str | bytes | bool) else float(given)
+    except (TypeError, ValueError):
+        score = math.nan
+    if math.isnan(score):
+        _say(wrong, "score", f"{_short(given)} {what}, wanted a number from 0 to 1")
+        return None
     if 0 <= score <= 1:
         return score
-    counts["scores_clipped"] += 1
-    return min(1.0, max(0.0, score))
+    cut = min(1.0, max(0.0, score))
+    wrong.counts["scores_clipped"] += 1
+    if abs(score - cut) > ROUNDING:
+        _say(wrong, "range", f"{score:g} {what}, wanted 0 to 1; it was cut to {cut:g}")
+    return cut
+
+
+def _embedding(image: object, wrong: Wrong) -> Embedding | None:
+    if image is None:
+        return None
+    if isinstance(image, Embedding):
+        vectors = np.asarray(image.vectors)
+        numbers = vectors.ndim == 2 and np.issubdtype(vectors.dtype, np.floating)
+        if numbers and np.isfinite(vectors).all():
+            return image
+        came = f"an embedding {vectors.dtype} {vectors.shape}"
+        came += " with what is no number" if numbers else ""
+    else:
+        came = f"{_a(image)} as image"
+    wanted = "wanted Embedding(model, vectors) with finite float32 [rows, d], or None"
+    wrong.note("embeddings_refused", "embedding", f"{came}, {wanted}")
+    return None
+
+
+def _say(wrong: Wrong, kind: str, said: str) -> None:
+    """A fault that is counted elsewhere."""
+    wrong.said.setdefault(kind, said)
+    wrong.times[kind] += 1
+
+
+def _entries(given: Any, what: str) -> Iterable[object]:
+    """Raises Internal."""
+    if isinstance(given, Iterable) and not isinstance(given, str | bytes | Mapping):
+        return tuple(given)
+    raise Internal(f"Findings with {_a(given)} as {what}, wanted a tuple")
+
+
+def _a(value: object) -> str:
+    """What it is, by its type."""
+    return "None" if value is None else f"a value of type {type(value).__name__}"
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= MOST_CHARACTERS else f"{text[:MOST_CHARACTERS]}…"
+
+
+def _names(names: Collection[str]) -> str:
+    some = [repr(name) for name in sorted(names)][:MOST_NAMED]
+    more = len(names) - len(some)
+    return ", ".join(some) + (f" and {more} more" if more else "") if some else "no name"
 
 
 def _around(a: Box, b: Box) -> Box:

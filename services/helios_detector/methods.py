@@ -78,8 +78,7 @@ class Methods(Served):
         self._analyst, self._workload, self._health = analyst, workload, health
 
     def vocabulary(self, _: pb.Empty) -> pb.VocabularyReply:
-        models = self._analyst.models
-        names = models.detector.vocabulary()
+        models, names = self._analyst.models, self._analyst.vocabulary()
         return pb.VocabularyReply(
             open=names is None,
             names=names or (),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from helios_core.errors import HeliosError, Unavailable
 from helios_core.health import Health
+from helios_core.log_file import log_place
 
 from helios_detector.backend import DepthBackend, DetectorBackend, DetectorOptions, ScorerBackend
 from helios_detector.opening import open_depth, open_detector, open_scorer
@@ -105,7 +106,7 @@ def load_models(
             log.exception("%s or %s cannot be loaded", s.detector, s.scorer)
             health.degraded(
                 f"{s.detector} or {s.scorer} cannot be loaded ({type(error).__name__}: {error}); "
-                "see the detector's log"
+                f"the traceback is in {log_place()}"
             )
             return None
     return None

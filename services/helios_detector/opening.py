@@ -4,18 +4,20 @@
     ground-truth           the simulator's truth as it is
     onnx:FILE              a YOLOX model of a fixed vocabulary: COCO's, or its own (onnx_names.py)
     transformers:ID        a text-prompted model of the hub or of a folder (docs/models.md)
+    package:Class          a back end of anybody's own; package:Class:ARGUMENT
     NAME or NAME:ARGUMENT  an outside package's entry point in the group `helios.detectors`
 
-An outside package's entry point is a callable `(argument: str, options: DetectorOptions) ->
-DetectorBackend`.
+A class of one's own, or a function that returns an instance, may ask by name for `argument` (str)
+and `options` (DetectorOptions). Scorers alike; their group is `helios.scorers`.
 """
 
 from __future__ import annotations
 
-from importlib.metadata import entry_points
 from pathlib import Path
+from typing import TypeVar
 
 from helios_core.errors import InvalidInput
+from helios_core.plugins import DETECTORS, SCORERS, Kind, find, load_factory, make
 
 from helios_detector.backend import (
     DepthBackend,
@@ -24,8 +26,10 @@ from helios_detector.backend import (
     ScorerBackend,
 )
 
-ENTRY_POINTS = "helios.detectors"
-SCORER_ENTRY_POINTS = "helios.scorers"
+T = TypeVar("T", DetectorBackend, ScorerBackend)
+
+_OUR_DETECTORS = ("simulated", "ground-truth", "recorded", "onnx", "transformers")
+_OUR_SCORERS = ("lexical", "minilm", "transformers")
 
 
 def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
@@ -55,15 +59,22 @@ def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
 
         placement = Placement(options.device, options.precision, options.threads)
         return HfDetector(spec, placement, options.masks, options.landmarks)
-    for entry in entry_points(group=ENTRY_POINTS, name=kind):
-        return entry.load()(argument, options)
-    outside = sorted(entry.name for entry in entry_points(group=ENTRY_POINTS))
-    also = f", or one of {', '.join(outside)}" if outside else ""
-    raise InvalidInput(
-        f"there is no detector {spec!r} in this build; set simulated, ground-truth, onnx:FILE "
-        f"or transformers:ID{also}; a package can add one by an entry point of the group "
-        f"{ENTRY_POINTS}"
-    )
+    if kind not in _OUR_DETECTORS and (
+        made := _of_package(DETECTORS, spec, DetectorBackend, options)
+    ):
+        return made
+    raise _unknown(DETECTORS, spec, "simulated, ground-truth, onnx:FILE, transformers:ID")
+
+
+def check_plugins(detector: str, scorer: str) -> None:
+    """Import the outside packages that two settings name; nothing is made of them.
+
+    Raises InvalidInput.
+    """
+    if detector.partition(":")[0] not in _OUR_DETECTORS and (named := find(DETECTORS, detector)):
+        load_factory(DETECTORS, named, DetectorBackend)
+    if scorer.partition(":")[0] not in _OUR_SCORERS and (named := find(SCORERS, scorer)):
+        load_factory(SCORERS, named, ScorerBackend)
 
 
 def open_scorer(spec: str, options: DetectorOptions | None = None) -> ScorerBackend:
@@ -84,12 +95,9 @@ def open_scorer(spec: str, options: DetectorOptions | None = None) -> ScorerBack
 
         placement = Placement(options.device, options.precision, options.threads)
         return HfScorer(spec, placement, options.score_head)
-    for entry in entry_points(group=SCORER_ENTRY_POINTS, name=kind):
-        return entry.load()(argument, options)
-    raise InvalidInput(
-        f"there is no scorer {spec!r} in this build; set lexical, minilm or transformers:ID; a "
-        f"package can add one by an entry point of the group {SCORER_ENTRY_POINTS}"
-    )
+    if kind not in _OUR_SCORERS and (made := _of_package(SCORERS, spec, ScorerBackend, options)):
+        return made
+    raise _unknown(SCORERS, spec, "lexical, minilm, transformers:ID")
 
 
 def open_depth(spec: str, options: DetectorOptions, focal: str) -> DepthBackend | None:
@@ -102,3 +110,28 @@ def open_depth(spec: str, options: DetectorOptions, focal: str) -> DepthBackend 
 
         return HfDepth(spec, Placement(options.device, options.precision, options.threads), focal)
     raise InvalidInput(f"there is no depth model {spec!r}; set none or transformers:ID")
+
+
+def _of_package(kind: Kind, spec: str, base: type[T], options: DetectorOptions) -> T | None:
+    """The back end of an outside package; None where the name is none of one's."""
+    named = find(kind, spec)
+    if named is None:
+        return None
+    offered = {"argument": named.argument, "options": options}
+    return make(kind, named, base, offered, into=_nameless)
+
+
+def _nameless(made: object) -> str:
+    name = getattr(made, "name", None)
+    if isinstance(name, str) and name.strip():
+        return ""
+    return f'its name is {name!r}; give the class a name, such as name = "mine"'
+
+
+def _unknown(kind: Kind, spec: str, ours: str) -> InvalidInput:
+    outside = ", ".join(kind.entry_names())
+    also = f", or one of {outside}" if outside else ""
+    return InvalidInput(
+        f"there is no {kind.name} {spec!r} in this build; set {ours}, package:Class of your "
+        f"own{also}; a package can add one by an entry point of the group {kind.group}"
+    )

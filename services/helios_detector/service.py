@@ -67,7 +67,8 @@ class DetectorService:
         self._asked: SearchContext | None = None  # newer than that, while it is not sought yet
         self._again_s = 0.0  # from when on the one asked for is tried again
         self._held: pb.Frame | None = None
-        self._troubles: dict[str, str] = {}  # what failed last (keyframe, context, models) -> why
+        # What failed last (keyframe, found, scored, context, models) -> why; "" when it went well.
+        self._troubles: dict[str, str] = {}
         if listen:
             bus.subscribe(KEYFRAME, self.on_keyframe)
             bus.subscribe(FRAME, self.on_frame)
@@ -123,7 +124,7 @@ class DetectorService:
     def _seek(self, context: SearchContext) -> bool:
         """Whether the back end took it; where it did not, that is said and the old one stays."""
         try:
-            refused = dict(self._models.detector.refused(context)) if context.classes else {}
+            refused = self._analyst.refused(context) if context.classes else {}
         except Exception as error:
             fault = typed(error)
             why = f"search context {context.id} is not sought: {fault.message}"
@@ -143,6 +144,7 @@ class DetectorService:
                 return True
             self._context, self._refused = replace(context, classes=findable), refused
             self._asked, self._troubles["context"] = None, ""
+            self._troubles["found"] = ""  # of another search
             held, self._held = self._held, None
         self._health.set("classes_refused", len(refused))
         self._health.count("contexts_sought" if findable else "contexts_unknown")
@@ -167,13 +169,18 @@ class DetectorService:
                 return
         trouble = ""
         try:
-            with self._workload.work():
-                self._answer(message, context, sent)
+            frame = frame_from_proto(message)
         except InvalidInput as error:
             self._refuse("keyframes_refused", message, error)
+            self._say_trouble("keyframe", "")
+            return
+        try:
+            with self._workload.work():
+                self._answer(message, frame, context, sent)
         except Exception as error:
             fault = typed(error)
-            self._refuse("keyframes_failed", message, fault)
+            wrong_frame = isinstance(fault, InvalidInput)
+            self._refuse("keyframes_refused" if wrong_frame else "keyframes_failed", message, fault)
             trouble = f"the last keyframe could not be answered: {fault.message}"
         finally:
             self._say_trouble("keyframe", trouble)
@@ -189,20 +196,26 @@ class DetectorService:
             began = time.perf_counter()
             try:
                 frame = frame_from_proto(message)
-                findings = self._analyst.detect(frame, context) if context else Findings((), ())
+                findings = Findings((), ())
+                if context is not None:
+                    findings, _ = self._analyst.detect(frame, context)
                 self._publish_preview(message, frame, findings)
                 self._analyst.timed("preview", began)
             except Exception as error:
                 self._refuse("previews_refused", message, typed(error))
 
     # --- what goes out ------------------------------------------------------------------------
-    def _answer(self, message: pb.Frame, context: SearchContext, sent: Callable[[], None]) -> None:
+    def _answer(
+        self, message: pb.Frame, frame: Frame, context: SearchContext, sent: Callable[[], None]
+    ) -> None:
         began = time.perf_counter()
-        frame = frame_from_proto(message)
-        findings = self._analyst.detect(frame, context)
+        findings, wrong = self._analyst.detect(frame, context)
+        if wrong or findings.detections or findings.seen:  # who finds nothing proves nothing
+            self._say_trouble("found", wrong)
         detect_ms = self._analyst.timed("detect", began)
         began = time.perf_counter()
-        judged = self._analyst.judge(frame, findings, context)
+        judged, wrong = self._analyst.judge(frame, findings, context)
+        self._say_trouble("scored", wrong)
         models = self._models
         out = observation_to_proto(
             Observation(

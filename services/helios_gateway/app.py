@@ -26,8 +26,8 @@ from helios_gateway.routes.frames import frame_routes
 from helios_gateway.routes.health import fleet_routes, health_routes, service_routes
 from helios_gateway.routes.map import map_routes
 from helios_gateway.routes.map_file import map_file_routes
-from helios_gateway.routes.moves import move_routes
 from helios_gateway.routes.map_reset import map_reset_routes
+from helios_gateway.routes.moves import move_routes
 from helios_gateway.routes.objects import object_routes
 from helios_gateway.routes.robot import robot_routes
 from helios_gateway.routes.seen import seen_routes

@@ -20,43 +20,27 @@ with the settings of `helios_core.agent_settings`. The last three are for object
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+import sys
+from dataclasses import replace
 from functools import partial
+from typing import Any
 
-import numpy as np
+from helios_core import plugins
+from helios_core.agent_settings import AGENT_NAMES
 from helios_core.errors import InvalidInput
+from helios_core.log_file import log_place
 
+from helios_planner.agent import Agent, trusting
 from helios_planner.decisions import frontier_rules, global_search
 from helios_planner.decisions.frontier_rules import FrontierRule
 from helios_planner.decisions.global_search import SearchRule
 from helios_planner.decisions.standards import Rule, paper, patient
-from helios_planner.searching.belief import Belief, MapBelief, TrustingBelief
-from helios_planner.searching.explore import Kit, Search
-from helios_planner.searching.explorers import ByRule, Explorer, Pursuit
+from helios_planner.searching.belief import MapBelief, TrustingBelief
+from helios_planner.searching.explorers import ByRule, Pursuit
 from helios_planner.searching.object_search import ObjectSearch
 from helios_planner.searching.receptacle_search import ReceptacleSearch
-from helios_planner.searching.trusting_search import TrustingSearch
 from helios_planner.searching.vlfm_belief import UnfilteredBelief, VlfmBelief
 from helios_planner.searching.vlfm_search import StopSearch
-from helios_planner.task import Phase
-
-
-@dataclass(frozen=True)
-class Agent:
-    """How an agent differs from the others.
-
-    seek_object: kit, class, start receptacle's class; seek_receptacle: kit, class, where the object
-    was taken from if that must not be the goal. retries: whether a failed pick is tried again from
-    elsewhere, or that place is left alone. other_share: of what a local search is expected to see,
-    what speaks for something else (Table 5); 0 is optimistic.
-    """
-
-    belief: type[Belief]
-    seek_object: Callable[[Kit, str, str | None], Search]
-    seek_receptacle: Callable[[Kit, str, np.ndarray | None], Search]
-    retries: bool
-    other_share: float = 0.0
 
 
 def _scoring(rule: SearchRule, standards: Rule = paper) -> Agent:
@@ -68,19 +52,8 @@ def _scoring(rule: SearchRule, standards: Rule = paper) -> Agent:
     )
 
 
-def _trusting(belief: type[Belief], explorer: Callable[[Search, str], Explorer]) -> Agent:
-    return Agent(
-        belief,
-        lambda kit, name, _: TrustingSearch(kit, Phase.FIND_OBJECT, name, explorer),
-        lambda kit, name, not_at: TrustingSearch(
-            kit, Phase.FIND_RECEPTACLE, name, explorer, not_at
-        ),
-        retries=False,
-    )
-
-
 def _by(rule: FrontierRule) -> Agent:
-    return _trusting(TrustingBelief, partial(ByRule, rule=rule))
+    return trusting(TrustingBelief, partial(ByRule, rule=rule))
 
 
 _HELIOS = _scoring(global_search.by_objective)
@@ -93,14 +66,55 @@ AGENTS: dict[str, Agent] = {
     "trusting": _by(frontier_rules.highest_value),
     "random-frontier": _by(frontier_rules.drawn),
     "homerobot-heuristic": _by(frontier_rules.nearest),
-    "vlfm": _trusting(VlfmBelief, Pursuit),
-    "vlfm-unfiltered": _trusting(UnfilteredBelief, Pursuit),
+    "vlfm": trusting(VlfmBelief, Pursuit),
+    "vlfm-unfiltered": trusting(UnfilteredBelief, Pursuit),
     "vlfm-helios-stop": replace(_HELIOS, seek_object=lambda kit, name, _: StopSearch(kit, name)),
 }
 
 
+_loaded: dict[str, Agent] = {}  # of packages; each is imported once in a process
+
+
 def agent_named(name: str) -> Agent:
-    """Raises InvalidInput for a name that there is not."""
-    if name not in AGENTS:
-        raise InvalidInput(f"there is no agent {name!r}; choose one of {', '.join(AGENTS)}")
-    return AGENTS[name]
+    """One of the table, of an entry point, or `package:agent` of anybody's own.
+
+    Raises InvalidInput for one that there is not, or that cannot be loaded.
+    """
+    if name in AGENTS:
+        return AGENTS[name]
+    if name not in _loaded:
+        _loaded[name] = _of_package(name)
+    return _loaded[name]
+
+
+def fault_of(name: str, error: Exception) -> str:
+    """What is said of a task that ended by a fault that nobody foresaw; name: of its agent."""
+    if name in AGENTS:
+        return (
+            f"a fault in the planner ({type(error).__name__}: {str(error)[:200]}); the traceback "
+            f"is in {log_place()}"
+        )
+    return (
+        f"the agent {name} failed ({type(error).__name__}: {error}); the traceback is in "
+        f"{log_place()}"
+    )
+
+
+def _of_package(name: str) -> Agent:
+    named = plugins.find(plugins.AGENTS, name)
+    known = ", ".join((*AGENT_NAMES, *plugins.AGENTS.entry_names()))
+    if named is None:
+        raise InvalidInput(
+            f"there is no agent {name!r}; choose one of {known}, or package:agent of your own"
+        )
+    if named.argument:
+        raise InvalidInput(f"agent {name!r}: an agent takes no argument; leave it out")
+    if named.module.partition(".")[0] in sys.stdlib_module_names:
+        raise InvalidInput(f"agent {name!r} is of Python's own library; choose one of {known}")
+    given: Any = plugins.load(plugins.AGENTS, named)
+    if not isinstance(given, Agent):  # nothing is called: a task's sender may have named anything
+        raise InvalidInput(
+            f"agent {name!r} is {plugins.described(given)}; wanted a helios_planner.plugins.Agent, "
+            f"such as agent = exploring_by(my_rule), and its name: {named.module}:agent"
+        )
+    return given

@@ -11,9 +11,11 @@ from collections import deque
 
 from helios_core import proto as pb
 from helios_core.acks import AckBook
+from helios_core.agent_settings import AGENT_NAMES
 from helios_core.bus import Bus
 from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.health import Health
+from helios_core.plugins import AGENTS
 from helios_core.service import until_warm
 from helios_core.topics import (
     CANCEL,
@@ -30,7 +32,7 @@ from helios_core.topics import (
     VOCABULARY,
 )
 
-from helios_planner.agents import agent_named
+from helios_planner.agents import agent_named, fault_of
 from helios_planner.decisions.recompute import changes_of, recompute
 from helios_planner.language.language_model import language_model, parse_with_help
 from helios_planner.own_settings import for_task
@@ -56,6 +58,8 @@ class PlannerService:
     """See the module. `_lock` guards the queue; it is never held across a call to the bus."""
 
     def __init__(self, bus: Bus, settings: Settings, health: Health) -> None:
+        """Raises InvalidInput where the agent of the settings cannot be loaded."""
+        agent_named(settings.agent)
         self._bus, self._settings, self._health = bus, settings, health
         self._lock = threading.Lock()
         self._wake = threading.Condition(self._lock)
@@ -105,7 +109,7 @@ class PlannerService:
         self._book.check_keeping()
         instruction = parse_with_help(request.instruction, self._model)
         agent = request.agent or self._settings.agent
-        agent_named(agent)
+        self._check_agent(agent)
         for_task(self._settings, request.settings)
         if abs(request.priority) > MOST_PRIORITY:
             raise InvalidInput(
@@ -150,6 +154,16 @@ class PlannerService:
             self._queue.append(id)
             self._wake.notify_all()
         return told
+
+    def _check_agent(self, name: str) -> None:
+        """Raises InvalidInput for an agent that there is not, or that no task may name."""
+        listed = (*AGENT_NAMES, *AGENTS.entry_names(), self._settings.agent)
+        if self._settings.agents_of_tasks == "listed" and name not in listed:
+            raise InvalidInput(
+                f"agent {name!r} is none that a task may name here: {', '.join(listed)}; set "
+                "agents_of_tasks of the planner to any, or start it with --agent"
+            )
+        agent_named(name)
 
     def get(self, request: pb.TaskRequest) -> pb.Task:
         return task_to_proto(self._book.known(request.id))
@@ -209,7 +223,8 @@ class PlannerService:
                 if self._ending.is_set():
                     return
                 log.exception("task %s ended by a fault", id)
-                self._book.end(id, State.FAILED, fault_words(error), Cause.SYSTEM_ERROR)
+                said = fault_of(self._book.known(id).agent, error)
+                self._book.end(id, State.FAILED, said, Cause.SYSTEM_ERROR)
             self._book.publish(PLAN, pb.Plan(task_id=id))
 
     def _next(self) -> str | None:
@@ -318,11 +333,3 @@ class PlannerService:
             self._health.waiting("waits for the bridge to describe the robot")
         else:
             self._health.ready(self._store.said)
-
-
-def fault_words(error: Exception) -> str:
-    """What a task says that ended by a fault of the planner."""
-    return (
-        f"a fault in the planner ({type(error).__name__}: {str(error)[:200]}); its log has the "
-        "traceback: logs/planner.log in the state folder"
-    )

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
+from helios_core.agent_settings import AGENT_NAMES
+from helios_core.plugins import AGENTS, find
 from helios_core.settings import ServiceSettings, service_config
-from pydantic import Field, SecretStr
+from pydantic import AfterValidator, Field, SecretStr
 
-AgentName = Literal[
-    "helios",
-    "helios-next",
-    "helios-5050",
-    "no-global-objective",
-    "trusting",
-    "random-frontier",
-    "homerobot-heuristic",
-    "vlfm",
-    "vlfm-unfiltered",
-    "vlfm-helios-stop",
-]
 PlaceRule = Literal["flat", "paper"]
+
+
+def _agent(name: str) -> str:
+    """Whether there can be one; it is loaded later."""
+    if name in AGENT_NAMES or find(AGENTS, name) is not None:
+        return name
+    known = ", ".join((*AGENT_NAMES, *AGENTS.entry_names()))
+    raise ValueError(f"there is no such agent; choose one of {known}, or package:agent")
 
 
 class Settings(ServiceSettings):
@@ -55,7 +53,17 @@ class Settings(ServiceSettings):
         default=1250, ge=1, description="actions a task may take, unless it says so"
     )
 
-    agent: AgentName = Field(default="helios", description="who decides, unless a task says so")
+    agent: Annotated[str, AfterValidator(_agent)] = Field(
+        default="helios",
+        description="who decides, unless a task says so: one of docs/planner.md, or package:agent "
+        "of your own",
+    )
+    agents_of_tasks: Literal["any", "listed"] = Field(
+        default="any",
+        description="which agents a task may name: any (the planner imports package:agent of its "
+        "module path or folder when a task names it), or listed (ours, those of installed "
+        "packages' entry points, and the one above)",
+    )
     agent_seed: int = Field(default=0, ge=0, description="seed of an agent that draws frontiers")
 
     llm_url: str = Field(

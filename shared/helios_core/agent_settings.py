@@ -1,4 +1,5 @@
-"""Settings of the services that an agent's house runs with, where they are not the defaults.
+"""The agents by name, and settings of the services that an agent's house runs with, where they are
+not the defaults.
 
 An agent decides in the planner, but what it may rely on is made in the maps. `helios-next` has what
 goes beyond the paper (what it is worth: docs/results): the detector's weak detections count too,
@@ -8,6 +9,21 @@ evidence is weighed by sides and with hindsight, and things are held against the
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Literal, get_args
+
+AgentName = Literal[
+    "helios",
+    "helios-next",
+    "helios-5050",
+    "no-global-objective",
+    "trusting",
+    "random-frontier",
+    "homerobot-heuristic",
+    "vlfm",
+    "vlfm-unfiltered",
+    "vlfm-helios-stop",
+]
+AGENT_NAMES: tuple[str, ...] = get_args(AgentName)  # those of the planner itself
 
 Value = bool | int | float | str
 

@@ -62,7 +62,7 @@ def test_a_mug_is_found_in_real_frames(tmp_path: Path) -> None:
     ("classes", "detector", "words", "status"),
     [
         ("unicorn,zeppelin", f"onnx:{MODEL}", "unicorn", 2),  # none of them is known
-        ("cup", "onnx:/no/such/model.onnx", "/no/such/model.onnx", 1),
+        ("cup", "onnx:/no/such/model.onnx", "/no/such/model.onnx", 2),
         ("cup", "crystal-ball", "crystal-ball", 2),  # wrong use
     ],
 )

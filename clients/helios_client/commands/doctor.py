@@ -12,6 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from helios_core import plugins
+from helios_core.errors import InvalidInput
+
 from helios_client.supervision import state_file
 from helios_client.supervision.stack import port_trouble
 
@@ -87,6 +90,20 @@ def examine(
         what = f"package {package}, for {purpose}"
         mend = f"pip install 'helios-ovmm[{extra}]'"
         out.append(Finding(what, has_package(package), mend, optional=True))
+    return out + _plugins()
+
+
+def _plugins() -> list[Finding]:
+    """What installed packages offer by entry points; nothing of it is imported."""
+    out = []
+    for kind in plugins.KINDS:
+        for name in kind.entry_names():
+            what, mend = f"plug-in {name}, a {kind.name}", ""
+            try:
+                plugins.check_there(kind, name)
+            except InvalidInput as error:
+                mend = error.message
+            out.append(Finding(what, not mend, mend, optional=True))
     return out
 
 

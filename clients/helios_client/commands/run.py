@@ -28,13 +28,22 @@ def up(
     detector: Annotated[
         str | None,
         typer.Option(
-            help="simulated, ground-truth, onnx:FILE or another of docs/models.md  "
+            help="simulated, ground-truth, onnx:FILE, package:Class or another of docs/models.md  "
             "[default: simulated for sim]"
+        ),
+    ] = None,
+    scorer: Annotated[
+        str | None,
+        typer.Option(
+            help="scores images against prompts: lexical, minilm, transformers:ID or "
+            "package:Class  [default: its setting]"
         ),
     ] = None,
     agent: Annotated[
         str | None,
-        typer.Option(help="who decides, and what its maps take for true  [default: helios]"),
+        typer.Option(
+            help="who decides, and what its maps take for true; or package:agent  [default: helios]"
+        ),
     ] = None,
     source: Annotated[
         Path | None, typer.Option(help="what --robot replay plays: a recording or data set")
@@ -60,17 +69,14 @@ def up(
     from helios_core.errors import InvalidInput
     from helios_core.naming import robot_name
 
-    from helios_client.replaying.words import check_detector, check_source, default_detector
-    from helios_client.supervision import state_file
+    from helios_client.replaying.words import check_source, default_detector
+    from helios_client.supervision import flags, state_file
     from helios_client.supervision.stack import Stack, free_port
     from helios_client.supervision.up import Screen
     from helios_client.supervision.up import up as run_up
     from helios_client.wrong_use import WrongUse
 
-    if robot not in ("sim", "replay", "spot", "bus", "push") and ":" not in robot:
-        raise WrongUse(
-            f"no robot is called {robot!r}; wanted sim, replay, spot, bus, push or package:Class"
-        )
+    flags.check_robot(robot)
     try:
         robot_name(name)
     except InvalidInput as error:
@@ -79,9 +85,12 @@ def up(
         raise WrongUse("--spot-host goes with --robot spot, and only with it")
     if detector is None:
         detector = default_detector(robot, source)
-    check_detector(detector)
-    if furniture not in (None, "parametric", "realistic"):
-        raise WrongUse(f"no furniture is called {furniture!r}; wanted parametric or realistic")
+    flags.check_detector(detector)
+    if scorer is not None:
+        flags.check_scorer(scorer)
+    if agent is not None:
+        flags.check_agent(agent)
+    flags.check_home(robot, preset, furniture)
     if (source is None) is (robot == "replay"):
         raise WrongUse("--source DATASET goes with --robot replay, and only with it")
     if source is not None:
@@ -93,8 +102,9 @@ def up(
         Stack(
             robot=robot, router_port=router_port or free_port(),
             state_dir=state_dir, name=name, port=port, seed=seed,
-            preset=preset, furniture=furniture, detector=detector, agent=agent, source=source,
-            robot_host=spot_host, rate=rate if robot == "replay" else None, record=record_dir,
+            preset=preset, furniture=furniture, detector=detector, scorer=scorer, agent=agent,
+            source=source, robot_host=spot_host, rate=rate if robot == "replay" else None,
+            record=record_dir,
         ),
         Screen(),
     )  # fmt: skip
@@ -134,7 +144,8 @@ def replay(
         typer.Option(help='what to look for: "cup,dining table"  [default: what was sought then]'),
     ] = None,
     detector: Annotated[
-        str | None, typer.Option(help="onnx:FILE or another  [default: what was found then]")
+        str | None,
+        typer.Option(help="onnx:FILE, package:Class or another  [default: what was found then]"),
     ] = None,
     thresholds: Annotated[str, typer.Option(help='"cup=0.25,dining table=0.35"')] = "",
     limit: Annotated[int, typer.Option(help="frames to play; 0: all", min=0)] = 0,
@@ -161,7 +172,8 @@ def replay(
     """Play a recording or data set, and write what was found. Through the same services."""
     from helios_client.replaying.replay import Pace, ReplayJob
     from helios_client.replaying.replay import replay as run_replay
-    from helios_client.replaying.words import check_detector, check_source, what_to_seek
+    from helios_client.replaying.words import check_source, what_to_seek
+    from helios_client.supervision.flags import check_detector
 
     screen = console()
     check_source(dataset)

@@ -26,7 +26,10 @@ def task(
     as_json: Json = False,
     timeout_s: Annotated[float, typer.Option(help="longest wait", min=1.0)] = 3600.0,
     agent: Annotated[
-        str | None, typer.Option(help="who does it: helios, trusting …  [default: the setting]")
+        str | None,
+        typer.Option(
+            help="who does it: helios, trusting …, or package:agent  [default: the setting]"
+        ),
     ] = None,
     max_steps: Annotated[
         int | None, typer.Option(help="steps of the robot allowed  [default: the setting]", min=1)

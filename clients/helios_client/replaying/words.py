@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.metadata import entry_points
 from pathlib import Path
 
 from helios_core.types import SearchContext
@@ -10,22 +9,6 @@ from helios_core.types import SearchContext
 from helios_client.replaying.watch_list import watch_list
 from helios_client.supervision.stack import RECORDED
 from helios_client.wrong_use import WrongUse
-
-DETECTORS = "helios.detectors"  # entry points by which packages add some
-_NAMED = ("simulated", "ground-truth", RECORDED)
-_WITH_MODEL = ("onnx", "transformers")
-
-
-def check_detector(detector: str) -> None:
-    """Whether there can be such a detector; its model is looked at by itself. Raises WrongUse."""
-    kind, _, model = detector.partition(":")
-    if detector in _NAMED or (kind in _WITH_MODEL and model):
-        return
-    if not entry_points(group=DETECTORS, name=kind):
-        raise WrongUse(
-            f"no detector is called {detector!r}; wanted simulated, ground-truth, onnx:FILE, "
-            "transformers:ID, or one that a package adds"
-        )
 
 
 def check_source(source: Path) -> None:

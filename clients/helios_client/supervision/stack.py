@@ -28,6 +28,7 @@ class Stack:
     preset: str = "demo-v1"
     furniture: str | None = None  # of the simulated home; None: its setting
     detector: str = "simulated"
+    scorer: str | None = None  # None: its setting
     agent: str | None = (
         None  # who decides, with the settings its house runs with; None: its setting
     )
@@ -85,7 +86,11 @@ class Stack:
         if self.detector == RECORDED:
             out.append(self._service("detector", "helios_replay", source=self.source))
         else:
-            out.append(self._service("detector", "helios_detector", detector=self.detector))
+            out.append(
+                self._service(
+                    "detector", "helios_detector", detector=self.detector, scorer=self.scorer
+                )
+            )
         kept = self.state_dir if self.port is not None else None  # a replay starts from nothing
         out.append(
             self._service("objectmap", "helios_objectmap", state_dir=kept and kept / "objectmap")

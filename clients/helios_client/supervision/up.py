@@ -29,6 +29,7 @@ from helios_client.wrong_use import WrongUse
 CHECK_PERIOD_S = 0.05
 WRITE_PERIOD_S = 2.0
 SAY_WAITING_AFTER_S = 20.0
+SAY_DEGRADED_S = 10.0
 
 
 class Screen(Console):
@@ -93,6 +94,7 @@ class _Run:
         if (default := state_file.default_state_dir(stack.port)) != stack.state_dir:
             self._state_dirs.append(default)  # where `helios status` looks
         self._was_ready: set[str] = set()
+        self._degraded: dict[str, float] = {}  # when it was said last, by service
         self._all_ready = self._ever_ready = False
         self._written: tuple[ServiceRow, ...] = ()
         self._written_s = 0.0
@@ -114,6 +116,7 @@ class _Run:
                 rows = self._board.rows(table)
                 self._say_endings(ended, table)
                 self._say_ready(rows)
+                self._say_degraded(rows)
                 self._write(rows)
                 if not (said_waiting or self._ever_ready) and self._age_s() > SAY_WAITING_AFTER_S:
                     said_waiting = True
@@ -159,6 +162,18 @@ class _Run:
             self._ever_ready = True
             self._say(f"[bold green]ready[/]: dashboard at {self._stack.address}")
         self._all_ready = ready
+
+    def _say_degraded(self, rows: Sequence[ServiceRow]) -> None:
+        """At once, and of one service not more often than every `SAY_DEGRADED_S`."""
+        for row in rows:
+            if row.state != "degraded":
+                continue
+            if row.name not in self._was_ready and row.name in self._degraded:
+                continue  # it was said, and it has not been ready since
+            self._was_ready.discard(row.name)
+            if self._age_s() - self._degraded.get(row.name, -SAY_DEGRADED_S) >= SAY_DEGRADED_S:
+                self._degraded[row.name] = self._age_s()
+                self._say(f"[yellow]{row.name} is degraded[/]: {escape(row.reason)}")
 
     def _write(self, rows: tuple[ServiceRow, ...]) -> None:
         now_s = time.monotonic()

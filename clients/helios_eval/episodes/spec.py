@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import get_args
 
 from helios_client.wrong_use import WrongUse
+from helios_core.agent_settings import AGENT_NAMES
+from helios_core.errors import InvalidInput
+from helios_core.plugins import AGENTS
 from helios_detector.simulation.noise import load_noise
 
 from helios_eval.episodes.record import Benchmark, Noise, Semantics, Setting, key_of
@@ -51,10 +53,8 @@ class EpisodeSpec:
 
 
 def planner_agents() -> tuple[str, ...]:
-    """The agents that the planner can be, by name."""
-    from helios_planner.settings import Settings
-
-    return tuple(get_args(Settings.model_fields["agent"].annotation))
+    """The planner's own agents, by name."""
+    return AGENT_NAMES
 
 
 def known_agents(benchmark: Benchmark) -> tuple[str, ...]:
@@ -63,13 +63,23 @@ def known_agents(benchmark: Benchmark) -> tuple[str, ...]:
 
 
 def check_agents(agents: list[str], benchmark: Benchmark) -> None:
-    """Raises WrongUse for an agent that is not known."""
+    """Raises WrongUse for an agent that is not known, and for one of another package that cannot
+    be loaded."""
     known = known_agents(benchmark)
     for agent in agents:
-        if agent not in known:
+        if agent in known:
+            continue
+        if ":" not in agent and agent not in AGENTS.entry_names():
             raise WrongUse(
-                f"no agent of {benchmark} is called {agent!r}; wanted some of {', '.join(known)}"
+                f"no agent of {benchmark} is called {agent!r}; wanted some of {', '.join(known)}, "
+                "or package:agent of your own"
             )
+        from helios_planner.agents import agent_named
+
+        try:
+            agent_named(agent)
+        except InvalidInput as error:
+            raise WrongUse(error.message) from error
 
 
 def noise_of(table: str, level: float, correlation: float | None) -> Noise:

@@ -54,22 +54,26 @@ class Decision:
 
 @dataclass(frozen=True)
 class ReceptacleOption:
-    """A receptacle that may be searched. information_gain as normalised for eq. 10."""
+    """A receptacle that may be searched. information_gain as normalised for eq. 10; bearing_rad
+    from the robot's heading, positive left."""
 
     instance: ObjectInstance
     class_score: float
     information_gain: float
     distance_m: float
+    bearing_rad: float = 0.0
 
 
 @dataclass(frozen=True)
 class FrontierOption:
-    """A frontier that may be driven to, and its value for what is sought."""
+    """A frontier that may be driven to, and its value for what is sought; bearing_rad from the
+    robot's heading, positive left."""
 
     id: int
     xy_m: tuple[float, float]
     value: float
     distance_m: float
+    bearing_rad: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -90,6 +90,16 @@ def drawn_frontier(candidates: Sequence[Candidate], winner: int) -> str:
     return f"explore {c.name}{_away(c)}: drawn from {_count(len(candidates), 'frontier')}"
 
 
+def own_rule(candidates: Sequence[Candidate], winner: int, name: str) -> str:
+    """Of a rule that somebody else wrote."""
+    c = candidates[winner]
+    do = f"search the {c.name}" if c.kind == "receptacle" else f"explore {c.name}"
+    return (
+        f"{do}{_away(c)}: the {name} scores it highest, {c.terms['total']:.3g}"
+        f"{_ahead(candidates, winner)}"
+    )
+
+
 def nothing_left(receptacles: bool) -> str:
     """A search that is over. receptacles: whether these were candidates, too."""
     if receptacles:

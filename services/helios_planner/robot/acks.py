@@ -9,3 +9,4 @@ PARTS = {
     "value": "map2d (or the detector before it)",
     "objects": "objectmap (or the detector before it)",
 }
+BY_DETECTOR = frozenset(PARTS) - {"occupancy"}  # not answered while the detector answers nothing

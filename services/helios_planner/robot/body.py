@@ -53,6 +53,11 @@ class Body(ABC):
     def budget_used(self) -> float:
         """Share [0, 1] of the steps that the task may take."""
 
+    def detector_trouble(self) -> str:
+        """What was wrong with the detector during the task, for the end of a sentence; empty where
+        nothing was."""
+        return ""
+
     @abstractmethod
     def pose(self) -> Pose2:
         """Where the base stands."""

@@ -39,9 +39,10 @@ from numpy.typing import NDArray
 
 from helios_planner.decisions.decide import Decision
 from helios_planner.ground.grid import GroundMap, Pose2
-from helios_planner.robot.acks import PARTS
+from helios_planner.robot.acks import BY_DETECTOR, PARTS
 from helios_planner.robot.body import Body, Frontier, WhatIf
 from helios_planner.robot.calls import RETRY_S, system_error
+from helios_planner.robot.detector_status import DetectorStatus
 from helios_planner.robot.driving import Driver, Line
 from helios_planner.robot.inbox import PART, Inbox
 from helios_planner.robot.sightings import Sighting
@@ -85,6 +86,7 @@ class BusBody(Body):
         """parts: of a keyframe that must be answered before the next action (`acks.PARTS`)."""
         self._settings, self._acks, self._parts = settings, acks, parts
         self._inbox = Inbox(bus, acks, context_id) if PART in parts else None
+        self._detector = DetectorStatus(bus)
         self._line = Line(bus, settings, cancelled, listener.on_wait)
         self._driver = Driver(self._line, settings, task_id, self._on_pause)
         self.description = description_from_proto(description)
@@ -109,14 +111,16 @@ class BusBody(Body):
             ]  # fmt: skip
             if not missing and not foreign:
                 self._line.waits_for("")
+                self._detector.note_from_now()
                 return
-            parts = [PARTS[p] for p in (*missing, *foreign)]
-            self._line.waits_for(f"{_listed(parts)} to take up the search")
+            whom, why = self._whom((*missing, *foreign))
+            self._line.waits_for(f"{whom}: {why}" if why else f"{whom} to take up the search")
             if time.monotonic() > deadline:
                 reasons = [answers[p].reason for p in foreign if answers[p].reason]
+                reasons += [why] if why else []
                 raise TaskFailed(
                     Cause.SYSTEM_ERROR,
-                    f"{_listed(parts)} did not take up the search"
+                    f"{whom} did not take up the search"
                     + (f": {'; '.join(reasons)}" if reasons else "; see `helios status`"),
                 )
             self._line.rest(RETRY_S)
@@ -124,6 +128,7 @@ class BusBody(Body):
     def end(self) -> None:
         """Listen no more, and give the robot back."""
         self._driver.release()
+        self._detector.close()
         if self._inbox is not None:
             self._inbox.close()
 
@@ -134,14 +139,15 @@ class BusBody(Body):
         cut_short = self.cut_short
         deadline = time.monotonic() + self._settings.ack_timeout_s
         while missing:
-            whom = _listed([PARTS[p] for p in missing])
-            self._line.waits_for(f"{whom} to answer keyframe {self._frame}")
+            whom, why = self._whom(missing)
+            what = f"to answer keyframe {self._frame}"
+            self._line.waits_for(f"{whom}: {why}" if why else f"{whom} {what}")
             if time.monotonic() > deadline:
                 waited = ACK_PATIENCE_S + self._settings.ack_timeout_s
                 raise TaskFailed(
                     Cause.SYSTEM_ERROR,
-                    f"{whom} did not answer keyframe {self._frame} within {waited:.0f} s; see "
-                    "`helios status`",
+                    f"{whom} did not answer keyframe {self._frame} within {waited:.0f} s"
+                    + (f": {why}" if why else "; see `helios status`"),
                 )
             log.warning("keyframe %s lacks %s; looking again", self._frame, ", ".join(missing))
             _, _, missing = self._do(Observe(), ACK_PATIENCE_S)
@@ -153,7 +159,8 @@ class BusBody(Body):
         self, action: Action, ack_s: float
     ) -> tuple[ActionResult, dict[str, pb.Ack], list[str]]:
         if self.steps >= self._max_steps:
-            raise TaskFailed(Cause.STEP_BUDGET, f"the task's {self._max_steps} steps are used up")
+            said = f"the task's {self._max_steps} steps are used up{self.detector_trouble()}"
+            raise TaskFailed(Cause.STEP_BUDGET, said)
         reply = self._driver.do(action)
         self.steps += 1
         self._listener.on_steps(self.steps)
@@ -177,7 +184,18 @@ class BusBody(Body):
         answers = {p: a for p, a in self._acks.answers(frame).items() if p in self._parts}
         return result, answers, missing
 
+    def _whom(self, parts: Sequence[str]) -> tuple[str, str]:
+        """(who has not answered these parts, why where the detector said so)."""
+        trouble = self._detector.trouble
+        blamed = [p for p in parts if trouble and p in BY_DETECTOR]
+        names = [PARTS[p] for p in parts if p not in blamed]
+        return _listed([*names, *(["the detector"] if blamed else [])]), trouble if blamed else ""
+
     # --- knowing -------------------------------------------------------------------------------
+    def detector_trouble(self) -> str:
+        noted = self._detector.noted
+        return f"; meanwhile the detector was degraded: {noted}" if noted else ""
+
     def budget_used(self) -> float:
         return min(self.steps / max(self._max_steps, 1), 1.0)
 

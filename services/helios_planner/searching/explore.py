@@ -149,7 +149,8 @@ class Search(ABC):
             cause, where = Cause.OBJECT_NOT_FOUND, "every frontier and every candidate place"
         else:
             cause, where = Cause.RECEPTACLE_NOT_FOUND, "every frontier"
-        return TaskFailed(cause, f"no {self.name} was found: {where} was searched")
+        said = f"no {self.name} was found: {where} was searched{self.body.detector_trouble()}"
+        return TaskFailed(cause, said)
 
     def tell(self, message: str) -> None:
         used, first = self._first
@@ -224,10 +225,13 @@ class Search(ABC):
         for level in self.legs.levels:
             reached = self.legs.reach(level)
             options = [
-                FrontierOption(f.id, f.xy_m, f.values.get(layer, 0.0), pose.distance_m(f.xy_m))
+                FrontierOption(
+                    f.id, f.xy_m, f.values.get(layer, 0.0), pose.distance_m(f.xy_m),
+                    pose.bearing_rad(f.xy_m),
+                )
                 for f in frontiers
                 if reached.nearest(f.xy_m, self.settings.frontier_reach_m) is not None
-            ]
+            ]  # fmt: skip
             if options:
                 return options
         return []

@@ -7,7 +7,7 @@ from typing import Any
 
 from helios_core.types import ObjectInstance
 
-from helios_planner.decisions.decide import Do, ReceptacleOption
+from helios_planner.decisions.decide import Decision, Do, FrontierOption, ReceptacleOption
 from helios_planner.decisions.global_search import SearchRule
 from helios_planner.decisions.objective import (
     ChosenFrontier,
@@ -108,7 +108,7 @@ class ObjectSearch(ScoredSearch):
         """One step of the global search."""
         options = self._receptacle_options()
         frontiers = self.frontier_options(PICK_LAYER)
-        decision = self._rule(options, frontiers, self.seen, self.settings.alpha_d)
+        decision = self.next_place(options, frontiers)
         self.body.tell_decision(decision)
         if decision.do is Do.NOTHING_LEFT:
             return False
@@ -139,8 +139,16 @@ class ObjectSearch(ScoredSearch):
             normalised = normalised_gain(gain, r.gaussians, self.settings.gain_norm)
             centre = (float(r.center_m[0]), float(r.center_m[1]))
             self.seen.note(r.id, FirstSeen(r.class_score, normalised, centre))
-            options.append(ReceptacleOption(r, r.class_score, normalised, pose.distance_m(centre)))
+            away_m, bearing_rad = pose.distance_m(centre), pose.bearing_rad(centre)
+            option = ReceptacleOption(r, r.class_score, normalised, away_m, bearing_rad)
+            options.append(option)
         return options
+
+    def next_place(
+        self, receptacles: Sequence[ReceptacleOption], frontiers: Sequence[FrontierOption]
+    ) -> Decision:
+        """Where to search next; either list may be empty."""
+        return self._rule(receptacles, frontiers, self.seen, self.settings.alpha_d)
 
     def _local_search(self, receptacle: ObjectInstance) -> None:
         """All gaze points of a receptacle, nearest first; then it is visited."""

@@ -8,7 +8,7 @@ from helios_core.types import ObjectInstance
 from helios_planner.decisions.frontier_rules import highest_value
 from helios_planner.decisions.standards import Rule
 from helios_planner.searching.explore import PLACE_LAYER, Kit, near_outline
-from helios_planner.searching.explorers import ByRule
+from helios_planner.searching.explorers import ByRule, Explorer
 from helios_planner.searching.scored_search import ScoredSearch
 from helios_planner.task import Phase
 
@@ -24,7 +24,7 @@ class ReceptacleSearch(ScoredSearch):
         within = standards(s.tau_b, False)
         super().__init__(kit, Phase.FIND_RECEPTACLE, name, within, s.same_place_m)
         self._not_at = not_at
-        self._explorer = ByRule(self, PLACE_LAYER, highest_value)
+        self._explorer: Explorer = ByRule(self, PLACE_LAYER, highest_value)
 
     def explore(self) -> bool:
         return self.until_candidates(self._explorer)

@@ -39,9 +39,9 @@ class Other: ...
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("own_robot_of_a_test:Unfinished", "abstract method '?stop"),
+        ("own_robot_of_a_test:Unfinished", "lacks the method stop; write every abstract method"),
         ("own_robot_of_a_test:Demanding", "serial_port"),
-        ("own_robot_of_a_test:Other", "is no RobotDriver"),
+        ("own_robot_of_a_test:Other", "is the class Other; wanted a class .*RobotDriver"),
         ("own_robot_of_a_test:Missing", "Missing"),
         ("own_robot_with_a_slip:Robot", "SyntaxError"),
         ("no_such_package:Robot", "no_such_package"),

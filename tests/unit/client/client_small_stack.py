@@ -14,12 +14,18 @@ from helios_core.health import Health
 from helios_core.service import run_service
 from helios_core.settings import ServiceSettings
 
+SLIPS = "detector"  # a service that is degraded
+WHY = "the detector mine gave in detect() a mask uint8 (4, 4)"
+
 
 class Small:
-    """A service that does nothing but be ready."""
+    """A service that does nothing but be ready, or degraded."""
 
-    def __init__(self, bus: Bus, health: Health) -> None:
-        health.ready()
+    def __init__(self, bus: Bus, health: Health, name: str) -> None:
+        if name == SLIPS:
+            health.degraded(WHY)
+        else:
+            health.ready()
 
     def close(self) -> None:
         return
@@ -34,13 +40,15 @@ class SmallStack(Stack):
         bad = ("--no-such-flag",) if self.preset == "wrong" else ()
         return router, *(
             ProcessSpec(name, (sys.executable, __file__, "service", name, *flags, *bad))
-            for name in ("map2d", "gateway")
+            for name in ("map2d", SLIPS if self.preset == SLIPS else "gateway")
         )
 
 
 def main() -> int:
     if sys.argv[1] == "service":
-        return run_service(sys.argv[2], ServiceSettings.load(sys.argv[3:]), Small)
+        name = sys.argv[2]
+        settings = ServiceSettings.load(sys.argv[3:])
+        return run_service(name, settings, lambda bus, health: Small(bus, health, name))
     port, folder, preset = int(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
     stack = SmallStack("sim", free_port(), folder, port=port, preset=preset)
     try:

@@ -157,7 +157,7 @@ def test_a_data_set_that_cannot_be_played_is_said(
         "--classes",
         "cup",
         "--detector",
-        "onnx:x.onnx",
+        "transformers:x/y",
         "--out",
         str(helios.home / "out"),
     )

@@ -115,6 +115,21 @@ def test_flags_that_a_service_refuses_end_all_with_its_sentence(tmp_path: Path) 
     assert up.nothing_left()
 
 
+def test_a_service_that_is_degraded_is_said_at_once_and_once(tmp_path: Path) -> None:
+    up = Up(tmp_path, preset="detector")
+    try:
+        wait_until(
+            lambda: any(s["state"] == "degraded" for s in up.status()["services"]), 20,
+            "it is degraded",
+        )  # fmt: skip
+        up.process.terminate()
+        out, _ = up.process.communicate(timeout=10)
+    finally:
+        up.close()
+    said = "detector is degraded: the detector mine gave in detect() a mask uint8 (4, 4)"
+    assert out.count(said) == 1
+
+
 def test_a_state_directory_is_used_by_one_supervisor(up: Up) -> None:
     up.wait_ready()
     second = Up(up.folder)

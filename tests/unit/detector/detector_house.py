@@ -7,7 +7,7 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, OBSERVATION, PREVIEW
 from helios_core.types import SearchContext
-from helios_detector.backend import DetectorBackend, Findings
+from helios_detector.backend import DetectorBackend, Findings, ScorerBackend
 from helios_detector.coco import COCO_NAMES
 from helios_detector.scorer import LexicalScorer
 from helios_detector.service import DetectorService
@@ -22,7 +22,9 @@ CONTEXT_1 = SearchContext(
 class House:
     """A detector service, its truth, and what it publishes."""
 
-    def __init__(self, detector: DetectorBackend | None = None) -> None:
+    def __init__(
+        self, detector: DetectorBackend | None = None, scorer: ScorerBackend | None = None
+    ) -> None:
         self.truth = SceneTruth()
         hub = MemoryHub()
         self.health = Health()
@@ -32,7 +34,9 @@ class House:
         self.bus.subscribe(OBSERVATION, self.observations.append)
         self.bus.subscribe(PREVIEW, self.previews.append)
         backend = detector or GroundTruthDetector(self.truth)
-        self.service = DetectorService(MemoryBus(hub), backend, LexicalScorer(), self.health)
+        self.service = DetectorService(
+            MemoryBus(hub), backend, scorer or LexicalScorer(), self.health
+        )
 
     def frame(self, seq: int = 1) -> pb.Frame:
         return frame_to_proto(self.truth.frame(seq=seq))

@@ -120,7 +120,11 @@ AWAY = Unavailable("the text model is away")
 
 
 @pytest.mark.parametrize(
-    ("fault", "said"), [(AWAY, "the text model is away"), (KeyError("x"), "KeyError: 'x'")]
+    ("fault", "said"),
+    [
+        (AWAY, "the text model is away"),
+        (KeyError("x"), "the detector ground-truth failed in refused() (KeyError: 'x')"),
+    ],
 )
 def test_a_context_that_the_back_end_cannot_take_is_kept_and_tried_again(
     fault: Exception, said: str, monkeypatch: pytest.MonkeyPatch

@@ -11,7 +11,7 @@ from helios_core.codec import (
     observation_from_proto,
     observation_to_proto,
 )
-from helios_core.errors import Internal, InvalidInput
+from helios_core.errors import InvalidInput
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION
@@ -46,7 +46,7 @@ def test_a_score_outside_0_to_1_is_cut_to_it_and_counted(score: float, sent: flo
     held, wrong = held_findings(Findings((detection(score),), (Seen("mug", score),)), SHAPE)
     assert [d.score for d in held.detections] == [sent]
     assert [s.score for s in held.seen] == [sent]
-    assert wrong == {"scores_clipped": 2}
+    assert wrong.counts == {"scores_clipped": 2}
 
 
 @pytest.mark.parametrize(
@@ -63,13 +63,14 @@ def test_a_score_outside_0_to_1_is_cut_to_it_and_counted(score: float, sent: flo
 def test_what_fits_no_image_is_left_out_and_counted(bad: Detection):
     held, wrong = held_findings(Findings((bad, detection()), ()), SHAPE)
     assert len(held.detections) == 1
-    assert wrong == {"detections_refused": 1}
+    assert wrong.counts == {"detections_refused": 1}
 
 
 def test_a_box_is_widened_to_its_mask_because_only_what_is_in_it_is_sent():
     held, wrong = held_findings(Findings((detection(box=(10, 5, 15, 15)),), ()), SHAPE)
     assert held.detections[0].box_xyxy == (8, 5, 15, 15)
-    assert wrong == {"boxes_widened": 1}
+    assert wrong.counts == {"boxes_widened": 1}
+    assert wrong.sentence == ""
 
 
 @settings(deadline=None)
@@ -92,12 +93,13 @@ def test_whatever_a_back_end_gives_can_be_sent_and_read(
         assert d.mask.sum() == 16
 
 
-def test_a_scorers_numbers_are_cut_and_what_is_none_is_a_fault():
-    held, wrong = held_judgement(Judgement({"pick": 1.5, "place": 0.5}), "x")
+def test_a_scorers_numbers_are_cut_and_what_is_none_is_left_out():
+    held, wrong = held_judgement(Judgement({"pick": 1.5, "place": 0.5}), {"pick", "place"})
     assert held.scores == {"pick": 1.0, "place": 0.5}
-    assert wrong == {"scores_clipped": 1}
-    with pytest.raises(Internal, match="x gave no number as the score of 'pick'"):
-        held_judgement(Judgement({"pick": float("nan")}), "x")
+    assert wrong.counts == {"scores_clipped": 1}
+    held, wrong = held_judgement(Judgement({"pick": float("nan"), "place": 0.5}), {"pick", "place"})
+    assert held.scores == {"place": 0.5}
+    assert "nan as the score of 'pick', wanted a number from 0 to 1" in wrong.sentence
 
 
 def test_the_service_counts_what_a_foreign_back_end_does_wrong_and_sends_the_rest():

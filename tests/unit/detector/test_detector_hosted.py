@@ -316,5 +316,5 @@ def test_a_scorers_own_fault_is_counted_and_said():
     service.on_context(context_to_proto(context_of("mug")))
     service.on_keyframe(frame_to_proto(truth.frame()))
     assert health.metrics()["keyframes_failed"] == 1
-    assert "broken failed (KeyError" in health.state[1]
+    assert "the scorer broken failed in score() (KeyError" in health.state[1]
     assert issubclass(Unavailable, HeliosError)

@@ -14,7 +14,7 @@ from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION
 from helios_core.types import SearchContext
 from helios_detector.backend import DetectorOptions
 from helios_detector.hosted import Hosted
-from helios_detector.opening import open_detector, open_scorer
+from helios_detector.opening import check_plugins, open_detector, open_scorer
 from helios_detector.settings import Settings
 
 from tests.support import wait_until
@@ -62,3 +62,38 @@ def test_a_back_end_that_breaks_while_it_warms_up_is_said_and_not_tried_again(ou
     wait_until(lambda: health.state[0] == "degraded", 20, "degraded")
     assert "patient:-1 or lexical cannot be loaded (ValueError: time runs" in health.state[1]
     service.close()
+
+
+def test_a_plug_in_of_the_current_folder_answers_by_its_module_and_class(outside: Path):
+    detector = open_detector("helios_outside:Patient:0", DetectorOptions())
+    assert detector.name == "patient:0"
+    scorer = open_scorer("helios_outside:Half:0.75")
+    assert scorer.score(frame_of(), (), {"pick": "a mug"}) == {"pick": 0.75}
+    check_plugins("helios_outside:Patient", "half")
+    check_plugins("onnx:x", "lexical")
+
+
+@pytest.mark.parametrize(
+    ("detector", "scorer", "said"),
+    [
+        ("helios_outside:Half", "lexical", "is the class Half; wanted .*DetectorBackend"),
+        ("paint", "helios_outside:Patient", "is the class Patient; wanted .*ScorerBackend"),
+        ("helios_outside:Bare", "lexical", "lacks the methods close, detect, refused, vocabulary"),
+        ("helios_outside:np", "lexical", "is the module numpy; wanted a class"),
+        ("paint", "helios_outside:Hlaf", "did you mean Half"),
+    ],
+)
+def test_a_plug_in_of_another_type_ends_the_process_before_it_serves(
+    outside: Path, detector: str, scorer: str, said: str
+):
+    source = outside / "helios_outside.py"
+    source.write_text(source.read_text() + "\n\nclass Bare(DetectorBackend):\n    name = 'bare'\n")
+    with pytest.raises(InvalidInput, match=said):
+        check_plugins(detector, scorer)
+
+
+def test_a_plug_in_without_a_name_is_refused(outside: Path):
+    source = outside / "helios_outside.py"
+    source.write_text(source.read_text() + "\n\nclass Nameless(Half):\n    name = ''\n")
+    with pytest.raises(InvalidInput, match="give the class a name"):
+        open_scorer("helios_outside:Nameless")

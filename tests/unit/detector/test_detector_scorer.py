@@ -91,7 +91,7 @@ def test_affinities_are_shares_and_weights():
 )
 def test_an_unknown_detector_names_the_choices(spec):
     with pytest.raises(
-        InvalidInput, match="set simulated, ground-truth, onnx:FILE or transformers:ID"
+        InvalidInput, match="set simulated, ground-truth, onnx:FILE, transformers:ID, package:Class"
     ):
         open_detector(spec, DetectorOptions())
 
@@ -105,23 +105,3 @@ def test_an_unknown_scorer_names_the_choice():
 def test_the_simulated_detector_without_a_truth_is_refused():
     with pytest.raises(InvalidInput, match="needs the simulator's truth"):
         open_detector("simulated", DetectorOptions())
-
-
-def test_a_detector_of_an_outside_package_is_found_by_its_entry_point(monkeypatch):
-    made = []
-
-    class Entry:
-        name = "mine"
-
-        def load(self):
-            return lambda argument, options: made.append((argument, options.threads)) or "mine"
-
-    def entry_points(group: str, name: str | None = None) -> list[Entry]:
-        assert group == "helios.detectors"
-        return [Entry()] if name in (None, "mine") else []
-
-    monkeypatch.setattr("helios_detector.opening.entry_points", entry_points)
-    assert open_detector("mine:model", DetectorOptions(threads=3)) == "mine"
-    assert made == [("model", 3)]
-    with pytest.raises(InvalidInput, match="or one of mine"):
-        open_detector("other", DetectorOptions())

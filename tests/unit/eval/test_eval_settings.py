@@ -81,3 +81,14 @@ def test_agents_and_presets_are_known_by_name() -> None:
         spec.check_agents(["ground-truth-walker"], "objectnav")
     with pytest.raises(WrongUse, match="demo-v1"):
         homes.check_kind("palace")
+
+
+def test_an_agent_of_another_package_is_loaded_before_anything_is_played() -> None:
+    spec.check_agents(["helios", "helios_examples.left_first:agent"], "ovmm")
+    for agent, said in (
+        ("helios_examples.left_first:agnet", "did you mean agent"),
+        ("surely_not_there:agent", "no package or module"),
+        ("hal", "or package:agent of your own"),
+    ):
+        with pytest.raises(WrongUse, match=said):
+            spec.check_agents([agent], "objectnav")

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 import pytest
+from helios_core.agent_settings import AgentName
 from helios_core.types import ObjectInstance
 from helios_planner.ground.gaze import GazePoint
 from helios_planner.ground.grid import Pose2
 from helios_planner.language.instruction import parse
 from helios_planner.moving.legs import Legs
 from helios_planner.searching.look import Looking
-from helios_planner.settings import AgentName, Settings
+from helios_planner.settings import Settings
 from helios_planner.task import TaskFailed
 from helios_planner.tasks.flow import Mission
 from planner_flat import coffee_table, counter, flat, mug

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helios_core.agent_settings import AgentName
 from helios_planner.agents import AGENTS
 from helios_planner.decisions.decide import Do, FrontierOption
 from helios_planner.decisions.frontier_rules import kept
@@ -14,7 +15,7 @@ from helios_planner.robot.body import Frontier
 from helios_planner.robot.sightings import Sighting, lies_at_side, sighting_of
 from helios_planner.searching.explorers import Pursuit
 from helios_planner.searching.vlfm_belief import UnfilteredBelief, VlfmBelief
-from helios_planner.settings import AgentName, Settings
+from helios_planner.settings import Settings
 from helios_planner.task import Phase, TaskFailed
 from helios_planner.tasks.flow import Mission
 from planner_flat import coffee_table, counter, flat, mug

@@ -1,0 +1,16 @@
+"""The suite on the detector that was chosen; collected by `python -m helios_contract`."""
+
+from __future__ import annotations
+
+from helios_contract import chosen
+from helios_contract.bench import DetectorBench
+from helios_contract.plugin_suite import DetectorContract
+
+
+class TestDetector(DetectorContract):
+    """As named on the command line."""
+
+    @classmethod
+    def stand(cls) -> DetectorBench:
+        assert chosen.detector is not None
+        return chosen.detector

@@ -1,0 +1,48 @@
+"""A whole agent: it acts on what it has seen from three sides (docs/your-own-agent.md).
+
+helios up --agent helios_examples.careful_agent:agent
+"""
+
+from helios_planner.plugins import (
+    Agent,
+    Decision,
+    Kit,
+    MapBelief,
+    ObjectInstance,
+    Phase,
+    Places,
+    Search,
+    act_on_best,
+    explorer,
+)
+
+VIEWS = 3
+SAME_M = 0.3  # nothing is tried again so near to what was tried in vain
+
+
+def nearest(places: Places):
+    return -places.distance_m
+
+
+class CarefulSearch(Search):
+    def __init__(self, kit: Kit, phase: Phase, name: str) -> None:
+        super().__init__(kit, phase, name, SAME_M)
+        self._explorer = explorer(self, nearest)
+
+    def sure(self) -> list[ObjectInstance]:
+        known = self.belief.known(self.name)
+        return [o for o in known if self.open(o) and o.views >= VIEWS and o.class_score >= 0.4]
+
+    def decide(self) -> Decision:
+        things = self.sure()
+        return act_on_best(things, [o.score for o in things], f"seen from {VIEWS} sides")
+
+    def explore(self) -> bool:
+        return self._explorer.step(lambda: bool(self.sure()))
+
+
+agent = Agent(
+    belief=MapBelief,
+    seek_object=lambda kit, name, start: CarefulSearch(kit, Phase.FIND_OBJECT, name),
+    seek_receptacle=lambda kit, name, not_at: CarefulSearch(kit, Phase.FIND_RECEPTACLE, name),
+)

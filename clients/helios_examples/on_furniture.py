@@ -1,0 +1,29 @@
+"""A value scorer: small things are where furniture is (docs/your-own-detector.md).
+
+helios up --scorer helios_examples.on_furniture:OnFurniture
+"""
+
+from collections.abc import Mapping, Sequence
+
+from helios_core.types import Frame
+from helios_detector.backend import ScorerBackend, Seen
+
+FURNITURE = {"table", "shelf", "desk", "counter", "nightstand", "side table", "sofa"}
+
+
+class OnFurniture(ScorerBackend):
+    """The best score of a piece of furniture in the image, for every layer; at least 0.1."""
+
+    name = "on-furniture"
+
+    def score(
+        self, frame: Frame, seen: Sequence[Seen], prompts: Mapping[str, str]
+    ) -> dict[str, float]:
+        best = max([s.score for s in seen if s.class_name in FURNITURE], default=0.0)
+        return {layer: max(best, 0.1) for layer in prompts}
+
+    def warm_up(self) -> None:
+        """Nothing to load."""
+
+    def close(self) -> None:
+        """Holds nothing."""

@@ -1,0 +1,39 @@
+"""What would be logged at every frame is logged seldom, with how often it came."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Hashable
+
+EVERY_S = 30.0
+MOST_KINDS = 64  # remembered; then all are told anew
+
+
+class Seldom:
+    """Thread-safe."""
+
+    def __init__(
+        self,
+        log: logging.Logger,
+        every_s: float = EVERY_S,
+        clock: Callable[[], float] | None = None,
+    ) -> None:
+        self._log, self._every_s, self._clock = log, every_s, clock or time.monotonic
+        self._lock = threading.Lock()
+        self._told: dict[Hashable, tuple[float, int]] = {}  # kind -> (when, how often since)
+
+    def warn(self, kind: Hashable, message: str, error: BaseException | None = None) -> None:
+        """Log the message, and the traceback of the error: the first of a kind, then one of them
+        every so often."""
+        now_s = self._clock()
+        with self._lock:
+            told_s, since = self._told.get(kind, (None, 0))
+            due = told_s is None or now_s - told_s >= self._every_s
+            if len(self._told) >= MOST_KINDS:
+                self._told.clear()
+            self._told[kind] = (now_s, 0) if due else (told_s or now_s, since + 1)
+        if due:
+            more = f" (and {since} times since it was last said)" if since else ""
+            self._log.warning("%s%s", message, more, exc_info=error)

@@ -1,0 +1,92 @@
+"""What the flags of `helios up` name is looked at before anything is started."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+from helios_client import cli
+from helios_client.supervision import flags
+from helios_client.supervision.stack import Stack
+from helios_client.wrong_use import WrongUse
+
+from tests.support import free_port
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "mine_of_a_test.py").write_text("raise SystemExit('it was run')\n")
+    (tmp_path / "nano.onnx").write_text("no model")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path
+
+
+def test_what_there_may_be_passes_and_nothing_of_a_plug_in_is_run() -> None:
+    for robot in (*flags.ROBOTS, "mine_of_a_test:Robot"):
+        flags.check_robot(robot)
+    for detector in (
+        "simulated", "ground-truth", "recorded", "onnx:nano.onnx", "transformers:a/b", "paint",
+        "mine_of_a_test:Detector", "mine_of_a_test:Detector:0.5",
+    ):  # fmt: skip
+        flags.check_detector(detector)
+    for scorer in ("lexical", "minilm", "transformers:a/b", "mine_of_a_test:Scorer"):
+        flags.check_scorer(scorer)
+    for agent in ("helios", "vlfm", "mine_of_a_test:agent"):
+        flags.check_agent(agent)
+    flags.check_home("sim", "ovmm-v1", None)
+    flags.check_home("mine_of_a_test:Robot", "anything", "realistic")
+    assert "mine_of_a_test" not in sys.modules
+
+
+@pytest.mark.parametrize(
+    ("flag", "given", "said"),
+    [
+        ("--detector", "onnx:nan.onnx", "there is no such file; did you mean nano.onnx?"),
+        ("--detector", "onnx:/nonexistent/x.onnx", "no such file; name a file that is there"),
+        ("--detector", "onnx:.", "that is a folder"),
+        ("--detector", "onnx:", "names no file"),
+        ("--detector", "onnx", "names no file"),
+        ("--detector", "simulate", "no detector is called 'simulate'.*did you mean simulated"),
+        ("--detector", "transformers:", "no package or module 'transformers'|is no package"),
+        ("--detector", "mine_of_a_tset:X", "there is no package or module 'mine_of_a_tset'"),
+        ("--detector", "mine_of_a_test:", "is no package:attribute"),
+        ("--scorer", "lexicla", "no scorer is called 'lexicla'.*did you mean lexical"),
+        ("--scorer", "none_of_a_test:X", "no package or module 'none_of_a_test'"),
+        ("--agent", "heliso", "no agent is called 'heliso'.*did you mean helios"),
+        ("--agent", "none_of_a_test:agent", "no package or module 'none_of_a_test'"),
+        ("--robot", "smi", "no robot is called 'smi'; wanted sim, .*did you mean sim"),
+        ("--robot", "none_of_a_test:R", "no package or module 'none_of_a_test'"),
+        ("--preset", "demo-v2", "no preset is called 'demo-v2'; wanted demo-v1, ovmm-v1"),
+        ("--furniture", "real", "no furniture is called 'real'"),
+        ("--furniture", "realistic", "--furniture realistic: no realistic furniture in .*bake"),
+    ],
+)
+def test_a_slip_is_wrong_use_before_anything_is_started(
+    folder: Path, capsys: pytest.CaptureFixture[str], flag: str, given: str, said: str
+) -> None:
+    import re
+
+    more = ["--detector", "paint"] if flag == "--robot" else []
+    status = cli.run(
+        ["up", flag, given, *more, "--port", str(free_port()), "--state", str(folder / "state")]
+    )
+    assert status == 2
+    error = capsys.readouterr().err
+    assert re.search(said, error), error
+    assert not (folder / "state").exists()
+
+
+def test_the_scorer_is_passed_on_and_only_where_it_was_named() -> None:
+    def argv(scorer: str | None) -> tuple[str, ...]:
+        specs = Stack("sim", 7447, Path("state"), port=8080, scorer=scorer).specs()
+        return next(spec.argv for spec in specs if spec.name == "detector")
+
+    assert " ".join(argv("a:B")).endswith("--scorer a:B")
+    assert "--scorer" not in argv(None)
+
+
+def test_an_entry_point_is_named_with_those_there_are() -> None:
+    with pytest.raises(WrongUse, match=r"recorded, paint, onnx:FILE, transformers:ID, or package"):
+        flags.check_detector("oracle")

@@ -1,0 +1,95 @@
+"""A detector in trouble: a task that waits for it, or ends in vain, says what it says."""
+
+from __future__ import annotations
+
+from helios_core import proto as pb
+from helios_core.topics import TASK, status_topic
+from planner_bus import Start, ended, submit
+from planner_flat import coffee_table, counter, flat
+from planner_peers import Peers
+
+WHY = "the detector blobs gave what cannot be used, in detect(): a value of type list"
+
+
+def say(peers: Peers, state: str, reason: str = "") -> None:
+    status = pb.ServiceStatus(service="detector", state=state, reason=reason)
+    peers.bus.publish(status_topic("detector"), status)
+
+
+def test_a_task_that_waits_for_the_detector_says_what_the_detector_says(start: Start) -> None:
+    _, bus, peers = start()
+    peers.silent |= {"value", "objects"}
+    say(peers, "degraded", WHY)
+    told: list[str] = []
+    bus.subscribe(TASK, lambda task: told.append(task.message))
+    done = ended(bus, submit(bus).id)
+    assert (done.state, done.cause) == ("failed", "system error")
+    assert f"waits for the detector: {WHY}" in told
+    assert not any("take up the search" in message for message in told[:-1])
+    assert done.message == f"the detector did not take up the search: {WHY}"
+
+
+def test_a_map_that_is_silent_by_itself_is_still_the_one_that_is_named(start: Start) -> None:
+    _, bus, peers = start()
+    peers.silent.add("occupancy")
+    say(peers, "degraded", WHY)
+    assert ended(bus, submit(bus).id).message.startswith("map2d did not take up the search")
+
+
+def test_a_detector_that_fails_in_mid_task_is_named_with_its_reason(start: Start) -> None:
+    _, bus, peers = start()
+    act = peers.world.act
+
+    def soon_silent(action):
+        if peers.world.steps == 5:
+            say(peers, "degraded", WHY)
+            peers.silent |= {"value", "objects"}
+        return act(action)
+
+    peers.world.act = soon_silent
+    told: list[str] = []
+    bus.subscribe(TASK, lambda task: told.append(task.message))
+    done = ended(bus, submit(bus).id)
+    assert f"waits for the detector: {WHY}" in told
+    assert "the detector did not answer keyframe" in done.message
+    assert done.message.endswith(WHY)
+
+
+def test_a_search_in_vain_says_that_the_detector_was_degraded_meanwhile(start: Start) -> None:
+    _, bus, peers = start(flat([coffee_table(), counter()]))
+    say(peers, "degraded", "of another search")
+    act = peers.world.act
+
+    def flaps(action):
+        if peers.world.steps == 5:
+            say(peers, "degraded", WHY)
+        if peers.world.steps == 8:
+            say(peers, "ready")
+        return act(action)
+
+    peers.world.act = flaps
+    done = ended(bus, submit(bus, "find the mug").id)
+    assert done.cause == "object not found"
+    assert done.message.endswith(f"; meanwhile the detector was degraded: {WHY}")
+    again = ended(bus, submit(bus, "find the mug", max_steps=9).id)
+    assert again.cause == "step budget"
+    assert again.message == "the task's 9 steps are used up"
+
+
+def test_a_detector_that_is_degraded_from_the_first_keyframe_on_is_told_at_the_end(
+    start: Start,
+) -> None:
+    """It says so while the search begins, and nothing after that."""
+    _, bus, peers = start(flat([coffee_table(), counter()]))
+    act = peers.world.act
+
+    def slips(action):
+        if peers.world.steps == 0:
+            say(peers, "degraded", WHY)
+        return act(action)
+
+    peers.world.act = slips
+    done = ended(bus, submit(bus, "find the mug", max_steps=9).id)
+    assert done.message == (
+        f"the task's 9 steps are used up; meanwhile the detector was degraded: {WHY}"
+    )
