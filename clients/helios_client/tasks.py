@@ -41,9 +41,10 @@ class Task(_FromJson):
     goal: str = ""
     steps: int = 0
     max_steps: int = 0
-    time_limit_s: float = 0.0  # from its start; 0: none
+    time_limit_s: float | None = None  # from its start; None: none
     picks: int = 0
     progress: float = 0.0
+    eta_s: list[float] | None = None  # seconds left: at least, at most; None: nobody can tell
     created_s: float = 0.0
     started_s: float = 0.0
     ended_s: float = 0.0

@@ -1,0 +1,15 @@
+"""Text from outside, made safe to show."""
+
+from __future__ import annotations
+
+_CONTROL = dict.fromkeys((*range(32), *range(127, 160)), "�")
+_SPACES = dict.fromkeys(map(ord, "\t\n\r"), " ")
+_SHOWN = _CONTROL | _SPACES
+
+
+def printable(text: str) -> str:
+    """The text on one line, without control characters (C0, DEL, C1).
+
+    A tab, line feed or carriage return becomes a space, each other one U+FFFD.
+    """
+    return text.translate(_SHOWN)
