@@ -56,9 +56,10 @@ def options(args: Sequence[str], environment: Mapping[str, str]) -> dict[str, st
         if name in FLAGS and not equals:
             out[name] = ""
         elif name in VALUES:
-            if not equals and (following := next(left, None)) is None:
+            given = value if equals else next(left, None)
+            if given is None:
                 return None
-            out[name] = value if equals else following
+            out[name] = given
         else:
             return None
     port = out.get("--port", str(PORT))

@@ -177,6 +177,21 @@ class Vocabulary(TypedDict):
     scorer: str
 
 
+class SeenName(TypedDict):
+    """A name of which something is believed to be in this home."""
+
+    name: str
+    score: float  # Ψ of the surest one, eq. 7
+    objects: int  # how many
+
+
+class Suggestions(TypedDict):
+    """What to ask for in this home."""
+
+    tasks: list[str]  # instructions that this robot can do
+    seen: list[SeenName] | None  # the surest first; None: the object map does not answer
+
+
 class Pose(TypedDict):
     """On the floor of the world."""
 

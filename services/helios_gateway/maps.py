@@ -16,6 +16,7 @@ from helios_gateway.gaussian_colors import ColorBy, Gaussians
 from helios_gateway.problems import NotFound
 from helios_gateway.responses import NPZ, PNG, Encoded
 from helios_gateway.shared_results import SharedResults
+from helios_gateway.suggestions import words
 
 
 class Maps:
@@ -218,6 +219,11 @@ def _state(view: MapView) -> tuple[int, str, str]:
 def _fits(
     found: map_models.ObjectInstance, class_name: str | None, min_score: float | None
 ) -> bool:
-    if class_name is not None and found.class_name != class_name:
+    if class_name is not None and not _same_name(found.class_name, class_name):
         return False
     return min_score is None or (found.score is not None and found.score >= min_score)
+
+
+def _same_name(a: str, b: str) -> bool:
+    """`Coffee Table` is `coffee_table`."""
+    return words(a).casefold() == words(b).strip().casefold()

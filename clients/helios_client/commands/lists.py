@@ -10,7 +10,7 @@ from rich.table import Table
 
 from helios_client.screen import plain_table
 from helios_client.sdk import Helios
-from helios_client.tasks import FoundObject, Seen, Task
+from helios_client.tasks import FoundObject, Seen, SeenName, Task
 from helios_client.wrong_use import WrongUse
 
 TASK_COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "running": "cyan"}
@@ -40,6 +40,14 @@ def object_table(objects: Sequence[FoundObject]) -> Table:
             f"{found.class_score:.2f}", f"{found.uncertainty:.2f}", str(found.views),
             _metres(found.center_m), _metres(found.size_m),
         )  # fmt: skip
+    return out
+
+
+def seen_name_table(seen: Sequence[SeenName]) -> Table:
+    """One row a name, with the score Ψ of the surest object."""
+    out = plain_table("seen here", "Ψ", "objects")
+    for one in seen:
+        out.add_row(escape(one["name"]), f"{one['score']:.2f}", str(one["objects"]))
     return out
 
 

@@ -10,7 +10,7 @@ from helios_client.commands.options import At, Json, console, flat, named_values
 
 if TYPE_CHECKING:
     from helios_client.sdk import Helios
-    from helios_client.tasks import Task
+    from helios_client.tasks import Suggestions, Task
 
 app = typer.Typer()
 
@@ -18,6 +18,7 @@ TaskId = Annotated[
     str, typer.Argument(help="of the task, or how it begins, or: last; see helios tasks")
 ]
 Timeout = Annotated[float, typer.Option(help="longest wait", min=1.0)]
+TASKS_TO_TRY = 5
 TaskState = Literal["queued", "running", "paused", "succeeded", "failed", "cancelled"]
 
 
@@ -135,9 +136,18 @@ def tasks(
 
 @app.command()
 @flat
-def names(at: At, as_json: Json = False) -> None:
+def names(
+    at: At,
+    here: Annotated[
+        bool, typer.Option("--here", help="what was seen in this home, and tasks to try there")
+    ] = False,
+    as_json: Json = False,
+) -> None:
     """What can be asked for: the names that the detector knows, of things and furniture."""
     with at.connect() as helios:
+        if here:
+            _print_here(helios.suggestions(TASKS_TO_TRY), as_json)
+            return
         found = helios.vocabulary()
     if as_json:
         print_json(found)
@@ -218,6 +228,23 @@ def _print_task(task: Task, as_json: bool) -> None:
         print_json(task.raw)
     else:
         say(f"task {task.id} is {task.state}: {task.message}".removesuffix(": "))
+
+
+def _print_here(found: Suggestions, as_json: bool) -> None:
+    from helios_client.commands.lists import seen_name_table
+
+    if as_json:
+        print_json(found)
+        return
+    if found["seen"]:
+        console().print(seen_name_table(found["seen"]))
+    elif found["seen"] is None:
+        print("what was seen is not known: the object map does not answer")
+    else:
+        print("nothing was seen yet of what a task looked for")
+    print("\nTasks to try:")
+    for text in found["tasks"]:
+        say(f'  helios task "{text}"')
 
 
 def _print_names(names: list[str]) -> None:

@@ -13,12 +13,14 @@ def base_url(text: str) -> str:
 
 def split_url(text: str) -> SplitResult:
     """The parts of an address, which may lack its scheme. Raises ValueError with a sentence."""
+    wanted = f"the address is {text!r}; wanted http://HOST:PORT or HOST:PORT"
     said = text.strip()
     try:
         parts = urlsplit(said if "://" in said else f"http://{said}")
-        usable = parts.hostname and (parts.port is None or parts.port > 0)
-    except ValueError:
-        usable = False
-    if not usable or parts.scheme not in ("http", "https") or parts.query or parts.fragment:
-        raise ValueError(f"the address is {text!r}; wanted http://HOST:PORT or HOST:PORT")
+        has_port = parts.port is None or parts.port > 0
+    except ValueError as error:
+        raise ValueError(wanted) from error
+    known = parts.scheme in ("http", "https") and parts.hostname
+    if not (has_port and known) or parts.query or parts.fragment:
+        raise ValueError(wanted)
     return parts
