@@ -96,7 +96,8 @@ class FoundObject(_FromJson):
     @classmethod
     def from_json(cls, raw: dict[str, Any]) -> Self:
         """The wire says `class`, which is no name in Python."""
-        return super().from_json(raw | {"class_name": raw.get("class", "")})
+        named = super().from_json(raw | {"class_name": raw.get("class", "")})
+        return replace(named, raw=raw)
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,8 @@ class SeenView(_FromJson):
     def from_json(cls, raw: dict[str, Any]) -> Self:
         """The wire says `class`, which is no name in Python."""
         jpeg = base64.b64decode(raw.get("jpeg_base64", ""))
-        return replace(super().from_json(raw | {"class_name": raw.get("class", "")}), jpeg=jpeg)
+        named = super().from_json(raw | {"class_name": raw.get("class", "")})
+        return replace(named, jpeg=jpeg, raw=raw)
 
 
 @dataclass(frozen=True)
