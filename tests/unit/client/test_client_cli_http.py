@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-import json
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NoReturn
 
@@ -19,39 +17,11 @@ from helios_core.errors import InvalidInput, Unavailable
 from helios_planner.language.instruction import parse
 from helios_planner.tasks.context import in_vocabulary
 
-from tests.gateway_process import Served, served
+from tests.client_command import Helios
+from tests.gateway_process import Served
 from tests.support import free_port, wait_until
 
 INSTRUCTION = "move the mug from the coffee table to the kitchen counter"
-
-
-@pytest.fixture
-def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    with served() as house:
-        yield house
-
-
-class Helios:
-    """The command, against one gateway."""
-
-    def __init__(self, house: Served, capsys: pytest.CaptureFixture[str]) -> None:
-        self.house, self._capsys = house, capsys
-        self.error = ""
-
-    def __call__(self, *args: str, status: int = 0) -> str:
-        assert run([*args, "--port", str(self.house.port)]) == status
-        said = self._capsys.readouterr()
-        self.error = said.err
-        return said.out
-
-    def json(self, *args: str) -> dict:
-        return json.loads(self(*args, "--json"))
-
-
-@pytest.fixture
-def helios(house: Served, capsys: pytest.CaptureFixture[str]) -> Helios:
-    return Helios(house, capsys)
 
 
 def test_tasks_are_listed_newest_first_and_by_state(house: Served, helios: Helios) -> None:

@@ -84,7 +84,9 @@ def test_an_agent_is_told_what_each_tool_may_do() -> None:
 
 def test_the_server_says_its_version() -> None:
     async def act(_: Served, client: Client) -> None:
-        assert client.server_info.version == helios_version()
+        info = client.server_info
+        assert info is not None
+        assert info.version == helios_version()
 
     used(act)
 
