@@ -122,7 +122,7 @@ class Backend(MadeUpTasks):
     def publish_robot(self) -> None:
         state = RobotState(
             T_world_base=se2_to_se3(*self.pose), moving=True, stopped=self.stopped,
-            robot_boot_id="boot", last_seq=self.seq,
+            robot_boot_id="boot", last_seq=self.seq, message=self.stop_reason,
         )  # fmt: skip
         self.bus.publish(ROBOT_STATE, state_to_proto(state))
 
