@@ -1,6 +1,6 @@
 """The command `helios`. Each command imports what it needs only when it runs.
 
-Exit status: 0 success, 1 failure, 2 wrong use, 130 interrupted.
+Exit status: 0 success, 1 failure, 2 wrong use, 129 hung up, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -9,14 +9,18 @@ import contextlib
 import signal
 import sys
 from collections.abc import Sequence
+from typing import Annotated, Any
 
 import typer
 
+from helios_client.arguments import EVERYWHERE, leading
 from helios_client.commands.assets import app as assets_app
+from helios_client.commands.hangup import HungUp
 from helios_client.commands.judge import app as judge_app
 from helios_client.commands.map import app as map_app
 from helios_client.commands.map import objects_app
 from helios_client.commands.moves import app as moves_app
+from helios_client.commands.options import say
 from helios_client.commands.robot import app as robot_app
 from helios_client.commands.run import app as run_app
 from helios_client.commands.tasks import app as tasks_app
@@ -25,7 +29,8 @@ from helios_client.commands.why import app as why_app
 app = typer.Typer(
     name="helios",
     help="Perception and planning for language-directed pick and place.",
-    epilog="Exit status: 0 success, 1 failure, 2 wrong use, 130 interrupted.",
+    epilog=f"{', '.join(EVERYWHERE)} may stand before the command, too. Exit status: 0 success, "
+    "1 failure, 2 wrong use, 129 hung up, 130 interrupted.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -36,8 +41,32 @@ for part in (
     app.add_typer(part)
 
 
+def _version(wanted: bool) -> None:
+    from helios_client.version import helios_version
+
+    if wanted:
+        print(f"helios {helios_version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="print the version and exit", is_eager=True, callback=_version
+        ),
+    ] = False,
+) -> None:
+    """Perception and planning for language-directed pick and place."""
+
+
 def main() -> int:
-    """The entry point."""
+    """Run with the arguments and the signals of this process.
+
+    A shell script starts what runs in its background with SIGINT ignored; here it interrupts.
+    """
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, _interrupt)
     return run(sys.argv[1:])
 
@@ -46,16 +75,29 @@ def run(args: Sequence[str]) -> int:
     """Run a command; the exit status: 0 only on success, 2 on wrong use."""
     command = typer.main.get_command(app)
     try:
-        code = command.main(args=list(args), prog_name="helios", standalone_mode=False)
+        code = command.main(args=_placed(command, args), prog_name="helios", standalone_mode=False)
         return code if isinstance(code, int) else 0
     except KeyboardInterrupt:
         return _interrupted()
+    except HungUp as hung_up:
+        with contextlib.suppress(OSError):  # nobody may read it any more
+            say(f"helios: hung up; {hung_up}", stderr=True)
+        return 129
     except BrokenPipeError:
         with contextlib.suppress(OSError):
             sys.stdout.close()
         return 1
     except Exception as error:
         return _tell(error)
+
+
+def _placed(command: Any, args: Sequence[str]) -> list[str]:
+    """The arguments with the options that stand before a command moved behind it."""
+    before, rest = leading(args)
+    words = 0
+    while words < len(rest) and (inner := getattr(command, "commands", {}).get(rest[words])):
+        command, words = inner, words + 1
+    return [*rest[:words], *(before if words else ()), *rest[words:]]
 
 
 def _tell(error: Exception) -> int:
@@ -67,7 +109,12 @@ def _tell(error: Exception) -> int:
             print(sentence, file=sys.stderr)
         elif sentence:
             command = getattr(getattr(error, "ctx", None), "command_path", None) or "helios"
-            print(f"helios: {sentence}; see {command} --help", file=sys.stderr)
+            if command == "helios" and (option := getattr(error, "option_name", None)):
+                sentence = (
+                    f"there is no option {option} before the command; the options of a command "
+                    f"stand behind it: helios COMMAND {option}"
+                )
+            say(f"helios: {sentence}; see {command} --help", stderr=True)
         return 2
     if type(error).__name__ == "Abort":  # what the parser makes of Ctrl-C
         return _interrupted()
@@ -78,7 +125,7 @@ def _tell(error: Exception) -> int:
 
     if not isinstance(error, HeliosError):
         raise error
-    print(f"helios: {error.message}", file=sys.stderr)
+    say(f"helios: {error.message}", stderr=True)
     return 2 if isinstance(error, WrongUse | WrongRequest) else 1
 
 

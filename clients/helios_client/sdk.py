@@ -39,6 +39,7 @@ from helios_client.tasks import (
     Seen,
     SeenView,
     Status,
+    Suggestions,
     Task,
     Vocabulary,
 )
@@ -146,6 +147,10 @@ class Helios:
     def vocabulary(self) -> Vocabulary:
         """What can be asked for: any name, or those of the detector."""
         return self._do(calls.vocabulary())
+
+    def suggestions(self, limit: int = 3) -> Suggestions:
+        """What was seen in this home, and at most `limit` tasks to try there."""
+        return self._do(calls.suggestions(limit))
 
     # --- maps and robot -----------------------------------------------------------------------
     def objects(

@@ -37,6 +37,7 @@ from helios_client.tasks import (
     Seen,
     SeenView,
     Status,
+    Suggestions,
     Task,
     Vocabulary,
 )
@@ -133,6 +134,10 @@ class AsyncHelios:
     async def vocabulary(self) -> Vocabulary:
         """What can be asked for: any name, or those of the detector."""
         return await self._do(calls.vocabulary())
+
+    async def suggestions(self, limit: int = 3) -> Suggestions:
+        """What was seen in this home, and at most `limit` tasks to try there."""
+        return await self._do(calls.suggestions(limit))
 
     # --- maps and robot -----------------------------------------------------------------------
     async def objects(

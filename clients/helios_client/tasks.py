@@ -99,7 +99,8 @@ class FoundObject(_FromJson):
     @classmethod
     def from_json(cls, raw: dict[str, Any]) -> Self:
         """The wire says `class`, which is no name in Python."""
-        return super().from_json(raw | {"class_name": raw.get("class", "")})
+        named = super().from_json(raw | {"class_name": raw.get("class", "")})
+        return replace(named, raw=raw)
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,8 @@ class SeenView(_FromJson):
     def from_json(cls, raw: dict[str, Any]) -> Self:
         """The wire says `class`, which is no name in Python."""
         jpeg = base64.b64decode(raw.get("jpeg_base64", ""))
-        return replace(super().from_json(raw | {"class_name": raw.get("class", "")}), jpeg=jpeg)
+        named = super().from_json(raw | {"class_name": raw.get("class", "")})
+        return replace(named, jpeg=jpeg, raw=raw)
 
 
 @dataclass(frozen=True)
@@ -198,6 +200,21 @@ class Vocabulary(TypedDict):
     names: list[str]
     detector: str
     scorer: str
+
+
+class SeenName(TypedDict):
+    """A name of which something is believed to be in this home."""
+
+    name: str
+    score: float  # Ψ of the surest one, eq. 7
+    objects: int  # how many
+
+
+class Suggestions(TypedDict):
+    """What to ask for in this home."""
+
+    tasks: list[str]  # instructions that this robot can do
+    seen: list[SeenName] | None  # the surest first; None: the object map does not answer
 
 
 class Pose(TypedDict):

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from helios_client.screen import Screen
 from helios_client.wrong_use import WrongUse
 from helios_core.errors import InvalidInput
-from rich.console import Console
 
 from helios_eval import folder as run_folder
 from helios_eval.calibration.command import calibration
@@ -169,7 +169,7 @@ def _run(
         under.benchmark, tuple(names), limits, under.semantics, under.preset, episodes, seed0, out,
         jobs or os.cpu_count() or 1, under.noise, under.settings, ray,
     )  # fmt: skip
-    console = Console()
+    console = Screen()
     try:
         with _ended_by_sigterm():
             run(asked, console)

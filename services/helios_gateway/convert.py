@@ -10,6 +10,7 @@ from helios_core.errors import Internal
 from helios_core.text import printable
 
 from helios_gateway import map_models, models
+from helios_gateway.suggestions import Believed, words
 
 PHASES = {
     "move": ("find_object", "pick", "find_receptacle", "place"),
@@ -224,3 +225,26 @@ def robot_description(message: pb.RobotDescription) -> models.RobotDescription:
         max_back_m=finite(message.max_back_m), min_turn_rad=finite(message.min_turn_rad),
         max_turn_rad=finite(message.max_turn_rad),
     )  # fmt: skip
+
+
+def believed(found: map_models.ObjectList) -> list[Believed]:
+    """The objects whose figures are finite."""
+    out = []
+    for one in found.objects:
+        figures = [v for v in (one.score, *one.center_m, *one.size_m) if v is not None]
+        if len(figures) == 7:
+            score, x, y, z, width, depth, height = figures
+            out.append(Believed(words(one.class_name), score, (x, y, z), (width, depth, height)))
+    return out
+
+
+def seen_names(found: Iterable[Believed]) -> list[models.SeenName]:
+    """Each name once, with its surest object, the surest first."""
+    scores: dict[str, list[float]] = {}
+    for one in found:
+        scores.setdefault(one.name, []).append(one.score)
+    names = [
+        models.SeenName(name=name, score=max(all_), objects=len(all_))
+        for name, all_ in scores.items()
+    ]
+    return sorted(names, key=lambda n: (-n.score, n.name))

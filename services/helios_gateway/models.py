@@ -310,6 +310,26 @@ class Vocabulary(BaseModel):
     scorer: str
 
 
+class SeenName(BaseModel):
+    """A name of which something is believed to be in this home."""
+
+    name: str = Field(examples=["coffee table"])
+    score: float = Field(description="Ψ of the surest one, eq. 7")
+    objects: int = Field(description="how many of that name are believed")
+
+
+class Suggestions(BaseModel):
+    """What to ask for in this home."""
+
+    tasks: list[str] = Field(
+        description="instructions to try, which this robot can do",
+        examples=[["Move the mug from the coffee table to the kitchen counter"]],
+    )
+    seen: list[SeenName] | None = Field(
+        description="what was seen here, the surest first; null: the object map does not answer"
+    )
+
+
 class StopRequest(BaseModel):
     """Why the robot shall stop. It stops whatever is sent."""
 

@@ -159,8 +159,18 @@ class _File(InitSettingsSource):
         return _table(self._of, path) if path else {}
 
 
+def _toml(path: str) -> dict[str, Any]:
+    """Raises InvalidInput that names file and line, and OSError."""
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise InvalidInput(f"{path} is no TOML: {error}") from error
+    except UnicodeDecodeError as error:
+        raise InvalidInput(f"{path} is no UTF-8 text: {error.reason}") from error
+
+
 def _table(cls: type[ServiceSettings], path: str) -> dict[str, Any]:
-    tables = tomllib.loads(Path(path).read_text())
+    tables = _toml(path)
     check_tables(cls.service_name(), tables, path)
     of_all = tables.get(OF_ALL, {})
     common = {name for name in ServiceSettings.model_fields if name != "config"}

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from helios_client.commands.options import console
+
 app = typer.Typer(
     name="assets",
     help="Realistic furniture for simulated homes. From Debian's sweethome3d-furniture.",
@@ -31,10 +33,9 @@ def bake(
 ) -> None:
     """Turn the furniture package into small models. In the cache; some minutes, once."""
     from helios_sim.assets.bake import bake as run_bake
-    from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    with Progress(console=console(stderr=True), transient=True) as bar:
         task = bar.add_task("baking")
         baked = run_bake(
             source, cache, progress=lambda done, of: bar.update(task, completed=done, total=of)
@@ -54,7 +55,6 @@ def show(
     """List what is baked: class, model, size, author and licence."""
     from helios_sim.assets import pack as packs
     from helios_sim.assets.report import rows_of
-    from rich.console import Console
     from rich.table import Table
 
     pack = packs.read(cache)
@@ -69,5 +69,5 @@ def show(
             ", ".join(row["classes"]), row["key"], size, str(row["triangles"]), str(row["boxes"]),
             row["author"], row["licence"],
         )  # fmt: skip
-    Console().print(table)
+    console().print(table)
     print(f"{len(rows)} models, pack {pack.digest[:12]}")

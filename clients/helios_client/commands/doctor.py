@@ -17,6 +17,7 @@ from helios_core.errors import InvalidInput
 
 from helios_client.supervision import state_file
 from helios_client.supervision.stack import port_trouble
+from helios_client.version import helios_version
 
 MIN_PYTHON = (3, 11)
 FREE_BYTES = 500_000_000
@@ -69,11 +70,12 @@ def examine(
     """Everything that `helios up` with the simulator needs, then what else may be of use."""
     version = ".".join(map(str, sys.version_info[:3]))
     out = [
+        Finding(f"HELIOS {helios_version()}", True, ""),
         Finding(
             f"Python {version}",
             sys.version_info >= MIN_PYTHON,
             f"install Python {'.'.join(map(str, MIN_PYTHON))} or newer",
-        )
+        ),
     ]
     for package, extra in PACKAGES.items():
         name = f"helios-ovmm[{extra}]" if extra else "helios-ovmm"

@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Any
 
 from rich.markup import escape
 from rich.table import Table
 
+from helios_client.screen import plain_table
 from helios_client.sdk import Helios
-from helios_client.tasks import FoundObject, Seen, Task
+from helios_client.tasks import FoundObject, Seen, SeenName, Task
 from helios_client.wrong_use import WrongUse
 
 TASK_COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "running": "cyan"}
-PLAIN: dict[str, Any] = {"box": None, "pad_edge": False, "header_style": "dim"}
 
 
 def task_table(tasks: Sequence[Task]) -> Table:
     """One row a task; priorities where any is set."""
     ranked = any(task.priority for task in tasks)
     columns = ["id", "state", *(["priority"] if ranked else []), "took", "steps", "instruction"]
-    out = Table(*columns, "message", **PLAIN)
+    out = plain_table(*columns, "message")
     for task in tasks:
         color = TASK_COLORS.get(task.state, "default")
         priority = [str(task.priority)] if ranked else []
@@ -34,13 +33,21 @@ def task_table(tasks: Sequence[Task]) -> Table:
 
 def object_table(objects: Sequence[FoundObject]) -> Table:
     """One row an instance: score Ψ, class score S and uncertainty U of eq. 7."""
-    out = Table("id", "class", "Ψ", "S", "U", "views", "centre (m)", "size (m)", **PLAIN)
+    out = plain_table("id", "class", "Ψ", "S", "U", "views", "centre (m)", "size (m)")
     for found in objects:
         out.add_row(
             str(found.id), escape(found.class_name), f"{found.score:.2f}",
             f"{found.class_score:.2f}", f"{found.uncertainty:.2f}", str(found.views),
             _metres(found.center_m), _metres(found.size_m),
         )  # fmt: skip
+    return out
+
+
+def seen_name_table(seen: Sequence[SeenName]) -> Table:
+    """One row a name, with the score Ψ of the surest object."""
+    out = plain_table("seen here", "Ψ", "objects")
+    for one in seen:
+        out.add_row(escape(one["name"]), f"{one['score']:.2f}", str(one["objects"]))
     return out
 
 
@@ -52,7 +59,7 @@ def seen_tables(found: Seen) -> list[Table | str]:
     else:
         out.append(escape(f"no object of that name is believed: {found.prompt}"))
     if found.views:
-        views = Table("past view", "named", "score", "at (m)", "from (m)", "time (s)", **PLAIN)
+        views = plain_table("past view", "named", "score", "at (m)", "from (m)", "time (s)")
         for number, view in enumerate(found.views, start=1):
             camera = view.camera
             stood = _metres([camera["x_m"], camera["y_m"]]) if camera else "-"
@@ -68,8 +75,20 @@ def seen_tables(found: Seen) -> list[Table | str]:
     return out
 
 
+def task_by_name(helios: Helios, id: str) -> Task:
+    """The newest task for `last`, else the one whose id begins so. Raises WrongUse when there is
+    none, or more than one."""
+    if id.casefold() == "last":
+        newest = helios.tasks(limit=1)
+        if not newest:
+            raise WrongUse("there is no task yet; submit one with helios task")
+        return newest[0]
+    return task_by_prefix(helios, id)
+
+
 def task_by_prefix(helios: Helios, id: str) -> Task:
     """The task whose id begins so. Raises WrongUse when there is none, or more than one."""
+    id = id.casefold()  # ids are hexadecimal, in small letters
     fitting = [task for task in helios.tasks() if task.id.startswith(id)]
     exact = [task for task in fitting if task.id == id]
     if exact or len(fitting) == 1:

@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from helios_client.commands.options import At, Json, console, flat, print_json
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from helios_client.sdk import Helios
-    from helios_client.tasks import Task
+from helios_client.commands.options import At, Json, flat
+from helios_client.commands.tasks import NoWait, Timeout, submit_and_watch
 
 app = typer.Typer()
 
-Longest = Annotated[float, typer.Option(help="longest wait", min=1.0)]
-NoWait = Annotated[bool, typer.Option("--no-wait", help="do not wait until it has ended")]
 # A negative number is no option.
 NUMBERS = {"ignore_unknown_options": True}
 
@@ -37,7 +30,7 @@ def go(
         ),
     ] = None,
     as_json: Json = False,
-    timeout_s: Longest = 3600.0,
+    timeout_s: Timeout = 3600.0,
     no_wait: NoWait = False,
 ) -> None:
     """Go to a point, such as helios go 3.2 -4.1 90; exit status 0 if it got there.
@@ -51,7 +44,7 @@ def go(
         if not math.isfinite(value):
             raise WrongUse(f"{name} is {value}; wanted a number, such as helios go 3.2 -4.1 90")
     yaw_rad = None if yaw is None else math.radians(yaw)
-    _do(at, lambda helios: helios.go(x, y, yaw_rad), as_json, timeout_s, no_wait)
+    submit_and_watch(at, lambda helios: helios.go(x, y, yaw_rad), as_json, timeout_s, no_wait)
 
 
 @app.command()
@@ -63,43 +56,17 @@ def explore(
         typer.Option(help="seconds after which it ends, with success  [default: none]", min=0.1),
     ] = None,
     as_json: Json = False,
-    timeout_s: Longest = 3600.0,
+    timeout_s: Timeout = 3600.0,
     no_wait: NoWait = False,
 ) -> None:
     """Explore until nothing that can be reached is unknown, or the time is up."""
-    _do(at, lambda helios: helios.explore(time_limit_s), as_json, timeout_s, no_wait)
+    submit_and_watch(at, lambda helios: helios.explore(time_limit_s), as_json, timeout_s, no_wait)
 
 
 @app.command()
 @flat
 def home(
-    at: At, as_json: Json = False, timeout_s: Longest = 3600.0, no_wait: NoWait = False
+    at: At, as_json: Json = False, timeout_s: Timeout = 3600.0, no_wait: NoWait = False
 ) -> None:
     """Go back to where the robot started in this world."""
-    _do(at, lambda helios: helios.home(), as_json, timeout_s, no_wait)
-
-
-def _do(
-    at: At, ask: Callable[[Helios], Task], as_json: bool, timeout_s: float, no_wait: bool
-) -> None:
-    """Submit and watch, as helios task does. Raises typer.Exit where it did not succeed."""
-    import sys
-
-    from helios_client.commands.task_view import wait_while_starting, watch_task
-
-    with at.connect() as helios:
-        if at.url is None:
-            wait_while_starting(helios, at.port, console(stderr=True))
-        task = ask(helios)
-        if not no_wait:
-            task = watch_task(
-                helios, task, timeout_s, console(stderr=as_json), console(stderr=True)
-            )
-    if as_json:
-        print_json(task.raw)
-    elif no_wait:
-        print(task.id)
-    if not (no_wait or task.succeeded):
-        how = "was cancelled" if task.state == "cancelled" else task.state
-        print(f"helios: the task {how}: {task.message}", file=sys.stderr)
-        raise typer.Exit(1)
+    submit_and_watch(at, lambda helios: helios.home(), as_json, timeout_s, no_wait)

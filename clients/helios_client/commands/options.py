@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import inspect
 import json
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,8 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
+    from helios_client.screen import Screen
     from helios_client.sdk import Helios
 
 Port = Annotated[int, typer.Option(help="port of the HTTP interface", min=1, max=65535)]
@@ -35,7 +35,9 @@ class At:
     url: Annotated[
         str | None,
         typer.Option(
-            help="of a robot elsewhere  [default: http://127.0.0.1:PORT]", envvar="HELIOS_URL"
+            help="of a robot elsewhere: HOST:PORT or http://HOST:PORT  "
+            "[default: http://127.0.0.1:PORT]",
+            envvar="HELIOS_URL",
         ),
     ] = None
     key: Annotated[
@@ -48,7 +50,14 @@ class At:
 
     @property
     def base_url(self) -> str:
-        return self.url or f"http://127.0.0.1:{self.port}"
+        """Raises WrongUse for an address that is none."""
+        from helios_client.http.address import base_url
+        from helios_client.wrong_use import WrongUse
+
+        try:
+            return base_url(self.url or f"http://127.0.0.1:{self.port}")
+        except ValueError as error:
+            raise WrongUse(f"{error}; --url or HELIOS_URL names it") from error
 
     @contextmanager
     def connect(self, timeout_s: float = 10.0) -> Iterator[Helios]:
@@ -111,11 +120,18 @@ def named_values(texts: Sequence[str]) -> dict[str, str]:
     return out
 
 
-def console(stderr: bool = False) -> Console:
-    from rich.console import Console
+def console(stderr: bool = False) -> Screen:
+    from helios_client.screen import Screen
 
-    return Console(stderr=stderr)
+    return Screen(stderr=stderr)
+
+
+def say(text: str, stderr: bool = False) -> None:
+    """One line for people, without the control characters that others put into their text."""
+    from helios_core.text import printable
+
+    print(printable(text), file=sys.stderr if stderr else sys.stdout)
 
 
 def print_json(value: object) -> None:
-    print(json.dumps(value, indent=1))
+    print(json.dumps(value, indent=1).replace("\x7f", "\\u007f"))

@@ -1,4 +1,4 @@
-"""`helios status`, `stop`, `clear-stop`, `key`, `mcp`: state, stop-now, who may ask."""
+"""`helios status`, `logs`, `camera`, `stop`, `clear-stop`, `key`, `mcp`."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from helios_core.text import printable
 
-from helios_client.commands.options import At, Json, State, console, flat, print_json
+from helios_client.commands.options import At, Json, Port, State, console, flat, print_json, say
+from helios_client.quick_stop import REASON, SENTENCE
 
 app = typer.Typer()
 
@@ -17,8 +17,6 @@ app = typer.Typer()
 @flat
 def status(at: At, state: State = None, as_json: Json = False) -> None:
     """How every service is, and whether stop-now is latched. Works while the gateway is down."""
-    from rich.markup import escape
-
     from helios_client.commands.status import find_status, status_table
 
     with at.connect(timeout_s=3.0) as helios:
@@ -29,18 +27,61 @@ def status(at: At, state: State = None, as_json: Json = False) -> None:
     screen = console()
     screen.print(status_table(found))
     if found["stopped"]:
-        why = f" ({escape(printable(found['stop_reason']))})" if found["stop_reason"] else ""
-        screen.print(
-            f"[red]stop-now is latched[/]{why}: the robot will not move; helios clear-stop"
-        )
+        screen.print("stop-now is latched", style="red", end="")
+        why = f" ({found['stop_reason']})" if found["stop_reason"] else ""
+        say(f"{why}: the robot will not move; helios clear-stop")
     screen.print("ready" if found["ready"] else "not ready")
+
+
+@app.command()
+def logs(
+    service: Annotated[
+        str | None, typer.Argument(help="such as planner  [default: list what there is]")
+    ] = None,
+    follow: Annotated[
+        bool, typer.Option("--follow", "-f", help="go on with each new line, until Ctrl-C")
+    ] = False,
+    lines: Annotated[int, typer.Option("--lines", "-n", help="newest lines", min=0)] = 50,
+    port: Port = 8080,
+    state: State = None,
+) -> None:
+    """What a service of this machine wrote. Also after helios up has ended."""
+
+    from helios_client.commands import logs as files
+
+    folder = files.log_folder(port, state)
+    if service is None:
+        for name in files.services_in(folder):
+            say(f"{name:12} {folder / name}{files.ENDING}")
+        return
+    file = files.log_file(folder, service)
+    newest, opened = files.newest_lines(file, lines)
+    with opened:
+        for line in newest:
+            say(line)
+        for line in files.new_lines(file, opened) if follow else ():
+            print(printable(line), flush=True)
+
+
+@app.command()
+@flat
+def camera(
+    at: At,
+    file: Annotated[Path, typer.Argument(help="to be written")] = Path("camera.jpg"),
+) -> None:
+    """Write what the robot sees now as a JPEG. With boxes around what it detects."""
+    from helios_client.commands.map_files import write_file
+
+    with at.connect() as helios:
+        write_file(file, helios.camera())
+    say(str(file))
 
 
 @app.command()
 @flat
 def stop(
     at: At,
-    reason: Annotated[str, typer.Option(help="told to whoever asks")] = "helios stop",
+    reason: Annotated[str, typer.Option(help="told to whoever asks")] = REASON,
     as_json: Json = False,
 ) -> None:
     """Stop the robot now; it will not move until helios clear-stop."""
@@ -49,7 +90,7 @@ def stop(
     if as_json:
         print_json(answer)
     else:
-        print("stopped; it will not move until: helios clear-stop")
+        print(SENTENCE)
 
 
 @app.command(name="clear-stop")

@@ -8,7 +8,7 @@ from helios_core.errors import HeliosError
 from rich.markup import escape
 from rich.table import Table
 
-from helios_client.commands.lists import PLAIN
+from helios_client.screen import plain_table
 from helios_client.sdk import Helios
 from helios_client.supervision import state_file
 from helios_client.tasks import Status
@@ -51,7 +51,7 @@ def find_status(
 
 def status_table(found: Status) -> Table:
     """One row a service."""
-    out = Table("service", "state", "pid", "restarts", "reason", **PLAIN)
+    out = plain_table("service", "state", "pid", "restarts", "reason")
     for s in found["services"]:
         color = _COLORS.get(s["state"], "red")
         pid = str(s["pid"]) if s["pid"] else "-"

@@ -1,8 +1,10 @@
-"""`helios task`: submit, watch live, tell how it ended."""
+"""`helios task` and `watch`: submit, watch live, tell how it ended."""
 
 from __future__ import annotations
 
+import math
 import time
+from collections.abc import Sequence
 
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, Unavailable
 from rich.console import Console
@@ -11,7 +13,9 @@ from rich.markup import escape
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
+from helios_client.commands.hangup import hangup_raises
 from helios_client.commands.lists import TASK_COLORS
+from helios_client.commands.status import stop_reason
 from helios_client.http.connection import POLL_S
 from helios_client.sdk import Helios
 from helios_client.supervision import state_file
@@ -28,6 +32,7 @@ def panel(task: Task, why: str) -> Table:
     out.add_column()
     color = TASK_COLORS.get(task.state, "bold")
     out.add_row("task", escape(task.instruction))
+    out.add_row("id", escape(task.id))
     out.add_row("state", f"[{color}]{task.state}[/]")
     if not task.ended:
         out.add_row("phase", task.phase.replace("_", " ") or "waiting")
@@ -37,7 +42,31 @@ def panel(task: Task, why: str) -> Table:
         out.add_row("why", escape(why))
     out.add_row("steps", f"{task.steps} of {task.max_steps}" if task.max_steps else f"{task.steps}")
     out.add_row("progress", ProgressBar(total=1.0, completed=task.progress, width=40))
+    if left := time_left(task):
+        out.add_row("left", left)
     return out
+
+
+def time_left(task: Task) -> str:
+    """`about 2 to 5 min left`; empty for a task that has ended, or where nobody can tell."""
+    if task.ended or not _is_range(task.eta_s):
+        return ""
+    low_s, high_s = sorted(max(0.0, s) for s in task.eta_s or ())
+    if high_s < 10:
+        return "less than 10 s left"
+    step_s, unit = (10, 10) if high_s < 90 else (60, 1)
+    low, high = unit * round(low_s / step_s), unit * math.ceil(high_s / step_s)
+    word = "s" if high_s < 90 else "min"
+    if low == 0:
+        return f"less than {high} {word} left"
+    return f"about {low} to {high} {word} left" if low < high else f"about {high} {word} left"
+
+
+def _is_range(eta_s: object) -> bool:
+    """Two numbers; a newer gateway may say it otherwise."""
+    if not isinstance(eta_s, Sequence) or len(eta_s) != 2:
+        return False
+    return all(isinstance(s, int | float) and math.isfinite(s) for s in eta_s)
 
 
 def wait_while_starting(helios: Helios, port: int, console: Console) -> None:
@@ -67,9 +96,11 @@ def say_stopped(helios: Helios, console: Console) -> None:
     """That a task which was submitted now waits for a person, where it does."""
     status = _status(helios)
     if status is not None and status["stopped"]:
+        reason = stop_reason(helios)
+        why = f" ({escape(reason)})" if reason else ""
         console.print(
-            "[red]stop-now is latched[/]: the task waits until `helios clear-stop`; Ctrl-C cancels "
-            "it", highlight=False, soft_wrap=True,
+            f"[red]stop-now is latched[/]{why}: the task waits until `helios clear-stop`",
+            highlight=False, soft_wrap=True,
         )  # fmt: skip
 
 
@@ -84,19 +115,32 @@ def watch_task(
     timeout_s: float,
     console: Console,
     notes: Console | None = None,
+    cancels: bool = True,
 ) -> Task:
-    """The task once it has ended. Interrupting cancels it first, and waits until the robot stands.
+    """The task once it has ended. Without a terminal each change of phase or message is a line.
 
-    Without a terminal each change of phase or message is a line. `notes`: where it is told that the
-    task waits for a person. Raises HeliosError.
+    Interrupting cancels it first, and waits until the robot stands; with `cancels` False the task
+    goes on. `notes`: where it is told that the task waits for a person. Raises HeliosError, and
+    HungUp where the terminal was closed: the task goes on.
     """
     try:
-        if notes is not None:
-            say_stopped(helios, notes)
-        if console.is_terminal:
-            return _watch_live(helios, task, timeout_s, console)
-        return _watch_lines(helios, task, timeout_s, console)
+        with hangup_raises(f"the task goes on; see it again with: helios watch {task.id}"):
+            console.print(
+                f"task {task.id}: {task.instruction}", highlight=False, markup=False,
+                soft_wrap=True,
+            )  # fmt: skip
+            if notes is not None:
+                say_stopped(helios, notes)
+            if console.is_terminal:
+                return _watch_live(helios, task, timeout_s, console)
+            return _watch_lines(helios, task, timeout_s, console)
     except KeyboardInterrupt:
+        if not cancels:
+            console.print(
+                f"the task goes on; end it with: helios cancel {task.id}",
+                highlight=False, markup=False, soft_wrap=True,
+            )  # fmt: skip
+            raise
         console.print("cancelling the task")
         try:
             _cancel(helios, task)
@@ -139,8 +183,9 @@ def _watch_lines(helios: Helios, task: Task, timeout_s: float, console: Console)
         line = (t.state, t.phase, t.message)
         if not said or said[-1] != line:
             said.append(line)
+            left = f" ({time_left(t)})" if time_left(t) else ""
             console.print(
-                f"{t.state} {t.progress:4.0%} {t.phase.replace('_', ' ')}: {t.message}",
+                f"{t.state} {t.progress:4.0%} {t.phase.replace('_', ' ')}: {t.message}{left}",
                 highlight=False, markup=False, soft_wrap=True,
             )  # fmt: skip
 

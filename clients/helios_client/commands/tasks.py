@@ -1,20 +1,29 @@
-"""`helios task`, `tasks`, `pause`, `resume`, `cancel`, `names`: what the robot shall do."""
+"""`helios task`, `watch`, `tasks`, `pause`, `resume`, `cancel`, `names`."""
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from helios_client.commands.options import At, Json, console, flat, named_values, print_json
+from helios_client.commands.options import At, Json, console, flat, named_values, print_json, say
 
 if TYPE_CHECKING:
-    from helios_client.tasks import Task
+    from collections.abc import Callable
+
+    from helios_client.sdk import Helios
+    from helios_client.tasks import Suggestions, Task
 
 app = typer.Typer()
 
-TaskId = Annotated[str, typer.Argument(help="of the task, or how it begins; see helios tasks")]
+TaskId = Annotated[
+    str, typer.Argument(help="of the task, or how it begins, or: last; see helios tasks")
+]
+Timeout = Annotated[float, typer.Option(help="longest wait", min=1.0)]
+NoWait = Annotated[
+    bool, typer.Option("--no-wait", help="print the task's id and end; the task goes on")
+]
+TASKS_TO_TRY = 5
 TaskState = Literal["queued", "running", "paused", "succeeded", "failed", "cancelled"]
 
 
@@ -24,7 +33,8 @@ def task(
     instruction: Annotated[str, typer.Argument(help='such as "Move the mug to the sofa"')],
     at: At,
     as_json: Json = False,
-    timeout_s: Annotated[float, typer.Option(help="longest wait", min=1.0)] = 3600.0,
+    timeout_s: Timeout = 3600.0,
+    no_wait: NoWait = False,
     agent: Annotated[
         str | None,
         typer.Option(
@@ -53,26 +63,71 @@ def task(
 ) -> None:
     """Submit a task and watch it; exit status 0 if it succeeded.
 
-    On a stopped robot it waits until helios clear-stop, and says so.
+    Ctrl-C cancels the task. On a stopped robot it waits until helios clear-stop, and says so.
     """
-    from helios_client.commands.task_view import wait_while_starting, watch_task
-
     settings = named_values(own or ())
+    submit_and_watch(
+        at,
+        lambda helios: helios.submit(
+            instruction, max_steps, agent, time_limit_s, priority, settings
+        ),
+        as_json, timeout_s, no_wait,
+    )  # fmt: skip
+
+
+def submit_and_watch(
+    at: At, submit: Callable[[Helios], Task], as_json: bool, timeout_s: float, no_wait: bool
+) -> None:
+    """Submit a task and show it until it has ended, or with no_wait print its id. Raises typer.Exit
+    where it did not succeed."""
+    from helios_client.commands.task_view import say_stopped, wait_while_starting, watch_task
+
     with at.connect() as helios:
         if at.url is None:
             wait_while_starting(helios, at.port, console(stderr=True))
-        # With --json the live view goes to stderr, so that stdout holds JSON and nothing else.
-        asked = helios.submit(instruction, max_steps, agent, time_limit_s, priority, settings)
+        asked = submit(helios)
         if asked.unused:
             said = ", ".join(f"“{words}”" for words in asked.unused)
-            print(f"helios: not used: {said}", file=sys.stderr)
+            say(f"helios: not used: {said}", stderr=True)
+        # With --json the live view goes to stderr, so that stdout holds JSON and nothing else.
         notes = console(stderr=True)
+        if no_wait:
+            say_stopped(helios, notes)
+            print_json(asked.raw) if as_json else say(asked.id)
+            return
         ended = watch_task(helios, asked, timeout_s, console(stderr=as_json), notes)
+    _tell_end(ended, as_json)
+
+
+@app.command()
+@flat
+def watch(
+    at: At,
+    id: TaskId = "last",
+    timeout_s: Timeout = 3600.0,
+    as_json: Json = False,
+) -> None:
+    """Watch a task that was submitted before; exit status 0 if it succeeded.
+
+    Ctrl-C ends the watching, not the task.
+    """
+    from helios_client.commands.lists import task_by_name
+    from helios_client.commands.task_view import watch_task
+
+    with at.connect() as helios:
+        task, notes = task_by_name(helios, id), console(stderr=True)
+        screen = console(stderr=as_json)
+        ended = watch_task(helios, task, timeout_s, screen, notes, cancels=False)
+    _tell_end(ended, as_json)
+
+
+def _tell_end(ended: Task, as_json: bool) -> None:
+    """Status 1 for a task that did not succeed."""
     if as_json:
         print_json(ended.raw)
     if not ended.succeeded:
         how = "was cancelled" if ended.state == "cancelled" else ended.state
-        print(f"helios: the task {how}: {ended.message}", file=sys.stderr)
+        say(f"helios: the task {how}: {ended.message}", stderr=True)
         raise typer.Exit(1)
 
 
@@ -80,7 +135,9 @@ def task(
 @flat
 def tasks(
     at: At,
-    state: Annotated[TaskState | None, typer.Option(help="only those in this state")] = None,
+    state: Annotated[
+        TaskState | None, typer.Option(help="only those in this state", case_sensitive=False)
+    ] = None,
     limit: Annotated[int | None, typer.Option(help="at most so many", min=1, max=1000)] = None,
     as_json: Json = False,
 ) -> None:
@@ -99,37 +156,79 @@ def tasks(
 
 @app.command()
 @flat
-def names(at: At, as_json: Json = False) -> None:
+def names(
+    at: At,
+    here: Annotated[
+        bool, typer.Option("--here", help="what was seen in this home, and tasks to try there")
+    ] = False,
+    as_json: Json = False,
+) -> None:
     """What can be asked for: the names that the detector knows, of things and furniture."""
     with at.connect() as helios:
+        if here:
+            _print_here(helios.suggestions(TASKS_TO_TRY), as_json)
+            return
         found = helios.vocabulary()
     if as_json:
         print_json(found)
     elif found["open"]:
-        print(f"any name can be asked for: the detector ({found['detector']}) is open")
+        say(f"any name can be asked for: the detector ({found['detector']}) is open")
     else:
         _print_names(sorted(name.replace("_", " ") for name in found["names"]))
 
 
 @app.command()
 @flat
-def cancel(id: TaskId, at: At, as_json: Json = False) -> None:
-    """Ask a task to end; the robot comes to rest."""
-    from helios_client.commands.lists import task_by_prefix
+def cancel(
+    at: At,
+    id: Annotated[
+        str | None,
+        typer.Argument(help="of the task, or how it begins, or: last; see helios tasks"),
+    ] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="every task that is queued, running or paused")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Ask a task to end, or all of them; the robot comes to rest."""
+    from helios_client.commands.lists import task_by_name
+    from helios_client.wrong_use import WrongUse
 
+    if (id is None) is not everything:
+        raise WrongUse("name one task, or --all; list them with helios tasks")
     with at.connect() as helios:
-        ended = helios.cancel(task_by_prefix(helios, id).id)
-    _print_task(ended, as_json)
+        if id is not None:
+            _print_task(helios.cancel(task_by_name(helios, id).id), as_json)
+            return
+        ended = _cancel_all(helios)
+    if as_json:
+        print_json({"tasks": [task.raw for task in ended]})
+    else:
+        print(f"{len(ended)} task{'' if len(ended) == 1 else 's'} cancelled")
+
+
+def _cancel_all(helios: Helios) -> list[Task]:
+    """The queued ones first, so that none of them begins. Raises HeliosError."""
+    from helios_core.errors import Conflict
+
+    open_tasks = [task for task in helios.tasks() if not task.ended]
+    cancelled = []
+    for task in sorted(open_tasks, key=lambda task: task.state != "queued"):
+        try:
+            cancelled.append(helios.cancel(task.id))
+        except Conflict:  # it ended by itself
+            continue
+    return cancelled
 
 
 @app.command()
 @flat
 def pause(id: TaskId, at: At, as_json: Json = False) -> None:
     """Let a task wait, a running one where it is, until helios resume."""
-    from helios_client.commands.lists import task_by_prefix
+    from helios_client.commands.lists import task_by_name
 
     with at.connect() as helios:
-        task = helios.pause(task_by_prefix(helios, id).id)
+        task = helios.pause(task_by_name(helios, id).id)
     _print_task(task, as_json)
 
 
@@ -137,10 +236,10 @@ def pause(id: TaskId, at: At, as_json: Json = False) -> None:
 @flat
 def resume(id: TaskId, at: At, as_json: Json = False) -> None:
     """Go on with a paused task."""
-    from helios_client.commands.lists import task_by_prefix
+    from helios_client.commands.lists import task_by_name
 
     with at.connect() as helios:
-        task = helios.resume(task_by_prefix(helios, id).id)
+        task = helios.resume(task_by_name(helios, id).id)
     _print_task(task, as_json)
 
 
@@ -148,7 +247,24 @@ def _print_task(task: Task, as_json: bool) -> None:
     if as_json:
         print_json(task.raw)
     else:
-        print(f"task {task.id} is {task.state}: {task.message}".removesuffix(": "))
+        say(f"task {task.id} is {task.state}: {task.message}".removesuffix(": "))
+
+
+def _print_here(found: Suggestions, as_json: bool) -> None:
+    from helios_client.commands.lists import seen_name_table
+
+    if as_json:
+        print_json(found)
+        return
+    if found["seen"]:
+        console().print(seen_name_table(found["seen"]))
+    elif found["seen"] is None:
+        print("what was seen is not known: the object map does not answer")
+    else:
+        print("nothing was seen yet of what a task looked for")
+    print("\nTasks to try:")
+    for text in found["tasks"]:
+        say(f'  helios task "{text}"')
 
 
 def _print_names(names: list[str]) -> None:
@@ -160,4 +276,5 @@ def _print_names(names: list[str]) -> None:
     if screen.is_terminal:
         screen.print(Columns([Text(name) for name in names], column_first=True, padding=(0, 3)))
     else:
-        print("\n".join(names))
+        for name in names:
+            say(name)

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from helios_client.commands.options import At, Json, console, flat, named_values, print_json
-
-if TYPE_CHECKING:
-    from helios_client.sdk import Helios
-    from helios_client.tasks import Task
 
 app = typer.Typer()
 
@@ -38,11 +34,12 @@ def why(
     as_json: Json = False,
 ) -> None:
     """Why a task did what it did. Every decision, its candidates, and one sentence."""
+    from helios_client.commands.lists import task_by_name
     from helios_client.commands.why_view import flips, report
 
     named_values(changes or ())  # refused before anybody is asked
     with at.connect() as helios:
-        found = _task(helios, task)
+        found = task_by_name(helios, task)
         decisions = helios.decisions(found.id, changes or ())
     if as_json:
         out = {"task": found.raw, "decisions": [d.raw for d in decisions]}
@@ -51,15 +48,3 @@ def why(
         print_json(out)
         return
     console().print(report(found, decisions, changes or (), top, everything))
-
-
-def _task(helios: Helios, id: str) -> Task:
-    from helios_client.commands.lists import task_by_prefix
-    from helios_client.wrong_use import WrongUse
-
-    if id != "last":
-        return task_by_prefix(helios, id)
-    newest = helios.tasks(limit=1)
-    if not newest:
-        raise WrongUse("there is no task yet; submit one with helios task")
-    return newest[0]

@@ -95,6 +95,6 @@ def _instead(decision: Decision) -> Padding:
     again: dict[str, Any] = decision.recomputed or {}
     if again["flips"]:
         mark = Text("would " if again["certain"] else "perhaps would ", style="bold yellow")
-        return Padding(mark.append(again["why"], style="yellow"), (0, 0, 0, INDENT))
+        return Padding(mark.append(again["why"], style="yellow"), (0, 0, 0, INDENT), expand=False)
     words = "would stay so" if again["certain"] else "cannot be told: it was not asked for then"
-    return Padding(Text(words, style="dim"), (0, 0, 0, INDENT))
+    return Padding(Text(words, style="dim"), (0, 0, 0, INDENT), expand=False)

@@ -30,6 +30,7 @@ from helios_client.tasks import (
     Seen,
     SeenView,
     Status,
+    Suggestions,
     Task,
     Vocabulary,
 )
@@ -117,6 +118,10 @@ def decisions(id: str, changes: Sequence[str] = ()) -> Call[tuple[Decision, ...]
 
 def vocabulary() -> Call[Vocabulary]:
     return Call("GET", "/vocabulary", _json)
+
+
+def suggestions(limit: int) -> Call[Suggestions]:
+    return Call("GET", "/suggestions", _json, query={"limit": limit})
 
 
 def objects(class_name: str | None, min_score: float | None) -> Call[tuple[FoundObject, ...]]:

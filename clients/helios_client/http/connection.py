@@ -6,7 +6,9 @@ from typing import Any
 from urllib.parse import quote
 
 import httpx
+from helios_core.errors import InvalidInput
 
+from helios_client.http.address import base_url as full_url
 from helios_client.http.calls import Call, event_query
 
 POLL_S = 0.3
@@ -19,7 +21,15 @@ class Connection:
     """Addresses, deadlines and headers; no I/O."""
 
     def __init__(self, base_url: str, timeout_s: float, key: str | None, robot: str | None) -> None:
-        self.url = base_url.rstrip("/")
+        """Raises InvalidInput for an address or a key that can be none."""
+        try:
+            self.url = full_url(base_url)
+        except ValueError as error:
+            raise InvalidInput(str(error)) from error
+        if key and not (key.isascii() and key.isprintable()):
+            raise InvalidInput(
+                "the API key has letters that no key has; give it as `helios key` printed it"
+            )
         self._prefix = f"/v1/robots/{quote(robot, safe='')}" if robot else "/v1"
         self._timeout_s = timeout_s
         self._headers = {"authorization": f"Bearer {key}"} if key else {}

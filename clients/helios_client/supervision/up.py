@@ -14,9 +14,9 @@ from pathlib import Path
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.service import ending_signals
 from helios_core.signals import on_signals
-from rich.console import Console
 from rich.markup import escape
 
+from helios_client.screen import Screen as TextScreen
 from helios_client.supervision import state_file
 from helios_client.supervision.board import Board, ServiceRow, as_json, is_ready
 from helios_client.supervision.link import Link
@@ -32,8 +32,8 @@ SAY_WAITING_AFTER_S = 20.0
 SAY_DEGRADED_S = 10.0
 
 
-class Screen(Console):
-    """A console whose reader may end, as in `helios up | tee log`: the robot goes on unseen."""
+class Screen(TextScreen):
+    """A screen whose reader may end, as in `helios up | tee log`: the robot goes on unseen."""
 
     def on_broken_pipe(self) -> None:
         """Be quiet from now on. Rich would end the program, too."""

@@ -6,9 +6,9 @@ import importlib
 import json
 from pathlib import Path
 
+from helios_client.screen import Screen
 from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
-from rich.console import Console
 from rich.table import Table
 
 from helios_eval.origin import commit, machine
@@ -29,7 +29,7 @@ def main(only: str | None = None, json_path: Path | None = None) -> None:
     """Measure all rows, or the one named `only`; print a table; write JSON where asked to."""
     if only is not None and only not in ROWS:
         raise InvalidInput(f"no row is called {only!r}; wanted one of {', '.join(ROWS)}")
-    console = Console()
+    console = Screen()
     rows = []
     for name in [only] if only else ROWS:
         with console.status(f"measuring {name}"):

@@ -7,7 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 from helios_core import proto as pb
 from helios_core.bus import Bus
-from helios_core.errors import InvalidInput
+from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.topics import (
     CANCEL,
     DECISIONS,
@@ -27,10 +27,11 @@ from helios_gateway.fleet import At
 from helios_gateway.keys import Scope
 from helios_gateway.problems import NotFound, problems
 from helios_gateway.settings import Settings
+from helios_gateway.suggestions import suggestions as suggested
 
 
 def task_routes(prefix: str, settings: Settings) -> APIRouter:
-    """`/tasks…` and `/vocabulary`."""
+    """`/tasks…`, `/vocabulary` and `/suggestions`."""
     routes = APIRouter(prefix=prefix, tags=["tasks"], dependencies=secured(Scope.READ))
     timeout_s = settings.call_timeout_s
 
@@ -136,6 +137,23 @@ def task_routes(prefix: str, settings: Settings) -> APIRouter:
             names=list(reply.names),
             detector=reply.detector,
             scorer=reply.scorer,
+        )
+
+    @routes.get("/suggestions", summary="Tasks to try in this home", responses=problems())
+    def suggestions(
+        at: At, limit: Annotated[int, Query(ge=1, le=20, description="tasks at most")] = 3
+    ) -> models.Suggestions:
+        """Of what was seen here and of the names that the detector knows."""
+        known = at.bus.call(VOCABULARY, pb.Empty(), timeout_s)
+        robot = at.live.robot().description
+        has_arm = robot is None or (robot.can_pick and robot.can_place)
+        try:
+            believed = convert.believed(at.live.maps.objects())
+        except (Unavailable, DeadlineExceeded):
+            believed = None
+        return models.Suggestions(
+            tasks=suggested(known.open, known.names, has_arm, believed or (), limit),
+            seen=None if believed is None else convert.seen_names(believed),
         )
 
     return routes

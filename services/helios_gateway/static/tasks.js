@@ -1,6 +1,6 @@
 // The task box, the task in view, and the tasks before it.
-import { $, Problem, ask, element, facts, send, words } from "./api.js";
-import { exampleOf, suggestions } from "./suggestions.js";
+import { $, Problem, ask, coalesced, element, facts, send, words } from "./api.js";
+import { exampleOf } from "./suggestions.js";
 
 const MARKS = { done: "✓", failed: "✕", active: "", waiting: "" };
 const ENDED = ["succeeded", "failed", "cancelled"];
@@ -22,7 +22,8 @@ export class Tasks {
     this.inView = null;
     this.onView = onView;
     this.vocabulary = null; // what the detector can look for
-    this.hasArm = true; // until the robot says that it has none
+    this.hasArm = null; // not known until the robot says what it can do
+    this.suggest = coalesced(() => this.showSuggestions());
     $("ask").addEventListener("submit", (event) => {
       event.preventDefault();
       this.submit();
@@ -46,12 +47,15 @@ export class Tasks {
 
   /** `description` of the robot. */
   takeRobot(description) {
-    this.hasArm = description.can_pick && description.can_place;
+    const hasArm = description.can_pick && description.can_place;
+    if (hasArm === this.hasArm) return;
+    this.hasArm = hasArm;
     this.suggest();
   }
 
-  suggest() {
-    const texts = this.vocabulary ? suggestions(this.vocabulary, this.hasArm) : [];
+  /** Tasks to try, as the gateway suggests them for this robot and home. */
+  async showSuggestions() {
+    const texts = (await ask("/suggestions")).tasks;
     $("try").hidden = !texts.length;
     if (texts.join() === this.suggested) return; // a list that is drawn anew loses the keyboard's place
     this.suggested = texts.join();
@@ -94,6 +98,7 @@ export class Tasks {
     const isNew = !this.tasks.has(task.id);
     const began = task.state === "running" && this.tasks.get(task.id)?.state !== "running";
     this.tasks.set(task.id, task);
+    if (ENDED.includes(task.state)) this.suggest(); // more of the home is known now
     const seen = this.tasks.get(this.inView);
     if (began || (isNew && (!seen || ENDED.includes(seen.state)))) this.view(task.id);
     else this.draw();

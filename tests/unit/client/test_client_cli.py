@@ -14,6 +14,7 @@ import pytest
 from helios_client.cli import run
 from helios_client.commands.doctor import examine
 from helios_client.supervision.stack import Stack
+from helios_client.version import helios_version
 
 from tests.support import free_port
 
@@ -57,11 +58,14 @@ def test_help_does_not_wait_for_heavy_imports(heavy: str) -> None:
         [],
         ["up"],
         ["task"],
+        ["watch"],
         ["tasks"],
         ["names"],
         ["go"],
         ["explore"],
         ["home"],
+        ["logs"],
+        ["camera"],
         ["cancel"],
         ["status"],
         ["stop"],
@@ -202,6 +206,49 @@ def test_a_variable_makes_every_start_record(
         monkeypatch.setenv("HELIOS_RECORD", set_to)
     assert helios("up", "--state", str(tmp_path)).status == 0
     assert started[0].record == (folder and tmp_path / folder)
+
+
+def test_the_version_is_told_by_an_option_and_by_the_doctor(helios: Helios) -> None:
+    assert helios("--version") == Done(0, f"helios {helios_version()}\n", "")
+    told = helios("doctor", "--port", str(free_port())).out
+    assert f"ok      HELIOS {helios_version()}\n" in told
+
+
+@pytest.mark.parametrize(
+    "args",
+    [["--port", "PORT", "status"], ["--port=PORT", "map", "export"], ["--url", "localhost:PORT",
+     "objects"], ["--port", "1", "status", "--port", "PORT"], ["--robot", "x", "--port", "PORT",
+     "tasks", "--limit", "3"], ["status", "--url", "http://localhost:PORT/"]],
+)  # fmt: skip
+def test_where_to_ask_is_said_before_the_command_or_behind_it(
+    args: list[str], helios: Helios
+) -> None:
+    port = str(free_port())
+    done = helios(*(arg.replace("PORT", port) for arg in args))
+    assert (done.status, done.out) == (1, "")
+    assert f":{port}; start HELIOS with" in done.error
+
+
+def test_other_options_before_the_command_are_told_their_place(helios: Helios) -> None:
+    done = helios("--json", "status")
+    assert done.status == 2
+    assert "helios COMMAND --json" in done.error
+    assert helios("--port", "8080").status == 2
+    assert helios("--port", "8080", "--help").status == 0
+
+
+@pytest.mark.parametrize(
+    "url", ["ftp://localhost", "http://", "localhost:99999", "a b:1?x=y", ":0"]
+)
+def test_an_address_that_is_none_is_wrong_use(
+    url: str, helios: Helios, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for args in (["status"], ["stop"], ["mcp"]):
+        done = helios(*args, "--url", url)
+        assert (done.status, done.error.count("\n")) == (2, 1)
+        assert "wanted http://HOST:PORT or HOST:PORT" in done.error
+    monkeypatch.setenv("HELIOS_URL", url)
+    assert helios("tasks").status == 2
 
 
 def test_the_doctor_tells_programs_too(helios: Helios) -> None:

@@ -7,10 +7,14 @@ import json
 from collections.abc import Awaitable, Callable
 from typing import Any
 
+import httpx
 import pytest
 from helios_client.mcp_server import build
+from helios_client.mcp_tools import answers
 from helios_client.sdk_async import AsyncHelios
+from helios_client.version import helios_version
 from helios_core.errors import Unavailable
+from helios_gateway import map_models, models
 from mcp import Client
 from mcp.types import ImageContent, TextContent
 
@@ -51,8 +55,113 @@ def test_an_agent_finds_the_tools_with_their_meaning() -> None:
             "submit_task", "wait_for_task", "list_tasks", "cancel_task", "why", "objects",
             "where_seen", "map_info", "map_picture", "camera", "robot", "status", "stop_robot",
             "clear_stop", "go_to_point", "explore", "go_home", "drive",
+            "pause_task", "resume_task", "vocabulary", "suggest_tasks",
         }  # fmt: skip
-        assert all(tool.description for tool in tools.values())
+        for tool in tools.values():
+            assert tool.title
+            assert tool.description
+            assert "  " not in tool.description
+            assert "\n" not in tool.description
+
+    used(act)
+
+
+def test_an_agent_is_told_what_each_tool_may_do() -> None:
+    async def act(_: Served, client: Client) -> None:
+        hints = {tool.name: tool.annotations for tool in (await client.list_tools()).tools}
+        reads = {name for name, hint in hints.items() if hint and hint.read_only_hint}
+        acts = {
+            "submit_task", "cancel_task", "pause_task", "resume_task", "stop_robot", "clear_stop",
+            "go_to_point", "explore", "go_home", "drive",
+        }  # fmt: skip
+        assert reads == set(hints) - acts
+        destroys = {name for name in acts if (hint := hints[name]) and hint.destructive_hint}
+        assert destroys == {"cancel_task", "clear_stop"}
+        again = {name for name in acts if (hint := hints[name]) and hint.idempotent_hint}
+        assert again == acts - {"submit_task", "go_to_point", "explore", "go_home", "drive"}
+        assert all(hint and hint.title for hint in hints.values())
+
+    used(act)
+
+
+def test_the_server_says_its_version() -> None:
+    async def act(_: Served, client: Client) -> None:
+        info = client.server_info
+        assert info is not None
+        assert info.version == helios_version()
+
+    used(act)
+
+
+def test_answers_are_structured_by_a_schema_and_whole() -> None:
+    async def act(house: Served, client: Client) -> None:
+        tools = {tool.name: tool for tool in (await client.list_tools()).tools}
+        pictures = {"map_picture", "camera"}
+        assert {name for name, tool in tools.items() if tool.output_schema is None} == pictures
+        submitted = await client.call_tool("submit_task", {"instruction": INSTRUCTION})
+        task = {"eta_s": None} | httpx.get(f"{house.url}/v1/tasks/t1").json()
+        assert submitted.structured_content == task
+        listed = await client.call_tool("list_tasks", {"state": "queued"})
+        assert listed.structured_content == {"result": [task]}
+        for tool, path in (("vocabulary", "vocabulary"), ("robot", "robot"), ("status", "status")):
+            answer = await client.call_tool(tool, {})
+            told = httpx.get(f"{house.url}/v1/{path}").json()
+            assert _steady(answer.structured_content) == _steady(told)
+        objects = await client.call_tool("objects", {"min_score": 0.7})
+        told = httpx.get(f"{house.url}/v1/objects?min_score=0.7").json()["objects"]
+        assert objects.structured_content == {"result": told}
+        seen = await client.call_tool("where_seen", {"prompt": "mug"})
+        assert seen.structured_content is not None
+        assert len(seen.structured_content["views"]) == 3
+
+    used(act)
+
+
+def _steady(answer: Any) -> Any:
+    """Without what changes from second to second."""
+    if isinstance(answer, dict):
+        return {k: _steady(v) for k, v in answer.items() if not k.endswith(("_s", "heard"))}
+    return [_steady(v) for v in answer] if isinstance(answer, list) else answer
+
+
+def test_the_schemas_name_fields_that_the_interface_has() -> None:
+    task = {name for name in answers.Task.model_fields if name != "eta_s"}
+    assert task <= set(models.Task.model_fields)
+    assert set(answers.Decision.model_fields) <= set(models.Decision.model_fields)
+    assert set(answers.FoundObject.model_fields) <= set(map_models.ObjectInstance.model_fields)
+    assert set(answers.Map.model_fields) - {"frontiers"} <= set(map_models.MapInfo.model_fields)
+    for ours, theirs in (
+        (answers.Vocabulary, models.Vocabulary), (answers.Suggestions, models.Suggestions),
+        (answers.Robot, models.Robot), (answers.Status, models.Status),
+    ):  # fmt: skip
+        assert set(ours.model_fields) <= set(theirs.model_fields)
+
+
+def test_an_agent_pauses_and_resumes_a_task() -> None:
+    async def act(house: Served, client: Client) -> None:
+        await said(client, "submit_task", instruction=INSTRUCTION)
+        house.backend.change_task("t1", "running")
+        assert (await said(client, "pause_task", id="t1"))["state"] == "paused"
+        assert (await said(client, "resume_task", id="t1"))["state"] == "running"
+
+    used(act)
+
+
+def test_an_agent_is_told_what_can_be_asked_for() -> None:
+    async def act(_: Served, client: Client) -> None:
+        assert (await said(client, "vocabulary"))["names"][0] == "bowl"
+        told = await said(client, "suggest_tasks", limit=2)
+        assert len(told["tasks"]) == 2
+        assert {one["name"] for one in told["seen"]} == {"mug", "coffee table", "kitchen counter"}
+
+    used(act)
+
+
+def test_a_wait_for_a_task_that_is_not_there_says_so() -> None:
+    async def act(_: Served, client: Client) -> None:
+        result = await client.call_tool("wait_for_task", {"id": "none", "timeout_s": 1})
+        assert result.is_error
+        assert "none" in str(result.content)
 
     used(act)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 from collections.abc import Callable, Iterator
@@ -10,10 +11,12 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
+from helios_client.http.address import base_url
 from helios_client.http.errors import WrongRequest
 from helios_client.http.events import EventParser
 from helios_client.sdk import Helios
-from helios_client.tasks import Event
+from helios_client.sdk_async import AsyncHelios
+from helios_client.tasks import Decision, Event, FoundObject, Task
 from helios_core.errors import (
     Conflict,
     DeadlineExceeded,
@@ -218,3 +221,56 @@ def test_events_round_trip(data: dict[str, Any]) -> None:
     lines = ["id: 7", "event: map", f"data: {json.dumps(data)}", ""]
     parser = EventParser()
     assert [parser.feed(line) for line in lines] == [None, None, None, Event("map", data, "7")]
+
+
+@pytest.mark.parametrize(
+    ("said", "url"),
+    [
+        ("localhost:8191", "http://localhost:8191"),
+        ("robot", "http://robot"),
+        ("http://robot:80/", "http://robot:80"),
+        (" https://robot/behind/a/proxy/ ", "https://robot/behind/a/proxy"),
+        ("[::1]:8080", "http://[::1]:8080"),
+        ("127.0.0.1:1", "http://127.0.0.1:1"),
+    ],
+)
+def test_an_address_may_lack_its_scheme(said: str, url: str) -> None:
+    assert base_url(said) == url
+    asked: list[str] = []
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        asked.append(str(request.url))
+        return httpx.Response(200, json={"tasks": []})
+
+    Helios(said, transport=httpx.MockTransport(answer)).tasks()
+    assert asked == [str(httpx.URL(f"{url}/v1/tasks"))]
+
+
+@pytest.mark.parametrize("said", ["", "ftp://robot", "http://", "robot:port", "robot:70000", "[::"])
+def test_what_is_no_address_is_said_in_one_sentence(said: str) -> None:
+    for kind in (Helios, AsyncHelios):
+        with pytest.raises(InvalidInput, match="wanted http://HOST:PORT or HOST:PORT"):
+            kind(said)
+
+
+@given(st.text(max_size=30))
+def test_any_text_is_an_address_or_refused(said: str) -> None:
+    with contextlib.suppress(ValueError):
+        assert base_url(base_url(said)) == base_url(said)
+
+
+@pytest.mark.parametrize("key", ["ключ", "a\nb"])
+def test_a_key_that_no_header_can_hold_is_refused(key: str) -> None:
+    with pytest.raises(InvalidInput, match="helios key"):
+        Helios("robot", key=key)
+
+
+def test_fields_of_a_newer_gateway_are_kept_and_do_no_harm() -> None:
+    newer = {"new": {"a": 1}, "raw": "x", "id": "t1", "state": "running", "eta_s": None}
+    task = Task.from_json(newer)
+    assert (task.id, task.eta_s, task.time_limit_s, task.raw) == ("t1", None, None, newer)
+    found = {"id": 3, "class": "mug", "new": 1}
+    assert FoundObject.from_json(found).class_name == "mug"
+    assert FoundObject.from_json(found).raw == found
+    decision = Decision.from_json({"index": 2, "new": []})
+    assert (decision.index, decision.raw["new"]) == (2, [])

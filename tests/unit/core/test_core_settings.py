@@ -60,6 +60,27 @@ def test_a_file_that_is_not_there_ends_with_2(capsys: pytest.CaptureFixture[str]
     assert "/nowhere/helios.toml" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"[sample\ncell_m = 1\n", "is no TOML: Expected ']'"),
+        (b"[sample]\ncell_m = \n", "(at line 2, column 10)"),
+        (b"[sample]\nname = '\xff'\n", "is no UTF-8 text"),
+    ],
+)
+def test_a_file_that_is_no_toml_is_named_with_the_line(
+    content: bytes, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "helios.toml"
+    file.write_bytes(content)
+    with pytest.raises(SystemExit) as ended:
+        Settings.load(["--config", str(file)])
+    assert ended.value.code == 2
+    told = capsys.readouterr().err
+    assert f"{file} is no " in told
+    assert words in told
+
+
 def test_a_table_for_all_services_counts_where_their_own_says_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

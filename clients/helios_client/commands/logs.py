@@ -1,0 +1,91 @@
+"""`helios logs`: what the services wrote, also after `helios up` has ended."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from helios_core.errors import InvalidInput, Unavailable
+
+from helios_client.supervision import state_file
+from helios_client.wrong_use import WrongUse
+
+FOLLOW_S = 0.2
+ENDING = ".log"
+
+
+def log_folder(port: int, state: Path | None) -> Path:
+    """`STATE/logs` of the `helios up` of this port: the running one, or the last one there."""
+    default = state or state_file.default_state_dir(port)
+    known = state_file.read(default) or {}
+    return Path(known.get("state_dir", default)) / "logs"
+
+
+def services_in(folder: Path) -> list[str]:
+    """The services that have a log there. Raises Unavailable where none has."""
+    names = sorted(path.stem for path in folder.glob(f"*{ENDING}"))
+    if not names:
+        raise Unavailable(
+            f"there are no logs in {folder}; name the --port or --state of a helios up"
+        )
+    return names
+
+
+def log_file(folder: Path, service: str) -> Path:
+    """The newest log of a service, whose name may be in any case. Raises WrongUse with the names
+    that there are, and Unavailable where there are none."""
+    names = services_in(folder)
+    found = next((name for name in names if name.casefold() == service.casefold()), None)
+    if found is None:
+        raise WrongUse(f"no service {service!r} has a log; there are {', '.join(names)}")
+    return folder / f"{found}{ENDING}"
+
+
+def newest_lines(file: Path, count: int) -> tuple[list[str], BinaryIO]:
+    """The newest lines, oldest first, and the file, opened and read up to there. Of the log before
+    it (`.log.1`), too, where the file has fewer. Raises InvalidInput where it cannot be read."""
+    lines: deque[bytes] = deque(maxlen=count)
+    try:
+        with contextlib.suppress(FileNotFoundError), _older(file).open("rb") as older:
+            lines.extend(older)
+        opened = file.open("rb")
+        lines.extend(opened)
+    except OSError as error:
+        raise InvalidInput(f"{error.filename} cannot be read: {error.strerror}") from error
+    return [_text(line) for line in lines], opened
+
+
+def new_lines(file: Path, opened: BinaryIO) -> Iterator[str]:
+    """Each line that is written from here on, for ever; a log that is put aside is read to its end,
+    then the new one from its beginning."""
+    half = b""
+    while True:
+        replaced = _is_replaced(file, opened)  # asked first: what is read then is all of it
+        *lines, half = (half + opened.read()).split(b"\n")
+        for line in lines:
+            yield _text(line)
+        if replaced:
+            opened.close()
+            opened = file.open("rb")
+        elif not lines:
+            time.sleep(FOLLOW_S)
+
+
+def _text(line: bytes) -> str:
+    return line.decode(errors="replace").rstrip("\r\n")
+
+
+def _older(file: Path) -> Path:
+    return file.with_suffix(f"{ENDING}.1")
+
+
+def _is_replaced(file: Path, opened: BinaryIO) -> bool:
+    try:
+        return not os.path.samestat(file.stat(), os.fstat(opened.fileno()))
+    except FileNotFoundError:  # between the two names
+        return False

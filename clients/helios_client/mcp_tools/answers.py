@@ -1,0 +1,138 @@
+"""What the tools answer: the objects of the HTTP interface.
+
+Each model names the fields that an agent uses, for its schema; every other field goes with it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Answer(BaseModel):
+    """An object of the HTTP interface, whole."""
+
+    model_config = ConfigDict(extra="allow")
+
+
+Text = Annotated[str | None, Field(default=None)]
+Number = Annotated[float | None, Field(default=None)]
+Metres = Annotated[list[float | None] | None, Field(default=None, description="metres")]
+
+
+class Task(Answer):
+    """A task and how far it is. Times are seconds since 1970."""
+
+    id: str
+    instruction: str
+    state: str = Field(description="queued, running, paused, succeeded, failed or cancelled")
+    phase: Text
+    message: str | None = Field(default=None, description="what it does now, or why it ended")
+    seeking: Text
+    cause: str | None = Field(default=None, description="of a failure: one of a closed list")
+    progress: float | None = Field(default=None, description="0 to 1")
+    eta_s: list[float] | None = Field(
+        default=None, description="seconds left, at least and at most; null: not known"
+    )
+    steps: int | None = Field(default=None, description="steps of the robot so far")
+    on_hold: bool | None = Field(default=None, description="paused by somebody")
+
+
+class Decision(Answer):
+    """What was decided, by which rule and why."""
+
+    index: int | None = None
+    phase: Text
+    rule: Text
+    why: str | None = Field(default=None, description="one sentence")
+    candidates: list[dict[str, Any]] | None = Field(
+        default=None, description="what it chose from, each with its terms"
+    )
+
+
+class FoundObject(Answer):
+    """One instance of the object map; world z up."""
+
+    id: int
+    class_name: str | None = Field(default=None, alias="class")
+    center_m: Metres
+    size_m: Metres
+    score: float | None = Field(default=None, description="Ψ: class score less uncertainty")
+    views: int | None = Field(default=None, description="distinct viewpoints")
+
+
+class Seen(Answer):
+    """Where something was seen; the pictures of the views follow as images, in their order."""
+
+    prompt: Text
+    objects: list[FoundObject] = Field(description="believed, of that name, the surest first")
+    views: list[dict[str, Any]] = Field(description="past views that fit, the best first")
+    views_note: Text
+
+
+class Vocabulary(Answer):
+    """What can be asked for."""
+
+    open: bool = Field(description="any name; else those in `names` alone")
+    names: list[str]
+    detector: Text
+
+
+class Suggestions(Answer):
+    """What to ask for in this home."""
+
+    tasks: list[str] = Field(description="instructions that this robot can do")
+    seen: list[dict[str, Any]] | None = Field(
+        default=None, description="names with score and number of objects, the surest first"
+    )
+
+
+class Map(Answer):
+    """The 2D map without its cells."""
+
+    cell_m: Number
+    origin_m: Metres
+    width_cells: int | None = None
+    height_cells: int | None = None
+    explored_m2: Number
+    robot: dict[str, Any] | None = Field(default=None, description="x_m, y_m, yaw_rad")
+    frontiers: list[dict[str, Any]] = Field(description="borders of what was seen, with values")
+
+
+class Robot(Answer):
+    """The robot."""
+
+    connected: bool
+    state: dict[str, Any] | None = Field(
+        default=None, description="pose, held, moving, stopped, message; null: not heard yet"
+    )
+    description: dict[str, Any] | None = Field(default=None, description="what it can do")
+
+
+class Moved(Answer):
+    """What came of one short move, as the robot measured it."""
+
+    succeeded: bool
+    reason: str | None = Field(default=None, description="one sentence when it failed")
+    moved_m: Number
+    turned_rad: Number
+    collided: bool | None = None
+
+
+class Service(Answer):
+    """How one service is."""
+
+    name: str
+    state: str = Field(description="starting, waiting, ready, degraded, stopping or down")
+    reason: Text
+    restarts: int | None = None
+
+
+class Status(Answer):
+    """Whether a task submitted now would start, and how every service is."""
+
+    ready: bool
+    stopped: bool | None = Field(default=None, description="stop-now is latched")
+    stop_reason: str | None = Field(default=None, description="as whoever stopped it said it")
+    services: list[Service]

@@ -1,0 +1,121 @@
+"""`helios stop` before anything is imported that takes long. Imports the standard library alone.
+
+It does what the command in `commands.robot` does where all goes well. For anything else (help,
+wrong use, nobody there, a refusal) it returns None, and that command stops the robot and says what
+is wrong: stopping twice does no harm.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from helios_client.arguments import leading
+
+if TYPE_CHECKING:
+    from http.client import HTTPConnection
+    from urllib.parse import SplitResult
+
+REASON = "helios stop"
+SENTENCE = "stopped; it will not move until: helios clear-stop"
+PORT = 8080
+CONNECT_S = 3.0
+TIMEOUT_S = 10.0
+VALUES = ("--port", "--url", "--key", "--robot", "--reason")
+FLAGS = ("--json",)
+VARIABLES = {"--url": "HELIOS_URL", "--key": "HELIOS_API_KEY"}
+
+
+def quick_stop(args: Sequence[str]) -> int | None:
+    """Stop the robot if `args`, those of the command line after `helios`, are `stop` and its
+    options; the exit status. None: the full command must run."""
+    before, rest = leading(args)
+    if rest[:1] != ["stop"]:
+        return None
+    given = options([*before, *rest[1:]], os.environ)
+    if given is None:
+        return None
+    import http.client
+
+    try:
+        text = _ask(given)
+        print(text, flush=True)
+    except (OSError, ValueError, http.client.HTTPException):
+        return None
+    return 0
+
+
+def options(args: Sequence[str], environment: Mapping[str, str]) -> dict[str, str] | None:
+    """The options by name, those of the environment too; a flag is "". None: not understood."""
+    out = {name: value for name, key in VARIABLES.items() if (value := environment.get(key))}
+    left = iter(args)
+    for arg in left:
+        name, equals, value = arg.partition("=")
+        if name in FLAGS and not equals:
+            out[name] = ""
+        elif name in VALUES:
+            given = value if equals else next(left, None)
+            if given is None:
+                return None
+            out[name] = given
+        else:
+            return None
+    port = out.get("--port", str(PORT))
+    well = port.isascii() and port.isdecimal() and 0 < int(port) < 65536
+    return out if well else None
+
+
+def _ask(given: Mapping[str, str]) -> str:
+    """Send the stop; what is to be printed. Raises OSError, ValueError and HTTPException for
+    everything but success."""
+    import json
+    from urllib.parse import quote
+
+    from helios_client.http.address import split_url
+
+    url = split_url(given.get("--url") or f"http://127.0.0.1:{given.get('--port', PORT)}")
+    if url.username is not None:
+        raise ValueError("a user in the address")
+    robot = given.get("--robot")
+    prefix = f"/v1/robots/{quote(robot, safe='')}" if robot else "/v1"
+    headers = {"content-type": "application/json"}
+    if key := given.get("--key"):
+        headers["authorization"] = f"Bearer {key}"
+    body = json.dumps({"reason": given.get("--reason", REASON)})
+    connection = _connection(url)
+    try:
+        connection.connect()
+        connection.sock.settimeout(TIMEOUT_S)
+        connection.request("POST", f"{url.path.rstrip('/')}{prefix}/robot/stop", body, headers)
+        response = connection.getresponse()
+        answer: Any = json.loads(response.read())
+    finally:
+        connection.close()
+    if not 200 <= response.status < 300:
+        raise ValueError("refused")
+    return json.dumps(answer, indent=1) if "--json" in given else SENTENCE
+
+
+def _connection(url: SplitResult) -> HTTPConnection:
+    from http.client import HTTPConnection, HTTPSConnection
+
+    assert url.hostname is not None
+    if url.scheme == "http":
+        return HTTPConnection(url.hostname, url.port, timeout=CONNECT_S)
+    import ssl
+
+    import certifi  # the authorities that the SDK trusts
+
+    context = ssl.create_default_context(cafile=certifi.where())
+    return HTTPSConnection(url.hostname, url.port, timeout=CONNECT_S, context=context)
+
+
+def main() -> int | None:
+    """The exit status, or None where the full command must run."""
+    try:
+        return quick_stop(sys.argv[1:])
+    except KeyboardInterrupt:
+        print("helios: interrupted", file=sys.stderr)
+        return 130

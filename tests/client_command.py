@@ -1,0 +1,27 @@
+"""The command line against one gateway, for tests."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from helios_client.cli import run
+
+from tests.gateway_process import Served
+
+
+class Helios:
+    """The command, against one gateway."""
+
+    def __init__(self, house: Served, capsys: pytest.CaptureFixture[str]) -> None:
+        self.house, self._capsys = house, capsys
+        self.error = ""
+
+    def __call__(self, *args: str, status: int = 0) -> str:
+        assert run([*args, "--port", str(self.house.port)]) == status
+        said = self._capsys.readouterr()
+        self.error = said.err
+        return said.out
+
+    def json(self, *args: str) -> dict:
+        return json.loads(self(*args, "--json"))

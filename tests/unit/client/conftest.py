@@ -1,0 +1,23 @@
+"""A gateway over made-up services, and the command line against it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.client_command import Helios
+from tests.gateway_process import Served, served
+
+
+@pytest.fixture
+def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    with served() as house:
+        yield house
+
+
+@pytest.fixture
+def helios(house: Served, capsys: pytest.CaptureFixture[str]) -> Helios:
+    return Helios(house, capsys)

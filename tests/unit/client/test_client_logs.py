@@ -1,0 +1,105 @@
+"""`helios logs`: what the services wrote."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from helios_client.cli import run
+from helios_client.commands.logs import new_lines, newest_lines
+from helios_client.supervision import state_file
+
+from tests.support import wait_until
+
+PORT = "8091"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where the services of the port keep their logs."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    logs = tmp_path / "helios" / PORT / "logs"
+    logs.mkdir(parents=True)
+    (logs / "planner.log").write_text("".join(f"line {k}\n" for k in range(100)))
+    (logs / "planner.log.1").write_text("older\n")
+    (logs / "map2d.log").write_bytes(b"one\ntwo \x1b[31m \xff\nhalf")
+    return logs
+
+
+def logs(*args: str, capsys: pytest.CaptureFixture[str], status: int = 0) -> list[str]:
+    assert run(["logs", *args, "--port", PORT]) == status
+    said = capsys.readouterr()
+    return (said.err if status else said.out).splitlines()
+
+
+def test_the_newest_lines_are_printed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert logs("planner", capsys=capsys) == [f"line {k}" for k in range(50, 100)]
+    assert logs("Planner", "-n", "2", capsys=capsys) == ["line 98", "line 99"]
+    assert logs("planner", "-n", "0", capsys=capsys) == []
+    assert logs("planner", "-n", "500", capsys=capsys)[:2] == ["older", "line 0"]
+
+
+def test_control_characters_do_not_reach_the_terminal(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert logs("map2d", capsys=capsys) == ["one", "two \ufffd[31m \ufffd", "half"]
+
+
+def test_without_a_service_those_there_are_are_listed(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = logs(capsys=capsys)
+    assert [line.split() for line in told] == [
+        [name, str(folder / f"{name}.log")] for name in ("map2d", "planner")
+    ]
+    [told] = logs("plannner", capsys=capsys, status=2)
+    assert told.endswith("no service 'plannner' has a log; there are map2d, planner")
+
+
+def test_where_nothing_ran_it_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    [told] = logs("planner", capsys=capsys, status=1)
+    assert "there are no logs in" in told
+    assert "--state" in told
+
+
+def test_the_logs_of_a_state_folder_elsewhere_are_found(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    (elsewhere / "logs").mkdir(parents=True)
+    (elsewhere / "logs" / "bridge.log").write_text("here\n")
+    assert logs("bridge", "--state", str(elsewhere), capsys=capsys) == ["here"]
+    state_file.write([folder.parent], {"state_dir": str(elsewhere)})  # a `helios up` that runs
+    assert logs("bridge", capsys=capsys) == ["here"]
+
+
+def test_following_goes_on_across_a_new_file(folder: Path) -> None:
+    file = folder / "planner.log"
+    newest, opened = newest_lines(file, 1)
+    assert newest == ["line 99"]
+    told: list[str] = []
+
+    def follow(lines: Iterator[str]) -> None:
+        for line in lines:
+            told.append(line)
+            if line == "end":
+                return
+
+    reader = threading.Thread(target=follow, args=(new_lines(file, opened),), daemon=True)
+    reader.start()
+    with file.open("a") as log:
+        log.write("one\ntw")
+        log.flush()
+        wait_until(lambda: told == ["one"], 30, "the first line was told")
+        log.write("o\n")
+        log.flush()
+        file.replace(folder / "planner.log.1")
+        log.write("three\n")
+    file.write_text("four\nend\n")
+    reader.join(30)
+    assert told == ["one", "two", "three", "four", "end"]

@@ -1,0 +1,117 @@
+"""What commands print: whole in a pipe, and without the control characters of others."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+import unicodedata
+
+import pytest
+from helios_client.commands.why_view import report
+from helios_client.screen import PIPE_COLUMNS, Screen, plain_table
+from helios_client.tasks import Decision, Task
+from helios_core import proto as pb
+from helios_core.topics import ROBOT_STATE
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.live import Live
+
+from tests.client_command import Helios
+from tests.gateway_process import Served
+
+INSTRUCTION = "move the mug to the kitchen counter"
+PATH = "/var/lib/helios/" + "a-folder-with-a-long-name/" * 8 + "20261123-183504.mcap"
+ESCAPE = "find the \x1b[31mcup\x9b2J\x07\x00\r\n\x7f"
+
+
+def controls(text: str) -> str:
+    """The control characters of a text but for the ends of its lines."""
+    return "".join(c for c in text if unicodedata.category(c) == "Cc" and c != "\n")
+
+
+@pytest.mark.parametrize("environment", [{}, {"COLUMNS": "40"}])
+def test_in_a_pipe_no_table_is_cut(environment: dict[str, str], house: Served) -> None:
+    house.backend.report("planner", 4105, "degraded", f"written to {PATH}")
+    house.backend.submit(INSTRUCTION)
+    house.backend.tasks["t1"].instruction = "of many words " * 20
+    for args, words in ((["status"], PATH), (["tasks"], "of many words " * 19)):
+        done = subprocess.run(
+            [sys.executable, "-m", "helios_client", *args, "--port", str(house.port)],
+            capture_output=True, text=True, check=False, env=os.environ | environment,
+        )  # fmt: skip
+        assert any(words.strip() in line for line in done.stdout.splitlines()), done.stdout
+        assert max(map(len, done.stdout.splitlines())) < 2000  # nothing pads to the whole width
+
+
+def test_a_narrow_terminal_cuts_nothing_either() -> None:
+    table = plain_table("service", "reason")
+    table.add_row("recorder", PATH)
+    out = io.StringIO()
+    Screen(file=out, force_terminal=True, width=40, color_system=None).print(table)
+    assert PATH in "".join(line[8:].strip() for line in out.getvalue().splitlines()[1:])
+
+
+def test_why_is_not_padded_in_a_pipe() -> None:
+    decision = Decision(why="go: near", recomputed={"flips": True, "certain": True, "why": "other"})
+    out = io.StringIO()
+    Screen(file=out).print(report(Task(id="t1"), [decision], ["a=1"], 3, True))
+    assert max(map(len, out.getvalue().splitlines())) < PIPE_COLUMNS / 100
+
+
+@given(st.text())
+def test_no_control_character_of_a_text_is_printed(text: str) -> None:
+    out = io.StringIO()
+    screen = Screen(file=out, force_terminal=True, color_system=None, legacy_windows=False)
+    table = plain_table("instruction")
+    table.add_row(text)
+    screen.print(table)
+    screen.print(text, markup=False, highlight=False)
+    assert controls(out.getvalue()) == ""
+
+
+def test_a_live_view_prints_none_either() -> None:
+    out = io.StringIO()
+    screen = Screen(file=out)
+    with Live(ESCAPE, console=screen):
+        pass
+    assert controls(out.getvalue()) == ""
+
+
+@pytest.mark.parametrize(
+    "args",
+    [["tasks"], ["status"], ["pause", "t1"], ["objects"], ["why", "t1"], ["seen", "mug"],
+     ["names"], ["names", "--here"], ["cancel", "t1"], ["watch", "t2"]],
+)  # fmt: skip
+def test_no_command_prints_the_control_characters_of_others(
+    args: list[str], house: Served, helios: Helios
+) -> None:
+    for id in ("t1", "t2"):
+        house.backend.submit(INSTRUCTION)
+        house.backend.tasks[id].instruction = ESCAPE
+        house.backend.tasks[id].message = ESCAPE
+    house.backend.tasks["t2"].state = "failed"
+    house.backend.found[0].class_name = ESCAPE
+    house.backend.stopped = True
+    house.backend.publish_robot()
+    house.backend.bus.publish(ROBOT_STATE, pb.RobotState(stopped=True, message=ESCAPE))
+    house.backend.report("planner", 4105, "degraded", ESCAPE)
+    status = 1 if args[0] == "watch" else 0
+    told = helios(*args, status=status) + helios.error
+    assert controls(told) == ""
+
+
+def test_json_is_exact_and_plain(house: Served, helios: Helios) -> None:
+    house.backend.submit(INSTRUCTION)
+    house.backend.tasks["t1"].instruction = ESCAPE
+    told = helios("tasks", "--json")
+    assert controls(told) == ""
+    assert json.loads(told)["tasks"][0]["instruction"] == ESCAPE
+
+
+def test_an_error_of_others_is_one_safe_line(house: Served, helios: Helios) -> None:
+    helios("task", "dance \x1b[31m now", status=2)
+    assert controls(helios.error) == ""
+    assert helios.error.count("\n") == 1

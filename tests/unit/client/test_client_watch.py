@@ -1,0 +1,246 @@
+"""A task that is left to itself, watched again, cancelled with all others; a closed terminal."""
+
+from __future__ import annotations
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+import threading
+from typing import NoReturn
+
+import pytest
+from helios_client.cli import run
+from helios_client.commands.task_view import panel, time_left
+from helios_client.tasks import Task
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from tests.client_command import Helios
+from tests.gateway_process import Served
+from tests.support import ENDS_WITHIN_S, wait_until
+
+INSTRUCTION = "move the mug from the coffee table to the kitchen counter"
+
+
+def end_task(house: Served, id: str, state: str) -> None:
+    """End a task as soon as somebody has submitted it."""
+
+    def end_it() -> None:
+        wait_until(lambda: id in house.backend.tasks, 60, "the task was submitted")
+        house.backend.change_task(id, state, message="done")
+
+    threading.Thread(target=end_it, daemon=True).start()
+
+
+def test_without_waiting_the_id_is_printed_alone(house: Served, helios: Helios) -> None:
+    assert helios("task", INSTRUCTION, "--no-wait") == "t1\n"
+    assert house.backend.tasks["t1"].state == "queued"
+    told = helios.json("task", INSTRUCTION, "--no-wait")
+    assert (told["id"], told["state"]) == ("t2", "queued")
+
+
+def test_the_id_stands_in_the_first_line(house: Served, helios: Helios) -> None:
+    end_task(house, "t1", "succeeded")
+    assert helios("task", INSTRUCTION).startswith("task t1: ")
+
+
+@pytest.mark.parametrize(("state", "status"), [("succeeded", 0), ("failed", 1), ("cancelled", 1)])
+def test_a_task_is_watched_again_with_its_exit_status(
+    state: str, status: int, house: Served, helios: Helios
+) -> None:
+    house.backend.submit(INSTRUCTION)
+    end_task(house, "t1", state)
+    for name in ("t1", "T1", "last"):
+        assert helios("watch", name, status=status).startswith("task t1: ")
+    assert run(["watch", "--port", str(house.port), "--json"]) == status
+
+
+def test_a_task_that_is_not_there_cannot_be_watched(helios: Helios) -> None:
+    helios("watch", status=2)
+    assert "there is no task yet" in helios.error
+    helios("watch", "none", status=2)
+    assert "helios tasks" in helios.error
+
+
+def test_an_interrupted_watch_leaves_the_task_going(
+    house: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> NoReturn:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("helios_client.commands.task_view._watch_lines", interrupted)
+    house.backend.submit(INSTRUCTION)
+    assert "end it with: helios cancel t1" in helios("watch", status=130)
+    assert house.backend.tasks["t1"].state == "queued"
+
+
+def test_all_tasks_are_cancelled_and_counted(house: Served, helios: Helios) -> None:
+    assert helios("cancel", "--all") == "0 tasks cancelled\n"
+    for _ in range(4):
+        house.backend.submit(INSTRUCTION)
+    house.backend.tasks["t1"].state = "succeeded"
+    house.backend.change_task("t2", "running")
+    assert helios("cancel", "--all") == "3 tasks cancelled\n"
+    states = {id: task.state for id, task in house.backend.tasks.items()}
+    assert states == {"t1": "succeeded", "t2": "cancelled", "t3": "cancelled", "t4": "cancelled"}
+    house.backend.submit(INSTRUCTION)
+    assert [task["id"] for task in helios.json("cancel", "--all")["tasks"]] == ["t5"]
+
+
+@pytest.mark.parametrize("args", [["cancel"], ["cancel", "t1", "--all"]])
+def test_a_cancel_names_one_task_or_all(args: list[str], helios: Helios) -> None:
+    helios(*args, status=2)
+    assert "name one task, or --all" in helios.error
+
+
+@pytest.mark.parametrize(
+    ("eta_s", "words"),
+    [
+        (None, ""),
+        ([130.0, 280.0], "about 2 to 5 min left"),
+        ([20, 200], "less than 4 min left"),
+        ([115, 120], "about 2 min left"),
+        ([20.0, 41.0], "about 20 to 50 s left"),
+        ([3, 60], "less than 60 s left"),
+        ([1, 4], "less than 10 s left"),
+        ([-5, 4], "less than 10 s left"),
+        ([280.0, 130.0], "about 2 to 5 min left"),
+        ([1], ""),
+        ("soon", ""),
+        (["a", "b"], ""),
+        ([float("nan"), 4.0], ""),
+    ],
+)
+def test_the_time_left_is_a_range_in_words(eta_s: object, words: str) -> None:
+    raw = {"id": "t1", "state": "running", "eta_s": eta_s}
+    assert time_left(Task.from_json(raw)) == words
+    assert time_left(Task.from_json(raw | {"state": "failed"})) == ""
+
+
+@given(st.lists(st.floats(0, 1e6), min_size=2, max_size=2))
+def test_the_time_left_never_promises_less_than_the_range_says(eta_s: list[float]) -> None:
+    words = time_left(Task(state="running", eta_s=eta_s))
+    number, unit = words.removesuffix(" left").rsplit(" ", 2)[-2:]
+    assert float(number) * {"s": 1, "min": 60}[unit] >= max(eta_s)
+
+
+def test_the_live_panel_holds_id_and_time_left() -> None:
+    console = Console(width=100)
+    task = Task(id="3104ef4fe307", state="running", eta_s=[130, 280])
+    with console.capture() as shown:
+        console.print(panel(task, ""))
+    assert "3104ef4fe307" in shown.get()
+    assert "about 2 to 5 min left" in shown.get()
+
+
+# --- signals ------------------------------------------------------------------------------------
+def command(*args: str, house: Served, setup: str = "pass") -> list[str]:
+    """`helios` in a process of its own, after `setup`."""
+    code = f"import sys, signal; {setup}; from helios_client.__main__ import main; sys.exit(main())"
+    return [sys.executable, "-c", code, *args, "--port", str(house.port)]
+
+
+def watching(process: subprocess.Popen[str]) -> None:
+    """Wait until the process watches the task."""
+    assert process.stdout is not None
+    assert process.stdout.readline().startswith("task t1")
+    assert "queued" in process.stdout.readline()
+
+
+@pytest.mark.parametrize(
+    ("number", "status", "state"),
+    [(signal.SIGHUP, 129, "queued"), (signal.SIGINT, 130, "cancelled"),
+     (signal.SIGTERM, 130, "cancelled")],
+)  # fmt: skip
+def test_a_closed_terminal_leaves_the_task_going_and_an_interrupt_cancels_it(
+    number: int, status: int, state: str, house: Served
+) -> None:
+    process = subprocess.Popen(
+        command("task", INSTRUCTION, house=house),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    watching(process)
+    process.send_signal(number)
+    _, error = process.communicate(timeout=ENDS_WITHIN_S)
+    assert process.returncode == status
+    assert house.backend.tasks["t1"].state == state
+    assert ("helios watch t1" in error) is (number == signal.SIGHUP)
+
+
+def test_under_nohup_a_closed_terminal_changes_nothing(house: Served) -> None:
+    ignored = "signal.signal(signal.SIGHUP, signal.SIG_IGN)"
+    process = subprocess.Popen(
+        command("task", INSTRUCTION, house=house, setup=ignored),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    watching(process)
+    process.send_signal(signal.SIGHUP)
+    house.backend.change_task("t1", "succeeded")
+    _, error = process.communicate(timeout=ENDS_WITHIN_S)
+    assert (process.returncode, error) == (0, "")
+
+
+def test_a_terminal_that_is_gone_ends_the_watching_without_a_traceback(house: Served) -> None:
+    main, terminal = pty.openpty()
+    process = subprocess.Popen(
+        command("task", INSTRUCTION, house=house),
+        stdin=terminal, stdout=terminal, stderr=subprocess.PIPE, start_new_session=True,
+        preexec_fn=lambda: _own(terminal), text=True, env=os.environ | {"TERM": "xterm"},
+    )  # fmt: skip
+    os.close(terminal)
+    wait_until(lambda: "t1" in house.backend.tasks, ENDS_WITHIN_S, "the task was submitted")
+    shown = b""
+    while b"queued" not in shown:
+        shown += os.read(main, 4096)
+    os.close(main)  # as when an SSH connection ends: SIGHUP, and no write succeeds any more
+    _, error = process.communicate(timeout=ENDS_WITHIN_S)
+    assert process.returncode == 129
+    assert "Traceback" not in error
+    assert house.backend.tasks["t1"].state == "queued"
+
+
+def _own(terminal: int) -> None:
+    """Make it the controlling terminal of this session."""
+    import fcntl
+    import termios
+
+    fcntl.ioctl(terminal, termios.TIOCSCTTY, 0)
+
+
+@pytest.mark.parametrize("args", [["task", INSTRUCTION], ["logs", "planner", "-f"]])
+def test_what_a_script_runs_in_its_background_hears_an_interrupt(
+    args: list[str], house: Served, tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """Such a shell starts it with SIGINT ignored."""
+    logs = tmp_path_factory.mktemp("state") / "helios" / str(house.port) / "logs"
+    logs.mkdir(parents=True)
+    (logs / "planner.log").write_text("task t1\nqueued\n")
+    monkeypatch.setenv("XDG_STATE_HOME", str(logs.parents[2]))
+    ignored = "signal.signal(signal.SIGINT, signal.SIG_IGN)"
+    process = subprocess.Popen(
+        command(*args, house=house, setup=ignored),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+    )  # fmt: skip
+    watching(process)
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=ENDS_WITHIN_S)
+    assert process.returncode == 130
+
+
+def test_time_is_told_while_a_task_is_watched(
+    house: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each line without a terminal ends with the time left, where it is known."""
+    states = iter([
+        Task(id="t1", state="running", message="drives", eta_s=[130, 280]),
+        Task(id="t1", state="succeeded", message="done"),
+    ])  # fmt: skip
+    house.backend.submit(INSTRUCTION)
+    monkeypatch.setattr("helios_client.sdk.Helios.task", lambda *_: next(states))
+    told = helios("watch", "t1")
+    assert "drives (about 2 to 5 min left)\n" in told

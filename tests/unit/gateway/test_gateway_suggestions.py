@@ -1,0 +1,108 @@
+"""Tasks to try in a home."""
+
+from __future__ import annotations
+
+import pytest
+from fastapi.testclient import TestClient
+from helios_core.errors import Unavailable
+from helios_core.topics import ROBOT_DESCRIPTION
+from helios_gateway.suggestions import EXAMPLES, Believed, suggestions
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.gateway_backend import Backend
+from tests.gateway_home import description
+
+MUG = Believed("mug", 0.7, (1.5, 1.4, 0.5), (0.1, 0.1, 0.1))
+TABLE = Believed("coffee table", 0.8, (1.7, 1.5, 0.2), (1.0, 0.6, 0.4))
+COUNTER = Believed("kitchen counter", 0.6, (7.4, 0.4, 0.45), (2.9, 0.6, 0.9))
+KNOWN = ("bowl", "coffee_table", "kitchen_counter", "mug", "sofa")
+
+
+def test_what_was_seen_is_moved_from_where_it_is_to_elsewhere() -> None:
+    assert suggestions(False, KNOWN, True, [COUNTER, MUG, TABLE], 3) == [
+        "Move the mug from the coffee table to the kitchen counter", "Find the mug",
+        "Go to the coffee table",
+    ]  # fmt: skip
+
+
+def test_a_robot_without_an_arm_moves_nothing() -> None:
+    told = suggestions(True, (), False, [COUNTER, MUG, TABLE], 20)
+    assert not any(text.startswith("Move") for text in told)
+
+
+def test_where_nothing_was_seen_examples_and_known_names_stand_in() -> None:
+    assert suggestions(False, KNOWN, True, [], 3) == [
+        EXAMPLES[0].text, "Go to the sofa", "Find the bowl"
+    ]  # fmt: skip
+    assert suggestions(False, ["box", "shelf"], True, [], 3) == ["Find the box", "Find the shelf"]
+    assert suggestions(True, [], True, [], 3) == [task.text for task in EXAMPLES]
+
+
+def test_what_is_doubtful_is_no_task() -> None:
+    doubtful = Believed("vase", 0.1, MUG.center_m, MUG.size_m)
+    assert suggestions(False, [], True, [doubtful], 3) == []
+
+
+NUMBERS = st.floats(-1e3, 1e3)
+PLACES = st.tuples(NUMBERS, NUMBERS, NUMBERS)
+THINGS = st.builds(Believed, st.sampled_from(KNOWN), NUMBERS, PLACES, PLACES)
+
+
+@given(st.booleans(), st.booleans(), st.lists(THINGS, max_size=8), st.integers(1, 20))
+def test_any_home_gets_at_most_so_many_each_once(
+    any_name: bool, has_arm: bool, believed: list[Believed], most: int
+) -> None:
+    told = suggestions(any_name, KNOWN, has_arm, believed, most)
+    assert len(told) == len(set(told)) <= most
+
+
+def test_the_interface_tells_what_was_seen_and_what_to_try(
+    backend: Backend, client: TestClient
+) -> None:
+    told = client.get("/v1/suggestions").json()
+    assert told["tasks"][0] == "Move the mug from the coffee table to the kitchen counter"
+    assert told["seen"] == [
+        {"name": "coffee table", "score": pytest.approx(0.82), "objects": 1},
+        {"name": "mug", "score": pytest.approx(0.71), "objects": 2},
+        {"name": "kitchen counter", "score": pytest.approx(0.58), "objects": 1},
+    ]
+    assert len(client.get("/v1/suggestions?limit=2").json()["tasks"]) == 2
+    assert client.get("/v1/suggestions?limit=0").status_code == 400
+
+
+def test_a_robot_without_an_arm_is_not_asked_to_move_things(
+    backend: Backend, client: TestClient
+) -> None:
+    armless = description()
+    armless.can_pick = False
+    backend.bus.publish(ROBOT_DESCRIPTION, armless)
+    tasks = client.get("/v1/suggestions").json()["tasks"]
+    assert tasks
+    assert not any(text.startswith("Move") for text in tasks)
+
+
+def test_an_object_map_that_is_away_is_said(
+    backend: Backend, client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def away(*_: object) -> None:
+        raise Unavailable("no object map")
+
+    monkeypatch.setattr("helios_gateway.maps.Maps.objects", away)
+    told = client.get("/v1/suggestions").json()
+    assert told["seen"] is None
+    assert told["tasks"]
+
+
+@pytest.mark.parametrize("name", ["MUG", "Mug", " mug "])
+def test_a_class_is_asked_for_in_any_case(name: str, backend: Backend, client: TestClient) -> None:
+    found = client.get("/v1/objects", params={"class": name}).json()["objects"]
+    assert [one["id"] for one in found] == [1, 4]
+
+
+@pytest.mark.parametrize("name", ["Coffee Table", "coffee_table"])
+def test_a_class_of_two_words_is_asked_for_either_way(
+    name: str, backend: Backend, client: TestClient
+) -> None:
+    found = client.get("/v1/objects", params={"class": name}).json()["objects"]
+    assert [one["id"] for one in found] == [2]
