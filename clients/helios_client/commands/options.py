@@ -126,11 +126,11 @@ def console(stderr: bool = False) -> Screen:
     return Screen(stderr=stderr)
 
 
-def say(text: str, stderr: bool = False) -> None:
+def say(text: str, stderr: bool = False, flush: bool = False) -> None:
     """One line for people, without the control characters that others put into their text."""
     from helios_core.text import printable
 
-    print(printable(text), file=sys.stderr if stderr else sys.stdout)
+    print(printable(text), file=sys.stderr if stderr else sys.stdout, flush=flush)
 
 
 def print_json(value: object) -> None:

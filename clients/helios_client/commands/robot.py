@@ -60,7 +60,7 @@ def logs(
         for line in newest:
             say(line)
         for line in files.new_lines(file, opened) if follow else ():
-            print(printable(line), flush=True)
+            say(line, flush=True)
 
 
 @app.command()

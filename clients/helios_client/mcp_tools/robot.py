@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from helios_client.mcp_tools.answers import Moved, Robot, Status
-from helios_client.mcp_tools.tool import READS, SETS, Effect, Tools, tool
+from helios_client.mcp_tools.tool import ACTS, READS, SETS, Effect, Tools, tool
 
 LIFTS = Effect(destroys=True, repeatable=True)  # a stop that somebody wanted is gone
 
