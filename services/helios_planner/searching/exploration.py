@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from helios_planner.decisions.decide import Decision, Do
 from helios_planner.decisions.frontier_rules import WayOption, nearest_by_way
 from helios_planner.ground.borders import Border, borders_of, floor_m2
@@ -174,5 +176,5 @@ class Exploration:
 
 def _way_m(reached: Reach, place: XY) -> float:
     """Length of the way there, in metres at full speed: narrow stretches count more."""
-    ((row, column),) = reached.ground.cells_of([place])
+    ((row, column),) = reached.ground.cells_of(np.array([place]))
     return float(reached.arrival[row, column]) * reached.ground.cell_m

@@ -44,7 +44,8 @@ def test_a_context_that_seeks_nothing_is_answered_without_asking_the_models():
         def refused(self, context):
             raise AssertionError("it was asked")
 
-        detect = refused
+        def detect(self, frame, context) -> Findings:
+            raise AssertionError("it was asked")
 
     house = House(Untouched())
     house.look_for(SearchContext("empty", ()))

@@ -25,8 +25,8 @@ from planner_things import Box
 from planner_world import FakeWorld
 
 
-def mission(world: FakeWorld, text: str, **settings: float) -> MoveMission:
-    return MoveMission(world, parse(text), Settings(**settings))
+def mission(world: FakeWorld, text: str) -> MoveMission:
+    return MoveMission(world, parse(text), Settings())
 
 
 def refused(world: FakeWorld, text: str) -> TaskFailed:
