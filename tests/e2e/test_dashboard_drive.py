@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from collections.abc import Iterator
@@ -16,7 +17,7 @@ from playwright.sync_api import Browser, Page, expect
 from tests.browser import DEADLINE_MS
 from tests.gateway_home import description
 from tests.gateway_process import Served, served
-from tests.support import wait_until
+from tests.support import LOOPBACK, wait_until
 
 INSTRUCTION = "move the mug to the kitchen counter"
 AHEAD = "Drive ahead"
@@ -177,18 +178,15 @@ def test_a_key_that_may_only_look_is_told_so(browser: Browser, tmp_path: Path) -
 def test_how_long_a_task_may_still_take_is_shown_where_it_is_known(
     page: Page, house: Served
 ) -> None:
-    told = {"eta_s": [20.2, 44.9]}
-
-    def with_eta(route):
-        answer = route.fetch()
-        body = answer.json()
-        route.fulfill(response=answer, json={"tasks": [t | told for t in body["tasks"]]})
-
     house.backend.submit(INSTRUCTION)
     house.backend.change_task("t1", "running")
     expect(page.locator("#task-state")).to_have_text("running")
     expect(page.locator("#task-facts")).not_to_contain_text("left")
-    page.route("**/v1/tasks", with_eta)
+    task = LOOPBACK.get(f"{house.url}/v1/tasks/t1").json() | {"eta_s": [20.2, 44.9]}
+    event = f"event: task\ndata: {json.dumps(task)}\n\n"
+    page.route("**/v1/events", lambda route: route.fulfill(
+        body=event, content_type="text/event-stream"
+    ))  # fmt: skip
     page.reload()
     expect(page.locator("#task-facts")).to_contain_text("about 20 to 45 s")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Iterator
 
@@ -88,16 +89,32 @@ def test_a_wall_is_said_and_not_driven_against_again(helios: Helios) -> None:
 
 
 def test_nobody_drives_while_a_task_runs_and_a_task_waits_for_who_drives(helios: Helios) -> None:
-    with helios.teleop() as drive:
-        drive(turn=0.5)
+    let_go = threading.Event()
+    refused: list[Exception] = []
+
+    def hold() -> None:
+        try:
+            with helios.teleop() as drive:
+                while not let_go.is_set():
+                    drive(turn=0.5)
+                    let_go.wait(0.05)
+        except Conflict as error:
+            refused.append(error)
+
+    before, holder = pose(helios), threading.Thread(target=hold)
+    holder.start()
+    try:
+        wait_until(lambda: pose(helios) != before, 60, "it is driven")
         task = helios.submit("find the shelf")
-        deadline = time.monotonic() + 60
-        while "drives the robot" not in helios.task(task.id).message:
-            assert time.monotonic() < deadline, helios.task(task.id).message
-            drive(turn=0.5)
-            time.sleep(0.05)
-        before = helios.task(task.id).steps
-        assert before == 0
+        wait_until(
+            lambda: "drives the robot" in helios.task(task.id).message,
+            60, "the task waits for who drives",
+        )  # fmt: skip
+        assert helios.task(task.id).steps == 0
+    finally:
+        let_go.set()
+        holder.join()
+    assert refused == []
     wait_until(lambda: helios.task(task.id).steps > 0, 60, "the task has the robot")
     with pytest.raises(Conflict, match=f"task {task.id} is running"), helios.teleop():
         pass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -166,11 +167,22 @@ def test_a_stop_ends_the_driving_and_its_reason_is_said(
 
 def test_only_one_drives(client: TestClient, backend: Backend) -> None:
     with driver(client) as first, driver(client) as second:
-        first.send_json(AHEAD)
-        until(first, lambda s: s["pose"] is not None)
-        second.send_json(AHEAD)
-        said = until(second, is_in("refused"), AHEAD)
-        assert "drives the robot" in said["reason"]
+        let_go = threading.Event()
+
+        def hold() -> None:
+            while not let_go.wait(0.05):
+                first.send_json(AHEAD)
+
+        holder = threading.Thread(target=hold)
+        holder.start()
+        try:
+            until(first, lambda s: s["pose"] is not None)
+            second.send_json(AHEAD)
+            said = until(second, is_in("refused"))
+            assert "drives the robot" in said["reason"]
+        finally:
+            let_go.set()
+            holder.join()
 
 
 def test_a_robot_without_motion_is_not_driven(client: TestClient, backend: Backend) -> None:
