@@ -44,7 +44,7 @@ class TaskRequest(BaseModel):
     agent: str | None = Field(
         default=None,
         max_length=100,
-        description="who does it: helios, trusting …; null: the setting",
+        description="who does it: helios, trusting …, or package:agent; null: the setting",
     )
 
     priority: int = Field(

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib.machinery import PathFinder
 from importlib.metadata import entry_points
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from helios_core.errors import HeliosError, InvalidInput
 
@@ -128,7 +128,7 @@ def load_factory(kind: Kind, named: Named, base: type[T]) -> Callable[..., T]:
             f"{kind.name} {named.spec!r} lacks the {many} {', '.join(missing)}; write every "
             f"abstract method of {base.__module__}.{base.__name__}"
         )
-    return factory
+    return cast("Callable[..., T]", factory)
 
 
 def make(
