@@ -127,7 +127,7 @@ def _tell_end(ended: Task, as_json: bool) -> None:
         print_json(ended.raw)
     if not ended.succeeded:
         how = "was cancelled" if ended.state == "cancelled" else ended.state
-        say(f"helios: the task {how}: {ended.message}", stderr=True)
+        say(f"helios: the task {how}: {ended.message}".removesuffix(": "), stderr=True)
         raise typer.Exit(1)
 
 
