@@ -112,6 +112,7 @@ class Driver:
         self._number = 0
         self._token: int | None = None
         self._lease_s, self._renewed_s = 0.0, 0.0  # for how long it is granted, and since when
+        self._granted = 0  # the newest lease, also while another one is to be asked for
         self._in_vain: deque[bool] = deque(maxlen=RECENT)
 
     def do(self, action: Action) -> pb.ActionResult:
@@ -129,7 +130,7 @@ class Driver:
         while True:
             self._line.check()
             if self._token is None:
-                self._token = self._lease()
+                self._token = self._granted = self._lease()
             request = pb.ActionRequest(
                 action_id=action_id,
                 lease_token=self._token,
@@ -196,8 +197,8 @@ class Driver:
 
     def release(self) -> None:
         """Give the lease back: whoever wants to drive need not wait until it runs out."""
-        token, self._token = self._token, None
-        if token is None:
+        token, self._granted, self._token = self._granted, 0, None
+        if not token:
             return
         try:
             self._line.call_once(LEASE, pb.LeaseRequest(release_token=token), RELEASE_S)

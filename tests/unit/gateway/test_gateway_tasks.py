@@ -102,11 +102,11 @@ def test_an_instruction_that_is_not_understood_says_what_was(
 @pytest.mark.parametrize(
     ("body", "says"),
     [
-        (b"", "required"),
+        (b"", "the body is empty"),
         (b"{", "JSON"),
         (b"[1]", "no JSON object"),
-        (b'{"instruction": 5}', "instruction: Input should be a valid string"),
-        (b'{"instruction": "  "}', "instruction: the instruction is empty"),
+        (b'{"instruction": 5}', "instruction is 5; wanted a valid string"),
+        (b'{"instruction": "  "}', "the instruction is empty; say what to move"),
         (b'{"instruction": "move \\ud800 it"}', "half a character"),
         (b'{"instruction": "\xff move"}', "body"),
         (b'{"instruction": "move it", "max_steps": -1}', "max_steps"),
