@@ -90,6 +90,9 @@ MEANING: dict[type, dict[str, str]] = {
         "message": "one sentence for people, for example the reason of a stop",
         "finished": "set by the bridge; leave it",
         "last_seq": "set by the bridge; leave it",
+        "last_action_id": "set by the bridge; leave it",
+        "origin_id": "names the origin of the poses: the same text at two starts says that they mean "
+        "the same places, and the maps go on; empty: not known",
     },
     Capture: {
         "stamp_ns": "when the image was taken, on the robot's clock",

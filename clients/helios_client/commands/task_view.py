@@ -15,7 +15,6 @@ from rich.table import Table
 
 from helios_client.commands.hangup import hangup_raises
 from helios_client.commands.lists import TASK_COLORS
-from helios_client.commands.status import stop_reason
 from helios_client.http.connection import POLL_S
 from helios_client.sdk import Helios
 from helios_client.supervision import state_file
@@ -96,7 +95,7 @@ def say_stopped(helios: Helios, console: Console) -> None:
     """That a task which was submitted now waits for a person, where it does."""
     status = _status(helios)
     if status is not None and status["stopped"]:
-        reason = stop_reason(helios)
+        reason = status["stop_reason"]
         why = f" ({escape(reason)})" if reason else ""
         console.print(
             f"[red]stop-now is latched[/]{why}: the task waits until `helios clear-stop`",

@@ -28,6 +28,7 @@ class WorldBody(Body):
         self._world, self._told = world, told
         self.description = world.describe()
         pose = self.pose()
+        self._start = pose.xy
         rules = MapRules(max_depth_m=min(MapRules.max_depth_m, self.description.max_depth_m))
         self._map = MapState(rules, pose.xy, self.description.footprint_radius_m)
         self.steps = 0
@@ -63,6 +64,9 @@ class WorldBody(Body):
 
     def frontiers(self) -> Sequence[Frontier]:
         return ()
+
+    def start(self) -> tuple[float, float]:
+        return self._start
 
     def objects(self, class_name: str) -> Sequence[ObjectInstance]:
         return [thing for thing in self._told if thing.class_name == class_name]
