@@ -91,8 +91,8 @@ MEANING: dict[type, dict[str, str]] = {
         "finished": "set by the bridge; leave it",
         "last_seq": "set by the bridge; leave it",
         "last_action_id": "set by the bridge; leave it",
-        "origin_id": "names the origin of the poses: the same text at two starts says that they mean "
-        "the same places, and the maps go on; empty: not known",
+        "origin_id": "names the origin of the poses: the same text at two starts says that they "
+        "mean the same places, and the maps go on; empty: not known",
     },
     Capture: {
         "stamp_ns": "when the image was taken, on the robot's clock",
@@ -102,6 +102,7 @@ MEANING: dict[type, dict[str, str]] = {
         "T_world_cam": "pose of the camera **then**; OpenCV axes: x right, y down, z forward",
         "T_world_base": "pose of the base **then**",
         "recorded": "of a replay; leave it",
+        "searching": "of a replay; leave it",
     },
     Pinhole: {
         "fx": "focal length along the image's width",
