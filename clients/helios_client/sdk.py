@@ -230,7 +230,7 @@ class Helios:
         return self._do(calls.robot())
 
     def stop_robot(self, reason: str = "asked for by the Python SDK") -> RobotAnswer:
-        """Stop now; latches until `clear_stop`."""
+        """Stop now; the robot stays stopped until `clear_stop`."""
         return self._do(calls.stop_robot(reason))
 
     def clear_stop(self) -> RobotAnswer:

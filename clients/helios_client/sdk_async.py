@@ -207,7 +207,7 @@ class AsyncHelios:
         return await self._do(calls.robot())
 
     async def stop_robot(self, reason: str = "asked for by the Python SDK") -> RobotAnswer:
-        """Stop now; latches until `clear_stop`."""
+        """Stop now; the robot stays stopped until `clear_stop`."""
         return await self._do(calls.stop_robot(reason))
 
     async def clear_stop(self) -> RobotAnswer:

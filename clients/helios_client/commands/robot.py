@@ -16,7 +16,7 @@ app = typer.Typer()
 @app.command()
 @flat
 def status(at: At, state: State = None, as_json: Json = False) -> None:
-    """How every service is, and whether stop-now is latched. Works while the gateway is down."""
+    """How every service is, and whether the robot is stopped. Works while the gateway is down."""
     from helios_client.commands.status import find_status, status_table
 
     with at.connect(timeout_s=3.0) as helios:
@@ -81,7 +81,7 @@ def camera(
 @flat
 def stop(
     at: At,
-    reason: Annotated[str, typer.Option(help="told to whoever asks")] = REASON,
+    reason: Annotated[str, typer.Option(help="shown wherever the stop is shown")] = REASON,
     as_json: Json = False,
 ) -> None:
     """Stop the robot now; it will not move until helios clear-stop."""
