@@ -95,6 +95,7 @@ def test_a_task_that_ended_on_a_full_disk_moves_nothing_after_the_planner_died(
         assert id not in running
         assert len(running) == 1
         wait_until(lambda: house.task(running[0])["steps"] >= 2, 60, "it works")
-        assert (house.task(id)["state"], house.task(id)["steps"]) == ("failed", steps)
+        assert house.task(id)["state"] == "failed"
+        assert house.task(id)["steps"] <= steps  # the last ones could not be written down
     finally:
         house.close()

@@ -19,6 +19,7 @@ CAUSES = (
     "stuck",
     "step budget",
     "system error",
+    "goal unreachable",
 )  # the closed list; `helios_planner.task.Cause`
 SUCCESS = "success"
 
@@ -50,6 +51,7 @@ _CAUSE_COLOURS: dict[str, Colour] = dict(
             Colour("c-stuck", "#8a8f98", "#8b9099"),
             Colour("c-budget", "#332288", "#6a5fd0"),
             Colour("c-system", "#222831", "#f2f4f7"),
+            Colour("c-unreachable", "#661100", "#a5563f"),
         ),
         strict=True,
     )

@@ -10,6 +10,8 @@ import logging
 import os
 from pathlib import Path
 
+from helios_core.atomic_file import write_file
+
 log = logging.getLogger(__name__)
 
 _TEXT = b"All that was told of the tasks is in tasks.sqlite.\n"
@@ -28,11 +30,7 @@ class Proof:
     def give(self) -> str:
         """Put it on the disk; why that cannot be, and what to do, or nothing."""
         try:
-            with self._path.open("wb") as file:
-                file.write(_TEXT)
-                file.flush()
-                os.fsync(file.fileno())
-            self._sync_folder()
+            write_file(self._path, _TEXT)
         except OSError as error:
             self.take()
             return f"{self._path} cannot be written: {error.strerror}; make room on that disk"

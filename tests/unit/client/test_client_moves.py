@@ -70,7 +70,7 @@ def test_an_exploration_may_have_a_time(house: Served) -> None:
         (["go", "1", "2", "3", "4"], "unexpected extra argument"),
         (["go", "nan", "1"], "X is nan; wanted a number"),
         (["go", "1", "-inf"], "Y is -inf; wanted a number"),
-        (["go", "1", "99999"], "y_m: Input should be less than or equal to 10000"),
+        (["go", "1", "99999"], "y_m is 99999.0; wanted less than or equal to 10000"),
         (["explore", "--time-limit-s", "0"], "helios explore --help"),
     ],
 )

@@ -86,7 +86,7 @@ def test_status_is_known_while_nobody_answers_on_the_port(tmp_path: Path) -> Non
     state_file.write([tmp_path], STATUS | {"address": "http://127.0.0.1:1"})
     port = free_port()
     with Helios(f"http://127.0.0.1:{port}") as nobody:
-        assert find_status(nobody, port, tmp_path) == STATUS | {"stopped": None}
+        assert find_status(nobody, port, tmp_path) == STATUS | {"stopped": None, "stop_reason": ""}
         state_file.remove([tmp_path])
         with pytest.raises(Unavailable, match="helios up"):
             find_status(nobody, port, tmp_path)
