@@ -44,7 +44,8 @@ class TaskRequest(BaseModel):
     agent: str | None = Field(
         default=None,
         max_length=100,
-        description="who does it: helios, trusting …, or package:agent; null: the setting",
+        description="who does it: helios, trusting …, or another that the planner lets tasks "
+        "name; null: the setting",
     )
 
     priority: int = Field(

@@ -10,7 +10,7 @@ The smallest is an exploration rule: a function from places to scores.
     agent = exploring_by(nearest)
 
     helios up --agent my_package:agent
-    helios task "find the mug" --agent my_package:agent
+    helios task "find the mug"
 
 A whole agent says what it takes for true of things, and how it seeks the object and the goal:
 `Agent(belief, seek_object, seek_receptacle)`. A search of its own derives from `Search` and writes

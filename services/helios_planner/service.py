@@ -160,8 +160,9 @@ class PlannerService:
         listed = (*AGENT_NAMES, *AGENTS.entry_names(), self._settings.agent)
         if self._settings.agents_of_tasks == "listed" and name not in listed:
             raise InvalidInput(
-                f"agent {name!r} is none that a task may name here: {', '.join(listed)}; set "
-                "agents_of_tasks of the planner to any, or start it with --agent"
+                f"agent {name[:80]!r} is none that a task may name here: {', '.join(listed)}; "
+                f"start the planner with it (helios up --agent {name[:80]}), or let tasks name any "
+                "agent with HELIOS_PLANNER_AGENTS_OF_TASKS=any"
             )
         agent_named(name)
 

@@ -59,10 +59,10 @@ class Settings(ServiceSettings):
         "of your own",
     )
     agents_of_tasks: Literal["any", "listed"] = Field(
-        default="any",
-        description="which agents a task may name: any (the planner imports package:agent of its "
-        "module path or folder when a task names it), or listed (ours, those of installed "
-        "packages' entry points, and the one above)",
+        default="listed",
+        description="which agents a task may name: listed (ours, those of installed packages' "
+        "entry points, and the one above), or any (the planner also imports and runs any "
+        "package:agent of its module path or folder that a task names)",
     )
     agent_seed: int = Field(default=0, ge=0, description="seed of an agent that draws frontiers")
 

@@ -38,7 +38,7 @@ def task(
     agent: Annotated[
         str | None,
         typer.Option(
-            help="who does it: helios, trusting …, or package:agent  [default: the setting]"
+            help="who does it: helios, trusting …, or the one of helios up  [default: the setting]"
         ),
     ] = None,
     max_steps: Annotated[

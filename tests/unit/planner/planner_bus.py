@@ -42,11 +42,11 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
     running: list[PlannerService] = []
 
     def go(
-        world: FakeWorld | None = None, names: tuple[str, ...] = ()
+        world: FakeWorld | None = None, names: tuple[str, ...] = (), **settings: Any
     ) -> tuple[PlannerService, MemoryBus, Peers]:
         hub = MemoryHub()
         peers = Peers(hub, world or flat_with_mug(), names)
-        running.append(PlannerService(MemoryBus(hub), hasty(tmp_path), Health()))
+        running.append(PlannerService(MemoryBus(hub), hasty(tmp_path, **settings), Health()))
         return running[-1], MemoryBus(hub), peers
 
     yield go

@@ -13,7 +13,7 @@ from helios_core import proto as pb
 from helios_core.errors import Internal, InvalidInput
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.topics import DECISIONS, SUBMIT
+from helios_core.topics import DECISIONS
 from helios_core.types import ObjectInstance
 from helios_examples.left_first import left_first
 from helios_planner.agents import agent_named
@@ -186,7 +186,7 @@ def test_what_it_remembers_survives_a_restart() -> None:
 
 # --- over the bus ------------------------------------------------------------------------------
 def test_a_task_names_an_agent_and_is_kept_under_its_name(start: Start) -> None:
-    _, bus, _ = start()
+    _, bus, _ = start(agents_of_tasks="any")
     done = ended(bus, submit(bus, agent=EXAMPLES[0]).id)
     assert (done.state, done.agent) == ("succeeded", EXAMPLES[0])
     kept = bus.call(DECISIONS, pb.TaskRequest(id=done.id), 5).decisions
@@ -210,7 +210,7 @@ def test_a_task_names_an_agent_and_is_kept_under_its_name(start: Start) -> None:
 def test_a_task_for_an_agent_that_cannot_be_had_is_refused_with_the_reason(
     start: Start, agent: str, said: str
 ) -> None:
-    _, bus, _ = start()
+    _, bus, _ = start(agents_of_tasks="any")
     with pytest.raises(InvalidInput, match=said):
         submit(bus, agent=agent)
 
@@ -225,7 +225,7 @@ def test_a_task_for_an_agent_that_cannot_be_had_is_refused_with_the_reason(
 def test_an_agent_that_fails_ends_its_task_and_nothing_else(
     start: Start, agent: str, said: str
 ) -> None:
-    _, bus, _ = start(flat([coffee_table(), counter(), mug()]))
+    _, bus, _ = start(flat([coffee_table(), counter(), mug()]), agents_of_tasks="any")
     done = ended(bus, submit(bus, agent=agent).id)
     assert (done.state, done.cause) == ("failed", "system error")
     assert said in done.message
@@ -239,24 +239,38 @@ def test_a_search_that_raises_is_told_with_the_name_of_its_agent(
         raise ValueError("no idea")
 
     monkeypatch.setattr("helios_examples.careful_agent.CarefulSearch.decide", boom)
-    _, bus, _ = start()
+    _, bus, _ = start(agents_of_tasks="any")
     done = ended(bus, submit(bus, agent=EXAMPLES[1]).id)
     assert f"the agent {EXAMPLES[1]} failed (ValueError: no idea)" in done.message
     assert "the traceback is in" in done.message
 
 
-def test_a_planner_may_be_told_to_take_listed_agents_only(tmp_path: Path) -> None:
+def test_a_task_names_only_agents_that_the_operator_listed(tmp_path: Path) -> None:
     hub = MemoryHub()
-    settings = Settings(state_dir=tmp_path, agents_of_tasks="listed", agent=EXAMPLES[0])
-    service = PlannerService(MemoryBus(hub), settings, Health())
+    service = PlannerService(
+        MemoryBus(hub), Settings(state_dir=tmp_path, agent=EXAMPLES[0]), Health()
+    )
     try:
         bus = MemoryBus(hub)
         for agent in ("", "trusting", EXAMPLES[0]):
             submit(bus, agent=agent)
-        with pytest.raises(InvalidInput, match="none that a task may name here"):
-            bus.call(SUBMIT, pb.SubmitRequest(instruction=MOVE, agent=EXAMPLES[1]), 5)
+        with pytest.raises(InvalidInput, match=r"none that a task may name here.*AGENTS_OF_TASKS"):
+            submit(bus, agent=EXAMPLES[1])
     finally:
         service.close()
+
+
+@pytest.mark.parametrize(
+    "agent",
+    ["agents_of_a_test:agent", "agents_of_a_test:agent:x", "agents_of_a_test", ":", "os:abort"],
+)
+def test_by_default_no_task_makes_the_planner_import_what_it_names(
+    start: Start, agent: str
+) -> None:
+    _, bus, _ = start()
+    with pytest.raises(InvalidInput, match="none that a task may name here"):
+        submit(bus, agent=agent)
+    assert "agents_of_a_test" not in sys.modules
 
 
 def test_a_planner_whose_own_agent_cannot_be_had_does_not_start(tmp_path: Path) -> None:
