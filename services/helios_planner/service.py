@@ -306,8 +306,8 @@ class PlannerService:
                     changes["state"] = State.PAUSED if on_hold else State.RUNNING
         told = self._book.change(id, **changes)
         with self._lock:
-            if hold := self._holds.get(id):
-                (hold.pause if on_hold else hold.resume)()
+            if hold := self._holds.get(id):  # somebody else may have asked for the opposite
+                (hold.pause if self._book.known(id).on_hold else hold.resume)()
             self._wake.notify_all()
         return task_to_proto(told)
 

@@ -216,6 +216,7 @@ class Driver:
                 self._line.waits_for(f"the bridge: {error.message}")
                 self._line.rest(RETRY_S)
             else:
+                self._line.waits_for("")
                 self._lease_s, self._renewed_s = lease.duration_s, time.monotonic()
                 return lease.token
 

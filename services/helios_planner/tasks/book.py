@@ -176,7 +176,10 @@ class TaskBook:
         return told
 
     def change(self, id: str, **changes: object) -> Task:
+        """The task with these fields; one that has ended stays as it ended."""
         with self._lock:
+            if self._tasks[id].state.ended:
+                return self._tasks[id]
             task = self._tasks[id] = self._tasks[id].with_(**changes)
         self._keep(id, safe="on_hold" in changes)
         self.publish(TASK, task_to_proto(task))

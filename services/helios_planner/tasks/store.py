@@ -51,6 +51,7 @@ class Store:
         self._proof = Proof(directory / "tasks.complete")
         self.proven = self._proof.holds and not self.said
         self._fault, self._fault_since_s = "", 0.0
+        self._closed = False
         self._on_fault: Callable[[], None] = lambda: None
 
     def watch(self, on_fault: Callable[[], None]) -> None:
@@ -183,12 +184,16 @@ class Store:
         return not missing
 
     def close(self) -> None:
+        """Nothing is kept any more; that is no fault of the disk."""
         with self._lock:
+            self._closed = True
             self._db.close()
 
     def _write(self, *statements: Statement, safe: bool = False) -> bool:
         """All or nothing. What could not be kept is said once."""
         with self._lock:
+            if self._closed:
+                return False
             try:
                 self._db.execute(f"PRAGMA synchronous={'FULL' if safe else 'NORMAL'}")
                 with self._db:

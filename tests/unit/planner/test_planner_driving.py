@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 
 import pytest
@@ -14,7 +15,9 @@ from helios_core.topics import ACT, GET_STATE, LEASE
 from helios_planner.robot import driving
 from helios_planner.robot.driving import MOST_IN_VAIN, RECENT, Driver, Line
 from helios_planner.settings import Settings
-from helios_planner.task import Cause, TaskFailed
+from helios_planner.task import Cause, TaskFailed, TimeIsUp
+from helios_planner.tasks.hold import Hold
+from helios_planner.tasks.journal import Entry, Journal, TaskBus
 
 Trouble = Callable[[int], HeliosError | None]  # by the action's number, when it is first asked for
 
@@ -150,4 +153,42 @@ def test_a_task_waits_for_as_long_as_somebody_else_drives() -> None:
     line = Line(robot.bus, Settings(away_s=0.001), threading.Event(), WAITED.append)
     WAITED.clear()
     assert Driver(line, Settings(away_s=0.001), "task", lambda _: None).do(Tilt(0.3)).succeeded
-    assert WAITED[0] == "the bridge: teleop drives the robot for 10 s more"
+    assert WAITED == ["the bridge: teleop drives the robot for 10 s more", None]
+
+
+class Keeper:
+    """Keeps every entry."""
+
+    fault = ""
+
+    def keep(self, task_id: str, entry: Entry) -> bool:
+        return True
+
+
+class Waiter:
+    def on_hold(self, paused: bool) -> None: ...
+    def on_wait(self, what: str | None) -> None: ...
+
+
+def test_a_task_whose_time_is_over_gives_the_robot_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [100.0]
+    monkeypatch.setattr(time, "time", lambda: clock[0])
+    robot, given_back = Robot(lambda _: None), list[int]()
+
+    def lease(request: pb.LeaseRequest) -> pb.LeaseReply:
+        given_back.extend([request.release_token] if request.release_token else [])
+        return pb.LeaseReply(token=7, duration_s=10)
+
+    MemoryBus(robot.hub).serve(LEASE, lease)
+    cancelled = threading.Event()
+    hold = Hold(limit_s=5.0, ends_s=105.0, cancelled=cancelled)
+    bus = TaskBus(robot.bus, Journal(Keeper(), "task", Entry()), hold, Waiter(), 1.0)
+    driver = Driver(
+        Line(bus, Settings(), cancelled, WAITED.append), Settings(), "task", lambda _: None
+    )
+    driver.do(Tilt(0.3))
+    clock[0] = 106.0
+    with pytest.raises(TimeIsUp):
+        driver.do(Tilt(0.2))
+    driver.release()
+    assert given_back == [7]

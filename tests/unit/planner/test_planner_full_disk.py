@@ -11,6 +11,7 @@ from helios_core import proto as pb
 from helios_core.errors import Unavailable
 from helios_core.topics import CANCEL, PAUSE, RESUME, TASK
 from helios_planner import service
+from helios_planner.task import State
 from helios_planner.tasks.book import NOT_KEPT
 from planner_bus import ended, submit, task
 from planner_disk import refuse, refusing
@@ -194,3 +195,26 @@ def test_a_pause_is_obeyed_and_a_resumed_task_waits_for_room(house: House) -> No
         wait_until(lambda: "waits for its journal" in task(bus, id).message, 10, "it says so")
         assert peers.world.steps == 1
     assert ended(bus, id).state == "succeeded"
+
+
+def test_tasks_are_told_while_the_disk_does_not_answer(house: House) -> None:
+    """No lock that a write holds is needed to tell how a task is."""
+    house.peers(flat_with_mug())
+    bus = house.planner()
+    id = submit(bus, GO).id
+    ended(bus, id)
+    planner = house.planners[-1]
+    with planner._book._writing, planner._store._lock:  # as in a write that takes its time
+        assert task(bus, id).state == "succeeded"
+        assert len(bus.call(service.LIST_TASKS, pb.Empty(), 5).tasks) == 1
+
+
+def test_a_task_that_has_ended_is_not_paused_by_who_comes_too_late(house: House) -> None:
+    house.peers(flat_with_mug())
+    bus = house.planner()
+    id = submit(bus, GO).id
+    ended(bus, id)
+    book = house.planners[-1]._book
+    assert book.change(id, on_hold=True, state=State.PAUSED).state is State.SUCCEEDED
+    house.planners[-1].close()
+    assert task(house.planner(), id).state == "succeeded"

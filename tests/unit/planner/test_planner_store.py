@@ -168,3 +168,12 @@ def test_rows_that_cannot_be_read_are_left_out(tmp_path: Path) -> None:
     assert [t.id for t in store.tasks()] == ["good"]
     with pytest.raises(ValueError, match="Expecting value"):
         store.entry("bad")
+
+
+def test_what_comes_after_the_end_is_no_fault_and_takes_no_proof(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    assert store.mend((), ())
+    store.close()
+    assert not store.keep("a", Entry())
+    assert store.fault == ""
+    assert Store(tmp_path).proven
