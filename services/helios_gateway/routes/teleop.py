@@ -133,7 +133,8 @@ async def _commands(
         except (Unauthorized, Forbidden):
             return NOT_ALLOWED, "the key is not accepted any more"
         try:
-            asked = TeleopCommand.model_validate_json(message.get("text") or message["bytes"])
+            text = message.get("text") or message.get("bytes") or b""
+            asked = TeleopCommand.model_validate_json(text)
         except ValidationError as error:
             session.refuse(f"the command is wrong: {told(error.errors())}")
             continue

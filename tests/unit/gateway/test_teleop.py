@@ -282,3 +282,15 @@ def test_a_socket_that_says_nothing_is_closed(hub: MemoryHub, live: Live, backen
     with TestClient(create_app(fleet, quick), "http://localhost") as client, driver(client) as one:
         assert one.receive_json()["state"] == "standing"
         assert one.receive()["code"] == 1001
+
+
+@pytest.mark.parametrize("send", ["send_text", "send_bytes"])
+def test_an_empty_message_is_refused_and_the_driver_may_go_on(
+    client: TestClient, backend: Backend, send: str
+) -> None:
+    with driver(client) as socket:
+        getattr(socket, send)("" if send == "send_text" else b"")
+        assert "the command is wrong" in until(socket, is_in("refused"))["reason"]
+        socket.send_json({})
+        socket.send_json(AHEAD)
+        wait_until(lambda: backend.driving.moves, 20, "it moves")
