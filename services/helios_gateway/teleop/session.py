@@ -98,12 +98,21 @@ class TeleopSession:
                 await anyio.sleep(POLL_S)
                 return
             self._tell("driving", self._pacer.blocked)
-            result = await self._in_thread(lambda: self._driver.move(due.action))
+            result = await self._in_thread(lambda: self._move(due))
         except HeliosError as error:
             await self._give_up(error.message)
             return
+        if result is None:
+            return
         self._moved_s = time.monotonic()
         self._after(due, result, self._pacer)
+
+    def _move(self, due: DueMove) -> pb.ActionResult | None:
+        """None where the command was let go before a thread was free."""
+        share = self._latest.now(time.monotonic()).of(due.axis)
+        if share == 0 or (share > 0) is not due.ahead:
+            return None
+        return self._driver.move(due.action)
 
     def _after(self, due: DueMove, result: pb.ActionResult, pacer: Pacer) -> None:
         pose = pose_of(result.T_world_base.rows)
