@@ -42,7 +42,7 @@ def quick_stop(args: Sequence[str]) -> int | None:
     try:
         text = _ask(given)
         print(text, flush=True)
-    except (OSError, ValueError, http.client.HTTPException):
+    except (OSError, ValueError, ImportError, http.client.HTTPException):
         return None
     return 0
 
@@ -63,7 +63,7 @@ def options(args: Sequence[str], environment: Mapping[str, str]) -> dict[str, st
         else:
             return None
     port = out.get("--port", str(PORT))
-    well = port.isascii() and port.isdecimal() and 0 < int(port) < 65536
+    well = port.isascii() and port.isdecimal() and len(port) <= 5 and 0 < int(port) < 65536
     return out if well else None
 
 

@@ -231,3 +231,14 @@ print(json.dumps([status, sorted(set(sys.modules) - before - sys.stdlib_module_n
         "helios_client", "helios_client.__main__", "helios_client.arguments",
         "helios_client.http", "helios_client.http.address", "helios_client.quick_stop",
     ]  # fmt: skip
+
+
+def test_a_port_of_any_length_is_left_to_the_full_command(ways: Ways) -> None:
+    assert ways.quick_alone(["stop", "--port", "9" * 5000]) is None
+
+
+def test_where_the_authorities_cannot_be_imported_the_full_command_runs(
+    ways: Ways, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "certifi", None)
+    assert ways.quick_alone(["stop", "--url", "https://127.0.0.1:PORT"]) is None
