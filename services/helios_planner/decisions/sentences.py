@@ -187,13 +187,17 @@ def _digits(holds: Callable[[Rounding], bool]) -> int:
 
 
 def _value(terms: Mapping[str, float], name: str, rounded: Rounding) -> float:
-    """Of what `_scored` prints."""
-    return rounded(terms[name]) * rounded(terms.get("place", 1.0))
+    """What `_scored` prints last."""
+    return rounded(terms[name] * terms.get("place", 1.0))
 
 
 def _scored(terms: Mapping[str, float], name: str, digits: int = 2) -> str:
-    place = f" × place {terms['place']:.{digits}f}" if "place" in terms else ""
-    return f"{terms[name]:.{digits}f}{place}"
+    """ "0.42", or "0.84 × place 0.50 = 0.42"."""
+    score = f"{terms[name]:.{digits}f}"
+    if "place" not in terms:
+        return score
+    place = terms["place"]
+    return f"{score} × place {place:.{digits}f} = {terms[name] * place:.{digits}f}"
 
 
 def best_view(name: str, score: float, candidates: Sequence[Candidate], winner: int) -> str:
