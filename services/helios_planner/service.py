@@ -157,12 +157,13 @@ class PlannerService:
 
     def _check_agent(self, name: str) -> None:
         """Raises InvalidInput for an agent that there is not, or that no task may name."""
-        listed = {n: None for n in (*AGENT_NAMES, *AGENTS.entry_names(), self._settings.agent)}
+        listed = dict.fromkeys((*AGENT_NAMES, *AGENTS.entry_names(), self._settings.agent))
         if self._settings.agents_of_tasks == "listed" and name not in listed:
             raise InvalidInput(
-                f"there is no agent {name[:80]!r} for tasks here; choose one of {', '.join(listed)}; one "
-                f"of your own is started with the planner (helios up --agent {name[:80]}), or "
-                "allowed to tasks with HELIOS_PLANNER_AGENTS_OF_TASKS=any"
+                f"there is no agent {name[:80]!r} for tasks here; choose one of "
+                f"{', '.join(listed)}; one of your own is started with the planner "
+                f"(helios up --agent {name[:80]}), or allowed to tasks with "
+                "HELIOS_PLANNER_AGENTS_OF_TASKS=any"
             )
         agent_named(name)
 
