@@ -20,12 +20,11 @@ if TYPE_CHECKING:
 
 REASON = "helios stop"
 SENTENCE = "stopped; it will not move until: helios clear-stop"
-PORT = 8080
 CONNECT_S = 3.0
 TIMEOUT_S = 10.0
 VALUES = ("--port", "--url", "--key", "--robot", "--reason")
 FLAGS = ("--json",)
-VARIABLES = {"--url": "HELIOS_URL", "--key": "HELIOS_API_KEY"}
+VARIABLES = {"--key": "HELIOS_API_KEY"}
 
 
 def quick_stop(args: Sequence[str]) -> int | None:
@@ -40,7 +39,7 @@ def quick_stop(args: Sequence[str]) -> int | None:
     import http.client
 
     try:
-        text = _ask(given)
+        text = _ask(given, os.environ)
         print(text, flush=True)
     except (OSError, ValueError, ImportError, http.client.HTTPException):
         return None
@@ -48,7 +47,8 @@ def quick_stop(args: Sequence[str]) -> int | None:
 
 
 def options(args: Sequence[str], environment: Mapping[str, str]) -> dict[str, str] | None:
-    """The options by name, those of the environment too; a flag is "". None: not understood."""
+    """The options by name, an API key of the environment too; a flag is "". None: not
+    understood."""
     out = {name: value for name, key in VARIABLES.items() if (value := environment.get(key))}
     left = iter(args)
     for arg in left:
@@ -62,20 +62,21 @@ def options(args: Sequence[str], environment: Mapping[str, str]) -> dict[str, st
             out[name] = given
         else:
             return None
-    port = out.get("--port", str(PORT))
+    port = out.get("--port", "1")
     well = port.isascii() and port.isdecimal() and len(port) <= 5 and 0 < int(port) < 65536
     return out if well else None
 
 
-def _ask(given: Mapping[str, str]) -> str:
+def _ask(given: Mapping[str, str], environment: Mapping[str, str]) -> str:
     """Send the stop; what is to be printed. Raises OSError, ValueError and HTTPException for
     everything but success."""
     import json
     from urllib.parse import quote
 
-    from helios_client.http.address import split_url
+    from helios_client.http.address import chosen, split_url
 
-    url = split_url(given.get("--url") or f"http://127.0.0.1:{given.get('--port', PORT)}")
+    port = int(given["--port"]) if "--port" in given else None
+    url = split_url(chosen(port, given.get("--url"), environment)[1])
     if url.username is not None:
         raise ValueError("a user in the address")
     robot = given.get("--robot")

@@ -150,10 +150,9 @@ def _run(
     max_steps: int | None,
     ray: str | None,
 ) -> None:
-    names = _names(agents, "--agents")
     under = checked(
-        names, benchmark, semantics=semantics, preset=preset, table=noise, level=level,
-        correlation=correlation, sensor=sensor, assignments=assignments, max_steps=max_steps,
+        _names(agents, "--agents"), benchmark, semantics=semantics, preset=preset, table=noise,
+        level=level, correlation=correlation, sensor=sensor, assignments=assignments, max_steps=max_steps,
     )  # fmt: skip
     try:
         limits = tuple(results.picks_of(p) for p in _names(picks, "--picks"))
@@ -166,7 +165,7 @@ def _run(
             file=sys.stderr,
         )
     asked = Run(
-        under.benchmark, tuple(names), limits, under.semantics, under.preset, episodes, seed0, out,
+        under.benchmark, under.agents, limits, under.semantics, under.preset, episodes, seed0, out,
         jobs or os.cpu_count() or 1, under.noise, under.settings, ray,
     )  # fmt: skip
     console = Screen()

@@ -15,6 +15,7 @@ from helios_core.agent_settings import AGENT_NAMES
 from helios_core.bus import Bus
 from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.health import Health
+from helios_core.naming import same_name
 from helios_core.plugins import AGENTS
 from helios_core.service import until_warm
 from helios_core.topics import (
@@ -108,8 +109,7 @@ class PlannerService:
         """Kept before it is answered. Raises Unavailable while tasks cannot be kept."""
         self._book.check_keeping()
         instruction = parse_with_help(request.instruction, self._model)
-        agent = request.agent or self._settings.agent
-        self._check_agent(agent)
+        agent = self._known_agent(request.agent or self._settings.agent)
         for_task(self._settings, request.settings)
         if abs(request.priority) > MOST_PRIORITY:
             raise InvalidInput(
@@ -155,9 +155,11 @@ class PlannerService:
             self._wake.notify_all()
         return told
 
-    def _check_agent(self, name: str) -> None:
-        """Raises InvalidInput for an agent that there is not, or that no task may name."""
+    def _known_agent(self, said: str) -> str:
+        """The agent's name as it is listed; it may be said in any case. Raises InvalidInput for an
+        agent that there is not, or that no task may name."""
         listed = dict.fromkeys((*AGENT_NAMES, *AGENTS.entry_names(), self._settings.agent))
+        name = same_name(said, listed) or said
         if self._settings.agents_of_tasks == "listed" and name not in listed:
             raise InvalidInput(
                 f"there is no agent {name[:80]!r} for tasks here; choose one of "
@@ -166,6 +168,7 @@ class PlannerService:
                 "HELIOS_PLANNER_AGENTS_OF_TASKS=any"
             )
         agent_named(name)
+        return name
 
     def get(self, request: pb.TaskRequest) -> pb.Task:
         return task_to_proto(self._book.known(request.id))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from helios_core.errors import InvalidInput
 
@@ -23,6 +23,14 @@ def is_named(words: str, class_name: str) -> bool:
     many: "Coffee_Tables" is coffee table, "red mug" is no mug."""
     wanted, said = _plain(class_name), _plain(words)
     return bool(wanted) and said in (wanted, f"{wanted}s", f"{wanted}es")
+
+
+def same_name(said: str, known: Iterable[str]) -> str | None:
+    """The known name that was said, in any case, with spaces, underscores or hyphens."""
+    names = list(known)
+    if said in names:
+        return said
+    return next((name for name in names if _plain(name) == _plain(said)), None)
 
 
 def closest(name: str, known: Sequence[str], count: int = 3) -> list[str]:

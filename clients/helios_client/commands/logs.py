@@ -11,7 +11,11 @@ from pathlib import Path
 from typing import BinaryIO
 
 from helios_core.errors import InvalidInput, Unavailable
+from helios_core.naming import same_name
+from helios_core.settings_names import nearest
 
+from helios_client.commands.here import port_here
+from helios_client.commands.options import chosen_address
 from helios_client.supervision import state_file
 from helios_client.wrong_use import WrongUse
 
@@ -19,9 +23,21 @@ FOLLOW_S = 0.2
 ENDING = ".log"
 
 
-def log_folder(port: int, state: Path | None) -> Path:
-    """`STATE/logs` of the `helios up` of this port: the running one, or the last one there."""
-    default = state or state_file.default_state_dir(port)
+def log_folder(port: int | None, url: str | None, state: Path | None) -> Path:
+    """`STATE/logs` of the `helios up` of this port: the running one, or the last one there.
+
+    port, url: as typed; HELIOS_URL counts where neither is. state: goes before both. Raises
+    WrongUse where a URL names another machine.
+    """
+    if state is None:
+        here, address = chosen_address(port, url)
+        if here is None:
+            here = port_here(address, "its logs are there; run `helios logs` on HOST")
+        state = state_file.default_state_dir(here)
+    return _known_folder(state)
+
+
+def _known_folder(default: Path) -> Path:
     known = state_file.read(default) or {}
     return Path(known.get("state_dir", default)) / "logs"
 
@@ -40,9 +56,11 @@ def log_file(folder: Path, service: str) -> Path:
     """The newest log of a service, whose name may be in any case. Raises WrongUse with the names
     that there are, and Unavailable where there are none."""
     names = services_in(folder)
-    found = next((name for name in names if name.casefold() == service.casefold()), None)
+    found = same_name(service, names)
     if found is None:
-        raise WrongUse(f"no service {service!r} has a log; there are {', '.join(names)}")
+        near = nearest(service, names)
+        hint = f"; did you mean {near}?" if near else ""
+        raise WrongUse(f"no service {service!r} has a log; there are {', '.join(names)}{hint}")
     return folder / f"{found}{ENDING}"
 
 

@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import inspect
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -27,19 +28,33 @@ State = Annotated[
 ]
 
 
+TypedPort = Annotated[
+    int | None,
+    typer.Option(help="port of a helios up on this machine  [default: 8080]", min=1, max=65535),
+]
+Url = Annotated[
+    str | None,
+    typer.Option(help="of a robot elsewhere: HOST:PORT or http://HOST:PORT  [env var: HELIOS_URL]"),
+]
+
+
+def chosen_address(port: int | None, url: str | None) -> tuple[int | None, str]:
+    """What `http.address.chosen` makes of the typed options. Raises WrongUse."""
+    from helios_client.http.address import chosen
+    from helios_client.wrong_use import WrongUse
+
+    try:
+        return chosen(port, url, os.environ)
+    except ValueError as error:
+        raise WrongUse(str(error)) from error
+
+
 @dataclass(frozen=True)
 class At:
     """The running robot that a command speaks to."""
 
-    port: Port = 8080
-    url: Annotated[
-        str | None,
-        typer.Option(
-            help="of a robot elsewhere: HOST:PORT or http://HOST:PORT  "
-            "[default: http://127.0.0.1:PORT]",
-            envvar="HELIOS_URL",
-        ),
-    ] = None
+    port: TypedPort = None
+    url: Url = None
     key: Annotated[
         str | None, typer.Option(help="API key, where one is wanted", envvar="HELIOS_API_KEY")
     ] = None
@@ -49,15 +64,16 @@ class At:
     ] = None
 
     @property
+    def port_here(self) -> int | None:
+        """The port of this machine; None where a URL names the robot. Raises WrongUse."""
+        return chosen_address(self.port, self.url)[0]
+
+    @property
     def base_url(self) -> str:
         """Raises WrongUse for an address that is none."""
         from helios_client.http.address import base_url
-        from helios_client.wrong_use import WrongUse
 
-        try:
-            return base_url(self.url or f"http://127.0.0.1:{self.port}")
-        except ValueError as error:
-            raise WrongUse(f"{error}; --url or HELIOS_URL names it") from error
+        return base_url(chosen_address(self.port, self.url)[1])
 
     @contextmanager
     def connect(self, timeout_s: float = 10.0) -> Iterator[Helios]:
@@ -71,9 +87,9 @@ class At:
             try:
                 yield helios
             except NobodyThere as error:
-                if self.url is not None:
+                if (here := self.port_here) is None:
                     raise
-                ports = [port for port in running_ports() if port != self.port]
+                ports = [port for port in running_ports() if port != here]
                 known = f": one runs with --port {' and one with --port '.join(map(str, ports))}"
                 where = ", or name its port with --port" + (known if ports else "")
                 raise NobodyThere(error.message + where) from error

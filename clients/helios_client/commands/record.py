@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import os
-import socket
 import sys
 from pathlib import Path
 from typing import NoReturn
-from urllib.parse import urlsplit
 
 from helios_core.errors import Unavailable
 
+from helios_client.commands.here import port_here
 from helios_client.supervision import state_file
-from helios_client.wrong_use import WrongUse
 
-STANDARD_PORTS = {"http": 80, "https": 443}
 ROUTER_PORT = 7447  # Zenoh's own, which the containers use
 
 
@@ -26,7 +23,10 @@ def record(
     commands. Raises Unavailable when no router is named and none is known, WrongUse when the URL
     names another machine, whose router cannot be known."""
     if url and router is None and state is None:
-        port = port_here(url)
+        port = port_here(
+            url, "its router is not known; name it with --router "
+            f"tcp/HOST:{ROUTER_PORT}, or run `helios record` there",
+        )  # fmt: skip
     known = state_file.read(state or state_file.default_state_dir(port)) or {}
     router = router or known.get("router")
     if router is None:
@@ -40,37 +40,3 @@ def record(
     argv = ["--router", router, "--robot", name or known.get("robot", "robot"), "--out", str(out)]
     print(f"recording to {out.resolve()}; Ctrl-C ends it", file=sys.stderr, flush=True)
     os.execv(sys.executable, [sys.executable, "-m", "helios_recorder", *argv])
-
-
-def port_here(url: str) -> int:
-    """The port of a URL of this machine; the scheme may be missing. Raises WrongUse otherwise."""
-    full = url if "://" in url else f"http://{url}"
-    try:
-        parts = urlsplit(full)
-        host, port = parts.hostname, parts.port or STANDARD_PORTS.get(parts.scheme)
-    except ValueError:
-        host = port = None
-    if not host or not port:
-        raise WrongUse(f"the URL {url!r} names no host and port; give http://HOST:PORT")
-    if not _is_here(host):
-        raise WrongUse(
-            f"{url} is not on this machine, so its router is not known; name it with --router "
-            f"tcp/{host}:{ROUTER_PORT}, or run `helios record` there"
-        )
-    return port
-
-
-def _is_here(host: str) -> bool:
-    """Whether the host is this machine: a socket can be bound to one of its addresses."""
-    try:
-        found = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)
-    except OSError:
-        return False
-    for family, kind, protocol, _, address in found:
-        try:
-            with socket.socket(family, kind, protocol) as s:
-                s.bind(address)
-                return True
-        except OSError:
-            continue
-    return False

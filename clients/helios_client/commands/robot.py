@@ -7,7 +7,17 @@ from typing import Annotated, Literal
 
 import typer
 
-from helios_client.commands.options import At, Json, Port, State, console, flat, print_json, say
+from helios_client.commands.options import (
+    At,
+    Json,
+    State,
+    TypedPort,
+    Url,
+    console,
+    flat,
+    print_json,
+    say,
+)
 from helios_client.quick_stop import REASON, SENTENCE
 
 app = typer.Typer()
@@ -20,7 +30,7 @@ def status(at: At, state: State = None, as_json: Json = False) -> None:
     from helios_client.commands.status import find_status, status_table
 
     with at.connect(timeout_s=3.0) as helios:
-        found = find_status(helios, at.port if at.url is None else None, state, at.robot)
+        found = find_status(helios, at.port_here, state, at.robot)
     if as_json:
         print_json(found)
         return
@@ -42,14 +52,15 @@ def logs(
         bool, typer.Option("--follow", "-f", help="go on with each new line, until Ctrl-C")
     ] = False,
     lines: Annotated[int, typer.Option("--lines", "-n", help="newest lines", min=0)] = 50,
-    port: Port = 8080,
+    port: TypedPort = None,
+    url: Url = None,
     state: State = None,
 ) -> None:
     """What a service of this machine wrote. Also after helios up has ended."""
 
     from helios_client.commands import logs as files
 
-    folder = files.log_folder(port, state)
+    folder = files.log_folder(port, url, state)
     if service is None:
         for name in files.services_in(folder):
             say(f"{name:12} {folder / name}{files.ENDING}")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from helios_client.commands.options import Port, State, console
+from helios_client.commands.options import Port, State, TypedPort, Url, console
 
 app = typer.Typer()
 
@@ -76,7 +76,7 @@ def up(
     from helios_client.supervision.up import up as run_up
     from helios_client.wrong_use import WrongUse
 
-    flags.check_robot(robot)
+    robot = flags.check_robot(robot)
     try:
         robot_name(name)
     except InvalidInput as error:
@@ -85,12 +85,12 @@ def up(
         raise WrongUse("--spot-host goes with --robot spot, and only with it")
     if detector is None:
         detector = default_detector(robot, source)
-    flags.check_detector(detector)
+    detector = flags.check_detector(detector)
     if scorer is not None:
-        flags.check_scorer(scorer)
+        scorer = flags.check_scorer(scorer)
     if agent is not None:
-        flags.check_agent(agent)
-    flags.check_home(robot, preset, furniture)
+        agent = flags.check_agent(agent)
+    preset, furniture = flags.check_home(robot, preset, furniture)
     if (source is None) is (robot == "replay"):
         raise WrongUse("--source DATASET goes with --robot replay, and only with it")
     if source is not None:
@@ -113,7 +113,7 @@ def up(
 @app.command()
 def record(
     out: Annotated[Path, typer.Option(help="folder of the recordings")] = Path("recordings"),
-    port: Port = 8080,
+    port: TypedPort = None,
     state: State = None,
     router: Annotated[
         str | None, typer.Option(help="tcp/HOST:PORT  [default: that of the running helios up]")
@@ -121,18 +121,17 @@ def record(
     name: Annotated[
         str | None, typer.Option(help="the robot's name  [default: that of helios up]")
     ] = None,
-    url: Annotated[
-        str | None,
-        typer.Option(
-            help="of the HTTP interface, on this machine  [default: http://127.0.0.1:PORT]",
-            envvar="HELIOS_URL",
-        ),
-    ] = None,
+    url: Url = None,
 ) -> None:
     """Record every topic of a running robot into MCAP. Until Ctrl-C."""
+    from helios_client.commands.options import chosen_address
     from helios_client.commands.record import record as run_record
+    from helios_client.http.address import PORT
 
-    run_record(out, port, state, router, name, url)
+    address = None
+    if router is None and state is None:
+        port, address = chosen_address(port, url)
+    run_record(out, port or PORT, state, router, name, None if port else address)
 
 
 @app.command()
@@ -178,7 +177,7 @@ def replay(
     screen = console()
     check_source(dataset)
     context, detector = what_to_seek(dataset, classes, thresholds, detector)
-    check_detector(detector)
+    detector = check_detector(detector)
     pace = Pace(limit, from_s, to_s, rate, free_running, topics, strict)
     results = run_replay(ReplayJob(dataset, context, detector, out, pace), screen)
     screen.print(results.table())  # first, for a full disk must not take it along

@@ -83,8 +83,8 @@ def submit_and_watch(
     from helios_client.commands.task_view import say_stopped, wait_while_starting, watch_task
 
     with at.connect() as helios:
-        if at.url is None:
-            wait_while_starting(helios, at.port, console(stderr=True))
+        if (port := at.port_here) is not None:
+            wait_while_starting(helios, port, console(stderr=True))
         asked = submit(helios)
         if asked.unused:
             said = ", ".join(f"“{words}”" for words in asked.unused)

@@ -2,7 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from urllib.parse import SplitResult, urlsplit
+
+VARIABLE = "HELIOS_URL"
+PORT = 8080
+STANDARD_PORTS = {"http": 80, "https": 443}
+
+
+def chosen(
+    port: int | None, url: str | None, environment: Mapping[str, str]
+) -> tuple[int | None, str]:
+    """The port of this machine and the address that a command asks.
+
+    port, url: as typed; None: not typed. What is typed wins over HELIOS_URL, which wins over port
+    8080. The port is None where a URL was chosen. Raises ValueError with a sentence, also for a
+    typed port that is not the one in the typed URL.
+    """
+    source = "--url"
+    if port is None and url is None:
+        url, source = environment.get(VARIABLE), VARIABLE
+    if not url:
+        port = PORT if port is None else port
+        return port, f"http://127.0.0.1:{port}"
+    try:
+        parts = split_url(url)
+    except ValueError as error:
+        raise ValueError(f"{source}: {error}") from error
+    named = parts.port or STANDARD_PORTS[parts.scheme]
+    if port not in (None, named):
+        raise ValueError(f"--url {url} names port {named}, but --port is {port}; give one of them")
+    return None, url
 
 
 def base_url(text: str) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 from helios_core import plugins
 from helios_core.agent_settings import AGENT_NAMES
 from helios_core.errors import HeliosError, InvalidInput
+from helios_core.naming import same_name
 from helios_core.settings_names import nearest
 
 from helios_client.supervision.stack import RECORDED
@@ -22,49 +23,56 @@ FURNITURE = ("parametric", "realistic")
 DEFAULT_PRESET = "demo-v1"
 
 
-def check_robot(robot: str) -> None:
-    """Raises WrongUse."""
-    _check(plugins.ROBOTS, robot, ROBOTS, "")
+def check_robot(robot: str) -> str:
+    """The robot as the services know it. Raises WrongUse."""
+    return _check(plugins.ROBOTS, robot, ROBOTS, "")
 
 
-def check_detector(detector: str) -> None:
-    """Whether there can be such a detector, and where it is a file, whether that is there.
-
-    Raises WrongUse.
+def check_detector(detector: str) -> str:
+    """The detector as the services know it: whether there can be such a one, and where it is a
+    file, whether that is there. Raises WrongUse.
     """
     kind, _, model = detector.partition(":")
     if kind == "onnx":
         _check_model(model)
     elif not (kind == "transformers" and model):
-        _check(plugins.DETECTORS, detector, _DETECTORS, "onnx:FILE, transformers:ID, ")
+        return _check(plugins.DETECTORS, detector, _DETECTORS, "onnx:FILE, transformers:ID, ")
+    return detector
 
 
-def check_scorer(scorer: str) -> None:
-    """Raises WrongUse."""
+def check_scorer(scorer: str) -> str:
+    """The scorer as the services know it. Raises WrongUse."""
     kind, _, model = scorer.partition(":")
-    if not (kind == "transformers" and model):
-        _check(plugins.SCORERS, scorer, _SCORERS, "transformers:ID, ")
+    if kind == "transformers" and model:
+        return scorer
+    return _check(plugins.SCORERS, scorer, _SCORERS, "transformers:ID, ")
 
 
-def check_agent(agent: str) -> None:
-    """Raises WrongUse."""
-    _check(plugins.AGENTS, agent, AGENT_NAMES, "")
+def check_agent(agent: str) -> str:
+    """The agent as the services know it. Raises WrongUse."""
+    return _check(plugins.AGENTS, agent, AGENT_NAMES, "")
 
 
-def check_home(robot: str, preset: str, furniture: str | None) -> None:
-    """Whether the simulator has such homes; realistic furniture must have been baked.
+def check_home(robot: str, preset: str, furniture: str | None) -> tuple[str, str | None]:
+    """Preset and furniture as the simulator knows them; realistic furniture must have been baked.
 
     Raises WrongUse.
     """
-    if furniture not in (None, *FURNITURE):
-        raise WrongUse(f"no furniture is called {furniture!r}; wanted {' or '.join(FURNITURE)}")
+    if furniture is not None:
+        known = same_name(furniture, FURNITURE)
+        if known is None:
+            wanted = " or ".join(FURNITURE)
+            raise WrongUse(f"no furniture is called {furniture!r}; wanted {wanted}")
+        furniture = known
     if robot != "sim":
-        return
+        return preset, furniture
     if preset != DEFAULT_PRESET:
         from helios_sim.home.presets import PRESETS  # late: the simulator takes half a second
 
-        if preset not in PRESETS:
+        known = same_name(preset, PRESETS)
+        if known is None:
             raise WrongUse(_none_called("preset", preset, tuple(PRESETS), ""))
+        preset = known
     if furniture == "realistic":
         from helios_sim.assets import pack
 
@@ -72,6 +80,7 @@ def check_home(robot: str, preset: str, furniture: str | None) -> None:
             pack.read_index(pack.default_cache() / "current")
         except HeliosError as error:
             raise WrongUse(f"--furniture realistic: {error.message}") from error
+    return preset, furniture
 
 
 def _check_model(file: str) -> None:
@@ -93,19 +102,21 @@ def _beside(path: Path) -> list[Path]:
         return []
 
 
-def _check(kind: plugins.Kind, given: str, ours: tuple[str, ...], more: str) -> None:
-    """Whether it is one of ours, or of a package that is there. Raises WrongUse."""
-    if given in ours:
-        return
+def _check(kind: plugins.Kind, given: str, ours: tuple[str, ...], more: str) -> str:
+    """The name as it is known: one of ours, or of a package that is there. Raises WrongUse."""
     offered = (*ours, *kind.entry_names())
-    if ":" not in given and given not in kind.entry_names():
+    if (name := same_name(given, offered)) in ours:
+        return name
+    if ":" not in given and name is None:
         raise WrongUse(_none_called(kind.name, given, offered, more))
+    given = name or given
     try:
         plugins.check_there(kind, given)
     except InvalidInput as error:
         near = nearest(given.partition(":")[0], offered)
         hint = f"; did you mean {near}?" if near else ""
         raise WrongUse(error.message + hint) from error
+    return given
 
 
 def _none_called(what: str, given: str, known: tuple[str, ...], more: str) -> str:

@@ -8,6 +8,7 @@ from typing import get_args
 
 from helios_client.wrong_use import WrongUse
 from helios_core.errors import InvalidInput
+from helios_core.naming import same_name
 from helios_sim.sensor import SENSORS
 
 from helios_eval.episodes import homes, service_settings, spec
@@ -18,6 +19,7 @@ from helios_eval.episodes.record import Benchmark, Noise, Semantics, Setting
 class Condition:
     """What all episodes of a command share. `settings` are those that were given, for any agent."""
 
+    agents: tuple[str, ...]
     benchmark: Benchmark
     semantics: Semantics
     preset: str
@@ -40,11 +42,12 @@ def checked(
 ) -> Condition:
     """From the flags of `helios eval`; a table of None is the preset's. Raises WrongUse."""
     known_benchmark = next((b for b in get_args(Benchmark) if b == benchmark), None)
-    known_semantics = next((s for s in get_args(Semantics) if s == semantics), None)
+    said = same_name(semantics, get_args(Semantics))
+    known_semantics = next((s for s in get_args(Semantics) if s == said), None)
     if known_benchmark is None:
         raise WrongUse(f"--benchmark is {benchmark!r}; wanted ovmm or objectnav")
-    spec.check_agents(agents, known_benchmark)
-    homes.check_kind(preset)
+    known_agents = tuple(spec.check_agents(agents, known_benchmark))
+    preset = homes.check_kind(preset)
     if known_semantics is None:
         raise WrongUse(f"--semantics is {semantics!r}; wanted noisy or ground-truth")
     if sensor not in SENSORS:
@@ -60,4 +63,4 @@ def checked(
             noise = spec.noise_of(table or homes.noise_of(preset), level, correlation)
         except InvalidInput as error:
             raise WrongUse(error.message) from error
-    return Condition(known_benchmark, known_semantics, preset, noise, settings)
+    return Condition(known_agents, known_benchmark, known_semantics, preset, noise, settings)

@@ -10,6 +10,7 @@ from functools import cache, lru_cache
 
 from helios_client.wrong_use import WrongUse
 from helios_core.errors import HeliosError
+from helios_core.naming import same_name
 from helios_sim.assets import Dressing, realistic
 from helios_sim.assets.pack import NAME
 from helios_sim.home import PRESETS, Home, HomePreset, generate_home
@@ -39,14 +40,17 @@ def noise_of(kind: str) -> str:
     return kind.split(_JOINT)[0]
 
 
-def check_kind(kind: str) -> None:
-    """Raises WrongUse for a kind that is not known, or whose furniture is not there."""
-    if kind not in KINDS:
+def check_kind(kind: str) -> str:
+    """The kind as it is known; its name may be in any case. Raises WrongUse for one that is not
+    known, or whose furniture is not there."""
+    known = same_name(kind, KINDS)
+    if known is None:
         raise WrongUse(f"no preset is called {kind!r}; wanted one of {', '.join(KINDS)}")
     try:
-        _parts(kind)
+        _parts(known)
     except HeliosError as error:
         raise WrongUse(error.message) from error
+    return known
 
 
 @cache

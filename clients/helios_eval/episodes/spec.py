@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from helios_client.wrong_use import WrongUse
 from helios_core.agent_settings import AGENT_NAMES
 from helios_core.errors import InvalidInput
+from helios_core.naming import same_name
 from helios_core.plugins import AGENTS
 from helios_detector.simulation.noise import load_noise
 
@@ -62,14 +63,15 @@ def known_agents(benchmark: Benchmark) -> tuple[str, ...]:
     return (*planner_agents(), WALKER) if benchmark == "ovmm" else planner_agents()
 
 
-def check_agents(agents: list[str], benchmark: Benchmark) -> None:
-    """Raises WrongUse for an agent that is not known, and for one of another package that cannot
-    be loaded."""
-    known = known_agents(benchmark)
-    for agent in agents:
+def check_agents(agents: list[str], benchmark: Benchmark) -> list[str]:
+    """The agents as they are known, each once; their names may be in any case. Raises WrongUse for
+    an agent that is not known, and for one of another package that cannot be loaded."""
+    known, offered = known_agents(benchmark), AGENTS.entry_names()
+    out = [same_name(agent, (*known, *offered)) or agent for agent in agents]
+    for agent in out:
         if agent in known:
             continue
-        if ":" not in agent and agent not in AGENTS.entry_names():
+        if ":" not in agent and agent not in offered:
             raise WrongUse(
                 f"no agent of {benchmark} is called {agent!r}; wanted some of {', '.join(known)}, "
                 "or package:agent of your own"
@@ -80,6 +82,7 @@ def check_agents(agents: list[str], benchmark: Benchmark) -> None:
             agent_named(agent)
         except InvalidInput as error:
             raise WrongUse(error.message) from error
+    return list(dict.fromkeys(out))
 
 
 def noise_of(table: str, level: float, correlation: float | None) -> Noise:

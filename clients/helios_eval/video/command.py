@@ -50,6 +50,7 @@ def video(
         level=noise_level, correlation=noise_correlation, sensor=sensor,
         assignments=assignments or [], max_steps=max_steps,
     )  # fmt: skip
+    agent = under.agents[0]
     if agent == WALKER:
         raise WrongUse(f"{agent} has no maps to film; choose another agent")
     path = out or Path("runs/video") / f"{agent}-{seed}.mp4"

@@ -109,7 +109,7 @@ def _sent_to(written: Written, text: str) -> Instruction | None:
     phrases += [p.name for c in clauses for p in c.places if p.kind is not Place.FOR]
     if not any(WORD in phrase.split() for phrase in phrases):
         return None
-    point = confirm(written.point, short(text))
+    point = confirm(written, short(text))
     refuse_conditions(clauses, text)
     goes = clauses[0].verb is Verb.GO or (
         clauses[0].verb_words in ("move", "return") and not noun(clauses[0].thing)

@@ -18,7 +18,7 @@ MOST_M = 10_000.0  # of a coordinate; no home is so large
 WORD = "xypoint"  # stands for the point in what is read on
 HOW = "“go to 3.2, 4.1” or “go to 3.2, 4.1 facing 90 degrees” (metres in the world frame)"
 
-_NUMBER = r"[-+]?(?:\d+(?:\.\d+)?|\.\d+)"
+_NUMBER = r"[-+]?(?:\d+(?:\.\d+)?|\.\d+|(?:nan|inf(?:inity)?)(?!\w))"
 _METRES = r"(?:\s*(?:metres?|meters?|m)\b)?"
 _POINT = re.compile(
     r"(?<![\w.+-])"
@@ -33,7 +33,7 @@ _FACING = re.compile(
     rf"(?:\s+(?:to|of|at|towards?))?\s*[=:]?\s*(?P<angle>{_NUMBER})"
     r"\s*(?P<unit>degrees?|deg|°|radians?|rad)?(?![\w.])"
 )
-_MINUS = str.maketrans(dict.fromkeys("\u2212\u2013\u2012", "-"))  # minus, dashes
+_SIGNS = str.maketrans({"\u2212": "-", "\u2013": "-", "\u2012": "-", "\u221e": "inf"})
 
 
 @dataclass(frozen=True)
@@ -50,15 +50,17 @@ class Point:
 
 @dataclass(frozen=True)
 class Written:
-    """A point and the text around it, in which `WORD` stands for the point."""
+    """A point and the text around it, in which `WORD` stands for the point. more: a third number
+    follows its two."""
 
     point: Point
     text: str
+    more: bool = False
 
 
 def find_point(text: str) -> Written | None:
     """The first point of a text. `confirm` it once it is known that a point is meant."""
-    plain = unicodedata.normalize("NFKC", text).translate(_MINUS).lower()
+    plain = unicodedata.normalize("NFKC", text).translate(_SIGNS).lower()
     found = _POINT.search(plain)
     if found is None:
         return None
@@ -69,20 +71,21 @@ def find_point(text: str) -> Written | None:
         in_radians = (turned["unit"] or "").startswith("rad")
         yaw_rad = angle if in_radians else math.radians(angle)
     x_m, y_m = _number(found["x"]), _number(found["y"])
-    if found["more"]:
-        x_m = math.nan  # three numbers are no point on the floor
-    point = Point(x_m, y_m, yaw_rad)
-    return Written(point, f"{plain[: found.start()]} {WORD} {plain[end:]}")
+    text = f"{plain[: found.start()]} {WORD} {plain[end:]}"
+    return Written(Point(x_m, y_m, yaw_rad), text, bool(found["more"]))
 
 
-def confirm(point: Point, said: str) -> Point:
+def confirm(written: Written, said: str) -> Point:
     """The point, its heading within half a turn. Raises InvalidInput for one that is none.
 
     said: the instruction in quotation marks, for the error.
     """
-    if math.isnan(point.x_m):
+    point = written.point
+    if written.more:
         raise InvalidInput(f"{said} gives three numbers; write two, {HOW}")
-    for value in (point.x_m, point.y_m):
+    for axis, value in (("x", point.x_m), ("y", point.y_m)):
+        if math.isnan(value):
+            raise InvalidInput(f"{said} gives {value} as {axis}; wanted a number of metres: {HOW}")
         if not abs(value) <= MOST_M:
             raise InvalidInput(f"{said} names a point beyond {MOST_M:.0f} m; write {HOW}")
     yaw_rad = point.yaw_rad

@@ -95,6 +95,18 @@ def test_the_camera_s_picture_is_written(house: Served, helios: Helios, tmp_path
     assert file.read_bytes().startswith(b"\xff\xd8")
 
 
+def test_what_is_typed_wins_over_the_variable(
+    house: Served, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("HELIOS_URL", f"http://127.0.0.1:{free_port()}")
+    for typed in (["--port", str(house.port)], ["--url", f"localhost:{house.port}"]):
+        assert run(["tasks", *typed]) == 0
+    assert run(["tasks", "--port", str(house.port), "--url", "localhost:1"]) == 2
+    assert capsys.readouterr().err == (
+        f"helios: --url localhost:1 names port 1, but --port is {house.port}; give one of them\n"
+    )
+
+
 def test_names_are_taken_in_any_case(house: Served, helios: Helios) -> None:
     house.backend.submit(INSTRUCTION)
     assert len(helios.json("tasks", "--state", "QUEUED")["tasks"]) == 1
@@ -354,7 +366,7 @@ def test_who_asks_on_the_wrong_port_is_told_of_the_right_one(
         told = capsys.readouterr().err
         assert told.endswith(f"--port: one runs with --port {house.port}\n")
         assert told.count("\n") == 1
-    monkeypatch.setenv("HELIOS_URL", f"http://127.0.0.1:{free}")  # goes before --port
+    monkeypatch.setenv("HELIOS_URL", f"http://127.0.0.1:{free}")
     assert run(["tasks"]) == 1
     assert "--port" not in capsys.readouterr().err
 

@@ -40,6 +40,17 @@ def test_what_there_may_be_passes_and_nothing_of_a_plug_in_is_run() -> None:
     assert "mine_of_a_test" not in sys.modules
 
 
+def test_names_are_taken_in_any_case_and_told_as_they_are_known() -> None:
+    assert [flags.check_robot(name) for name in ("SIM", "Spot")] == ["sim", "spot"]
+    assert flags.check_agent("VLFM_Helios_Stop") == "vlfm-helios-stop"
+    assert flags.check_detector("Ground Truth") == "ground-truth"
+    assert flags.check_detector("Paint") == "paint"  # of an installed package
+    assert flags.check_scorer("MiniLM") == "minilm"
+    assert flags.check_home("sim", "OVMM-V1", "Parametric") == ("ovmm-v1", "parametric")
+    for own in ("mine_of_a_test:Robot", "mine_of_a_test:ROBOT"):
+        assert flags.check_robot(own) == own
+
+
 @pytest.mark.parametrize(
     ("flag", "given", "said"),
     [

@@ -55,7 +55,23 @@ def test_without_a_service_those_there_are_are_listed(
         [name, str(folder / f"{name}.log")] for name in ("map2d", "planner")
     ]
     [told] = logs("plannner", capsys=capsys, status=2)
-    assert told.endswith("no service 'plannner' has a log; there are map2d, planner")
+    assert told.endswith(
+        "no service 'plannner' has a log; there are map2d, planner; did you mean planner?"
+    )
+
+
+def test_they_are_of_the_robot_that_the_variable_names(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("HELIOS_URL", f"localhost:{PORT}")
+    assert run(["logs", "planner", "-n", "1"]) == 0
+    assert capsys.readouterr().out == "line 99\n"
+    assert run(["logs", "plannner"]) == 2
+    assert "did you mean planner?" in capsys.readouterr().err
+    monkeypatch.setenv("HELIOS_URL", "http://192.0.2.7:8080")  # reserved for examples
+    assert run(["logs", "planner"]) == 2
+    assert "run `helios logs` on 192.0.2.7" in capsys.readouterr().err
+    assert logs("planner", "-n", "1", capsys=capsys) == ["line 99"]  # what is typed wins
 
 
 def test_where_nothing_ran_it_says_so(

@@ -46,6 +46,13 @@ def test_it_honours_the_url_that_every_command_does(
     assert argv[argv.index("--robot") + 1] == "arm"
 
 
+def test_a_typed_port_wins_over_the_variable(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HELIOS_URL", "http://192.0.2.7:8080")
+    with pytest.raises(Became) as became:
+        run(["record", "--port", str(port)])
+    assert ROUTER in became.value.args
+
+
 def test_of_another_machine_it_says_what_to_give(
     port: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

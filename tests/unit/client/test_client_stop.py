@@ -113,8 +113,10 @@ WELL: list[tuple[list[str], dict[str, str]]] = [
     (["stop", "--url", "127.0.0.1:PORT"], {}),
     (["stop", "--url", "http://127.0.0.1:PORT/"], {}),
     (["stop", "--url", "http://127.0.0.1:PORT/behind/a/proxy/"], {}),
-    (["stop", "--url", "localhost:PORT", "--port", "1"], {}),
-    (["stop", "--port", "1"], {"HELIOS_URL": "127.0.0.1:PORT"}),
+    (["stop", "--url", "localhost:PORT", "--port", "PORT"], {}),
+    (["stop"], {"HELIOS_URL": "127.0.0.1:PORT"}),
+    (["stop", "--port", "PORT"], {"HELIOS_URL": "127.0.0.1:1"}),
+    (["--port", "PORT", "stop"], {"HELIOS_URL": "no address"}),
     (["stop", "--url=127.0.0.1:PORT"], {"HELIOS_URL": "127.0.0.1:1"}),
     (["stop", "--port", "PORT"], {"HELIOS_URL": ""}),
     (["stop", "--port", "PORT", "--url", ""], {}),
@@ -154,6 +156,7 @@ ILL: list[list[str]] = [
     ["stop", "--pot", "PORT"],
     ["stop", "--url", "ftp://127.0.0.1:PORT"],
     ["stop", "--url", "127.0.0.1:PORT?a=b"],
+    ["stop", "--url", "127.0.0.1:PORT", "--port", "1"],
     ["stop", "--key", "ключ", "--port", "PORT"],
     ["stop", "--key", "a\nb", "--port", "PORT"],
     ["--port", "stop"],
@@ -208,7 +211,6 @@ def test_the_quick_way_knows_the_options_of_the_command() -> None:
     assert set(options) == {*quick_stop.VALUES, *quick_stop.FLAGS}
     assert {name for name, p in options.items() if p.is_flag} == set(quick_stop.FLAGS)
     assert {name: p.envvar for name, p in options.items() if p.envvar} == quick_stop.VARIABLES
-    assert options["--port"].default == quick_stop.PORT
     assert options["--reason"].default == quick_stop.REASON
 
 

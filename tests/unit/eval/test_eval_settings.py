@@ -6,6 +6,7 @@ import pytest
 from helios_client.wrong_use import WrongUse
 from helios_core.agent_settings import AGENT_SETTINGS
 from helios_eval.episodes import homes, service_settings, spec
+from helios_eval.episodes.condition import checked
 from helios_planner.agents import AGENTS
 from helios_planner.settings import Settings
 
@@ -81,6 +82,18 @@ def test_agents_and_presets_are_known_by_name() -> None:
         spec.check_agents(["ground-truth-walker"], "objectnav")
     with pytest.raises(WrongUse, match="demo-v1"):
         homes.check_kind("palace")
+
+
+def test_names_are_taken_in_any_case_each_once() -> None:
+    assert spec.check_agents(["HELIOS", "helios", "Trusting"], "ovmm") == ["helios", "trusting"]
+    assert homes.check_kind("Demo_V1") == "demo-v1"
+    under = checked(
+        ["Helios"], "ovmm", semantics="Ground-Truth", preset="DEMO-v1", table=None, level=1.0,
+        correlation=None, sensor="none", assignments=[], max_steps=None,
+    )  # fmt: skip
+    assert (under.agents, under.semantics, under.preset) == (
+        ("helios",), "ground-truth", "demo-v1"
+    )  # fmt: skip
 
 
 def test_an_agent_of_another_package_is_loaded_before_anything_is_played() -> None:

@@ -84,6 +84,16 @@ def test_a_number_too_long_for_a_float_is_refused() -> None:
         parse(f"go to {'9' * 330}, 1")
 
 
+@pytest.mark.parametrize("x", ["NaN", "-nan", "inf", "Infinity", "-inf", "∞"])
+@pytest.mark.parametrize(
+    "text", ["go to {}, 3", "drive to (3, {})", "go to x={} y=2", "go to {} {}"]
+)
+def test_what_is_no_number_is_no_point_and_no_heap_of_things(text: str, x: str) -> None:
+    with pytest.raises(InvalidInput, match=r"gives nan as [xy]|beyond 10000 m") as refused:
+        parse(text.format(x, x))
+    assert "3.2, 4.1" in refused.value.message
+
+
 def test_numbers_that_count_things_are_no_point() -> None:
     with pytest.raises(InvalidInput, match="several things at once"):
         parse("move 2, 3 mugs to the sofa")

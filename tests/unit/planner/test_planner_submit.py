@@ -20,7 +20,7 @@ def test_a_task_may_name_its_agent_and_one_that_trusts_the_detector_needs_no_obj
     peers.bus.serve(OBJECTS, forbidden)
     peers.bus.serve(WHAT_IF, forbidden)
     peers.bus.serve(RETIRE, forbidden)
-    done = ended(bus, submit(bus, agent="trusting").id)
+    done = ended(bus, submit(bus, agent="Trusting").id)
     assert (done.state, done.agent, done.cause) == ("succeeded", "trusting", ""), done.message
     assert peers.world.released is peers.world.things[3]
 

@@ -1,0 +1,41 @@
+"""Whether an address is of this machine."""
+
+from __future__ import annotations
+
+import socket
+
+from helios_client.http.address import STANDARD_PORTS, split_url
+from helios_client.wrong_use import WrongUse
+
+
+def port_here(url: str, elsewhere: str) -> int:
+    """The port of a URL of this machine; the scheme may be missing.
+
+    elsewhere: what follows from another machine, and what to do; HOST in it stands for that one.
+    Raises WrongUse with it for a URL of another machine, and for one that is none.
+    """
+    try:
+        parts = split_url(url)
+    except ValueError as error:
+        raise WrongUse(str(error)) from error
+    assert parts.hostname is not None
+    if not _is_here(parts.hostname):
+        told = elsewhere.replace("HOST", parts.hostname)
+        raise WrongUse(f"{url} is not on this machine, so {told}")
+    return parts.port or STANDARD_PORTS[parts.scheme]
+
+
+def _is_here(host: str) -> bool:
+    """Whether the host is this machine: a socket can be bound to one of its addresses."""
+    try:
+        found = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)
+    except OSError:
+        return False
+    for family, kind, protocol, _, address in found:
+        try:
+            with socket.socket(family, kind, protocol) as s:
+                s.bind(address)
+                return True
+        except OSError:
+            continue
+    return False
