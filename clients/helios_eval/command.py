@@ -152,7 +152,8 @@ def _run(
 ) -> None:
     under = checked(
         _names(agents, "--agents"), benchmark, semantics=semantics, preset=preset, table=noise,
-        level=level, correlation=correlation, sensor=sensor, assignments=assignments, max_steps=max_steps,
+        level=level, correlation=correlation, sensor=sensor, assignments=assignments,
+        max_steps=max_steps,
     )  # fmt: skip
     try:
         limits = tuple(results.picks_of(p) for p in _names(picks, "--picks"))

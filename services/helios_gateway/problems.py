@@ -30,6 +30,7 @@ _KINDS: dict[type[HeliosError], tuple[int, str, str]] = {
     DeadlineExceeded: (504, "timeout", "A service did not answer in time"),
     Conflict: (409, "conflict", "Refused in the present state"),
 }
+_INTERNAL = (500, "internal", "A fault in a service")
 
 
 class NotFound(InvalidInput):
@@ -91,9 +92,14 @@ def problem(status: int, kind: str, title: str, detail: str) -> JSONResponse:
     return JSONResponse(content.model_dump(), status, media_type=MEDIA_TYPE)
 
 
+def kind_of(error: HeliosError) -> str:
+    """The last word of a problem's type: invalid, conflict, unavailable, timeout, …."""
+    return _KINDS.get(type(error), _INTERNAL)[1]
+
+
 def problem_of(error: HeliosError) -> JSONResponse:
     """The response for a typed error; what is not the caller's or the state's fault is a 500."""
-    status, kind, title = _KINDS.get(type(error), (500, "internal", "A fault in a service"))
+    status, kind, title = _KINDS.get(type(error), _INTERNAL)
     out = problem(status, kind, title, error.message)
     if status == 401:
         out.headers["www-authenticate"] = "Bearer"

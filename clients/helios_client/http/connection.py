@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 from urllib.parse import quote
 
@@ -44,7 +45,10 @@ class Connection:
         }
 
     def request(self, call: Call[Any]) -> dict[str, Any]:
-        """Of their `request`."""
+        """Of their `request`. Raises InvalidInput for a number that JSON has none for."""
+        for name, value in (call.body or {}).items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise InvalidInput(f"{name} is {value}; wanted a finite number")
         out: dict[str, Any] = {
             "method": call.verb, "url": self._prefix + call.path, "json": call.body,
             "params": dict(call.query),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import time
 from dataclasses import dataclass
 from types import TracebackType
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 REPEAT_S = 0.1  # of a command that is held for a while
 NOT_ALLOWED = 1008
+_REFUSALS: dict[str, type[HeliosError]] = {
+    "invalid": InvalidInput, "unavailable": Unavailable, "timeout": DeadlineExceeded,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -37,10 +41,11 @@ class TeleopState:
 
     @classmethod
     def from_json(cls, text: str | bytes) -> TeleopState:
-        """Raises Conflict where the robot is not to be driven now."""
+        """Raises Conflict where the robot is not to be driven now, or the error that a refusal is
+        of."""
         raw = json.loads(text)
         if raw["state"] == "refused":
-            raise Conflict(raw["reason"])
+            raise _REFUSALS.get(raw.get("kind", ""), Conflict)(raw["reason"])
         return cls(raw["state"], raw["reason"], raw["pose"])
 
 
@@ -57,9 +62,11 @@ class Teleop:
         counts for 0.3 s: call again while the robot shall move. With `for_s` it is held for so
         many seconds, and let go then. The newest state.
 
-        Raises Conflict where the robot is not to be driven (a task, stop-now, somebody else), and
-        Unavailable when the connection ended; then the robot stands.
+        Raises InvalidInput, before anything is sent, for what is no share; Conflict where the robot
+        is not to be driven (a task, stop-now, somebody else); and Unavailable when the connection
+        ended; then the robot stands.
         """
+        _check(forward, turn, for_s)
         ends_s = time.monotonic() + for_s
         try:
             self._send(forward, turn)
@@ -121,6 +128,7 @@ class AsyncTeleop:
         self, forward: float = 0.0, turn: float = 0.0, for_s: float = 0.0
     ) -> TeleopState:
         """See `Teleop`."""
+        _check(forward, turn, for_s)
         ends_s = time.monotonic() + for_s
         try:
             await self._send(forward, turn)
@@ -170,6 +178,15 @@ class AsyncTeleop:
         socket, self._socket = self._socket, None
         if socket is not None:
             await socket.close()
+
+
+def _check(forward: float, turn: float, for_s: float) -> None:
+    """Raises InvalidInput: before anything is sent, as the gateway would tell it later."""
+    for name, share in (("forward", forward), ("turn", turn)):
+        if isinstance(share, bool) or not isinstance(share, int | float) or not abs(share) <= 1:
+            raise InvalidInput(f"{name} is {share!r}; wanted a share of the limit, -1 to 1")
+    if not 0 <= for_s < math.inf:
+        raise InvalidInput(f"for_s is {for_s!r}; wanted seconds, 0 or more")
 
 
 def _command(forward: float, turn: float) -> str:

@@ -10,7 +10,7 @@ import anyio
 import anyio.to_thread
 from anyio import CapacityLimiter
 from fastapi import APIRouter, Body, Request, WebSocket, WebSocketDisconnect
-from helios_core.errors import HeliosError
+from helios_core.errors import HeliosError, InvalidInput
 from helios_core.robot import Forward, Turn
 from helios_core.text import printable
 from pydantic import ValidationError
@@ -23,7 +23,7 @@ from helios_gateway.keys import Scope
 from helios_gateway.places import Places
 from helios_gateway.problems import Forbidden, Unauthorized, problem_of, problems
 from helios_gateway.settings import Settings
-from helios_gateway.teleop.driver import TeleopDriver, check_may_drive
+from helios_gateway.teleop.driver import TeleopDriver, check_may_drive, described
 from helios_gateway.teleop.limits import check_move
 from helios_gateway.teleop.messages import DriveRequest, DriveResult, TeleopCommand
 from helios_gateway.teleop.pacing import Command
@@ -60,12 +60,13 @@ def teleop_routes(prefix: str, settings: Settings) -> APIRouter:
         To drive for as long as a command is held: the WebSocket `/v1/robot/teleop`. Send
         `{"forward": -1..1, "turn": -1..1}` at least every 0.3 s while the robot shall move; it
         stands within one short move of the last one, of `{}`, and of the end of the connection.
-        Each change is told as `{"state", "reason", "pose"}`; states are `standing`, `driving`,
-        `blocked` and `refused`."""
+        Each change is told as `{"state", "reason", "kind", "pose"}`; states are `standing`,
+        `driving`, `blocked` and `refused`. The kind of a refusal is `invalid` for a wrong command
+        and `conflict` where the robot is not to be driven now."""
         driver = TeleopDriver(at, _who(request), timeout_s)
 
         def one_move() -> DriveResult:
-            check_move(asked, check_may_drive(at, timeout_s))
+            check_move(asked, described(at))
             driver.acquire()
             try:
                 action = Forward(asked.forward_m) if asked.forward_m else Turn(asked.turn_rad)
@@ -136,7 +137,7 @@ async def _commands(
             text = message.get("text") or message.get("bytes") or b""
             asked = TeleopCommand.model_validate_json(text)
         except ValidationError as error:
-            session.refuse(f"the command is wrong: {told(error.errors())}")
+            session.refuse(InvalidInput(f"the command is wrong: {told(error.errors())}"))
             continue
         session.command(Command(asked.forward, asked.turn))
 

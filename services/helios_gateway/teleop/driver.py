@@ -21,17 +21,23 @@ MOVE_S = 20.0  # longest time of one move; the bridge stops the robot after it
 KEYFRAME_M, KEYFRAME_RAD = 0.5, math.radians(30)  # driven at most between two keyframes
 
 
-def check_may_drive(at: Served, timeout_s: float) -> RobotDescription:
-    """What the robot is, where somebody may drive it by hand now.
-
-    Raises Conflict: it offers no motion, is stopped, or a task has it. Raises Unavailable where
-    that is not known.
-    """
+def described(at: Served) -> RobotDescription:
+    """What the robot is. Raises Conflict where it offers no motion, and Unavailable where that is
+    not known."""
     robot = at.live.robot().description
     if robot is None:
         raise Unavailable("the bridge has not described the robot yet; see /v1/status")
     if not robot.can_move:
         raise Conflict(f"the robot {robot.name!r} offers no motion; it cannot be driven by hand")
+    return robot
+
+
+def check_may_drive(at: Served, timeout_s: float) -> RobotDescription:
+    """What the robot is, where somebody may drive it by hand now.
+
+    Raises what `described` raises, and Conflict where the robot is stopped, or a task has it.
+    """
+    robot = described(at)
     if at.live.stopped:
         why = at.live.stop_reason
         raise Conflict(f"the robot is stopped ({why}); clear the stop first")

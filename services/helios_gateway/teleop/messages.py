@@ -33,6 +33,11 @@ class TeleopState(BaseModel):
         description="refused: what was asked for is not begun until it is let go and asked again"
     )
     reason: str = Field(default="", description="why it is blocked or refused, in one sentence")
+    kind: str = Field(
+        default="",
+        description="of a refusal: `invalid` for a wrong command, `conflict` where the robot is "
+        "not to be driven now, or another last word of a problem's type",
+    )
     pose: RobotPose | None = Field(default=None, description="after the newest move")
 
 

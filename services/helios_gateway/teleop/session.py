@@ -19,6 +19,7 @@ from helios_core.text import printable
 
 from helios_gateway.convert import pose_of
 from helios_gateway.models import RobotDescription, RobotPose
+from helios_gateway.problems import kind_of
 from helios_gateway.settings import Settings
 from helios_gateway.teleop.driver import TeleopDriver
 from helios_gateway.teleop.messages import StateName, TeleopState
@@ -58,17 +59,17 @@ class TeleopSession:
         """What the driver holds now."""
         self._latest.take(command, time.monotonic())
 
-    def refuse(self, reason: str) -> None:
+    def refuse(self, error: HeliosError) -> None:
         """Stand, and say why, until the command is let go."""
         self._latest.take(Command(), time.monotonic())
-        self._tell("refused", reason)
+        self._tell_refusal(error)
 
     async def run(self, may_drive: Callable[[], RobotDescription]) -> None:
         """Until cancelled; then the robot is given back. may_drive: raises why not."""
         try:
             await self._in_thread(may_drive)
         except HeliosError as error:
-            self._tell("refused", error.message)
+            self._tell_refusal(error)
         self.checked.set()
         try:
             while True:
@@ -100,7 +101,7 @@ class TeleopSession:
             self._tell("driving", self._pacer.blocked)
             result = await self._in_thread(lambda: self._move(due))
         except HeliosError as error:
-            await self._give_up(error.message)
+            await self._give_up(error)
             return
         if result is None:
             return
@@ -130,9 +131,9 @@ class TeleopSession:
             await self._leave()
         await anyio.sleep(POLL_S)
 
-    async def _give_up(self, reason: str) -> None:
-        self._refused = reason
-        self._tell("refused", reason)
+    async def _give_up(self, error: HeliosError) -> None:
+        self._refused = error.message
+        self._tell_refusal(error)
         await self._leave()
 
     async def _leave(self) -> None:
@@ -148,7 +149,16 @@ class TeleopSession:
         return self._pacer or Pacer(Moves.of(robot, s.teleop_speed_m_s, s.teleop_turn_rad_s))
 
     def _tell(self, state: StateName, reason: str = "", pose: RobotPose | None = None) -> None:
-        told = TeleopState(state=state, reason=reason, pose=pose or self._state.pose)
+        self._tell_state(TeleopState(state=state, reason=reason, pose=pose or self._state.pose))
+
+    def _tell_refusal(self, error: HeliosError) -> None:
+        self._tell_state(
+            TeleopState(
+                state="refused", reason=error.message, kind=kind_of(error), pose=self._state.pose
+            )
+        )
+
+    def _tell_state(self, told: TeleopState) -> None:
         if told != self._state:
             self._state = told
             changed, self.changed = self.changed, anyio.Event()

@@ -7,6 +7,7 @@ import json
 from collections.abc import Iterator
 
 import pytest
+from helios_client.http.teleop import TeleopState
 from helios_client.mcp_server import build
 from helios_client.sdk import Helios
 from helios_client.sdk_async import AsyncHelios
@@ -71,6 +72,46 @@ def test_a_stop_ends_the_driving_with_its_reason(house: Served, helios: Helios) 
         helios.stop_robot("child on the floor")
         with pytest.raises(Conflict, match="child on the floor"):
             drive(forward=1.0, for_s=20)
+
+
+@pytest.mark.parametrize("wrong", [{"forward": 1.5}, {"turn": -2}, {"forward": float("nan")}])
+def test_a_wrong_command_is_told_at_once_and_not_sent(
+    house: Served, helios: Helios, wrong: dict[str, float]
+) -> None:
+    with helios.teleop() as drive, pytest.raises(InvalidInput, match="-1 to 1"):
+        drive(**wrong, for_s=20)
+    assert house.backend.driving.moves == []
+    with helios.teleop() as drive, pytest.raises(InvalidInput, match="0 or more"):
+        drive(forward=1.0, for_s=-1.0)
+
+
+def test_the_gateways_own_refusal_of_a_command_is_of_the_same_kind() -> None:
+    def refused(**more: str) -> str:
+        return json.dumps(
+            {"state": "refused", "reason": "the command is wrong", "pose": None, **more}
+        )
+
+    with pytest.raises(InvalidInput):
+        TeleopState.from_json(refused(kind="invalid"))
+    for earlier in ({}, {"kind": "conflict"}):
+        with pytest.raises(Conflict):
+            TeleopState.from_json(refused(**earlier))
+
+
+def test_a_move_beyond_the_robot_is_wrong_whoever_has_the_robot(
+    house: Served, helios: Helios
+) -> None:
+    house.backend.submit(INSTRUCTION)
+    house.backend.change_task("t1", "running")
+    for wrong in (
+        {"forward_m": 3.0},
+        {"forward_m": float("nan")},
+        {"turn_rad": 0.5, "forward_m": 0.1},
+    ):
+        with pytest.raises(InvalidInput):
+            helios.drive(**wrong)
+    with pytest.raises(InvalidInput, match="never drives back"):
+        helios.drive(forward_m=-0.2)
 
 
 def test_without_a_gateway_it_says_how_to_start_one() -> None:

@@ -54,7 +54,9 @@ def test_what_is_held_moves_the_robot_and_letting_go_stops_it(
     client: TestClient, backend: Backend
 ) -> None:
     with driver(client) as socket:
-        assert socket.receive_json() == {"state": "standing", "reason": "", "pose": None}
+        assert socket.receive_json() == {
+            "state": "standing", "reason": "", "kind": "", "pose": None
+        }  # fmt: skip
         socket.send_json(AHEAD)
         driven = until(socket, lambda s: s["pose"] is not None)
         assert driven["pose"]["x_m"] == pytest.approx(0.1)
@@ -128,6 +130,7 @@ def test_nobody_drives_while_a_task_has_the_robot(
     with driver(client) as socket:
         said = until(socket, is_in("refused"))
         assert f"task t1 is {state} and has the robot" in said["reason"]
+        assert said["kind"] == "conflict"
     answer = client.post("/v1/robot/drive", json={"forward_m": 0.2})
     assert (answer.status_code, "cancel it" in answer.json()["detail"]) == (409, True)
     assert backend.driving.moves == []
@@ -212,6 +215,7 @@ def test_a_wrong_command_stops_the_robot_and_is_said(
         (socket.send_text if isinstance(wrong, str) else socket.send_bytes)(wrong)
         state = until(socket, is_in("refused"))
         assert state["reason"].startswith("the command is wrong: ")
+        assert state["kind"] == "invalid"
         assert said in state["reason"]
         assert backend.driving.moves == []
         socket.send_json(AHEAD)
