@@ -1,8 +1,9 @@
-"""Tasks to try: of names that the detector knows, that this robot can do, and of this home where
-something of it is known."""
+"""Tasks to try, which this robot can do and whose names the detector knows: of this home where
+something of it is known, else of names that everybody knows."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -12,24 +13,14 @@ SURFACE_M = 0.35  # shortest horizontal side of a piece of furniture that holds 
 SURFACE_HEIGHTS_M = (0.2, 1.3)  # of its top
 
 
-@dataclass(frozen=True)
-class Try:
-    """A task by names alone."""
-
-    text: str
-    names: tuple[str, ...]
-    moves: bool = False  # needs an arm
-
-
-EXAMPLES = (
-    Try(
-        "Move the mug from the coffee table to the kitchen counter",
-        ("mug", "coffee table", "kitchen counter"),
-        moves=True,
-    ),
-    Try("Find the apple", ("apple",)),
-    Try("Go to the sofa", ("sofa",)),
-)
+# Names that most people and most detectors know, for a home of which nothing is known yet.
+THINGS = (
+    "mug", "apple", "cup", "bottle", "book", "bowl", "laptop", "remote", "banana", "teddy bear",
+)  # fmt: skip
+PLACES = (
+    "coffee table", "kitchen counter", "sofa", "dining table", "couch", "table", "counter", "bed",
+    "desk", "chair",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -64,29 +55,53 @@ def words(name: str) -> str:
 
 
 def suggestions(
-    open_names: bool, names: Iterable[str], has_arm: bool, believed: Sequence[Believed], most: int
+    open_names: bool,
+    names: Iterable[str],
+    has_arm: bool,
+    believed: Sequence[Believed],
+    most: int,
+    robot_xy: tuple[float, float] | None = None,
 ) -> list[str]:
-    """At most so many instructions: of what was seen here, then examples, then of known names.
+    """At most so many instructions: of what was seen here, then of names that everybody knows, then
+    of others that the detector knows.
 
-    `open_names`: the detector takes any name. `has_arm`: the robot can pick and place.
+    `open_names`: the detector takes any name. `has_arm`: the robot can pick and place. `robot_xy`:
+    where it stands (m).
     """
     known = [words(name) for name in names]
-    examples = [
-        t for t in EXAMPLES
-        if (has_arm or not t.moves) and (open_names or all(name in known for name in t.names))
-    ]  # fmt: skip
-    named = {name for t in examples for name in t.names}
+    things = [name for name in THINGS if open_names or name in known]
+    places = [name for name in PLACES if open_names or name in known]
     out = [
-        *_of_this_home(believed, has_arm),
-        *(t.text for t in examples),
-        *(f"Find the {name}" for name in known if name not in named),
+        *_of_this_home(believed, has_arm, robot_xy),
+        *_examples(things, places, has_arm),
+        *(f"Find the {name}" for name in known if name not in places),
+        *(f"Go to the {name}" for name in places),
     ]
     return list(dict.fromkeys(out))[:most]
 
 
-def _of_this_home(believed: Sequence[Believed], has_arm: bool) -> list[str]:
-    """One task of each kind, of what is surest."""
-    surest = sorted((b for b in believed if b.score >= SURE_SCORE), key=lambda b: -b.score)
+def _examples(things: Sequence[str], places: Sequence[str], has_arm: bool) -> list[str]:
+    """A task of each kind, of different names as far as there are any; then more to find."""
+    move = has_arm and bool(things) and len(places) >= 2
+    return [
+        *([f"Move the {things[0]} from the {places[0]} to the {places[1]}"] if move else []),
+        *(f"Find the {name}" for name in things[1:2] or things[:1]),
+        *(f"Go to the {name}" for name in places[2:3] or places[-1:]),
+        *(f"Find the {name}" for name in things),
+    ]
+
+
+def _of_this_home(
+    believed: Sequence[Believed], has_arm: bool, robot_xy: tuple[float, float] | None
+) -> list[str]:
+    """One task of each kind, of what is surest; of what is about as sure, the nearest."""
+    x_m, y_m = robot_xy or (0.0, 0.0)
+
+    def rank(one: Believed) -> tuple[float, float]:
+        away_m = math.hypot(one.center_m[0] - x_m, one.center_m[1] - y_m) if robot_xy else 0.0
+        return -round(one.score, 1), away_m
+
+    surest = sorted((b for b in believed if b.score >= SURE_SCORE), key=rank)
     things = [b for b in surest if b.is_thing]
     surfaces = [b for b in surest if b.is_surface]
     moves = [_move(t, surfaces) for t in things] if has_arm else []

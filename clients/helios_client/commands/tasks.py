@@ -261,8 +261,9 @@ def _print_here(found: Suggestions, as_json: bool) -> None:
     elif found["seen"] is None:
         print("what was seen is not known: the object map does not answer")
     else:
-        print("nothing was seen yet of what a task looked for")
-    print("\nTasks to try:")
+        print("nothing has been seen in this home yet of what a task looked for")
+    if found["tasks"]:
+        print("\nTasks to try:" if found["seen"] else "\nExamples that the detector knows:")
     for text in found["tasks"]:
         say(f'  helios task "{text}"')
 

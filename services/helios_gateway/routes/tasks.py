@@ -143,16 +143,19 @@ def task_routes(prefix: str, settings: Settings) -> APIRouter:
     def suggestions(
         at: At, limit: Annotated[int, Query(ge=1, le=20, description="tasks at most")] = 3
     ) -> models.Suggestions:
-        """Of what was seen here and of the names that the detector knows."""
+        """Of what was seen here, the surest and nearest first. Where nothing was seen yet (`seen`
+        is empty), examples of names that the detector knows."""
         known = at.bus.call(VOCABULARY, pb.Empty(), timeout_s)
-        robot = at.live.robot().description
+        now = at.live.robot()
+        robot, pose = now.description, now.state.pose if now.state else None
         has_arm = robot is None or (robot.can_pick and robot.can_place)
+        robot_xy = (pose.x_m, pose.y_m) if pose else None
         try:
             believed = convert.believed(at.live.maps.objects())
         except (Unavailable, DeadlineExceeded):
             believed = None
         return models.Suggestions(
-            tasks=suggested(known.open, known.names, has_arm, believed or (), limit),
+            tasks=suggested(known.open, known.names, has_arm, believed or (), limit, robot_xy),
             seen=None if believed is None else convert.seen_names(believed),
         )
 

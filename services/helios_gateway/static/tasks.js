@@ -55,8 +55,9 @@ export class Tasks {
 
   /** Tasks to try, as the gateway suggests them for this robot and home. */
   async showSuggestions() {
-    const texts = (await ask("/suggestions")).tasks;
+    const { tasks: texts, seen } = await ask("/suggestions");
     $("try").hidden = !texts.length;
+    $("try").textContent = seen?.length === 0 ? "Nothing has been seen in this home yet. For example:" : "Try";
     if (texts.join() === this.suggested) return; // a list that is drawn anew loses the keyboard's place
     this.suggested = texts.join();
     $("suggestions").replaceChildren(...texts.map((text) => element("li", {}, this.chip(text))));

@@ -85,7 +85,9 @@ def test_what_was_seen_here_and_what_to_try_is_listed(house: Served, helios: Hel
     assert helios.json("names", "--here")["seen"][1]["objects"] == 2
     house.backend.found.clear()
     house.backend.change_objects()
-    assert helios("names", "--here").startswith("nothing was seen yet")
+    told = helios("names", "--here")
+    assert told.startswith("nothing has been seen in this home yet")
+    assert "\nExamples that the detector knows:\n" in told
 
 
 def test_the_camera_s_picture_is_written(house: Served, helios: Helios, tmp_path: Path) -> None:

@@ -6,7 +6,9 @@ import pytest
 from fastapi.testclient import TestClient
 from helios_core.errors import Unavailable
 from helios_core.topics import ROBOT_DESCRIPTION
-from helios_gateway.suggestions import EXAMPLES, Believed, suggestions
+from helios_detector.coco import COCO_NAMES
+from helios_gateway.suggestions import Believed, suggestions
+from helios_sim.home.catalogs import CATALOGS
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,6 +18,7 @@ from tests.gateway_home import description
 MUG = Believed("mug", 0.7, (1.5, 1.4, 0.5), (0.1, 0.1, 0.1))
 TABLE = Believed("coffee table", 0.8, (1.7, 1.5, 0.2), (1.0, 0.6, 0.4))
 COUNTER = Believed("kitchen counter", 0.6, (7.4, 0.4, 0.45), (2.9, 0.6, 0.9))
+EXAMPLE = "Move the mug from the coffee table to the kitchen counter"
 KNOWN = ("bowl", "coffee_table", "kitchen_counter", "mug", "sofa")
 
 
@@ -33,10 +36,30 @@ def test_a_robot_without_an_arm_moves_nothing() -> None:
 
 def test_where_nothing_was_seen_examples_and_known_names_stand_in() -> None:
     assert suggestions(False, KNOWN, True, [], 3) == [
-        EXAMPLES[0].text, "Go to the sofa", "Find the bowl"
+        EXAMPLE, "Find the bowl", "Go to the sofa"
     ]  # fmt: skip
     assert suggestions(False, ["box", "shelf"], True, [], 3) == ["Find the box", "Find the shelf"]
-    assert suggestions(True, [], True, [], 3) == [task.text for task in EXAMPLES]
+    assert suggestions(True, [], True, [], 3) == [EXAMPLE, "Find the apple", "Go to the sofa"]
+
+
+def test_of_a_fresh_home_no_list_of_names_is_read_out_by_the_alphabet() -> None:
+    of_coco = suggestions(False, sorted(COCO_NAMES), True, [], 5)
+    assert of_coco == [
+        "Move the apple from the dining table to the couch", "Find the cup", "Go to the bed",
+        "Find the apple", "Find the bottle",
+    ]  # fmt: skip
+    for catalog in CATALOGS.values():
+        known = sorted([*catalog.objects, *catalog.receptacles])
+        told = suggestions(False, known, True, [], 5)
+        assert told[0].startswith("Move the ")
+        assert f"Find the {known[0]}" not in told
+
+
+def test_of_what_is_about_as_sure_the_nearest_comes_first() -> None:
+    far = Believed("cup", 0.73, (9.0, 9.0, 0.5), (0.1, 0.1, 0.1))
+    told = suggestions(False, KNOWN, False, [far, MUG], 1, (1.0, 1.0))
+    assert told == ["Find the mug"]
+    assert suggestions(False, KNOWN, False, [far, MUG], 1, (8.0, 9.0)) == ["Find the cup"]
 
 
 def test_what_is_doubtful_is_no_task() -> None:
