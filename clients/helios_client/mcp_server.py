@@ -27,19 +27,16 @@ INSTRUCTIONS = (
 def build(helios: AsyncHelios) -> MCPServer:
     """The server, without a transport. Raises Unavailable where the `mcp` library is missing."""
     try:
-        from mcp.server import MCPServer
-
         from helios_client.mcp_tools.maps import MapTools
         from helios_client.mcp_tools.robot import RobotTools
+        from helios_client.mcp_tools.server import Server
         from helios_client.mcp_tools.tasks import TaskTools
     except ImportError as error:
         raise Unavailable(
             f"the MCP server cannot be loaded ({error}); pip install 'helios-ovmm[mcp]'"
         ) from error
 
-    server = MCPServer(
-        "helios", title="HELIOS", version=helios_version(), instructions=INSTRUCTIONS
-    )
+    server = Server("helios", title="HELIOS", version=helios_version(), instructions=INSTRUCTIONS)
     for group in (TaskTools(helios), MapTools(helios), RobotTools(helios)):
         for tool in group:
             server.tool(

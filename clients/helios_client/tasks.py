@@ -177,7 +177,7 @@ class Status(TypedDict):
     """How all services are, and whether a task submitted now would start."""
 
     ready: bool
-    stopped: bool | None  # stop-now is latched; None: only the gateway knows, and it is away
+    stopped: bool | None  # until clear-stop; None: only the gateway knows, and it is away
     stop_reason: str  # what was said then; empty while it is not stopped
     services: list[ServiceAnswer]
 
@@ -231,7 +231,7 @@ class RobotState(TypedDict):
     pose: Pose | None
     held: str  # class of what is held; empty: nothing
     moving: bool
-    stopped: bool  # stop-now is latched
+    stopped: bool  # until clear-stop
     message: str
 
 

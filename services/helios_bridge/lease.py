@@ -26,7 +26,8 @@ class Lease:
             if self._held() and self._holder != holder and not take:
                 left = self._ends_s - self._clock()
                 raise Conflict(
-                    f"{self._holder} drives the robot for {left:.0f} s more; wait, or ask with take"
+                    f"{self._holder} drives the robot, for {left:.0f} s more unless it goes on; "
+                    "wait until it has ended, or set take in the LeaseRequest to end it"
                 )
             self._token += 1
             self._holder, self._ends_s = holder, self._clock() + self.duration_s
@@ -37,9 +38,13 @@ class Lease:
         with self._lock:
             if token != self._token:
                 holder = self._holder or "nobody"
-                raise Conflict(f"lease {token} is not the present one ({holder} has it); ask anew")
+                raise Conflict(
+                    f"lease {token} is not the present one ({holder} has it); ask for a new one"
+                )
             if not self._held():
-                raise Conflict(f"lease {token} ran out after {self.duration_s:g} s; ask anew")
+                raise Conflict(
+                    f"lease {token} ran out after {self.duration_s:g} s; ask for a new one"
+                )
             self._ends_s = self._clock() + self.duration_s
 
     def renew(self, token: int) -> None:

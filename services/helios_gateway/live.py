@@ -97,7 +97,7 @@ class Live:
 
     @property
     def stopped(self) -> bool:
-        """Stop-now is latched, as far as is known."""
+        """The robot is stopped until clear-stop, as far as is known."""
         with self._lock:
             return self._robot is not None and self._robot.stopped
 
@@ -113,7 +113,7 @@ class Live:
         if self.stopped:
             why = f" ({self.stop_reason})" if self.stop_reason else ""
             reasons.append(
-                f"stop-now is latched{why}: the robot will not move until /v1/robot/clear-stop"
+                f"the robot is stopped{why}: it will not move until /v1/robot/clear-stop"
             )
         return reasons
 

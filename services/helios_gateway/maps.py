@@ -169,7 +169,7 @@ class Maps:
         near = closest(" ".join(class_name.replace("_", " ").lower().split()), sorted(names))
         hint = f"; did you mean {' or '.join(near)}?" if near else ""
         raise NotFound(
-            f"no class is called {class_name[:80]!r}: none of it is believed, and the detector "
+            f"no class is called {class_name[:80]!r}: none of it is in the map, and the detector "
             f"({known.detector}) does not know it{hint} (all that it knows: `helios names`, HTTP: "
             "GET /v1/vocabulary)"
         )

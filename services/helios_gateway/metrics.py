@@ -45,7 +45,7 @@ class _Services(Collector):
             "helios_ready", "1 where a task would start now", labels=["robot"]
         )
         stopped = GaugeMetricFamily(
-            "helios_stopped", "1 where stop-now is latched", labels=["robot"]
+            "helios_stopped", "1 where the robot is stopped", labels=["robot"]
         )
         up = GaugeMetricFamily(
             "helios_service_ready", "1 where it is ready", labels=["robot", "service"]

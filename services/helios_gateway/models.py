@@ -233,7 +233,7 @@ class RobotState(BaseModel):
     tilt_rad: float | None = Field(description="of the head; positive looks down")
     held: str = Field(description="class of what is held; empty: nothing")
     moving: bool
-    stopped: bool = Field(description="stop-now is latched; lift it with /v1/robot/clear-stop")
+    stopped: bool = Field(description="stopped until /v1/robot/clear-stop")
     finished: bool = Field(description="a recording has come to its end")
     message: str
     robot_boot_id: str
@@ -284,14 +284,14 @@ class Service(BaseModel):
 
 class Status(BaseModel):
     ready: bool = Field(description="a task submitted now would start")
-    stopped: bool = Field(description="stop-now is latched; lift it with /v1/robot/clear-stop")
+    stopped: bool = Field(description="stopped until /v1/robot/clear-stop")
     stop_reason: str = Field(description="why it is stopped, as was said then; else empty")
     services: list[Service]
 
 
 class Readiness(BaseModel):
     ready: bool
-    stopped: bool = Field(description="stop-now is latched")
+    stopped: bool = Field(description="the robot is stopped until /v1/robot/clear-stop")
     stop_reason: str = Field(
         default="", description="why a robot is stopped, as was said then; else empty"
     )
@@ -316,7 +316,7 @@ class SeenName(BaseModel):
 
     name: str = Field(examples=["coffee table"])
     score: float = Field(description="Ψ of the surest one, eq. 7")
-    objects: int = Field(description="how many of that name are believed")
+    objects: int = Field(description="how many of that name are in the map")
 
 
 class Suggestions(BaseModel):
@@ -346,7 +346,7 @@ class RobotEntry(BaseModel):
     name: str
     connected: bool = Field(description="its bridge is alive")
     ready: bool = Field(description="a task submitted to it now would start")
-    stopped: bool = Field(description="stop-now is latched")
+    stopped: bool = Field(description="the robot is stopped until /v1/robot/clear-stop")
 
 
 class RobotList(BaseModel):

@@ -71,7 +71,9 @@ class EpochMaps:
             boot_id == self._starts.present and key.world_epoch < self.key.world_epoch
         )
         if key in self._gone or (older and key != self.robot_key):
-            raise Conflict(f"frame {frame.id.seq} is of {key}, which is over: its map is parked")
+            raise Conflict(
+                f"frame {frame.id.seq} is of {key}, which is over: its map was put aside"
+            )
         base = check_pose(frame.T_world_base, "T_world_base")
         fresh = MapState(
             self.rules, (base[0, 3], base[1, 3]), self.footprint_radius_m, self.version

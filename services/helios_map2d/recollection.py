@@ -124,7 +124,7 @@ class Recollection:
         if layer not in late and len(late) >= MOST_LATE_LAYERS:
             raise InvalidInput(
                 f"{len(late)} layers were asked for in this search already ({', '.join(late)}): "
-                "send the name of one of them, which is then made anew, or begin another search"
+                "send the name of one of them, which is then made again, or begin another search"
             )
 
     def _views(self) -> tuple[MapState, tuple[SeenView, ...]]:

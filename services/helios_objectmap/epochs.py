@@ -82,8 +82,8 @@ class EpochMaps:
         older = same_start and self.world is not None and world.world_epoch < self.world.world_epoch
         if older or world in self._over:
             raise Conflict(
-                f"frame {id} is of {world}, which is over (now {self.world}): its map is parked; "
-                "send frames of the present world"
+                f"frame {id} is of {world}, which is over (now {self.world}): its map was put "
+                "aside; send frames of the present world"
             )
 
     def _bring_back(self, world: WorldId) -> None:

@@ -15,6 +15,7 @@ from helios_core.codec.frames import pinhole_from_proto, transform_from_proto
 from helios_core.errors import InvalidInput
 from helios_core.health import Health
 from helios_core.kept_file import Kept, KeptFile
+from helios_core.text import counted
 from helios_core.topics import (
     EXPORT_OBJECTS,
     LOAD_OBJECTS,
@@ -178,7 +179,9 @@ class Exchange:
         loaded = self._recall(kept.data, same_world=True)
         newest = self._maps.newest
         frames = "" if newest is None else f", frames up to number {newest.seq}"
-        content = f"{loaded.objects} objects, {loaded.gaussians} Gaussians{frames}"
+        content = (
+            f"{counted(loaded.objects, 'object')}, {counted(loaded.gaussians, 'Gaussian')}{frames}"
+        )
         self._restored = self._maps.current, kept.written, content
 
     def _fate(self) -> str:

@@ -18,6 +18,7 @@ from helios_core.health import Health
 from helios_core.naming import same_name
 from helios_core.plugins import AGENTS
 from helios_core.service import until_warm
+from helios_core.text import counted
 from helios_core.topics import (
     CANCEL,
     DECISIONS,
@@ -189,7 +190,11 @@ class PlannerService:
             if queued:
                 self._cancels.pop(request.id, None)
         if queued:
-            begun = f"after {task.steps} steps" if task.state in UNDER_WAY else "before it began"
+            begun = (
+                f"after {counted(task.steps, 'step')}"
+                if task.state in UNDER_WAY
+                else "before it began"
+            )
             self._book.end(request.id, State.CANCELLED, f"cancelled {begun}")
             task = self._book.known(request.id)
         elif not task.state.ended:

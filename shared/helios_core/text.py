@@ -1,10 +1,15 @@
-"""Text from outside, made safe to show."""
+"""Text for people: from outside made safe to show, and numbers with their nouns."""
 
 from __future__ import annotations
 
 _CONTROL = dict.fromkeys((*range(32), *range(127, 160)), "�")
 _SPACES = dict.fromkeys(map(ord, "\t\n\r"), " ")
 _SHOWN = _CONTROL | _SPACES
+
+
+def counted(number: int, noun: str, plural: str = "") -> str:
+    """The number with its noun: "1 step", "2 steps"; plural: where it is not noun + s."""
+    return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
 def printable(text: str) -> str:

@@ -257,7 +257,7 @@ def test_where_something_was_seen_is_told_with_pictures_and_shown_on_the_map(
     page.fill("#seen-prompt", "the red mug")
     page.press("#seen-prompt", "Enter")
     expect(page.locator("#sights li")).to_have_count(5)
-    expect(page.locator("#sights")).to_contain_text("believed, score Ψ 0.71")
+    expect(page.locator("#sights")).to_contain_text("in the map, score Ψ 0.71")
     expect(page.locator("#sights img").first).to_be_visible()
     before = page.locator("#map").screenshot()
     page.locator("#sights button", has_text="fits 0.82").click()
@@ -265,7 +265,7 @@ def test_where_something_was_seen_is_told_with_pictures_and_shown_on_the_map(
     house.backend.recalls = Unavailable("no view has been kept")
     page.fill("#seen-prompt", "piano")
     page.click("#seen button")
-    expect(page.locator("#seen-said")).to_contain_text("No object named in “piano”")
+    expect(page.locator("#seen-said")).to_contain_text("no object named in “piano”")
     expect(page.locator("#seen-said")).to_contain_text("no view has been kept")
 
 

@@ -147,7 +147,7 @@ def test_a_stop_ends_the_driving_and_says_why(page: Page, house: Served) -> None
     wait_until(lambda: house.backend.driving.moves, 30, "the robot drives")
     house.backend._latch(True, "child on the floor")
     expect(page.locator("#drive-said")).to_contain_text("child on the floor")
-    expect(page.locator("#stopped")).to_contain_text("Stop-now is latched (child on the floor)")
+    expect(page.locator("#stopped")).to_contain_text("The robot is stopped (child on the floor)")
     page.keyboard.up("w")
 
 

@@ -57,7 +57,7 @@ def seen_tables(found: Seen) -> list[Table | str]:
     if found.objects:
         out.append(object_table(found.objects))
     else:
-        out.append(escape(f"no object of that name is believed: {found.prompt}"))
+        out.append(escape(f"the map has no object of that name: {found.prompt}"))
     if found.views:
         views = plain_table("past view", "named", "score", "at (m)", "from (m)", "time (s)")
         for number, view in enumerate(found.views, start=1):

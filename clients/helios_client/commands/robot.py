@@ -37,9 +37,9 @@ def status(at: At, state: State = None, as_json: Json = False) -> None:
     screen = console()
     screen.print(status_table(found))
     if found["stopped"]:
-        screen.print("stop-now is latched", style="red", end="")
+        screen.print("the robot is stopped", style="red", end="")
         why = f" ({found['stop_reason']})" if found["stop_reason"] else ""
-        say(f"{why}: the robot will not move; helios clear-stop")
+        say(f"{why}: it will not move until helios clear-stop")
     screen.print("ready" if found["ready"] else "not ready")
 
 

@@ -21,9 +21,9 @@ def find_status(
 ) -> Status:
     """`{ready, stopped, stop_reason, services: [{name, state, reason, restarts, pid}]}`.
 
-    The supervisor's file of `port` knows the services while the gateway is down; whether stop-now
-    is latched only the gateway can say. `robot`: the one that is asked for by name; of another than
-    the supervisor's only the gateway knows. Raises NobodyThere when neither is there.
+    The supervisor's file of `port` knows the services while the gateway is down; whether the
+    robot is stopped only the gateway can say. `robot`: the one that is asked for by name; of
+    another than the supervisor's only the gateway knows. Raises NobodyThere when neither is there.
     """
     found = None
     if port is not None:

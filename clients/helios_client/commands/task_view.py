@@ -98,7 +98,7 @@ def say_stopped(helios: Helios, console: Console) -> None:
         reason = status["stop_reason"]
         why = f" ({escape(reason)})" if reason else ""
         console.print(
-            f"[red]stop-now is latched[/]{why}: the task waits until `helios clear-stop`",
+            f"[red]the robot is stopped[/]{why}: the task waits until `helios clear-stop`",
             highlight=False, soft_wrap=True,
         )  # fmt: skip
 

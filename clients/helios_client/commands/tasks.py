@@ -204,7 +204,9 @@ def cancel(
     if as_json:
         print_json({"tasks": [task.raw for task in ended]})
     else:
-        print(f"{len(ended)} task{'' if len(ended) == 1 else 's'} cancelled")
+        from helios_core.text import counted
+
+        print(f"{counted(len(ended), 'task')} cancelled")
 
 
 def _cancel_all(helios: Helios) -> list[Task]:

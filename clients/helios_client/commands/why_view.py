@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from helios_core.text import counted
 from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.padding import Padding
@@ -47,12 +48,12 @@ def report(
 # --- parts -------------------------------------------------------------------------------------
 def _head(task: Task, decisions: Sequence[Decision]) -> Group:
     color = TASK_COLORS.get(task.state, "default")
-    count = f"{len(decisions)} decision{'' if len(decisions) == 1 else 's'}"
+    steps, count = counted(task.steps, "step"), counted(len(decisions), "decision")
     ended = f"[{color}]{task.state}[/]" + (f": {escape(task.message)}" if task.message else "")
     return Group(
         Text(task.instruction, style="bold"),
         Text.from_markup(ended),
-        Text(f"task {task.id}, {task.steps} steps, {count}", style="dim"),
+        Text(f"task {task.id}, {steps}, {count}", style="dim"),
     )
 
 
@@ -60,9 +61,12 @@ def _verdict(decisions: Sequence[Decision], changes: Sequence[str]) -> Text:
     flipped = flips(decisions)
     unsure = sum(1 for d in decisions if d.recomputed and not d.recomputed["certain"])
     out = Text("\nunder ").append(", ".join(changes), style="bold")
-    out.append(f" {len(flipped)} of {len(decisions)} decisions would flip")
+    out.append(f" {len(flipped)} of {counted(len(decisions), 'decision')} would flip")
     if unsure:
-        out.append(f"; {unsure} depend on what was not asked for then", style="yellow")
+        out.append(
+            f"; {unsure} depend{'s' if unsure == 1 else ''} on what was not asked for then",
+            style="yellow",
+        )
     if flipped:
         out.append("\nwhat came after the first of them would have been another run", style="dim")
     return out

@@ -133,6 +133,6 @@ class Status(Answer):
     """Whether a task submitted now would start, and how every service is."""
 
     ready: bool
-    stopped: bool | None = Field(default=None, description="stop-now is latched")
+    stopped: bool | None = Field(default=None, description="the robot is stopped until clear_stop")
     stop_reason: str | None = Field(default=None, description="as whoever stopped it said it")
     services: list[Service]

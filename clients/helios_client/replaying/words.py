@@ -44,7 +44,8 @@ def what_to_seek(
         return None, detector or RECORDED
     if detector is None or detector == RECORDED:
         raise WrongUse(
-            "--classes looks for something anew, so --detector must say with what: onnx:FILE"
+            "--classes names other things than were sought then, so --detector must say with what: "
+            "onnx:FILE"
         )
     return watch_list(classes, thresholds), detector
 

@@ -39,7 +39,7 @@ def health_routes(metrics: Metrics) -> APIRouter:
         | {503: {"model": models.Readiness, "description": "no, for these reasons"}},
     )
     async def readyz(request: Request, response: Response) -> models.Readiness:
-        """A latched stop-now is a reason, too."""
+        """A stopped robot is a reason, too."""
         fleet: Fleet = request.app.state.fleet
         reasons = fleet.reasons()
         stopped = any(served.live.stopped for served in fleet.robots.values())

@@ -54,7 +54,7 @@ def teleop_routes(prefix: str, settings: Settings) -> APIRouter:
         """At most 0.5 m or 0.6 rad, within the robot's own limits; answered when it is over. A
         move that the robot could not make is `succeeded: false` with its reason.
 
-        Refused (409) while a task is running or paused, while stop-now is latched, while somebody
+        Refused (409) while a task is running or paused, while the robot is stopped, while somebody
         else drives, and where the robot offers no motion.
 
         To drive for as long as a command is held: the WebSocket `/v1/robot/teleop`. Send

@@ -28,7 +28,7 @@ export class Seen {
 
   show({ prompt, objects, views, views_asked, views_note }) {
     const found = objects.map((object) =>
-      this.sight(object.center_m, `${object.class} ${object.id}`, `believed, score Ψ ${number(object.score)}`),
+      this.sight(object.center_m, `${object.class} ${object.id}`, `in the map, score Ψ ${number(object.score)}`),
     );
     const seen = views.map((view) =>
       view.class
@@ -37,7 +37,7 @@ export class Seen {
     );
     $("sights").replaceChildren(...found, ...seen);
     const said = [];
-    if (!objects.length) said.push(`No object named in “${prompt}” is believed.`);
+    if (!objects.length) said.push(`The map has no object named in “${prompt}”.`);
     if (!views.length && views_asked) said.push(`None of ${views_asked} past views fits.`);
     if (views_note) said.push(`${views_note[0].toUpperCase()}${views_note.slice(1)}.`);
     $("seen-said").textContent = said.join(" ");

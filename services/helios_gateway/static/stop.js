@@ -18,10 +18,10 @@ const COMMANDS = {
   },
 };
 
-/** Whether stop-now is latched, as far as is known, and what was said then. */
+/** Whether the robot is stopped, as far as is known, and what was said then. */
 export function showStopped(stopped, why) {
   const reason = why ? ` (${why})` : "";
-  $("stopped").textContent = `Stop-now is latched${reason}: the robot will not move until you clear it.`;
+  $("stopped").textContent = `The robot is stopped${reason}: it will not move until you clear the stop.`;
   $("stopped").hidden = !stopped;
   $("clear-stop").hidden = !stopped;
 }

@@ -41,7 +41,7 @@ def check_cell(theirs_m: float, ours_m: float) -> None:
     if not (math.isfinite(theirs_m) and theirs_m > 0):
         raise InvalidInput(
             f"the map says that its cells are {theirs_m} m wide, wanted more than 0: it is "
-            "damaged; save it anew"
+            "damaged; save it again"
         )
     if abs(theirs_m - ours_m) > SAME_CELL_M:
         raise InvalidInput(
@@ -56,7 +56,7 @@ def check_content(content: MapContent, cell_m: float) -> None:
     pose = content.robot_pose or ()
     poses = np.array([*pose, *content.trajectory_m.ravel()])
     if not np.isfinite(poses).all():
-        raise InvalidInput("the map's poses are not finite: it is damaged; save it anew")
+        raise InvalidInput("the map's poses are not finite: it is damaged; save it again")
     most = FARTHEST_M / cell_m
     tiles = [*content.ground, *(tile for part in content.values.values() for tile in part)]
     cells = content.frontiers.values()
@@ -75,18 +75,18 @@ def check_content(content: MapContent, cell_m: float) -> None:
         if len(name) > MOST_CHARACTERS:
             raise InvalidInput(
                 f"a value layer of the map has a name of {len(name)} characters, wanted at most "
-                f"{MOST_CHARACTERS}: save it anew"
+                f"{MOST_CHARACTERS}: save it again"
             )
         if not all(_is_value(tile) for tile in part.values()):
             raise InvalidInput(
                 f"value layer {name[:80]!r} of the map holds values that are not finite, or "
-                "confidences below 0: it is damaged; save it anew"
+                "confidences below 0: it is damaged; save it again"
             )
     numbers = (*content.frontiers, content.next_frontier_id)
     if not all(0 <= number < HIGHEST_NUMBER for number in numbers) or any(
         part.shape[1:] != (2,) for part in cells
     ):
-        raise InvalidInput("the map's frontiers are damaged: save it anew")
+        raise InvalidInput("the map's frontiers are damaged: save it again")
 
 
 def _check_ground(tile: GroundTile) -> None:
@@ -95,17 +95,17 @@ def _check_ground(tile: GroundTile) -> None:
     if not ((state == UNKNOWN) | (state == FREE) | there).all():
         raise InvalidInput(
             f"tile {tile.place} of the map has cells that are neither {UNKNOWN} (unknown), {FREE} "
-            f"(free) nor {OCCUPIED} (occupied): it is damaged; save it anew"
+            f"(free) nor {OCCUPIED} (occupied): it is damaged; save it again"
         )
     if not np.isfinite([tile.z_low_m[there], tile.z_high_m[there]]).all():
         raise InvalidInput(
             f"tile {tile.place} of the map has obstacles whose height is not finite: it is "
-            "damaged; save it anew"
+            "damaged; save it again"
         )
     if tile.searched.max(initial=0) > 1 or tile.floor_seen.max(initial=0) > 1:
         raise InvalidInput(
             f"tile {tile.place} of the map says neither 0 nor 1 of what was seen: it is damaged; "
-            "save it anew"
+            "save it again"
         )
 
 

@@ -66,7 +66,7 @@ def decode_ros(yaml: bytes, picture: bytes, rules: MapRules, version: int) -> Ma
             "occupied_thresh and free_thresh; send the one that map_saver wrote beside the picture"
         ) from error
     if not all(map(math.isfinite, (resolution, x_m, y_m, yaw_rad, occupied, free))):
-        raise InvalidInput("the map_server YAML has numbers that are not finite: write them anew")
+        raise InvalidInput("the map_server YAML has numbers that are not finite: write them again")
     cell_m, band = rules.cell_m, rules.occupancy
     check_cell(resolution, cell_m)
     if abs(yaw_rad) > 1e-6:
@@ -78,7 +78,7 @@ def decode_ros(yaml: bytes, picture: bytes, rules: MapRules, version: int) -> Ma
         raise InvalidInput(
             f"the map_server YAML has mode {mode[:40]!r}, negate {negate}, free_thresh {free} and "
             f"occupied_thresh {occupied}; wanted trinary or scale, 0 or 1, and thresholds from 0 "
-            "to 1, that of free the lower: write them anew"
+            "to 1, that of free the lower: write them again"
         )
     if max(abs(x_m), abs(y_m)) > FARTHEST_M:
         raise InvalidInput(

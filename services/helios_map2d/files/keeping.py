@@ -12,6 +12,7 @@ from helios_core.codec import frame_id_to_proto
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.grids import OCCUPIED, UNKNOWN
 from helios_core.kept_file import Kept, KeptFile, of_another_world
+from helios_core.text import counted
 
 from helios_map2d.answers import DEFAULT_PICTURE_PX, known
 from helios_map2d.epochs import EpochMaps
@@ -93,7 +94,7 @@ class Keeping:
         state.go_on_from(state.version + LOST_VERSIONS)
         newest = "" if state.frame_id is None else f", frames up to number {state.frame_id.seq}"
         known_m2 = areas_m2(state.published)[0]
-        content = f"{known_m2:.0f} m² known, {len(state.memory)} views{newest}"
+        content = f"{known_m2:.0f} m² known, {counted(len(state.memory), 'view')}{newest}"
         self._restored = state, found.written, content
         log.info(
             "a map was kept at %s: %s; it goes on when the robot is in %s",
@@ -154,7 +155,7 @@ class Keeping:
         state = loaded(request, maps)
         with self._lock:
             if self._maps() is not maps:
-                raise Unavailable("the maps were begun anew meanwhile; load again")
+                raise Unavailable("the maps were reset meanwhile; load again")
             maps.replace(state)
             self._restored = None
             published = state.published

@@ -207,7 +207,7 @@ def _decoded(arrays: dict[str, NDArray], meta: dict, version: int | None) -> Map
     for array in [*over_grid, *(a for pair in layered.values() for a in pair)]:
         if array.shape != grid.shape:
             raise InvalidInput(
-                f"a map array is {array.shape}, its grid {grid.shape}: it is damaged; save it anew"
+                f"a map array is {array.shape}, its grid {grid.shape}: it is damaged; save it again"
             )
     for name in ("occupancy", "explored_for_search"):
         if arrays[name].dtype.kind not in "iu":

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from helios_core.text import counted
+
 from helios_planner.decisions.candidate import Candidate
 from helios_planner.decisions.standards import ANY_SCORE
 
@@ -37,8 +39,8 @@ def nearest_receptacle(candidates: Sequence[Candidate], winner: int) -> str:
     places = sum(k.kind == "receptacle" for k in candidates)
     frontiers = len(candidates) - places
     return (
-        f"search the {c.name}{_away(c)}: the nearest of {_count(places, 'receptacle')} left, "
-        f"all of which come before {_count(frontiers, 'frontier')}"
+        f"search the {c.name}{_away(c)}: the nearest of {counted(places, 'receptacle')} left, "
+        f"all of which come before {counted(frontiers, 'frontier')}"
     )
 
 
@@ -63,7 +65,7 @@ def kept_frontier(candidates: Sequence[Candidate], winner: int, layer: str, valu
 def nearest_frontier(candidates: Sequence[Candidate], winner: int) -> str:
     """Of the heuristic."""
     c = candidates[winner]
-    return f"explore {c.name}{_away(c)}: the nearest of {_count(len(candidates), 'frontier')}"
+    return f"explore {c.name}{_away(c)}: the nearest of {counted(len(candidates), 'frontier')}"
 
 
 def nearest_way(candidates: Sequence[Candidate], winner: int) -> str:
@@ -87,7 +89,7 @@ def way_ends(goal: str, x_m: float, y_m: float, before_m: float, after_m: float)
 def drawn_frontier(candidates: Sequence[Candidate], winner: int) -> str:
     """Of who explores at random."""
     c = candidates[winner]
-    return f"explore {c.name}{_away(c)}: drawn from {_count(len(candidates), 'frontier')}"
+    return f"explore {c.name}{_away(c)}: drawn from {counted(len(candidates), 'frontier')}"
 
 
 def own_rule(candidates: Sequence[Candidate], winner: int, name: str) -> str:
@@ -114,12 +116,12 @@ def act(what: str, c: Candidate, threshold: float, sure: int) -> str:
     n = _digits(lambda r: _value(t, "score", r) >= r(threshold))
     if threshold == ANY_SCORE:
         return (
-            f"{what} {_on(what)}the {c.name}{_away(c)} at last: of {_count(sure, 'candidate')} it "
+            f"{what} {_on(what)}the {c.name}{_away(c)} at last: of {counted(sure, 'candidate')} it "
             f"has the highest score, {_scored(t, 'score')}, and the search has come to its end"
         )
     return (
         f"{what} {_on(what)}the {c.name}{_away(c)}: score {_scored(t, 'score', n)} ≥ "
-        f"{threshold:.{n}f} after {_count(int(t['views']), 'view')} (class score "
+        f"{threshold:.{n}f} after {counted(int(t['views']), 'view')} (class score "
         f"{t['class_score']:.2f}, uncertainty {t['uncertainty']:.2f}){of}"
     )
 
@@ -148,7 +150,7 @@ def search_on(
     usable = [c for c in candidates if anywhere or c.terms["in_place"]]
     if not usable:
         return (
-            f"search on: {_count(len(candidates), 'candidate')} to {what} {_is(len(candidates))} "
+            f"search on: {counted(len(candidates), 'candidate')} to {what} {_is(len(candidates))} "
             "remembered, none where it was said to be"
         )
     best = max(usable, key=lambda c: c.terms["total"])
@@ -206,7 +208,7 @@ def best_view(name: str, score: float, candidates: Sequence[Candidate], winner: 
     rest = sorted((c.terms["total"] for k, c in enumerate(candidates) if k != winner), reverse=True)
     other = f"; the next one to {rest[0]:.2f}" if rest else ""
     return (
-        f"of {_count(len(candidates), 'view')} left of the {name}, view {winner + 1} would raise "
+        f"of {counted(len(candidates), 'view')} left of the {name}, view {winner + 1} would raise "
         f"its score most, from {score:.2f} to {after:.2f}{other}"
     )
 
@@ -243,10 +245,6 @@ def _ahead(candidates: Sequence[Candidate], winner: int, term: str = "total") ->
     the = "" if second.kind == "frontier" else "the "
     more = f", then {len(rest) - 1} more" if len(rest) > 1 else ""
     return f"; next {the}{second.name} with {second.terms[term]:.3f}{more}"
-
-
-def _count(n: int, noun: str) -> str:
-    return f"{n} {noun}{'' if n == 1 else 's'}"
 
 
 def _is(n: int) -> str:

@@ -28,6 +28,7 @@ from helios_core.errors import (
 from helios_core.geometry import Matrix
 from helios_core.grids import decode_snapshot
 from helios_core.robot import Action, ActionResult, Observe
+from helios_core.text import counted
 from helios_core.topics import (
     OBJECTS,
     RETIRE,
@@ -159,7 +160,11 @@ class BusBody(Body):
         self, action: Action, ack_s: float
     ) -> tuple[ActionResult, dict[str, pb.Ack], list[str]]:
         if self.steps >= self._max_steps:
-            said = f"the task's {self._max_steps} steps are used up{self.detector_trouble()}"
+            used = "is" if self._max_steps == 1 else "are"
+            said = (
+                f"the task's {counted(self._max_steps, 'step')} {used} used up"
+                f"{self.detector_trouble()}"
+            )
             raise TaskFailed(Cause.STEP_BUDGET, said)
         reply = self._driver.do(action)
         self.steps += 1

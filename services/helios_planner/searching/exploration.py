@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from helios_core.text import counted
 
 from helios_planner.decisions.decide import Decision, Do
 from helios_planner.decisions.frontier_rules import WayOption, nearest_by_way
@@ -56,7 +57,7 @@ class Exploration:
 
     def said(self) -> str:
         """What has come of it, so far."""
-        new_m2 = self._now_m2 - (self._before_m2 or 0.0)
+        new_m2 = max(0.0, self._now_m2 - (self._before_m2 or 0.0))  # what is known may shrink
         return f"{self._now_m2:.1f} m² of floor are known, {new_m2:.1f} m² of them new"
 
     def said_at_end(self) -> str:
@@ -74,7 +75,7 @@ class Exploration:
     def said_left(self) -> str:
         """Of one that is cut short."""
         n = len(self._left)
-        return f"{n} {'place' if n == 1 else 'places'} {'is' if n == 1 else 'are'} left to look at"
+        return f"{counted(n, 'place')} {'is' if n == 1 else 'are'} left to look at"
 
     def begin(self) -> bool:
         """Note what is known before the first look; whether there is any border."""

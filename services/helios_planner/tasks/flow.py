@@ -260,7 +260,10 @@ class Mission:
         return seen is Seen.ON_IT
 
     def _go_to(self, goal: str) -> None:
-        search = self._begun(self.agent.seek_receptacle(self.kit, goal, None))
+        search = self.agent.seek_receptacle(self.kit, goal, None)
+        if isinstance(search, ScoredSearch):
+            search.what = "stop"  # in its sentences
+        search = self._begun(search)
         looking, pose = self.kit.looking, self.body.pose
         while True:
             found = search.find()

@@ -18,7 +18,7 @@ def test_without_the_present_lease_nobody_drives() -> None:
     with pytest.raises(Conflict, match="planner drives the robot"):
         stage.other.call(LEASE, pb.LeaseRequest(holder="other"), 1)
     stage.other.call(LEASE, pb.LeaseRequest(holder="other", take=True), 1)
-    with pytest.raises(Conflict, match="ask anew"):
+    with pytest.raises(Conflict, match="ask for a new one"):
         stage.drive("b")
     assert len(stage.robot.done) == 1
 

@@ -64,7 +64,7 @@ def test_a_lease_that_was_taken_reaches_an_action_that_waits_for_its_turn() -> N
     take = pb.LeaseRequest(holder="other", take=True)
     why = refused(stage, lambda: stage.other.call(LEASE, take, 1))
     assert isinstance(why, Conflict)
-    assert "ask anew" in str(why)
+    assert "ask for a new one" in str(why)
 
 
 def test_a_robot_that_hangs_keeps_an_action_waiting_no_longer_than_its_time() -> None:

@@ -61,7 +61,7 @@ def test_a_task_is_paused_and_goes_on(house: Served, helios: Helios) -> None:
 def test_a_stop_latches_is_seen_and_lifted(house: Served, helios: Helios) -> None:
     assert "helios clear-stop" in helios("stop", "--reason", "a child in the way")
     assert house.backend.stop_reason == "a child in the way"
-    assert "stop-now is latched (a child in the way): the robot will not move" in helios("status")
+    assert "the robot is stopped (a child in the way): it will not move" in helios("status")
     assert helios.json("status")["stop_reason"] == "a child in the way"
     assert (helios.json("status")["ready"], helios.json("status")["stopped"]) == (False, True)
     assert helios.json("clear-stop")["state"]["stopped"] is False
@@ -240,7 +240,7 @@ def test_where_something_was_seen_is_told_with_pictures(
     assert [o["id"] for o in helios.json("seen", "mug")["objects"]] == [1, 4]
     house.backend.recalls = Unavailable("no view has been kept")
     told = helios("seen", "piano")
-    assert "no object of that name is believed: piano" in told
+    assert "the map has no object of that name: piano" in told
     assert "past views were not asked: no view has been kept" in told.replace("\n", " ")
 
 

@@ -206,9 +206,40 @@ def test_what_cannot_be_done_is_said_in_the_interface_s_own_words() -> None:
     used(act)
 
 
+@pytest.mark.parametrize(
+    ("tool", "arguments", "sentence"),
+    [
+        ("submit_task", {}, "submit_task: instruction is missing; submit_task wants text"),
+        ("drive", {"forward_m": "far"}, "drive: forward_m is 'far'; wanted a number"),
+        (
+            "go_to_point", {"x_m": "a", "y_m": None},
+            "go_to_point: x_m is 'a'; wanted a number; y_m is None; wanted a number",
+        ),
+        (
+            "list_tasks", {"state": "done"},
+            "list_tasks: state is 'done'; wanted one of queued, running, paused, succeeded, "
+            "failed, cancelled or null",
+        ),
+        ("drive", {"ahead_m": 1}, "drive has no argument 'ahead_m'; it takes forward_m, turn_rad"),
+        ("robot", {"name": "a"}, "robot has no argument 'name'; it takes none"),
+        ("submit_tsak", {}, "there is no tool 'submit_tsak'; did you mean submit_task?"),
+    ],
+)  # fmt: skip
+def test_wrong_arguments_are_told_with_what_was_wanted(
+    tool: str, arguments: dict[str, Any], sentence: str
+) -> None:
+    async def act(_: Served, client: Client) -> None:
+        result = await client.call_tool(tool, arguments)
+        assert result.is_error
+        assert [text_of(content) for content in result.content] == [sentence]
+
+    used(act)
+
+
 def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     import sys
 
     monkeypatch.setitem(sys.modules, "mcp.server", None)
+    monkeypatch.delitem(sys.modules, "helios_client.mcp_tools.server", raising=False)
     with pytest.raises(Unavailable, match=r"helios-ovmm\[mcp\]"):
         build(AsyncHelios())

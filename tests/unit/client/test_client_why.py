@@ -50,11 +50,12 @@ STAYS = {"do": "act", "why": PICK["why"], "candidates": [], "flips": False, "cer
 
 
 def shown(decisions: list[dict[str, Any]], changes: tuple[str, ...] = (), top: int = 3,
-          everything: bool = False, width: int = 110) -> str:  # fmt: skip
+          everything: bool = False, width: int = 110,
+          task: dict[str, Any] = TASK) -> str:  # fmt: skip
     out = io.StringIO()
     console = Console(file=out, width=width, color_system=None)
     told = [Decision.from_json(d) for d in decisions]
-    console.print(report(Task.from_json(TASK), told, changes, top, everything))
+    console.print(report(Task.from_json(task), told, changes, top, everything))
     return out.getvalue()
 
 
@@ -80,6 +81,12 @@ MANY_TERMS = {
 WIDE = PICK | {"candidates": [
     candidate("object", "television stand", k == 4, **MANY_TERMS) for k in range(6)
 ]}  # fmt: skip
+
+
+def test_one_of_a_kind_is_told_in_the_singular() -> None:
+    text = shown([PICK | {"recomputed": FLIPPED}], ("alpha_d=0.1",), task=TASK | {"steps": 1})
+    assert "task abc123, 1 step, 1 decision" in text
+    assert "1 of 1 decision would flip" in text
 
 
 @pytest.mark.parametrize("width", [60, 72, 80, 100, 200])
@@ -119,7 +126,7 @@ def test_under_other_settings_the_decisions_that_would_flip_are_shown() -> None:
 def test_what_cannot_be_told_is_said() -> None:
     unsure = PICK | {"recomputed": STAYS | {"certain": False}}
     text = shown([unsure], ("tau_g=0.9",))
-    assert "1 depend on what was not asked for then" in text
+    assert "1 depends on what was not asked for then" in text
     assert "cannot be told" in text
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import unicodedata
 
-from helios_core.text import printable
+import pytest
+from helios_core.text import counted, printable
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -24,3 +25,10 @@ def test_no_control_character_is_left_and_no_other_is_changed(text: str) -> None
     for was, now in zip(text, shown, strict=True):
         assert unicodedata.category(now) != "Cc"
         assert now == was or unicodedata.category(was) == "Cc"
+
+
+@pytest.mark.parametrize(("number", "said"), [(0, "0 steps"), (1, "1 step"), (2, "2 steps")])
+def test_a_number_stands_with_its_noun(number: int, said: str) -> None:
+    assert counted(number, "step") == said
+    assert counted(1, "match", "matches") == "1 match"
+    assert counted(2, "match", "matches") == "2 matches"

@@ -35,7 +35,7 @@ def test_robots_are_told_apart_and_stopped_one_by_one(
     assert [(r["name"], r["ready"], r["stopped"]) for r in
             client.get("/v1/robots").json()["robots"]] == [
         ("robot", True, False), ("spot", False, True)]  # fmt: skip
-    assert client.get("/readyz").json()["reasons"][0].startswith("spot: stop-now is latched")
+    assert client.get("/readyz").json()["reasons"][0].startswith("spot: the robot is stopped")
     missing = client.get("/v1/robots/nobody/tasks")
     assert missing.status_code == 404
     assert missing.json()["detail"].endswith("there are: robot, spot")

@@ -130,7 +130,7 @@ def test_why_the_robot_is_stopped_is_said_wherever_the_stop_is(
         readiness, status = client.get("/readyz").json(), client.get("/v1/status").json()
         assert readiness["stop_reason"] == status["stop_reason"] == said
         assert readiness["reasons"] == [
-            f"stop-now is latched ({said}): the robot will not move until /v1/robot/clear-stop"
+            f"the robot is stopped ({said}): it will not move until /v1/robot/clear-stop"
         ]
     client.post("/v1/robot/clear-stop")
     assert client.get("/v1/status").json()["stop_reason"] == ""

@@ -131,7 +131,7 @@ def test_a_new_world_epoch_parks_the_map_and_the_old_one_is_refused(rig):
     assert not rig.objects()
     rig.see(seq=2, epoch=0)
     assert [a.accepted for a in rig.acks] == [True, True, False]
-    assert "parked" in rig.acks[-1].reason
+    assert "put aside" in rig.acks[-1].reason
 
 
 def test_a_strangers_frame_does_not_blind_the_robot(rig):

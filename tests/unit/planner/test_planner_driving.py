@@ -113,7 +113,7 @@ def test_a_lease_that_ran_out_in_a_pause_is_renewed_without_a_word(
         if len(robot.ids) == paused[0]:
             paused[0] = 0
             clock[0] += 60.0
-            raise Conflict("lease 1 ran out after 10 s; ask anew")
+            raise Conflict("lease 1 ran out after 10 s; ask for a new one")
         return act(request)
 
     MemoryBus(robot.hub).serve(ACT, lease_ran_out)
@@ -128,14 +128,14 @@ def test_a_lease_that_is_lost_while_the_robot_is_driven_is_told() -> None:
 
     def taken(request: pb.ActionRequest) -> pb.ActionResult:
         if lost.pop() if lost else False:
-            raise Conflict("lease 1 is not the present one (a person has it); ask anew")
+            raise Conflict("lease 1 is not the present one (a person has it); ask for a new one")
         return act(request)
 
     MemoryBus(robot.hub).serve(ACT, taken)
     WAITED.clear()
     drive(robot, 2)
     assert WAITED == [
-        "the bridge: lease 1 is not the present one (a person has it); ask anew", None
+        "the bridge: lease 1 is not the present one (a person has it); ask for a new one", None
     ]  # fmt: skip
 
 

@@ -97,6 +97,9 @@ def test_find_and_go_to_are_tasks_without_an_arm() -> None:
     assert "stands at the counter" in run(world, "go to the counter")
     assert world.pose().distance_m((2.2, 6.6)) < 2.2
     assert world.contacts == 0
+    chosen = [d.why for d in world.decisions if d.do is Do.ACT and "counter" in d.why]
+    assert chosen
+    assert all(why.startswith("stop at the counter") for why in chosen)  # nothing is placed
 
 
 def test_the_step_budget_ends_a_task() -> None:

@@ -133,7 +133,7 @@ def test_a_long_pause_does_not_count_against_settling_the_last_action(
         asked.append(request)
         if len(asked) == 1:
             clock[0] += 1000.0
-            raise Conflict("the lease ran out after 10 s; ask anew")
+            raise Conflict("the lease ran out after 10 s; ask for a new one")
         return pb.ActionResult(action_id=request.action_id, succeeded=True)
 
     peers.bus.serve(ACT, act)

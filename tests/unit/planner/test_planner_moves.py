@@ -158,6 +158,13 @@ def test_a_home_that_is_known_is_not_explored_again() -> None:
     assert "0.0 m² of them new; nothing reachable is unknown" in said
 
 
+def test_a_map_that_shrank_is_told_as_nothing_new() -> None:
+    exploration = mission(flat(), "explore").exploration
+    exploration.recall({"borders_given_up": [], "borders": [], "before_m2": 1e3})
+    exploration.run()
+    assert ", 0.0 m² of them new" in exploration.said()
+
+
 def test_a_place_that_it_cannot_see_past_is_named() -> None:
     world = flat()
     explored = mission(world, "explore")
