@@ -74,6 +74,7 @@ PUSH = Method("bridge/push", pb.PushRequest, pb.PushReply)
 
 # --- detector -------------------------------------------------------------------------------
 OBSERVATION = Topic("detector/observation", pb.Observation, QoS.NEVER_DROP)
+DETECTOR_ACK = Topic("detector/ack", pb.Ack, QoS.NEVER_DROP)
 PREVIEW = Topic("detector/preview", pb.Preview, QoS.LATEST_WINS)
 CLAIM = Topic("detector/claim", pb.Claim, QoS.NEVER_DROP)  # among replicas of the detector
 VOCABULARY = Method("detector/vocabulary", pb.Empty, pb.VocabularyReply)
@@ -148,8 +149,8 @@ TRUTH_EPISODE = Method("world/episode", pb.Empty, pb.TruthEpisode, truth=True)
 TRUTH_METRICS = Method("world/metrics", pb.Empty, pb.TruthMetrics, truth=True)
 
 TOPICS: tuple[Topic, ...] = (
-    FRAME, KEYFRAME, ROBOT_STATE, ROBOT_DESCRIPTION, OBSERVATION, PREVIEW, CLAIM, OBJECTMAP_ACK,
-    RETIRED, MAP2D_ACK, CONTEXT, TASK, DECISION, PLAN, SUPERVISOR,
+    FRAME, KEYFRAME, ROBOT_STATE, ROBOT_DESCRIPTION, OBSERVATION, DETECTOR_ACK, PREVIEW, CLAIM,
+    OBJECTMAP_ACK, RETIRED, MAP2D_ACK, CONTEXT, TASK, DECISION, PLAN, SUPERVISOR,
 )  # fmt: skip
 METHODS: tuple[Method, ...] = (
     ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, PUSH, VOCABULARY, EMBED_TEXT, ESTIMATE_DEPTH, OBJECTS,
