@@ -117,6 +117,7 @@ CANCEL = Method("planner/cancel", pb.TaskRequest, pb.Task)
 PAUSE = Method("planner/pause", pb.TaskRequest, pb.Task)
 RESUME = Method("planner/resume", pb.TaskRequest, pb.Task)
 DECISIONS = Method("planner/decisions", pb.TaskRequest, pb.DecisionList)
+RESERVE = Method("planner/reserve", pb.ReserveRequest, pb.ReserveReply)
 
 # --- health ---------------------------------------------------------------------------------
 SUPERVISOR = Topic("supervisor/processes", pb.SupervisorStatus, QoS.RETAINED)
@@ -157,7 +158,7 @@ METHODS: tuple[Method, ...] = (
     WHAT_IF, RETIRE, GAUSSIANS, RESET_OBJECTS, SAVE_OBJECTS, LOAD_OBJECTS, EXPORT_OBJECTS,
     RENDER_OBJECTS, OBJECT_DETAIL, SNAPSHOT, PICTURE, SIGHT, MAP_CHANGES, PATH_COST, RECALL,
     SAVE_MAP2D, LOAD_MAP2D, RESET_MAP2D, SUBMIT,
-    GET_TASK, LIST_TASKS, CANCEL, PAUSE, RESUME, DECISIONS, WORLD_DESCRIBE, WORLD_STATE,
-    WORLD_CAPTURE, WORLD_ACT, WORLD_STOP, WORLD_CLEAR_STOP, TRUTH_SEGMENTATION,
+    GET_TASK, LIST_TASKS, CANCEL, PAUSE, RESUME, DECISIONS, RESERVE, WORLD_DESCRIBE,
+    WORLD_STATE, WORLD_CAPTURE, WORLD_ACT, WORLD_STOP, WORLD_CLEAR_STOP, TRUTH_SEGMENTATION,
     TRUTH_EPISODE, TRUTH_METRICS,
 )  # fmt: skip
