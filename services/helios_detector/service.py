@@ -178,9 +178,7 @@ class DetectorService:
             context = self._context
         self._acknowledge(message.id, context.id if context is not None else "", why)
 
-    def _answered(
-        self, message: pb.Frame, context: SearchContext, sent: Callable[[], None]
-    ) -> str:
+    def _answered(self, message: pb.Frame, context: SearchContext, sent: Callable[[], None]) -> str:
         """Publish the Observation of a keyframe; why there is none, "" where there is."""
         trouble, frame = "", None
         try:

@@ -18,7 +18,12 @@ def test_an_answered_keyframe_is_acknowledged_after_its_observation() -> None:
     house.look_for()
     house.bus.publish(KEYFRAME, house.frame(7))
     (ack,) = house.acks
-    assert (ack.service, ack.part, ack.id.seq, ack.context_id) == ("detector", "observation", 7, "c1")
+    assert (ack.service, ack.part, ack.id.seq, ack.context_id) == (
+        "detector",
+        "observation",
+        7,
+        "c1",
+    )
     assert (ack.accepted, ack.reason, len(house.observations)) == (True, "", 1)
 
 
