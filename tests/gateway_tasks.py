@@ -12,6 +12,7 @@ from helios_core.topics import (
     GET_TASK,
     LIST_TASKS,
     PAUSE,
+    RESERVE,
     RESUME,
     SUBMIT,
     TASK,
@@ -28,6 +29,7 @@ class MadeUpTasks:
         self.calls: list[str] = []
         self.tasks: dict[str, pb.Task] = {}
         self.decided: list[pb.Decision] = []
+        self.reserved = ""  # why no task is begun now
 
     def serve_tasks(self) -> None:
         serve = self.bus.serve
@@ -38,6 +40,7 @@ class MadeUpTasks:
         serve(PAUSE, lambda request: self._hold(request, True))
         serve(RESUME, lambda request: self._hold(request, False))
         serve(DECISIONS, self._decisions)
+        serve(RESERVE, self._reserve)
 
     def submit(self, instruction: str) -> pb.Task:
         """As if it had come from elsewhere."""
@@ -108,3 +111,13 @@ class MadeUpTasks:
     def _decisions(self, request: pb.TaskRequest) -> pb.DecisionList:
         self._get(request)
         return pb.DecisionList(decisions=self.decided)
+
+    def _reserve(self, request: pb.ReserveRequest) -> pb.ReserveReply:
+        if request.token:
+            self.reserved = ""
+            return pb.ReserveReply()
+        for task in self.tasks.values():
+            if task.state in ("queued", "running", "paused"):
+                raise Conflict(f"task {task.id} is {task.state} and relies on the present maps")
+        self.reserved = request.why
+        return pb.ReserveReply(token="r1")

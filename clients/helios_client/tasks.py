@@ -280,6 +280,7 @@ class MapInfo(TypedDict):
     """The 2D map without its arrays."""
 
     version: int
+    map_id: str  # changes when a new map begins (new world, reset, load) or map2d restarts
     cell_m: float
     origin_m: list[float]  # corner of the lower left cell
     width_cells: int

@@ -87,7 +87,10 @@ def _choose(args: argparse.Namespace) -> str:
     if args.detector:
         names = tuple(name.strip() for name in args.classes.split(",") if name.strip())
         chosen.detector = DetectorBench(
-            lambda: open_detector(args.detector, options), names, pictures, not args.random
+            lambda: open_detector(args.detector, options),
+            pictures,
+            not args.random,
+            classes=names,
         )
         _ = chosen.detector.detector  # what cannot be opened is no failed claim
         return "any_detector.py"

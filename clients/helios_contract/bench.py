@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Generic, TypeVar
 
 import cv2
 import numpy as np
@@ -11,6 +12,8 @@ from helios_core.geometry import Pinhole, camera_on_base, se2_to_se3
 from helios_core.types import Frame, FrameId, Role, SearchClass, SearchContext
 from helios_detector.backend import DetectorBackend, ScorerBackend
 from helios_examples.room import look
+
+B = TypeVar("B", DetectorBackend, ScorerBackend)
 
 CAMERA = Pinhole(fx=140, fy=140, cx=79.5, cy=59.5, width=160, height=120)
 CAMERA_HEIGHT_M = 1.2
@@ -83,52 +86,48 @@ def searching(names: Sequence[str], threshold: float = 0.05) -> SearchContext:
 
 
 @dataclass(frozen=True)
-class DetectorBench:
-    """One detector. make: a new one; classes: what to ask for, empty: of its vocabulary."""
+class Bench(Generic[B]):
+    """One back end. make: a new one."""
 
-    make: Callable[[], DetectorBackend]
+    make: Callable[[], B]
+    pictures: tuple[np.ndarray, ...] = ()  # [h, w, 3] RGB
+    deterministic: bool = True  # the same frame gives the same
+    made: list[B] = field(default_factory=list)
+
+    @property
+    def back_end(self) -> B:
+        """The one that all claims share, warm."""
+        if not self.made:
+            made = self.make()
+            made.warm_up()
+            self.made.append(made)
+        return self.made[0]
+
+    def close(self) -> None:
+        for made in self.made:
+            made.close()
+
+
+@dataclass(frozen=True)
+class DetectorBench(Bench[DetectorBackend]):
+    """One detector, which should find something in its pictures. classes: what to ask for, empty:
+    of its vocabulary."""
+
     classes: tuple[str, ...] = ()
-    pictures: tuple[np.ndarray, ...] = ()  # [h, w, 3] RGB in which it should find something
-    deterministic: bool = True  # the same frame gives the same findings
-    made: list[DetectorBackend] = field(default_factory=list)
 
     @property
     def detector(self) -> DetectorBackend:
-        """The one that all claims share, warm."""
-        if not self.made:
-            detector = self.make()
-            detector.warm_up()
-            self.made.append(detector)
-        return self.made[0]
+        return self.back_end
 
     @property
     def asked(self) -> tuple[str, ...]:
         """Names that it knows."""
         return self.classes or (self.detector.vocabulary() or ANY_NAMES)[:MOST_ASKED]
 
-    def close(self) -> None:
-        for detector in self.made:
-            detector.close()
 
-
-@dataclass(frozen=True)
-class ScorerBench:
-    """One scorer. make: a new one."""
-
-    make: Callable[[], ScorerBackend]
-    pictures: tuple[np.ndarray, ...] = ()
-    deterministic: bool = True
-    made: list[ScorerBackend] = field(default_factory=list)
+class ScorerBench(Bench[ScorerBackend]):
+    """One scorer."""
 
     @property
     def scorer(self) -> ScorerBackend:
-        """The one that all claims share, warm."""
-        if not self.made:
-            scorer = self.make()
-            scorer.warm_up()
-            self.made.append(scorer)
-        return self.made[0]
-
-    def close(self) -> None:
-        for scorer in self.made:
-            scorer.close()
+        return self.back_end

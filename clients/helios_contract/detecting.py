@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from numbers import Integral
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -14,40 +13,18 @@ from helios_core.types import Detection, Frame
 from helios_detector.backend import Findings, Seen
 from helios_detector.contract import held_findings
 
+from helios_contract.back_end import BackEndContract
 from helios_contract.bench import UNKNOWN, DetectorBench, odd, searching, views
 
 HIGH = 0.9  # a threshold
 SLACK = 1e-6  # of a score in float32
 
 
-class DetectorContract:
+class DetectorContract(BackEndContract[DetectorBench]):
     """Every claim about one detector. Subclass it, with a name that begins with Test, and say in
     `stand` how the detector is made."""
 
-    _bench: ClassVar[DetectorBench]
-
-    @classmethod
-    def stand(cls) -> DetectorBench:
-        """How it is made."""
-        raise NotImplementedError("say how the detector is made: def stand(cls) -> DetectorBench")
-
-    @classmethod
-    def setup_class(cls) -> None:
-        cls._bench = cls.stand()
-
-    @classmethod
-    def teardown_class(cls) -> None:
-        cls._bench.close()
-
-    @pytest.fixture
-    def bench(self) -> DetectorBench:
-        return self._bench
-
     # --- names ---------------------------------------------------------------------------------
-    def test_it_has_a_name(self, bench: DetectorBench) -> None:
-        assert isinstance(bench.detector.name, str)
-        assert bench.detector.name.strip()
-
     def test_its_vocabulary_is_none_or_a_tuple_of_names(self, bench: DetectorBench) -> None:
         names = bench.detector.vocabulary()
         if names is None:
@@ -179,14 +156,6 @@ class DetectorContract:
         bench.detector.unload()
         bench.detector.unload()
         assert isinstance(_found(bench, views(())[0]), Findings)
-
-    def test_it_tells_the_accelerators_memory_as_a_number(self, bench: DetectorBench) -> None:
-        assert bench.detector.accelerator_mb() >= 0
-
-    def test_closing_twice_is_as_once(self, bench: DetectorBench) -> None:
-        detector = bench.make()
-        detector.close()
-        detector.close()
 
 
 def _found(bench: DetectorBench, frame: Frame) -> Findings:

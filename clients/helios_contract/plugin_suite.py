@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-pytest.register_assert_rewrite("helios_contract.detecting", "helios_contract.scoring")
+pytest.register_assert_rewrite(
+    "helios_contract.back_end", "helios_contract.detecting", "helios_contract.scoring"
+)
 
 from helios_contract.detecting import DetectorContract  # noqa: E402 - after the line above
 from helios_contract.scoring import ScorerContract  # noqa: E402

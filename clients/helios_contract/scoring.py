@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from helios_core.types import Embedding, Frame
 from helios_detector.backend import Judgement, Seen
 from helios_detector.contract import held_judgement
 
+from helios_contract.back_end import BackEndContract
 from helios_contract.bench import ScorerBench, odd, views
 
 PROMPTS = {"pick": "Seems like there is a mug ahead", "place": "Seems like there is a sofa ahead"}
@@ -20,32 +20,9 @@ ODD_PROMPTS = {"pick": "", "place": "杯子 " * 200}
 ALIKE = 1e-6  # two scores of one prompt
 
 
-class ScorerContract:
+class ScorerContract(BackEndContract[ScorerBench]):
     """Every claim about one scorer. Subclass it, with a name that begins with Test, and say in
     `stand` how the scorer is made."""
-
-    _bench: ClassVar[ScorerBench]
-
-    @classmethod
-    def stand(cls) -> ScorerBench:
-        """How it is made."""
-        raise NotImplementedError("say how the scorer is made: def stand(cls) -> ScorerBench")
-
-    @classmethod
-    def setup_class(cls) -> None:
-        cls._bench = cls.stand()
-
-    @classmethod
-    def teardown_class(cls) -> None:
-        cls._bench.close()
-
-    @pytest.fixture
-    def bench(self) -> ScorerBench:
-        return self._bench
-
-    def test_it_has_a_name(self, bench: ScorerBench) -> None:
-        assert isinstance(bench.scorer.name, str)
-        assert bench.scorer.name.strip()
 
     def test_every_layer_gets_a_score_and_nothing_else_does(self, bench: ScorerBench) -> None:
         for frame in _frames(bench):
@@ -125,14 +102,6 @@ class ScorerContract:
         bench.scorer.unload()
         bench.scorer.unload()
         assert set(_scores(bench, views(())[0])) == set(PROMPTS)
-
-    def test_it_tells_the_accelerators_memory_as_a_number(self, bench: ScorerBench) -> None:
-        assert bench.scorer.accelerator_mb() >= 0
-
-    def test_closing_twice_is_as_once(self, bench: ScorerBench) -> None:
-        scorer = bench.make()
-        scorer.close()
-        scorer.close()
 
 
 def _frames(bench: ScorerBench) -> Iterator[Frame]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from helios_core import proto as pb
 
 OCCUPANCY = "map2d/occupancy"  # answered whether or not anything is looked for
-PARTS = frozenset({"objectmap/objects", OCCUPANCY, "map2d/value"})
+BY_DETECTOR = frozenset({"objectmap/objects", "map2d/value"})  # made of what it found
+PARTS = BY_DETECTOR | {OCCUPANCY}
 
 
 def part_of(ack: pb.Ack) -> str:

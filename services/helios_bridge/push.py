@@ -145,7 +145,7 @@ class PushDesk:
         missing = self._acks.wait(taken, wanted, left_s)
         return pb.PushReply(
             id=frame_id_to_proto(taken),
-            acks=self._acks.answers(taken).values(),
+            acks={a.service + a.part: a for a in self._acks.answers(taken).values()}.values(),
             unanswered=sorted(missing),
         )
 

@@ -32,6 +32,7 @@ from helios_core.robot import Action, EndOfRecording, RobotDriver
 from helios_core.topics import (
     ACT,
     CLEAR_STOP,
+    DETECTOR_ACK,
     GET_STATE,
     LEASE,
     MAP2D_ACK,
@@ -43,7 +44,7 @@ from helios_core.topics import (
 )
 from helios_core.types import FrameId, RobotState
 
-from helios_bridge.acks import part_of
+from helios_bridge.acks import BY_DETECTOR, part_of
 from helios_bridge.actions import ActionLog
 from helios_bridge.crew import Crew
 from helios_bridge.guard import DriverFault, GuardedDriver
@@ -109,6 +110,7 @@ class BridgeService:
                 settings.contexts, settings.strict,
             )  # fmt: skip
         bus.publish(ROBOT_DESCRIPTION, description)
+        bus.subscribe(DETECTOR_ACK, self._on_detector_ack)
         bus.subscribe(MAP2D_ACK, self._acks.add)
         bus.subscribe(OBJECTMAP_ACK, self._acks.add)
         bus.serve(ACT, self.act)
@@ -233,6 +235,11 @@ class BridgeService:
         if letting_go.done() and (error := letting_go.exception()) is not None:
             log.error("the driver could not let go of the robot: %s", error)
         return hanging
+
+    def _on_detector_ack(self, ack: pb.Ack) -> None:
+        """A keyframe that the detector did not answer: no map can answer what it would have found."""
+        if not ack.accepted:
+            self._acks.add_for(ack, BY_DETECTOR)
 
     def _stop(self) -> None:
         try:

@@ -118,7 +118,10 @@ class Analyst:
             raise Internal(f"{said}; see {log_place()}") from error
         except HeliosError:
             raise
-        except Exception as error:  # a back end's own fault must not lose the frame silently
+        except (
+            Exception,
+            SystemExit,
+        ) as error:  # a back end's own fault must not lose the frame silently
             said = f"{who} failed in {method}() ({type(error).__name__}: {error})"
             self._seldom.warn((of.name, method, type(error)), said, error)
             raise Internal(f"{said}; the traceback is in {log_place()}") from error

@@ -24,7 +24,7 @@ from helios_detector.methods import NotYet
 from helios_detector.models import Models, load_models
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings
-from helios_detector.share import Ledger, Members
+from helios_detector.share import MOST_HELD, Ledger, Members
 from helios_detector.workload import Workload
 
 log = logging.getLogger(__name__)
@@ -127,8 +127,13 @@ class Desk:
     def _on_keyframe(self, message: pb.Frame) -> None:
         with self._lock:
             given_up = self._ledger.add(message)
+            ours = self._members.owner(self.robot) == self._members.me
         if given_up:
-            self._health.count("keyframes_given_up", given_up)
+            self._health.count("keyframes_given_up", len(given_up))
+        service = self._service
+        if ours and service is not None:
+            for old in given_up:
+                service.give_up(old, f"{MOST_HELD} newer keyframes came before it was worked on")
         self._work()
 
     def _on_frame(self, message: pb.Frame) -> None:

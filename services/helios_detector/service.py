@@ -1,6 +1,7 @@
 """The detector's shell for one robot: frame in, detections and scores out.
 
-Every keyframe is answered with an Observation, or counted with the reason why it cannot be.
+Every keyframe is answered with an Observation, or counted with the reason why it cannot be; and it
+is acknowledged (`DETECTOR_ACK`) when nothing more is done with it, with that reason.
 Stream frames become previews; one that comes while another frame is worked on is skipped.
 A keyframe that comes before the search context is held (the newest one) and answered when it is
 known. A context that the back end cannot take is kept and tried again (`seek_again`), while the
@@ -23,7 +24,7 @@ from helios_core.codec import context_from_proto, frame_from_proto, observation_
 from helios_core.codec.frames import detection_to_proto
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.health import Health
-from helios_core.topics import CONTEXT, FRAME, KEYFRAME, OBSERVATION, PREVIEW
+from helios_core.topics import CONTEXT, DETECTOR_ACK, FRAME, KEYFRAME, OBSERVATION, PREVIEW
 from helios_core.types import Frame, Observation, SearchContext
 
 from helios_detector.analysis import Analyst
@@ -161,29 +162,50 @@ class DetectorService:
         `sent` is called when the Observation is out, before anything else is done.
         """
         with self._lock:
-            context = self._context
+            context, replaced = self._context, None
             if context is None:
-                if self._held is not None:
-                    self._health.count("keyframes_replaced")
-                self._held = message
-                return
-        trouble = ""
+                replaced, self._held = self._held, message
+        if replaced is not None:
+            self._health.count("keyframes_replaced")
+            self.give_up(replaced, "a newer keyframe came before anything was looked for")
+        if context is not None:
+            why_not = self._answered(message, context, sent)
+            self._acknowledge(message.id, context.id, why_not)
+
+    def give_up(self, message: pb.Frame, why: str) -> None:
+        """A keyframe that is not worked on any more."""
+        with self._lock:
+            context = self._context
+        self._acknowledge(message.id, context.id if context is not None else "", why)
+
+    def _answered(self, message: pb.Frame, context: SearchContext, sent: Callable[[], None]) -> str:
+        """Publish the Observation of a keyframe; why there is none, "" where there is."""
+        trouble, frame = "", None
         try:
             frame = frame_from_proto(message)
-        except InvalidInput as error:
-            self._refuse("keyframes_refused", message, error)
-            self._say_trouble("keyframe", "")
-            return
-        try:
             with self._workload.work():
                 self._answer(message, frame, context, sent)
+            return ""
         except Exception as error:
             fault = typed(error)
             wrong_frame = isinstance(fault, InvalidInput)
             self._refuse("keyframes_refused" if wrong_frame else "keyframes_failed", message, fault)
-            trouble = f"the last keyframe could not be answered: {fault.message}"
+            if frame is not None or not wrong_frame:
+                trouble = f"the last keyframe could not be answered: {fault.message}"
+            return fault.message
         finally:
             self._say_trouble("keyframe", trouble)
+
+    def _acknowledge(self, id: pb.FrameId, context_id: str, why_not: str) -> None:
+        """Nobody need wait any longer for what the detector makes of a keyframe."""
+        ack = pb.Ack(
+            service="detector", part="observation", id=id, accepted=not why_not, reason=why_not,
+            context_id=context_id,
+        )  # fmt: skip
+        try:
+            self._bus.publish(DETECTOR_ACK, ack)
+        except HeliosError as error:
+            log.warning("keyframe %d was not acknowledged: %s", id.seq, error.message)
 
     def on_frame(self, message: pb.Frame) -> None:
         """Publish a preview, unless another frame is being worked on."""

@@ -77,17 +77,19 @@ class Ledger:
     def __init__(self) -> None:
         self._entries: OrderedDict[Key, _Entry] = OrderedDict()
 
-    def add(self, message: pb.Frame) -> int:
-        """One that came; a second time, or answered already, it changes nothing. How many older
-        ones are given up for it, since so many are held."""
+    def add(self, message: pb.Frame) -> list[pb.Frame]:
+        """One that came; a second time, or answered already, it changes nothing. The older ones
+        that are given up for it, since so many are held."""
         entry = self._entry(key_of(message.id))
         if not entry.answered:
             entry.message = message
         held = [e for e in self._entries.values() if e.message is not None]
-        given_up = held[: max(0, len(held) - MOST_HELD)]
-        for old in given_up:
+        given_up = []
+        for old in held[: max(0, len(held) - MOST_HELD)]:
+            if old.message is not None:
+                given_up.append(old.message)
             old.message = None
-        return len(given_up)
+        return given_up
 
     def note(self, claim: pb.Claim) -> None:
         """What a detector said of one."""

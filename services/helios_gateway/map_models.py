@@ -83,6 +83,10 @@ class MapInfo(BaseModel):
     """The 2D map without its arrays."""
 
     version: int
+    map_id: str = Field(
+        description="another one than before: a new map has begun (new world, reset, load), or "
+        "map2d was restarted"
+    )
     context_id: str
     cell_m: float
     origin_m: Vector2 = Field(description="corner of the lower left cell")

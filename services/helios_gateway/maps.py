@@ -65,8 +65,8 @@ class Maps:
         view = self.view()
         rows, columns = view.shape
         return map_models.MapInfo(
-            version=view.version, context_id=view.context_id, cell_m=view.cell_m,
-            width_cells=columns, height_cells=rows,
+            version=view.version, map_id=view.map_id, context_id=view.context_id,
+            cell_m=view.cell_m, width_cells=columns, height_cells=rows,
             origin_m=[convert.metres(v) for v in view.origin_m],
             explored_m2=convert.finite(view.explored_m2),
             occupied_m2=convert.finite(view.occupied_m2),

@@ -34,7 +34,9 @@ class Answers:
         if published is None:
             return pb.MapSnapshot()
         if request.if_newer and published.version == request.if_newer:
-            return pb.MapSnapshot(version=published.version, unchanged=True)
+            return pb.MapSnapshot(
+                version=published.version, map_id=published.map_id, unchanged=True
+            )
         return self._encoded.of(published, request.layers)
 
     def changes(self, request: pb.MapChangesRequest) -> pb.MapChanges:

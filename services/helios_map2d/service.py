@@ -259,7 +259,7 @@ class Map2DService:
         except Exception as fault:  # a fault of ours must not leave the sender waiting
             log.exception("part %s of frame %d failed", part, id.seq)
             error = Internal(f"map2d failed ({type(fault).__name__}: {fault}); see its log")
-        if error is None and self._keeping.superseded():
+        if error is None and self._keeping.superseded(searching=part == "value"):
             self._say()
         self._answer(part, id, context_id, error, (time.perf_counter() - began) * 1e3)
 

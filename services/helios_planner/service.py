@@ -27,6 +27,7 @@ from helios_core.topics import (
     MAP2D_ACK,
     OBJECTMAP_ACK,
     PAUSE,
+    RESERVE,
     PLAN,
     RESUME,
     ROBOT_DESCRIPTION,
@@ -36,6 +37,7 @@ from helios_core.topics import (
 
 from helios_planner.agents import agent_named, fault_of
 from helios_planner.decisions.recompute import changes_of, recompute
+from helios_planner.language.instruction import Instruction
 from helios_planner.language.language_model import language_model, parse_with_help
 from helios_planner.own_settings import for_task
 from helios_planner.settings import Settings
@@ -43,6 +45,7 @@ from helios_planner.task import HELD, Cause, State, Task
 from helios_planner.tasks.book import UNDER_WAY, TaskBook, waiting_words
 from helios_planner.tasks.context import check_able, in_vocabulary
 from helios_planner.tasks.hold import Hold
+from helios_planner.tasks.reservation import Reservation
 from helios_planner.tasks.run import TaskRun
 from helios_planner.tasks.store import Store
 from helios_planner.tasks.telling import decision_from_proto, recomputed_to_proto, task_to_proto
@@ -76,6 +79,7 @@ class PlannerService:
         self._queue = deque(self._book.restore())
         self._cancels = {id: threading.Event() for id in self._queue}
         self._holds = {id: self._new_hold(id) for id in self._queue if self._is_under_way(id)}
+        self._reservation = Reservation()  # under the lock
         bus.subscribe(ROBOT_DESCRIPTION, self._on_description)
         bus.subscribe(MAP2D_ACK, self._acks.add)
         bus.subscribe(OBJECTMAP_ACK, self._acks.add)
@@ -86,6 +90,7 @@ class PlannerService:
         bus.serve(PAUSE, self.pause)
         bus.serve(RESUME, self.resume)
         bus.serve(DECISIONS, self.decisions)
+        bus.serve(RESERVE, self.reserve)
         self._worker = threading.Thread(target=self._work, name="worker", daemon=True)
         self._worker.start()
         self._heart = threading.Thread(target=self._pulse, name="pulse", daemon=True)
@@ -137,7 +142,7 @@ class PlannerService:
             max_steps=request.max_steps or self._settings.max_steps,
             time_limit_s=request.time_limit_s or instruction.limit_s or self._settings.time_limit_s,
             created_s=time.time(),
-            message=waiting_words(instruction, self._description is not None),
+            message=self._waiting_words(instruction),
             context_id=id,
             agent=agent,
             priority=request.priority,
@@ -155,6 +160,11 @@ class PlannerService:
             self._queue.append(id)
             self._wake.notify_all()
         return told
+
+    def _waiting_words(self, instruction: Instruction) -> str:
+        with self._lock:
+            why = self._reservation.why
+        return waiting_words(instruction, self._description is not None, why)
 
     def _known_agent(self, said: str) -> str:
         """The agent's name as it is listed; it may be said in any case. Raises InvalidInput for an
@@ -220,6 +230,22 @@ class PlannerService:
                 decision.recomputed.CopyFrom(recomputed_to_proto(again))
         return pb.DecisionList(decisions=kept)
 
+    def reserve(self, request: pb.ReserveRequest) -> pb.ReserveReply:
+        """No task is begun until it ends. Raises Conflict while a task is queued or under way: the
+        queue's lock decides which of the two came first."""
+        with self._lock:
+            if request.token:
+                self._reservation.end(request.token)
+                self._wake.notify_all()
+                return pb.ReserveReply()
+            for task in self._book.tasks():
+                if not task.state.ended:
+                    raise Conflict(
+                        f"task {task.id} is {task.state} and relies on the present maps; wait for "
+                        "its end, or cancel it"
+                    )
+            return pb.ReserveReply(token=self._reservation.begin(request.why, request.for_s))
+
     # --- the worker ----------------------------------------------------------------------------
     def _work(self) -> None:
         if not until_warm(self._health, warm_up, self._ending):
@@ -243,8 +269,10 @@ class PlannerService:
             if self._ending.is_set():
                 return None
         with self._lock:
-            while self._store.fault or not (
-                ready := [id for id in self._queue if self._may_go(id)]
+            while (
+                self._store.fault
+                or self._reservation.why
+                or not (ready := [id for id in self._queue if self._may_go(id)])
             ):
                 if self._ending.is_set():
                     return None
@@ -309,8 +337,9 @@ class PlannerService:
         changes: dict[str, object] = {"on_hold": on_hold}
         with self._lock:
             if id in self._queue:
-                known = self._description is not None
-                changes["message"] = HELD if on_hold else waiting_words(task.instruction, known)
+                why = self._reservation.why
+                words = waiting_words(task.instruction, self._description is not None, why)
+                changes["message"] = HELD if on_hold else words
                 if task.state in UNDER_WAY:
                     changes["state"] = State.PAUSED if on_hold else State.RUNNING
         told = self._book.change(id, **changes)

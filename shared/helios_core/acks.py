@@ -26,8 +26,18 @@ class AckBook:
         self.ended = False  # nobody waits any more
 
     def add(self, ack: pb.Ack) -> None:
+        """An answer of its own part."""
+        self._add(ack, {self._part(ack): ack})
+
+    def add_for(self, ack: pb.Ack, parts: Collection[str]) -> None:
+        """An answer that stands for those of `parts` that have not answered, and now cannot."""
         with self._changed:
-            self._answers.setdefault(frame_id_from_proto(ack.id), {})[self._part(ack)] = ack
+            known = self._answers.get(frame_id_from_proto(ack.id), {})
+            self._add(ack, {part: ack for part in parts if part not in known})
+
+    def _add(self, ack: pb.Ack, answers: dict[str, pb.Ack]) -> None:
+        with self._changed:
+            self._answers.setdefault(frame_id_from_proto(ack.id), {}).update(answers)
             while len(self._answers) > self._remembered:
                 del self._answers[next(iter(self._answers))]
             self._changed.notify_all()

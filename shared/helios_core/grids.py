@@ -41,6 +41,7 @@ class MapView:
     explored_m2: float
     occupied_m2: float
     trajectory_starts: tuple[int, ...] = ()  # points that no line leads to from the one before
+    map_id: str = ""  # another one than before: a new map has begun
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -81,6 +82,7 @@ def decode_snapshot(snapshot: pb.MapSnapshot) -> MapView:
         explored_m2=snapshot.explored_m2,
         occupied_m2=snapshot.occupied_m2,
         trajectory_starts=tuple(snapshot.trajectory_starts),
+        map_id=snapshot.map_id,
     )
 
 

@@ -74,6 +74,7 @@ PUSH = Method("bridge/push", pb.PushRequest, pb.PushReply)
 
 # --- detector -------------------------------------------------------------------------------
 OBSERVATION = Topic("detector/observation", pb.Observation, QoS.NEVER_DROP)
+DETECTOR_ACK = Topic("detector/ack", pb.Ack, QoS.NEVER_DROP)
 PREVIEW = Topic("detector/preview", pb.Preview, QoS.LATEST_WINS)
 CLAIM = Topic("detector/claim", pb.Claim, QoS.NEVER_DROP)  # among replicas of the detector
 VOCABULARY = Method("detector/vocabulary", pb.Empty, pb.VocabularyReply)
@@ -116,6 +117,7 @@ CANCEL = Method("planner/cancel", pb.TaskRequest, pb.Task)
 PAUSE = Method("planner/pause", pb.TaskRequest, pb.Task)
 RESUME = Method("planner/resume", pb.TaskRequest, pb.Task)
 DECISIONS = Method("planner/decisions", pb.TaskRequest, pb.DecisionList)
+RESERVE = Method("planner/reserve", pb.ReserveRequest, pb.ReserveReply)
 
 # --- health ---------------------------------------------------------------------------------
 SUPERVISOR = Topic("supervisor/processes", pb.SupervisorStatus, QoS.RETAINED)
@@ -148,15 +150,15 @@ TRUTH_EPISODE = Method("world/episode", pb.Empty, pb.TruthEpisode, truth=True)
 TRUTH_METRICS = Method("world/metrics", pb.Empty, pb.TruthMetrics, truth=True)
 
 TOPICS: tuple[Topic, ...] = (
-    FRAME, KEYFRAME, ROBOT_STATE, ROBOT_DESCRIPTION, OBSERVATION, PREVIEW, CLAIM, OBJECTMAP_ACK,
-    RETIRED, MAP2D_ACK, CONTEXT, TASK, DECISION, PLAN, SUPERVISOR,
+    FRAME, KEYFRAME, ROBOT_STATE, ROBOT_DESCRIPTION, OBSERVATION, DETECTOR_ACK, PREVIEW, CLAIM,
+    OBJECTMAP_ACK, RETIRED, MAP2D_ACK, CONTEXT, TASK, DECISION, PLAN, SUPERVISOR,
 )  # fmt: skip
 METHODS: tuple[Method, ...] = (
     ACT, LEASE, STOP, CLEAR_STOP, GET_STATE, PUSH, VOCABULARY, EMBED_TEXT, ESTIMATE_DEPTH, OBJECTS,
     WHAT_IF, RETIRE, GAUSSIANS, RESET_OBJECTS, SAVE_OBJECTS, LOAD_OBJECTS, EXPORT_OBJECTS,
     RENDER_OBJECTS, OBJECT_DETAIL, SNAPSHOT, PICTURE, SIGHT, MAP_CHANGES, PATH_COST, RECALL,
     SAVE_MAP2D, LOAD_MAP2D, RESET_MAP2D, SUBMIT,
-    GET_TASK, LIST_TASKS, CANCEL, PAUSE, RESUME, DECISIONS, WORLD_DESCRIBE, WORLD_STATE,
-    WORLD_CAPTURE, WORLD_ACT, WORLD_STOP, WORLD_CLEAR_STOP, TRUTH_SEGMENTATION,
+    GET_TASK, LIST_TASKS, CANCEL, PAUSE, RESUME, DECISIONS, RESERVE, WORLD_DESCRIBE,
+    WORLD_STATE, WORLD_CAPTURE, WORLD_ACT, WORLD_STOP, WORLD_CLEAR_STOP, TRUTH_SEGMENTATION,
     TRUTH_EPISODE, TRUTH_METRICS,
 )  # fmt: skip

@@ -97,6 +97,8 @@ class Repeater:
             newest.put(newest.data, attachment=f"{self._source}/{newest.number}")
         except zenoh.ZError as error:  # the router is away, or the bus closes
             log.debug("a message could not be repeated: %s", error)
+        except Exception:  # the other topics' messages are repeated all the same
+            log.exception("a message of %d bytes could not be repeated", len(newest.data))
         newest.repeated += 1
         if newest.repeated < len(PAUSES_S):
             newest.due_s = self._clock() + PAUSES_S[newest.repeated]

@@ -7,12 +7,14 @@ import statistics
 import threading
 import time
 from collections import Counter
+from collections.abc import Sequence
 
 from helios_core import proto as pb
 from helios_core.bus import Bus
-from helios_core.topics import MAP2D_ACK, OBJECTMAP_ACK, ROBOT_STATE
+from helios_core.topics import DETECTOR_ACK, MAP2D_ACK, OBJECTMAP_ACK, ROBOT_STATE
 
 PARTS = ("occupancy", "value", "objects")
+BY_DETECTOR = ("value", "objects")  # made of what it found
 
 
 class Tally:
@@ -27,24 +29,36 @@ class Tally:
         self._finished = False
 
     def listen(self, bus: Bus) -> None:
-        """Hear the maps and the bridge."""
+        """Hear the detector, the maps and the bridge."""
+        bus.subscribe(DETECTOR_ACK, self.note_detector)
         bus.subscribe(MAP2D_ACK, self.note_ack)
         bus.subscribe(OBJECTMAP_ACK, self.note_ack)
         bus.subscribe(ROBOT_STATE, self.note_state)
 
     def note_ack(self, ack: pb.Ack) -> None:
         """A map's answer."""
-        frame = (ack.id.robot_boot_id, ack.id.world_epoch, ack.id.seq)
         with self._lock:
-            parts = self._parts.setdefault(frame, set())
-            whole_before = len(parts) == len(PARTS)
-            parts.add(ack.part)
             if ack.accepted:
                 self._update_ms.setdefault(ack.part, []).append(ack.update_ms)
-            else:
-                self._refusals[f"{ack.service}: {ack.reason}"] += 1
-            if len(parts) == len(PARTS) and not whole_before:
-                self._done_s.append(time.monotonic())
+            self._note(ack, [ack.part])
+
+    def note_detector(self, ack: pb.Ack) -> None:
+        """A keyframe that the detector has ended with; where it found nothing to send, no map can
+        answer that."""
+        with self._lock:
+            if not ack.accepted:
+                self._note(ack, BY_DETECTOR)
+
+    def _note(self, ack: pb.Ack, answered: Sequence[str]) -> None:
+        """The lock is held."""
+        frame = (ack.id.robot_boot_id, ack.id.world_epoch, ack.id.seq)
+        parts = self._parts.setdefault(frame, set())
+        whole_before = len(parts) == len(PARTS)
+        parts.update(answered)
+        if not ack.accepted:
+            self._refusals[f"{ack.service}: {ack.reason}"] += 1
+        if len(parts) == len(PARTS) and not whole_before:
+            self._done_s.append(time.monotonic())
 
     def note_state(self, state: pb.RobotState) -> None:
         """The bridge's word."""

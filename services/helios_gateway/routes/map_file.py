@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import zipfile
+from collections.abc import Iterator
 from typing import Annotated
 
 from fastapi import APIRouter, Body, Response
 from helios_core import proto as pb
 from helios_core.bus import Bus
-from helios_core.errors import Conflict, DeadlineExceeded, HeliosError
+from helios_core.errors import DeadlineExceeded, HeliosError
 from helios_core.topics import (
-    LIST_TASKS,
     LOAD_MAP2D,
     LOAD_OBJECTS,
+    RESERVE,
     SAVE_MAP2D,
     SAVE_OBJECTS,
     M,
@@ -32,7 +34,7 @@ from helios_gateway.settings import Settings
 
 ZIP = "application/zip"
 FILE_S = 60.0  # a map of a large home is read and checked in seconds
-UNDER_WAY = ("queued", "running", "paused")
+RESERVED_S = 5 * FILE_S  # longer than the calls of one change of the maps take together
 
 
 def map_file_routes(prefix: str, settings: Settings) -> APIRouter:
@@ -94,35 +96,35 @@ def map_file_routes(prefix: str, settings: Settings) -> APIRouter:
     ) -> map_models.LoadedMaps:
         """In the place of the present ones: both, or neither where one is refused. What is
         at (x, y) in the file must be there in the robot's world, too. Refused while a task is
-        queued or under way. After a 504 which maps are in place is not known: load a file again."""
+        queued or under way; one that comes meanwhile waits. After a 504 which maps are in place is not known: load a file again."""
         maps = unpacked(file, settings.map_limit_bytes)
-        named = pb.Map2DFile(name=f"map2d{MAP2D_SUFFIX}", data=maps.map2d)
-        check_idle(at, settings.call_timeout_s)
-        before = at.bus.call(SAVE_OBJECTS, pb.Empty(), FILE_S)
-        check_idle(at, settings.call_timeout_s)  # a task may have come meanwhile
-        try:
-            file_of_objects = pb.ObjectMapFile(data=maps.objects)
-            objects = _loaded(at.bus, LOAD_OBJECTS, file_of_objects, "the object map")
-            try:
-                check_idle(at, settings.call_timeout_s)
-            except HeliosError as error:
-                put_back(at.bus, before, error)
-                raise
-            try:
-                ground = _loaded(at.bus, LOAD_MAP2D, pb.LoadMap2DRequest(files=[named]), "map2d")
-            except DeadlineExceeded:
-                raise  # map2d may yet take its part of the file, and wants the objects with it
-            except HeliosError as error:
-                put_back(at.bus, before, error)
-                raise
-        finally:
-            at.live.maps.on_change()
+        with no_task(at, "the maps are being loaded", settings.call_timeout_s):
+            objects, ground = _load_both(at, maps)
         return map_models.LoadedMaps(
             objects=objects.objects, gaussians=objects.gaussians, views=ground.views,
             known_m2=finite(ground.known_m2), occupied_m2=finite(ground.occupied_m2),
         )  # fmt: skip
 
     return routes
+
+
+def _load_both(at: Served, maps: MapFile) -> tuple[pb.ObjectMapLoaded, pb.LoadMap2DReply]:
+    """Raises HeliosError, and then neither is loaded; DeadlineExceeded where that is not known."""
+    named = pb.Map2DFile(name=f"map2d{MAP2D_SUFFIX}", data=maps.map2d)
+    before = at.bus.call(SAVE_OBJECTS, pb.Empty(), FILE_S)
+    try:
+        file_of_objects = pb.ObjectMapFile(data=maps.objects)
+        objects = _loaded(at.bus, LOAD_OBJECTS, file_of_objects, "the object map")
+        try:
+            ground = _loaded(at.bus, LOAD_MAP2D, pb.LoadMap2DRequest(files=[named]), "map2d")
+        except DeadlineExceeded:
+            raise  # map2d may yet take its part of the file, and wants the objects with it
+        except HeliosError as error:
+            put_back(at.bus, before, error)
+            raise
+        return objects, ground
+    finally:
+        at.live.maps.on_change()
 
 
 def _loaded(bus: Bus, method: Method[Req, M], request: Req, whose: str) -> M:
@@ -147,11 +149,16 @@ def put_back(bus: Bus, objects: pb.ObjectMapFile, why: HeliosError) -> None:
         ) from why
 
 
-def check_idle(at: Served, timeout_s: float) -> None:
-    """Raises Conflict while a task is queued or under way."""
-    for task in at.bus.call(LIST_TASKS, pb.Empty(), timeout_s).tasks:
-        if task.state in UNDER_WAY:
-            raise Conflict(
-                f"task {task.id} is {task.state} and relies on the present maps; wait for its end, "
-                "or cancel it"
-            )
+@contextlib.contextmanager
+def no_task(at: Served, why: str, timeout_s: float) -> Iterator[None]:
+    """While it lasts the planner begins no task; those that come wait, and say why.
+
+    Raises Conflict while a task is queued or under way.
+    """
+    request = pb.ReserveRequest(why=why, for_s=RESERVED_S)
+    token = at.bus.call(RESERVE, request, timeout_s).token
+    try:
+        yield
+    finally:
+        with contextlib.suppress(HeliosError):  # it ends by itself
+            at.bus.call(RESERVE, pb.ReserveRequest(token=token), timeout_s)

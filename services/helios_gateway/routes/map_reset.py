@@ -14,7 +14,7 @@ from helios_gateway.access import secured
 from helios_gateway.fleet import At, Served
 from helios_gateway.keys import Scope
 from helios_gateway.problems import problems
-from helios_gateway.routes.map_file import FILE_S, check_idle, put_back
+from helios_gateway.routes.map_file import FILE_S, no_task, put_back
 from helios_gateway.settings import Settings
 
 Part = Literal["objects", "occupancy"]
@@ -42,17 +42,17 @@ def map_reset_routes(prefix: str, settings: Settings) -> APIRouter:
         ] = None,
     ) -> map_models.ResetMaps:
         """What is kept on the disk is forgotten, too: both, or neither where one cannot be. A new
-        map begins with the next image after an action. Refused while a task is queued or under way.
-        After a 504 which map is empty is not known: ask again."""
-        check_idle(at, settings.call_timeout_s)
+        map begins with the next image after an action. Refused while a task is queued or under way;
+        one that comes meanwhile waits. After a 504 which map is empty is not known: ask again."""
         parts = BOTH if only is None else (only,)
-        try:
-            if only is None:
-                _reset_both(at)
-            else:
-                _reset(at, only)
-        finally:
-            at.live.maps.on_change()
+        with no_task(at, "the maps are being emptied", settings.call_timeout_s):
+            try:
+                if only is None:
+                    _reset_both(at)
+                else:
+                    _reset(at, only)
+            finally:
+                at.live.maps.on_change()
         return map_models.ResetMaps(reset=list(parts))
 
     return routes

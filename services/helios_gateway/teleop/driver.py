@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 import uuid
@@ -70,18 +71,28 @@ class TeleopDriver:
 
     def acquire(self) -> RobotDescription:
         """Get the lease. Raises what `check_may_drive` raises, and Conflict where somebody else
-        drives."""
-        robot = check_may_drive(self._at, self._timeout_s)
+        drives.
+
+        It is checked again under the lease: a task that began before has the robot, and one that
+        begins afterwards waits for the lease.
+        """
+        check_may_drive(self._at, self._timeout_s)
         request = pb.LeaseRequest(holder=self._holder)
         deadline_s = time.monotonic() + HAND_OVER_S
         while True:
             try:
                 self._token = self._at.bus.call(LEASE, request, self._timeout_s).token
-                return robot
+                break
             except Conflict:
                 if time.monotonic() > deadline_s:
                     raise
             time.sleep(HAND_OVER_S / 20)
+        try:
+            return check_may_drive(self._at, self._timeout_s)
+        except HeliosError:
+            with contextlib.suppress(HeliosError):  # it runs out by itself
+                self.release()
+            raise
 
     def move(self, action: Action, keyframe: bool = False) -> pb.ActionResult:
         """One move; without a keyframe while the newest one is near enough."""

@@ -64,12 +64,16 @@ class Keeping:
             log.info("%s", fate)
         return "; ".join(part for part in (self._trouble, fate) if part)
 
-    def superseded(self) -> bool:
-        """The present map is no longer what an earlier process kept; whether `said` has changed."""
-        if self._restored is not None:
-            self.said()  # into the log
-        was, self._restored = self._restored, None
-        return was is not None
+    def superseded(self, searching: bool) -> bool:
+        """The present map was changed, and so is no longer what an earlier process kept; whether
+        `said` has changed. That the kept map is of another world is told until an image is taken in
+        that answers a search (searching), as the object map tells it."""
+        maps, restored = self._maps(), self._restored
+        if maps is None or restored is None or not (searching or maps.current is restored[0]):
+            return False
+        self.said()  # into the log
+        self._restored = None
+        return True
 
     def recover(self, maps: EpochMaps) -> None:
         """Park the map that was kept until the robot says that it is in its world, and begin to

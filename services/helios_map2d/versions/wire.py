@@ -34,7 +34,9 @@ def snapshot_to_proto(snapshot: MapSnapshot, layers: bool) -> pb.MapSnapshot:
     `explored` is what was seen since the search began, but `explored_m2` the area of all that is
     known; heights are sent in millimetres.
     """
-    out = pb.MapSnapshot(version=snapshot.version, context_id=snapshot.context_id)
+    out = pb.MapSnapshot(
+        version=snapshot.version, context_id=snapshot.context_id, map_id=snapshot.map_id
+    )
     if snapshot.empty or snapshot.robot_pose is None:
         return out
     grid = snapshot.grid

@@ -274,9 +274,9 @@ def _readable(stored: pb.Task) -> Task | None:
         return None
 
 
-def waiting_words(instruction: Instruction, robot_known: bool) -> str:
-    """What a queued task says of itself."""
-    words = "waits for its turn"
+def waiting_words(instruction: Instruction, robot_known: bool, reserved: str = "") -> str:
+    """What a queued task says of itself; reserved: why none is begun now."""
+    words = f"waits for its turn: {reserved}" if reserved else "waits for its turn"
     if not robot_known:
         words += "; the bridge has not described the robot yet"
     if instruction.unused:

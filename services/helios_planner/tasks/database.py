@@ -1,8 +1,15 @@
-"""The file that tasks are kept in: opened, or put aside where it is damaged."""
+"""The file that tasks are kept in: opened, or put aside where it is damaged; and room for it.
+
+SQLite's write-ahead log (`-wal`) is kept short: on a small disk it would take the room that somebody
+makes.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import logging
+import os
 import sqlite3
 from pathlib import Path
 
@@ -23,8 +30,13 @@ CREATE TABLE IF NOT EXISTS journal (
     memory TEXT NOT NULL, epoch TEXT NOT NULL, saved_s REAL NOT NULL
 );
 CREATE TABLE IF NOT EXISTS pulse (one INTEGER PRIMARY KEY CHECK (one = 1), at_s REAL NOT NULL);
-CREATE TABLE IF NOT EXISTS room (one INTEGER PRIMARY KEY CHECK (one = 1), filler BLOB NOT NULL);
 """
+ROOM_BYTES = 256 * 1024  # that the disk must have before it is trusted again
+MAKE_ROOM = (
+    f"make room on that disk, at least {ROOM_BYTES // 1024} KB, or see what is wrong with it"
+)
+LOG_PAGES = 64  # of 4 KB, after which the log is written into the database
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 _DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 _BESIDE = ("", "-wal", "-shm")  # the files of one database
 
@@ -68,7 +80,27 @@ def remedy(error: Exception) -> str:
         return "make that folder writable"
     if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
         return "end the other process that uses it"
-    return "make room on that disk, or see what is wrong with it"
+    return MAKE_ROOM
+
+
+def shorten_log(db: sqlite3.Connection) -> None:
+    """Give back the room that the log takes, as far as the disk allows."""
+    with contextlib.suppress(sqlite3.Error):
+        db.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+
+
+def has_room(path: Path) -> bool:
+    """Whether the disk of a database has `ROOM_BYTES`. Nothing stays taken."""
+    probe = path.with_name(f"{path.name}-room")
+    try:
+        with probe.open("wb") as file:
+            os.posix_fallocate(file.fileno(), 0, ROOM_BYTES)
+    except OSError as error:
+        return error.errno not in _NO_ROOM  # what else is wrong shows when it is written
+    finally:
+        with contextlib.suppress(OSError):
+            probe.unlink(missing_ok=True)
+    return True
 
 
 def _connected(path: Path) -> sqlite3.Connection:
@@ -78,6 +110,8 @@ def _connected(path: Path) -> sqlite3.Connection:
             db.executescript(_SCHEMA)
         db.execute("PRAGMA journal_mode=WAL")
         db.execute("PRAGMA synchronous=NORMAL")
+        db.execute(f"PRAGMA wal_autocheckpoint={LOG_PAGES}")
+        db.execute("PRAGMA journal_size_limit=0")
         for table in ("tasks", "journal", "pulse"):  # as far as they are read at the start
             db.execute(f"SELECT * FROM {table}").fetchall()
     except BaseException:

@@ -17,16 +17,26 @@ class Hold:
         self._limit_s, self._ends_s, self._cancelled = limit_s, ends_s, cancelled
         self._go = threading.Event()
         self._go.set()
+        self._turn = threading.Lock()  # orders pauses and the beginnings of actions
 
     def pause(self) -> None:
-        self._go.clear()
+        """When this returns, no action is begun until `resume`; one that was begun goes on."""
+        with self._turn:
+            self._go.clear()
 
     def resume(self) -> None:
-        self._go.set()
+        with self._turn:
+            self._go.set()
 
     @property
     def paused(self) -> bool:
         return not self._go.is_set()
+
+    def begin(self, start: Callable[[], bool]) -> bool | None:
+        """What `start` returns, which is called unless paused; None where paused. A pause that is
+        asked for meanwhile waits until `start` has returned."""
+        with self._turn:
+            return None if self.paused else start()
 
     def check(self) -> None:
         """Raises TimeIsUp when the task's time is over; its cause is that of the step budget."""

@@ -119,13 +119,16 @@ class TaskBus(Bus):
         return reply
 
     def _written_down(self, request: pb.ActionRequest) -> None:
-        """Return when an action may begin: the task is not paused, and the journal has it. Raises
-        TaskFailed where the journal cannot take it for too long."""
+        """Return when an action has begun: the journal has it, written while the task was not
+        paused. Raises TaskFailed where the journal cannot take it for too long."""
         faulty_s = 0.0
         while True:
             self._hold.wait(self._waiter.on_hold)
-            if self._journal.before(request):
+            written = self._hold.begin(lambda: self._journal.before(request))
+            if written:
                 break
+            if written is None:  # paused since the wait
+                continue
             if faulty_s > self._keep_within_s:
                 raise TaskFailed(
                     Cause.SYSTEM_ERROR,

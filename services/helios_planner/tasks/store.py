@@ -21,13 +21,11 @@ from typing import TypeVar
 from google.protobuf.message import DecodeError
 from helios_core import proto as pb
 
-from helios_planner.tasks.database import opened, remedy
+from helios_planner.tasks.database import MAKE_ROOM, has_room, opened, remedy, shorten_log
 from helios_planner.tasks.journal import Entry
 from helios_planner.tasks.proof import Proof
 
 log = logging.getLogger(__name__)
-
-ROOM_BYTES = 256 * 1024  # that the disk must take before it is trusted again
 
 _PUT = "INSERT OR REPLACE INTO tasks VALUES (?, ?, ?, ?)"
 _SETTLE = "DELETE FROM journal WHERE task_id = ?"
@@ -162,15 +160,15 @@ class Store:
     def mend(self, open_tasks: Iterable[pb.Task], ended: Iterable[pb.Task]) -> bool:
         """After a fault, and at the start: write what could not be written; whether everything is
         kept now. open_tasks, ended: as they are now, those that may not be kept."""
-        filler = ("INSERT OR REPLACE INTO room VALUES (1, ?)", (bytes(ROOM_BYTES),))
+        if not self._has_room():
+            return False
         written = self._write(
             *[(_PUT, _row(task)) for task in (*open_tasks, *ended)],
             *[(_SETTLE, (task.id,)) for task in ended],
             ("INSERT OR REPLACE INTO pulse VALUES (1, ?)", (time.time(),)),
-            filler,
             safe=True,
         )
-        if not (written and self._write(("DELETE FROM room", ()))):
+        if not written:
             return False
         with self._lock:
             was, missing = self._fault, self._proof.give()
@@ -182,6 +180,21 @@ class Store:
         if was != self._fault:
             self._on_fault()
         return not missing
+
+    def _has_room(self) -> bool:
+        """Whether the disk can be trusted to take more; where it cannot, that is said."""
+        with self._lock:
+            if self._closed:
+                return False
+            shorten_log(self._db)
+            if has_room(self.path):
+                return True
+            changed = not self._fault and self._failed(
+                f"tasks cannot be kept in {self.path}: the disk is full; {MAKE_ROOM}"
+            )
+        if changed:
+            self._on_fault()
+        return False
 
     def close(self) -> None:
         """Nothing is kept any more; that is no fault of the disk."""

@@ -11,7 +11,14 @@ from helios_core.codec import frame_from_proto
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.geometry import se2_to_se3
 from helios_core.robot import Capture
-from helios_core.topics import FRAME, KEYFRAME, MAP2D_ACK, OBJECTMAP_ACK, ROBOT_STATE
+from helios_core.topics import (
+    DETECTOR_ACK,
+    FRAME,
+    KEYFRAME,
+    MAP2D_ACK,
+    OBJECTMAP_ACK,
+    ROBOT_STATE,
+)
 from helios_core.types import RobotState
 
 from tests.unit.bridge.bridge_stage import LineRobot, Stage
@@ -133,6 +140,32 @@ def test_in_lockstep_a_keyframe_waits_for_the_answers_of_all_maps() -> None:
     stage.other.subscribe(KEYFRAME, answer)
     assert stage.drive("a").succeeded
     assert stage.health.state[0] != "degraded"
+
+
+def test_in_lockstep_nobody_waits_for_what_the_detector_refused_to_find() -> None:
+    stage = Stage(lockstep=True, ack_timeout_s=60.0)
+
+    def answer(frame: pb.Frame) -> None:
+        refusal = pb.Ack(service="detector", part="observation", id=frame.id, reason="no model")
+        stage.other.publish(DETECTOR_ACK, refusal)
+        stage.other.publish(MAP2D_ACK, pb.Ack(service="map2d", part="occupancy", id=frame.id))
+
+    stage.other.subscribe(KEYFRAME, answer)
+    assert stage.drive("a").succeeded
+    assert "unanswered_keyframes" not in stage.health.metrics()
+
+
+def test_in_lockstep_an_answer_of_the_detector_is_not_one_of_the_maps() -> None:
+    stage = Stage(lockstep=True, ack_timeout_s=0.05)
+    done = pb.Ack(service="detector", part="observation", accepted=True)
+
+    def answer(frame: pb.Frame) -> None:
+        done.id.CopyFrom(frame.id)
+        stage.other.publish(DETECTOR_ACK, done)
+
+    stage.other.subscribe(KEYFRAME, answer)
+    stage.drive("a")
+    assert "map2d/value" in stage.health.state[1]
 
 
 def test_in_lockstep_a_missing_answer_is_said_by_name() -> None:

@@ -11,7 +11,7 @@ from helios_core import proto as pb
 from helios_core.codec import frame_from_proto
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.geometry import base_below_camera
-from helios_core.topics import CONTEXT, ESTIMATE_DEPTH, KEYFRAME, ROBOT_STATE
+from helios_core.topics import CONTEXT, DETECTOR_ACK, ESTIMATE_DEPTH, KEYFRAME, ROBOT_STATE
 
 from tests.support import wait_until
 from tests.unit.bridge.bridge_push_stage import ALL, T_WORLD_CAM, House, answered, pushed
@@ -96,6 +96,22 @@ def test_a_map_that_does_not_answer_is_named() -> None:
     house.parts = {"map2d/occupancy"}
     reply = house.push(pushed(), classes=("mug",))
     assert list(reply.unanswered) == ["map2d/value", "objectmap/objects"]
+
+
+def test_what_the_detector_refused_is_not_waited_for_and_its_reason_comes_back() -> None:
+    house = House()
+    house.parts = {"map2d/occupancy"}
+
+    def refuse(frame: pb.Frame) -> None:
+        ack = pb.Ack(service="detector", part="observation", id=frame.id, reason="no model")
+        house.other.publish(DETECTOR_ACK, ack)
+
+    house.other.subscribe(KEYFRAME, refuse)
+    reply = house.push(pushed(), classes=("mug",), wait_s=LONGEST_WAIT_S)
+    assert list(reply.unanswered) == []
+    told = {(a.service, a.accepted, a.reason) for a in reply.acks}
+    assert len(reply.acks) == 2
+    assert ("detector", False, "no model") in told
 
 
 def test_while_nothing_is_looked_for_only_the_occupancy_is_waited_for() -> None:

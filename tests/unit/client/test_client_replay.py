@@ -38,6 +38,20 @@ def test_a_frame_counts_when_all_parts_have_answered() -> None:
     assert tally.frames == 1
 
 
+def test_a_frame_that_the_detector_refused_is_over_once_its_occupancy_is_there() -> None:
+    tally = Tally()
+    tally.note_ack(ack("occupancy", 1))
+    done = ack("observation", 1)
+    done.accepted = True
+    tally.note_detector(done)  # the maps still work on it
+    assert tally.over == 0
+    refused = ack("observation", 1)
+    refused.service, refused.accepted, refused.reason = "detector", False, "no model"
+    tally.note_detector(refused)
+    assert tally.over == tally.frames == 1
+    assert tally.refusals == {"detector: no model": 1}
+
+
 def test_frames_that_only_the_occupancy_answers_are_over_when_the_next_begins() -> None:
     tally = Tally()
     assert (tally.over, tally.mapped) == (0, 0)

@@ -17,13 +17,13 @@ class Wire:
     def __init__(self) -> None:
         self.now_s = 0.0
         self.sent: list[tuple[bytes, str]] = []
-        self.broken = False
+        self.broken: Exception | None = None
         self.jobs: list[str] = []
         self.repeater = Repeater(self._start, lambda: self.now_s)
 
     def put(self, payload: bytes, *, attachment: str) -> None:
-        if self.broken:
-            raise zenoh.ZError("no router")
+        if self.broken is not None:
+            raise self.broken
         self.sent.append((payload, attachment))
 
     def wait(self, seconds: float) -> None:
@@ -47,6 +47,28 @@ def test_the_newest_is_repeated_a_few_times_then_no_more() -> None:
     assert len(wire.jobs) == 1
 
 
+@pytest.mark.parametrize("fault", [RuntimeError("closed"), TypeError("bytes"), KeyError("x")])
+def test_no_fault_of_one_topic_ends_the_repetitions_and_it_is_logged(
+    fault: Exception, caplog: pytest.LogCaptureFixture
+) -> None:
+    wire = Wire()
+    good: list[bytes] = []
+
+    def put(payload: bytes, *, attachment: str) -> None:
+        good.append(payload)
+
+    wire.repeater.send("a", wire.put, b"one")
+    wire.repeater.send("b", put, b"other")
+    wire.broken = fault
+    wire.wait(PAUSES_S[0])
+    assert good == [b"other"] * 2
+    assert "could not be repeated" in caplog.text
+    wire.broken = None
+    wire.wait(PAUSES_S[1])
+    assert good == [b"other"] * 3
+    assert [data for data, _ in wire.sent] == [b"one"] * 2
+
+
 def test_a_newer_message_ends_the_repetitions_of_the_old_one() -> None:
     wire = Wire()
     wire.repeater.send("a", wire.put, b"one")
@@ -63,11 +85,11 @@ def test_a_newer_message_ends_the_repetitions_of_the_old_one() -> None:
 def test_a_repetition_that_cannot_be_sent_is_tried_again_and_a_message_raises() -> None:
     wire = Wire()
     wire.repeater.send("a", wire.put, b"one")
-    wire.broken = True
+    wire.broken = zenoh.ZError("no router")
     wire.wait(PAUSES_S[0])
     with pytest.raises(zenoh.ZError):
         wire.repeater.send("a", wire.put, b"two")
-    wire.broken = False
+    wire.broken = None
     wire.wait(PAUSES_S[1])
     assert [data for data, _ in wire.sent] == [b"one", b"one"]
     assert wire.sent[0] == wire.sent[1]

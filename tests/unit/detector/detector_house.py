@@ -5,7 +5,7 @@ from helios_core import proto as pb
 from helios_core.codec import context_to_proto, frame_to_proto
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.topics import CONTEXT, OBSERVATION, PREVIEW
+from helios_core.topics import CONTEXT, DETECTOR_ACK, OBSERVATION, PREVIEW
 from helios_core.types import SearchContext
 from helios_detector.backend import DetectorBackend, Findings, ScorerBackend
 from helios_detector.coco import COCO_NAMES
@@ -33,6 +33,8 @@ class House:
         self.previews: list[pb.Preview] = []
         self.bus.subscribe(OBSERVATION, self.observations.append)
         self.bus.subscribe(PREVIEW, self.previews.append)
+        self.acks: list[pb.Ack] = []
+        self.bus.subscribe(DETECTOR_ACK, self.acks.append)
         backend = detector or GroundTruthDetector(self.truth)
         self.service = DetectorService(
             MemoryBus(hub), backend, scorer or LexicalScorer(), self.health

@@ -291,7 +291,7 @@ ERRORS = (FAILED, AssertionError, TypeError, ValueError, KeyError, AttributeErro
 
 
 def claims_of(suite: type) -> set[str]:
-    return {name for name in vars(suite) if name.startswith("test_")}
+    return {name for name in dir(suite) if name.startswith("test_")}
 
 
 @pytest.mark.parametrize(

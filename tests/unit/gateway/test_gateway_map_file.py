@@ -116,22 +116,30 @@ def test_a_map_is_not_pulled_from_under_a_task(client: TestClient, backend: Back
     assert client.put("/v1/map.zip", content=saved, headers=ZIP).status_code == 200
 
 
-def test_a_task_that_comes_meanwhile_keeps_its_maps(
-    client: TestClient, hub: MemoryHub, backend: Backend
+@pytest.mark.parametrize("refused", [False, True])
+def test_no_task_is_begun_while_maps_are_loaded_and_afterwards_it_is(
+    client: TestClient, hub: MemoryHub, backend: Backend, refused: bool
 ) -> None:
     saved = client.get("/v1/map.zip").content
-    backend.kept = {"map2d": b"present walls", "objects": b"present things"}
+    reserved: list[str] = []
 
     def load(request: pb.ObjectMapFile) -> pb.ObjectMapLoaded:
-        if not backend.tasks:
-            backend.submit("move the mug to the kitchen counter")
-        backend.kept["objects"] = request.data
+        reserved.append(backend.reserved)
+        backend.submit("move the mug to the kitchen counter")  # waits, for none is begun
         return pb.ObjectMapLoaded()
 
+    def load_map2d(_: pb.LoadMap2DRequest) -> pb.LoadMap2DReply:
+        reserved.append(backend.reserved)
+        if refused:
+            raise InvalidInput("the file is of cells of 0.1 m")
+        return pb.LoadMap2DReply()
+
     MemoryBus(hub).serve(LOAD_OBJECTS, load)
+    MemoryBus(hub).serve(LOAD_MAP2D, load_map2d)
     answer = client.put("/v1/map.zip", content=saved, headers=ZIP)
-    assert (answer.status_code, "t1 is queued" in answer.json()["detail"]) == (409, True)
-    assert backend.kept == {"map2d": b"present walls", "objects": b"present things"}
+    assert answer.status_code == (400 if refused else 200), answer.text
+    assert set(reserved) == {"the maps are being loaded"}
+    assert backend.reserved == ""
 
 
 @pytest.mark.parametrize("method", [LOAD_OBJECTS, LOAD_MAP2D])

@@ -73,7 +73,8 @@ def test_a_version_of_the_map_is_asked_for_once_however_many_look(
     assert backend.calls.count("picture") == 1
     backend.change_map()
     client.get("/v1/map/occupancy.png")
-    assert client.get("/v1/map").json()["version"] == 42
+    told = client.get("/v1/map").json()
+    assert (told["version"], told["map_id"]) == (42, "m1")
     assert (backend.calls.count("snapshot"), backend.calls.count("picture")) == (2, 2)
 
 

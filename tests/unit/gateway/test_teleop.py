@@ -298,3 +298,25 @@ def test_an_empty_message_is_refused_and_the_driver_may_go_on(
         socket.send_json({})
         socket.send_json(AHEAD)
         wait_until(lambda: backend.driving.moves, 20, "it moves")
+
+
+def test_a_task_that_begins_between_the_check_and_the_lease_has_the_robot(
+    client: TestClient, hub: MemoryHub, backend: Backend
+) -> None:
+    grant = backend.driving.lease.grant
+
+    def lease(request: pb.LeaseRequest) -> pb.LeaseReply:
+        if request.release_token:
+            backend.driving.lease.release(request.release_token)
+            return pb.LeaseReply()
+        if not backend.tasks:
+            backend.submit(INSTRUCTION)
+            backend.change_task("t1", "running")
+        return pb.LeaseReply(token=grant(request.holder))
+
+    MemoryBus(hub).serve(LEASE, lease)
+    answer = client.post("/v1/robot/drive", json={"forward_m": 0.3})
+    assert answer.status_code == 409
+    assert "task t1 is running and has the robot" in answer.json()["detail"]
+    assert not backend.driving.moves
+    assert grant("planner")  # the lease was given back at once

@@ -49,6 +49,8 @@ def test_the_map_goes_on_after_a_start_with_the_same_origin(told_first: bool) ->
     assert (state_of(house).map_id, after.id.robot_boot_id) == (map_id, "tuesday")
     assert after.explored_m2 >= before.explored_m2
     assert after.version > before.version
+    assert after.map_id == before.map_id == map_id
+    assert house.snapshot(if_newer=after.version).map_id == map_id
 
 
 @pytest.mark.parametrize(
@@ -63,7 +65,8 @@ def test_another_origin_or_none_or_a_jump_begins_a_new_map(
     house.say_epoch("tuesday", world_epoch=epoch, origin=after)
     house.keyframe(seen(house, "tuesday", after, epoch=epoch))
     assert house.acks[-1].accepted
-    assert state_of(house).map_id != map_id
+    assert state_of(house).map_id != map_id == old.map_id
+    assert house.snapshot().map_id == state_of(house).map_id
     assert house.snapshot().explored_m2 < old.explored_m2
 
 

@@ -11,7 +11,7 @@ from fastapi.testclient import TestClient
 from helios_client.http.calls import arrays
 from helios_core import proto as pb
 from helios_core.health import Health
-from helios_core.topics import LIST_TASKS
+from helios_core.topics import RESERVE
 from helios_gateway.app import create_app
 from helios_gateway.fleet import Fleet, Served
 from helios_gateway.live import Live
@@ -30,7 +30,7 @@ ZIP = {"content-type": "application/zip"}
 def front_door(house: House) -> Iterator[TestClient]:
     """A gateway over the house's map, an object map and an idle planner."""
     ObjectMapService(house.bus, ObjectMapSettings.load([]), Health())
-    house.bus.serve(LIST_TASKS, lambda _: pb.TaskList())
+    house.bus.serve(RESERVE, lambda _: pb.ReserveReply(token="r"))
     house.scorer.serve(house.bus)
     settings = GatewaySettings.load([])
     live = Live(house.bus, settings)

@@ -67,7 +67,11 @@ def test_a_kept_map_of_another_world_is_not_used(tmp_path: Path) -> None:
     frame = again.walk.frame(2.0, 1.5, 0.0)
     again.keyframe(replace(frame, id=replace(frame.id, robot_boot_id="another boot")))
     assert again.snapshot().version > house.snapshot().version
-    assert again.health.state == ("ready", "")
+    assert "is of another world and is not used" in again.health.state[1]  # a glance would miss it
+    again.search("first")
+    again.observe(replace(frame, id=replace(frame.id, robot_boot_id="another boot")), "first")
+    assert again.acks[-1].accepted, again.acks[-1].reason
+    assert again.health.state == ("ready", "")  # as the object map says it
 
 
 @pytest.mark.parametrize("supersede", ["load", "reset"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,8 @@ from helios_planner.tasks.store import Store
 from helios_planner.tasks.telling import task_from_proto, task_to_proto
 from planner_disk import refuse
 from planner_tasks import a_task
+
+from tests.full_disk import fill, small_disk
 
 
 def decisions(store: Store, count: int) -> list[int]:
@@ -115,15 +118,19 @@ def test_from_the_first_write_that_fails_nothing_is_proven_until_all_is_written(
     assert [t.state for t in again.tasks()] == ["succeeded"]
 
 
-def test_a_store_without_room_to_spare_stays_at_fault(tmp_path: Path) -> None:
+def test_a_store_without_room_to_spare_stays_at_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Small writes that happen to fit do not make it ready and at fault in turn."""
     store = Store(tmp_path)
     store._db.execute("PRAGMA max_page_count=20")
     assert not store.add(pb.Decision(task_id="a", why="x" * 200_000))
+    monkeypatch.setattr("helios_planner.tasks.store.has_room", lambda _: False)
+    said = store.fault
     assert store.put(pb.Task(id="a", state="running"))
     assert not store.mend((), ())
-    assert "make room on that disk" in store.fault
-    store._db.execute("PRAGMA max_page_count=1000000")
+    assert "make room on that disk, at least 256 KB" in store.fault == said
+    monkeypatch.undo()
     assert store.mend((), ())
     assert store.fault == ""
 
@@ -177,3 +184,45 @@ def test_what_comes_after_the_end_is_no_fault_and_takes_no_proof(tmp_path: Path)
     assert not store.keep("a", Entry())
     assert store.fault == ""
     assert Store(tmp_path).proven
+
+
+def free_kb(folder: Path) -> float:
+    """Room on the disk of a folder."""
+    disk = os.statvfs(folder)
+    return disk.f_bavail * disk.f_frsize / 1024
+
+
+def test_on_a_small_full_disk_the_room_that_is_made_is_left_until_there_is_enough(
+    tmp_path: Path,
+) -> None:
+    with small_disk(tmp_path / "disk", kilobytes=4096) as disk:
+        store = Store(disk)
+        kept = store.add(pb.Decision(task_id="a", index=0, why="x" * 30_000))
+        assert kept
+        filler = fill(disk)
+        index = 1
+        while store.add(pb.Decision(task_id="a", index=index, why="x" * 30_000)):
+            index += 1
+        assert "at least 256 KB" in store.fault
+        os.truncate(filler, filler.stat().st_size - 150 * 1024)
+        before_kb = free_kb(disk)
+        assert before_kb > 100
+        assert store.put(pb.Task(id="a", state="running"))  # so little fits
+        before_kb = min(before_kb, free_kb(disk))
+        for _ in range(3):
+            assert not store.mend([], [])
+            assert free_kb(disk) >= before_kb
+        assert store.fault
+        filler.unlink()
+        assert store.mend([], [])
+        assert not store.fault
+        store.close()
+
+
+def test_on_a_small_disk_the_log_does_not_grow_with_what_is_written(tmp_path: Path) -> None:
+    store = Store(tmp_path, most_decisions=3)
+    for index in range(300):
+        assert store.add(pb.Decision(task_id="a", index=index, why="x" * 10_000))
+    log_kb = store.path.with_name("tasks.sqlite-wal").stat().st_size / 1024
+    assert log_kb < 512
+    store.close()

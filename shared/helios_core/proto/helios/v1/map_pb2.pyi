@@ -39,7 +39,7 @@ class Frontier(_message.Message):
     def __init__(self, id: _Optional[int] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., size_m: _Optional[float] = ..., values: _Optional[_Mapping[str, float]] = ..., reachable: bool = ...) -> None: ...
 
 class MapSnapshot(_message.Message):
-    __slots__ = ("id", "version", "cell_m", "origin_x_m", "origin_y_m", "width", "height", "occupancy", "explored", "top_mm", "values", "frontiers", "robot", "trajectory_m", "context_id", "unchanged", "explored_m2", "occupied_m2", "bottom_mm", "trajectory_starts")
+    __slots__ = ("id", "version", "cell_m", "origin_x_m", "origin_y_m", "width", "height", "occupancy", "explored", "top_mm", "values", "frontiers", "robot", "trajectory_m", "context_id", "unchanged", "explored_m2", "occupied_m2", "bottom_mm", "trajectory_starts", "map_id")
     class ValuesEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -67,6 +67,7 @@ class MapSnapshot(_message.Message):
     OCCUPIED_M2_FIELD_NUMBER: _ClassVar[int]
     BOTTOM_MM_FIELD_NUMBER: _ClassVar[int]
     TRAJECTORY_STARTS_FIELD_NUMBER: _ClassVar[int]
+    MAP_ID_FIELD_NUMBER: _ClassVar[int]
     id: _common_pb2.FrameId
     version: int
     cell_m: float
@@ -87,7 +88,8 @@ class MapSnapshot(_message.Message):
     occupied_m2: float
     bottom_mm: bytes
     trajectory_starts: _containers.RepeatedScalarFieldContainer[int]
-    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., version: _Optional[int] = ..., cell_m: _Optional[float] = ..., origin_x_m: _Optional[float] = ..., origin_y_m: _Optional[float] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., occupancy: _Optional[bytes] = ..., explored: _Optional[bytes] = ..., top_mm: _Optional[bytes] = ..., values: _Optional[_Mapping[str, bytes]] = ..., frontiers: _Optional[_Iterable[_Union[Frontier, _Mapping]]] = ..., robot: _Optional[_Union[_common_pb2.Pose2, _Mapping]] = ..., trajectory_m: _Optional[_Iterable[float]] = ..., context_id: _Optional[str] = ..., unchanged: bool = ..., explored_m2: _Optional[float] = ..., occupied_m2: _Optional[float] = ..., bottom_mm: _Optional[bytes] = ..., trajectory_starts: _Optional[_Iterable[int]] = ...) -> None: ...
+    map_id: str
+    def __init__(self, id: _Optional[_Union[_common_pb2.FrameId, _Mapping]] = ..., version: _Optional[int] = ..., cell_m: _Optional[float] = ..., origin_x_m: _Optional[float] = ..., origin_y_m: _Optional[float] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., occupancy: _Optional[bytes] = ..., explored: _Optional[bytes] = ..., top_mm: _Optional[bytes] = ..., values: _Optional[_Mapping[str, bytes]] = ..., frontiers: _Optional[_Iterable[_Union[Frontier, _Mapping]]] = ..., robot: _Optional[_Union[_common_pb2.Pose2, _Mapping]] = ..., trajectory_m: _Optional[_Iterable[float]] = ..., context_id: _Optional[str] = ..., unchanged: bool = ..., explored_m2: _Optional[float] = ..., occupied_m2: _Optional[float] = ..., bottom_mm: _Optional[bytes] = ..., trajectory_starts: _Optional[_Iterable[int]] = ..., map_id: _Optional[str] = ...) -> None: ...
 
 class PictureRequest(_message.Message):
     __slots__ = ("layer", "size_px", "path_m", "objects")

@@ -129,6 +129,22 @@ class TaskList(_message.Message):
     tasks: _containers.RepeatedCompositeFieldContainer[Task]
     def __init__(self, tasks: _Optional[_Iterable[_Union[Task, _Mapping]]] = ...) -> None: ...
 
+class ReserveRequest(_message.Message):
+    __slots__ = ("token", "why", "for_s")
+    TOKEN_FIELD_NUMBER: _ClassVar[int]
+    WHY_FIELD_NUMBER: _ClassVar[int]
+    FOR_S_FIELD_NUMBER: _ClassVar[int]
+    token: str
+    why: str
+    for_s: float
+    def __init__(self, token: _Optional[str] = ..., why: _Optional[str] = ..., for_s: _Optional[float] = ...) -> None: ...
+
+class ReserveReply(_message.Message):
+    __slots__ = ("token",)
+    TOKEN_FIELD_NUMBER: _ClassVar[int]
+    token: str
+    def __init__(self, token: _Optional[str] = ...) -> None: ...
+
 class Candidate(_message.Message):
     __slots__ = ("kind", "name", "position_m", "terms", "chosen", "id")
     class TermsEntry(_message.Message):

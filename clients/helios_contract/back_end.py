@@ -1,0 +1,47 @@
+"""What must hold of detectors and scorers alike, and how their suites get the one to test."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Generic, TypeVar
+
+import pytest
+
+from helios_contract.bench import Bench
+
+T = TypeVar("T", bound=Bench[Any])
+
+
+class BackEndContract(Generic[T]):
+    """Subclass a suite, with a name that begins with Test, and say in `stand` how the back end is
+    made."""
+
+    _bench: ClassVar[Any]
+
+    @classmethod
+    def stand(cls) -> T:
+        """How it is made."""
+        raise NotImplementedError("say how it is made: def stand(cls), which returns a bench")
+
+    @classmethod
+    def setup_class(cls) -> None:
+        cls._bench = cls.stand()
+
+    @classmethod
+    def teardown_class(cls) -> None:
+        cls._bench.close()
+
+    @pytest.fixture
+    def bench(self) -> T:
+        return self._bench
+
+    def test_it_has_a_name(self, bench: T) -> None:
+        assert isinstance(bench.back_end.name, str)
+        assert bench.back_end.name.strip()
+
+    def test_it_tells_the_accelerators_memory_as_a_number(self, bench: T) -> None:
+        assert bench.back_end.accelerator_mb() >= 0
+
+    def test_closing_twice_is_as_once(self, bench: T) -> None:
+        made = bench.make()
+        made.close()
+        made.close()

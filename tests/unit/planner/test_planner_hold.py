@@ -1,0 +1,121 @@
+"""A pause that has been answered: no action begins after it, however the two fall together."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import cast
+
+import pytest
+from helios_core import proto as pb
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import ACT
+from helios_planner.tasks.hold import Hold
+from helios_planner.tasks.journal import Entry, Journal, TaskBus
+
+from tests.support import wait_until
+
+
+class PausedLate(Hold):
+    """Somebody pauses the task just after it was seen not to be paused, once."""
+
+    late = True
+
+    def wait(self, tell: Callable[[bool], None]) -> None:
+        super().wait(tell)
+        if self.late:
+            self.late = False
+            self.pause()
+
+
+class Notes:
+    """Keeps entries, hears what the task waits for, and counts what the robot was asked for."""
+
+    fault = ""
+
+    def __init__(self, hold: Hold) -> None:
+        self.kept: list[Entry] = []
+        self.held: list[bool] = []
+        self.acted: list[str] = []
+        self.writing: Callable[[], None] = lambda: None
+        hub = MemoryHub()
+        self._robot = MemoryBus(hub)
+        self._robot.serve(ACT, self._act)
+        journal = Journal(self, "task", Entry())
+        self.bus = TaskBus(MemoryBus(hub), journal, hold, self, keep_within_s=1.0)
+
+    def keep(self, _: str, entry: Entry) -> bool:
+        self.writing()
+        self.kept.append(entry)
+        return True
+
+    def on_hold(self, paused: bool) -> None:
+        self.held.append(paused)
+
+    def on_wait(self, what: str | None) -> None: ...
+
+    def act_once(self) -> threading.Thread:
+        """Ask for one action in a thread."""
+        ask = pb.ActionRequest(action_id="task-1")
+        thread = threading.Thread(target=lambda: self.bus.call(ACT, ask, 5), daemon=True)
+        thread.start()
+        return thread
+
+    def _act(self, request: pb.ActionRequest) -> pb.ActionResult:
+        self.acted.append(request.action_id)
+        return pb.ActionResult(action_id=request.action_id, succeeded=True)
+
+
+def hold_of(kind: type[Hold]) -> Hold:
+    return kind(0.0, 0.0, threading.Event())
+
+
+def test_a_pause_just_before_an_action_holds_it_back_and_nothing_is_written_down() -> None:
+    hold = hold_of(PausedLate)
+    notes = Notes(hold)
+    thread = notes.act_once()
+    wait_until(lambda: notes.held == [True] or notes.acted, 10, "the task stands, or acts")
+    assert not notes.acted
+    assert not notes.kept
+    hold.resume()
+    thread.join(10)
+    assert notes.acted == ["task-1"]
+    assert notes.held == [True, False]
+
+
+def test_a_pause_is_answered_after_what_began_before_it() -> None:
+    hold = hold_of(Hold)
+    notes = Notes(hold)
+    writes, go_on, answered = threading.Event(), threading.Event(), threading.Event()
+
+    def writing() -> None:
+        writes.set()
+        go_on.wait(10)
+
+    notes.writing = writing
+    thread = notes.act_once()
+    assert writes.wait(10)
+
+    def pause() -> None:
+        hold.pause()
+        assert notes.kept, "the action was begun after the answer"
+        answered.set()
+
+    threading.Thread(target=pause, daemon=True).start()
+    go_on.set()
+    assert answered.wait(10)
+    thread.join(10)
+    assert notes.acted == ["task-1"]
+    second = notes.act_once()
+    wait_until(lambda: notes.held == [True], 10, "the next action waits")
+    assert len(notes.acted) == 1
+    hold.resume()
+    second.join(10)
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_what_begins_says_whether_it_was_written_down(kept: bool) -> None:
+    hold = hold_of(Hold)
+    assert hold.begin(lambda: kept) is kept
+    hold.pause()
+    assert hold.begin(lambda: cast(bool, pytest.fail("it began while paused"))) is None
