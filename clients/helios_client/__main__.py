@@ -2,17 +2,22 @@
 
 import sys
 
+from helios_client.interrupts import ignore_interrupts, noted_interrupts
 from helios_client.quick_stop import main as quick_stop
 
 
 def main() -> int:
     """Run the command line; the exit status."""
     status = quick_stop()
-    if status is None:
+    if status is not None:
+        return status
+    with noted_interrupts() as interrupts:
         from helios_client.cli import main as full
-
-        status = full()
-    return status
+    if interrupts.came:
+        print("helios: interrupted", file=sys.stderr)
+        ignore_interrupts()
+        return 130
+    return full()
 
 
 if __name__ == "__main__":

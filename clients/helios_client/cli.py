@@ -25,6 +25,9 @@ from helios_client.commands.robot import app as robot_app
 from helios_client.commands.run import app as run_app
 from helios_client.commands.tasks import app as tasks_app
 from helios_client.commands.why import app as why_app
+from helios_client.interrupts import NUMBERS, Bursts, ignore_interrupts
+
+INTERRUPTED = 130
 
 app = typer.Typer(
     name="helios",
@@ -66,9 +69,13 @@ def main() -> int:
 
     A shell script starts what runs in its background with SIGINT ignored; here it interrupts.
     """
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.signal(signal.SIGTERM, _interrupt)
-    return run(sys.argv[1:])
+    bursts = Bursts()
+    for number in NUMBERS:
+        signal.signal(number, bursts)
+    try:
+        return run(sys.argv[1:])
+    finally:
+        ignore_interrupts()
 
 
 def run(args: Sequence[str]) -> int:
@@ -76,6 +83,8 @@ def run(args: Sequence[str]) -> int:
     command = typer.main.get_command(app)
     try:
         code = command.main(args=_placed(command, args), prog_name="helios", standalone_mode=False)
+        if code == INTERRUPTED:  # what the parser makes of Ctrl-C
+            return _interrupted()
         return code if isinstance(code, int) else 0
     except KeyboardInterrupt:
         return _interrupted()
@@ -116,7 +125,7 @@ def _tell(error: Exception) -> int:
                 )
             say(f"helios: {sentence}; see {command} --help", stderr=True)
         return 2
-    if type(error).__name__ == "Abort":  # what the parser makes of Ctrl-C
+    if type(error).__name__ == "Abort":  # and of the end of the input, asked for a word
         return _interrupted()
     from helios_core.errors import HeliosError
 
@@ -131,11 +140,7 @@ def _tell(error: Exception) -> int:
 
 def _interrupted() -> int:
     print("helios: interrupted", file=sys.stderr)
-    return 130
-
-
-def _interrupt(*_: object) -> None:
-    raise KeyboardInterrupt
+    return INTERRUPTED
 
 
 if __name__ == "__main__":

@@ -254,7 +254,12 @@ def _parse(kind: type[M], data: bytes, path: Path) -> M:
 def _why(files: Sequence[McapFile], reader: _Reader) -> str:
     damage = [why for f in files for why in (*(lost.why for lost in f.lost), f.cut) if why]
     if damage:
-        return f": {'; '.join(damage[:3])}"
+        undeclared = sum(f.undeclared for f in files)
+        channels = (
+            f"; the list of channels was lost with it, so {undeclared} whole "
+            f"chunk{'s' if undeclared > 1 else ''} cannot be read either"
+        )
+        return f": {'; '.join(damage[:3])}{channels if undeclared else ''}"
     if reader.refused:
         return f": {reader.refused}"
     topics = sorted({t for f in files for t in f.topics})

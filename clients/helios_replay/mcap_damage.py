@@ -31,6 +31,10 @@ class Broken(Exception):
     """A record that is not whole or makes no sense."""
 
 
+class Undeclared(Broken):
+    """A message of a channel that nothing declares."""
+
+
 @dataclass(frozen=True)
 class Lost:
     """A stretch of a file that cannot be read."""

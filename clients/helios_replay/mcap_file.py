@@ -3,6 +3,8 @@
 A file is walked record by record from its start. What is damaged is left out and told (`lost`), and
 reading goes on at the next whole chunk; indexes at the end are not needed for it. No size in a file
 is believed before it is checked against the file. Records are parsed by the `mcap` library.
+
+Schemas and channels come from the summary at the end; without one, from wherever they stand.
 """
 
 from __future__ import annotations
@@ -24,7 +26,15 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Schema
 from mcap.writer import MCAP0_MAGIC
 
-from helios_replay.mcap_damage import RECORD, Broken, Lost, Summary, next_chunk, read_summary
+from helios_replay.mcap_damage import (
+    RECORD,
+    Broken,
+    Lost,
+    Summary,
+    Undeclared,
+    next_chunk,
+    read_summary,
+)
 
 LARGEST_CHUNK = 256_000_000  # bytes, unpacked; ours have four million
 CACHED_CHUNKS = 3
@@ -79,6 +89,8 @@ class McapFile:
         self.topics: dict[str, str] = {}  # topic -> name of its schema, as far as it was walked
         self.cut: str = ""  # why the walk ended early
         self.lost: list[Lost] = []  # what the walk left out
+        self.undeclared = 0  # chunks of it that are whole, but whose channels nothing declares
+        self._searched = False  # the whole file, for what declares its channels
         self._channels: dict[int, Channel] = {}
         self._schemas: dict[int, Schema] = {}
         self._cache: OrderedDict[int, bytes] = OrderedDict()
@@ -95,7 +107,7 @@ class McapFile:
 
     def walk(self) -> Iterator[Found]:
         """Every message that is whole, in the order of the file."""
-        self.cut, self.lost = "", []
+        self.cut, self.lost, self.undeclared = "", [], 0
         summary = read_summary(self._bytes, self._size)
         for opcode, record in summary.declared if summary else ():
             self._learn(opcode, record)
@@ -132,8 +144,9 @@ class McapFile:
         while at < self._size:
             try:
                 opcode, end = self._record(at)
-                found = self._content(opcode, at, end)
+                found = self._declared_content(opcode, at, end)
             except Broken as error:
+                self.undeclared += isinstance(error, Undeclared)
                 begin, end = self._unreadable(at, whole)
                 damages += 1
                 if damages == MOST_DAMAGES:
@@ -182,6 +195,19 @@ class McapFile:
             raise Broken(f"the record at byte {at} claims {length} bytes, more than the file has")
         return opcode, at + RECORD.size + length
 
+    def _declared_content(self, opcode: int, at: int, end: int) -> list[Found]:
+        """As `_content`. Where a channel is not declared so far, it may be later in the file."""
+        try:
+            return self._content(opcode, at, end)
+        except Undeclared:
+            if self._searched:
+                raise
+        self._searched = True
+        for _ in self._stretches():
+            pass
+        self.cut, self.undeclared = "", 0
+        return self._content(opcode, at, end)
+
     def _content(self, opcode: int, at: int, end: int) -> list[Found]:
         """The messages of a record. What it declares is learned."""
         body = at + RECORD.size
@@ -190,7 +216,7 @@ class McapFile:
         if opcode == Opcode.MESSAGE:
             return [self._message(self._bytes(body, end - body), at, body, chunked=False)]
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            self._learn(opcode, self._bytes(body, end - body))
+            self._learn(opcode, self._bytes(body, end - body), checked=False)
         elif opcode == Opcode.MESSAGE_INDEX:
             if end - body < _INDEX.size or _INDEX.unpack(self._bytes(body, _INDEX.size))[1] != (
                 end - body - _INDEX.size
@@ -235,27 +261,32 @@ class McapFile:
         number, _, log_time_ns, publish_time_ns = _MESSAGE.unpack_from(record)
         channel = self._channels.get(number)
         if channel is None:
-            raise Broken(
+            raise Undeclared(
                 f"a message at byte {chunk} is of channel {number}, which nothing declares"
             )
         schema = self._schemas.get(channel.schema_id)
+        if schema is None and channel.schema_id:
+            raise Undeclared(
+                f"a message at byte {chunk} is of {channel.topic}, whose schema is lost"
+            )
         place = Place(chunk, body + _MESSAGE.size, size - _MESSAGE.size, chunked)
         name = schema.name if schema else ""
         return Found(channel.topic, name, log_time_ns, publish_time_ns, place)
 
-    def _learn(self, opcode: int, data: bytes) -> None:
+    def _learn(self, opcode: int, data: bytes, checked: bool = True) -> None:
+        """checked: by a checksum. Others do not replace what is known."""
         stream = ReadDataStream(io.BytesIO(data))
         try:
-            if opcode == Opcode.SCHEMA:
-                schema = Schema.read(stream)
-                self._schemas[schema.id] = schema
-            else:
-                channel = Channel.read(stream)
-                self._channels[channel.id] = channel
-                known = self._schemas.get(channel.schema_id)
-                self.topics[channel.topic] = known.name if known else ""
+            record = Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
         except Exception as error:  # whatever the library makes of bytes that are no record
             raise Broken(f"a schema or channel cannot be read ({type(error).__name__})") from error
+        if isinstance(record, Schema):
+            if checked or record.id not in self._schemas:
+                self._schemas[record.id] = record
+        elif checked or record.id not in self._channels:
+            self._channels[record.id] = record
+            known = self._schemas.get(record.schema_id)
+            self.topics[record.topic] = known.name if known else ""
 
     def _unpacked(self, at: int) -> bytes:
         if at in self._cache:

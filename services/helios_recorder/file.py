@@ -10,6 +10,8 @@ from pathlib import Path
 
 from google.protobuf.message import Message
 from helios_core.recording import PROFILE
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
@@ -19,6 +21,8 @@ from helios_recorder.settings import MB, Settings
 COMPRESSION = {
     "zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE,
 }  # fmt: skip
+ENCODING = "protobuf"
+DECLARE_EVERY_S = 10.0  # 80 kB each time
 
 
 class DiskFull(Exception):
@@ -26,7 +30,11 @@ class DiskFull(Exception):
 
 
 class RecordingFile:
-    """Made with its folder. All calls but the constructor may raise OSError, and from then on only
+    """Schemas and channels stand in the chunk that first needs them, and again between chunks:
+    after a chunk that may declare some, and every `DECLARE_EVERY_S`. A file without its indexes
+    whose first chunk is damaged can so be read behind it.
+
+    Made with its folder. All calls but the constructor may raise OSError, and from then on only
     `abandon` makes sense. After DiskFull all is in order, and `finish` ends the file."""
 
     def __init__(self, path: Path, settings: Settings) -> None:
@@ -40,8 +48,10 @@ class RecordingFile:
             chunk_size=int(settings.chunk_mb * MB),
             compression=COMPRESSION[settings.compression],
         )
-        self._channels: dict[str, int] = {}
-        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, Channel] = {}  # topic -> channel
+        self._schemas: dict[str, Schema] = {}  # name -> schema
+        self._declared = 0  # channels that stand between two chunks
+        self._declared_s = time.monotonic()
         self._began_s = self._flushed_s = self._synced_s = time.monotonic()
         self._sequence = 0
         try:
@@ -54,14 +64,17 @@ class RecordingFile:
 
     def write(self, entry: Entry, log_time_ns: int, publish_time_ns: int) -> None:
         """Add to the present chunk."""
+        before = self.bytes
         channel = self._channels.get(entry.channel)
         if channel is None:
             channel = self._register(entry)
         self._sequence = (self._sequence + 1) % 2**32
         self._writer.add_message(
-            channel, log_time_ns, entry.message.SerializeToString(), publish_time_ns,
+            channel.id, log_time_ns, entry.message.SerializeToString(), publish_time_ns,
             self._sequence,
         )  # fmt: skip
+        if self.bytes > before:
+            self._declare()
 
     def tend(self) -> bool:
         """Write out the chunk when it is time; whether it was."""
@@ -69,7 +82,11 @@ class RecordingFile:
         if now_s - self._flushed_s < self._settings.flush_s:
             return False
         self._flushed_s = now_s
+        before = self.bytes
         self._writer.flush()
+        if self.bytes > before:
+            self._declare()
+            self._stream.flush()
         if now_s - self._synced_s >= self._settings.sync_s:
             self._synced_s = now_s
             os.fdatasync(self._stream.fileno())
@@ -104,14 +121,30 @@ class RecordingFile:
         except OSError:  # what was not written yet cannot be
             self._stream.raw.close()
 
-    def _register(self, entry: Entry) -> int:
+    def _register(self, entry: Entry) -> Channel:
         kind = type(entry.message)
         name = kind.DESCRIPTOR.full_name
-        if name not in self._schemas:
-            self._schemas[name] = self._writer.register_schema(name, "protobuf", _schema(kind))
-        channel = self._writer.register_channel(entry.channel, "protobuf", self._schemas[name])
-        self._channels[entry.channel] = channel
+        schema = self._schemas.get(name)
+        if schema is None:
+            data = _schema(kind)
+            id = self._writer.register_schema(name, ENCODING, data)
+            schema = self._schemas[name] = Schema(id, data, ENCODING, name)
+        id = self._writer.register_channel(entry.channel, ENCODING, schema.id)
+        channel = self._channels[entry.channel] = Channel(
+            id, entry.channel, ENCODING, {}, schema.id
+        )
         return channel
+
+    def _declare(self) -> None:
+        """Write all schemas and channels where they are due. Only between two chunks."""
+        now_s = time.monotonic()
+        if self._declared == len(self._channels) and now_s - self._declared_s < DECLARE_EVERY_S:
+            return
+        self._declared, self._declared_s = len(self._channels), now_s
+        records = RecordBuilder()
+        for one in (*self._schemas.values(), *self._channels.values()):
+            one.write(records)
+        self._stream.write(records.end())
 
 
 @cache

@@ -169,21 +169,23 @@ def replay(
     ] = "",
 ) -> None:
     """Play a recording or data set, and write what was found. Through the same services."""
-    from helios_client.replaying.replay import Pace, ReplayJob
-    from helios_client.replaying.replay import replay as run_replay
-    from helios_client.replaying.words import check_source, what_to_seek
-    from helios_client.supervision.flags import check_detector
+    from helios_client.interrupts import noted_interrupts
 
-    screen = console()
-    check_source(dataset)
-    context, detector = what_to_seek(dataset, classes, thresholds, detector)
-    detector = check_detector(detector)
-    pace = Pace(limit, from_s, to_s, rate, free_running, topics, strict)
-    results = run_replay(ReplayJob(dataset, context, detector, out, pace), screen)
-    screen.print(results.table())  # first, for a full disk must not take it along
-    results.write(out)
-    interrupted = bool(results.summary["interrupted"])
-    so_far = "interrupted: what was found so far is " if interrupted else ""
-    screen.print(f"{so_far}written to {out}", highlight=False)
-    if interrupted:
-        raise KeyboardInterrupt
+    with noted_interrupts() as interrupts:
+        from helios_client.replaying.replay import Pace, ReplayJob
+        from helios_client.replaying.replay import replay as run_replay
+        from helios_client.replaying.words import check_source, what_to_seek
+        from helios_client.supervision.flags import check_detector
+
+        screen = console()
+        check_source(dataset)
+        context, detector = what_to_seek(dataset, classes, thresholds, detector)
+        detector = check_detector(detector)
+        pace = Pace(limit, from_s, to_s, rate, free_running, topics, strict)
+        job = ReplayJob(dataset, context, detector, out, pace)
+        results = run_replay(job, interrupts, screen)
+        screen.print(results.table())  # first, for a full disk must not take it along
+        results.write(out)
+        so_far = "interrupted: what was found so far is " if results.summary["interrupted"] else ""
+        screen.print(f"{so_far}written to {out}", highlight=False)
+        interrupts.check()

@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from helios_client.interrupts import Interrupts
 from helios_client.replaying.examine import examine
 from helios_client.replaying.results import Results, collect, unreadable_frames
 from helios_client.replaying.tally import Tally
@@ -60,14 +61,16 @@ class ReplayJob:
         return self.out / "logs"
 
 
-def replay(job: ReplayJob, console: Console) -> Results:
-    """Play it to its end, or until Ctrl-C (`interrupted` of the summary); processes of its own on a
-    free port, none of which is left.
+def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
+    """Play it to its end, or until an interrupt (`interrupted` of the summary); with processes of
+    its own on a free port, none of which is left.
 
     Raises HeliosError: the data set, the detector or a class is not there, or nothing moves.
+    KeyboardInterrupt: interrupted before any frame was mapped.
     """
     began_s = time.monotonic()
-    known = examine(job, console)
+    with interrupts.raised():
+        known = examine(job, console)
     try:
         job.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -84,18 +87,16 @@ def replay(job: ReplayJob, console: Console) -> Results:
     supervisor = Supervisor(specs, stack.log_dir, restart=False)
     supervisor.start()
     try:
-        with _bus(stack, supervisor, job) as bus:
+        with _bus(stack, supervisor, job, interrupts) as bus:
             board, tally = Board(), Tally()
             board.listen(bus, [spec.name for spec in specs])
             tally.listen(bus)
             if job.context is not None:
                 bus.publish(CONTEXT, context_to_proto(job.context))
             watch = Watch(job, known, board, console)
-            interrupted = _play(watch, supervisor, tally, console)
-            try:
-                _settle(supervisor, 0.0 if interrupted else FLUSH_S)
-            except KeyboardInterrupt:
-                interrupted = True
+            _play(watch, supervisor, tally, interrupts, console)
+            _settle(supervisor, interrupts)
+            interrupted = interrupts.came
             if not interrupted:
                 watch.classes.check(board, over=True, console=console)
                 _say_unreadable(unreadable_frames(board), known.frames, job, console)
@@ -107,11 +108,14 @@ def replay(job: ReplayJob, console: Console) -> Results:
 
 
 @contextlib.contextmanager
-def _bus(stack: Stack, supervisor: Supervisor, job: ReplayJob) -> Iterator[Bus]:
+def _bus(
+    stack: Stack, supervisor: Supervisor, job: ReplayJob, interrupts: Interrupts
+) -> Iterator[Bus]:
     from helios_core.zenoh_bus import ZenohBus
 
     deadline_s = time.monotonic() + job.start_s
     while True:
+        interrupts.check()
         _check(supervisor)
         try:
             bus = ZenohBus(stack.router, stack.name)
@@ -129,31 +133,28 @@ def _bus(stack: Stack, supervisor: Supervisor, job: ReplayJob) -> Iterator[Bus]:
         bus.close()
 
 
-def _play(watch: Watch, supervisor: Supervisor, tally: Tally, console: Console) -> bool:
-    """Until the recording is over or Ctrl-C comes; whether that came. Raises when a process ends or
-    nothing moves any more, and KeyboardInterrupt where it came before any frame was mapped."""
+def _play(
+    watch: Watch, supervisor: Supervisor, tally: Tally, interrupts: Interrupts, console: Console
+) -> None:
+    """Until the recording is over or an interrupt comes. Raises when a process ends or nothing
+    moves any more, and KeyboardInterrupt where it came before any frame was mapped."""
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
         TextColumn("{task.fields[pace]}"),
     )  # fmt: skip
     began_s = time.monotonic()
-    interrupted = False
     with Progress(*columns, console=console) as progress:
         bar = progress.add_task("starting the services", total=watch.known.frames, pace="")
-        try:
-            while not tally.finished:
-                time.sleep(CHECK_PERIOD_S)
-                _check(supervisor)
-                description = watch.look(supervisor.table(), tally)
-                pace = f"{tally.pace_ms:.0f} ms a frame" if tally.frames > 1 else ""
-                progress.update(bar, completed=tally.over, description=description, pace=pace)
-        except KeyboardInterrupt:
-            if not tally.mapped:
-                raise
-            interrupted = True
+        while not (tally.finished or interrupts.came):
+            time.sleep(CHECK_PERIOD_S)
+            _check(supervisor)
+            description = watch.look(supervisor.table(), tally)
+            pace = f"{tally.pace_ms:.0f} ms a frame" if tally.frames > 1 else ""
+            progress.update(bar, completed=tally.over, description=description, pace=pace)
+        if not tally.mapped:
+            interrupts.check()
         progress.update(bar, completed=tally.mapped)
     console.print(f"{tally.mapped} frames in {time.monotonic() - began_s:.1f} s", highlight=False)
-    return interrupted
 
 
 def _check(supervisor: Supervisor) -> None:
@@ -163,9 +164,9 @@ def _check(supervisor: Supervisor) -> None:
         raise kind(f"{name} ended: {said}")
 
 
-def _settle(supervisor: Supervisor, seconds: float) -> None:
-    deadline_s = time.monotonic() + seconds
-    while time.monotonic() < deadline_s:
+def _settle(supervisor: Supervisor, interrupts: Interrupts) -> None:
+    deadline_s = time.monotonic() + FLUSH_S
+    while time.monotonic() < deadline_s and not interrupts.came:
         _check(supervisor)
         time.sleep(CHECK_PERIOD_S)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import cast
 
 import pytest
+from helios_client.interrupts import Interrupts
 from helios_client.replaying import replay as module
 from helios_client.replaying.examine import Examined
 from helios_client.replaying.replay import ReplayJob
@@ -44,12 +45,15 @@ def board_of(*statuses: pb.ServiceStatus) -> Board:
     return board
 
 
-def play(job: ReplayJob, board: Board, tally: Tally, *searches: str) -> bool:
+def play(
+    job: ReplayJob, board: Board, tally: Tally, *searches: str,
+    interrupts: Interrupts | None = None,
+) -> None:  # fmt: skip
     """searches: what each looks for."""
     quiet = Console(quiet=True)
     known = Examined(4, 0.0, tuple(frozenset({name}) for name in searches or ("cup",)), {})
     watch = Watch(job, known, board, quiet)
-    return module._play(watch, cast(Supervisor, Processes()), tally, quiet)
+    module._play(watch, cast(Supervisor, Processes()), tally, interrupts or Interrupts(), quiet)
 
 
 def job(tmp_path: Path, **values: float) -> ReplayJob:
@@ -129,7 +133,7 @@ def test_a_search_that_may_still_be_known_is_waited_for(tmp_path: Path) -> None:
     )
     tally = Tally()
     tally.note_state(pb.RobotState(finished=True))
-    assert not play(job(tmp_path, start_s=60), board, tally, "cup", "box")
+    play(job(tmp_path, start_s=60), board, tally, "cup", "box")
     watch = Watch(
         job(tmp_path), Examined(4, 0.0, (frozenset({"cup"}), frozenset({"box"})), {}), board,
         Console(quiet=True),
@@ -138,17 +142,15 @@ def test_a_search_that_may_still_be_known_is_waited_for(tmp_path: Path) -> None:
         watch.classes.check(board, over=True, console=Console(quiet=True))
 
 
-def test_ctrl_c_ends_it_with_what_came_so_far_and_before_that_with_nothing(tmp_path: Path) -> None:
-    class Interrupted(Tally):
-        @property
-        def finished(self) -> bool:
-            raise KeyboardInterrupt
-
-    tally = Interrupted()
+def test_an_interrupt_ends_it_with_what_came_so_far_and_before_that_with_nothing(
+    tmp_path: Path,
+) -> None:
+    tally, interrupts = Tally(), Interrupts()
+    interrupts.note()
     with pytest.raises(KeyboardInterrupt):
-        play(job(tmp_path), board_of(), tally)
+        play(job(tmp_path), board_of(), tally, interrupts=interrupts)
     tally.note_ack(pb.Ack(part="occupancy", id=pb.FrameId(seq=1), accepted=True))
-    assert play(job(tmp_path), board_of(), tally)
+    play(job(tmp_path), board_of(), tally, interrupts=interrupts)
 
 
 def test_the_screen_says_for_whom_it_waits() -> None:

@@ -12,6 +12,8 @@ from helios_core.codec import frame_from_proto
 from helios_core.recording import PROFILE, join_frame, split_frame
 from helios_core.topics import CONTEXT, DECISION, PREVIEW, TASK, TOPICS, status_topic
 from mcap.reader import make_reader
+from mcap.records import Channel, Schema
+from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
 from tests.support import wait_until
@@ -75,6 +77,22 @@ def test_it_is_chunked_indexed_and_of_our_profile(tmp_path: Path) -> None:
     assert {c.compression for c in summary.chunk_indexes} == {"zstd"}
     assert summary.statistics is not None
     assert summary.statistics.message_count > 30
+
+
+def test_declarations_between_chunks_are_those_in_the_chunks(tmp_path: Path) -> None:
+    """MCAP allows a schema or a channel to be repeated if it is the same."""
+    recorded = Recorded(tmp_path, chunk_mb=0.02)
+    recorded.tour(4)
+    recorded.close()
+    declared: dict[tuple[type, int], list[Schema | Channel]] = {}
+    with only_file(tmp_path).open("rb") as file:
+        for one in StreamReader(file, validate_crcs=True).records:
+            if isinstance(one, Schema | Channel):
+                declared.setdefault((type(one), one.id), []).append(one)
+    assert len(declared) == 18
+    for same in declared.values():
+        assert len(same) >= 3  # in a chunk, between two, in the summary
+        assert all(one == same[0] for one in same)
 
 
 def test_every_topic_is_heard_and_truth_is_not(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from helios_core.errors import InvalidInput
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.recording import KEYFRAME_CHANNELS
+from helios_recorder.file import RecordingFile
 from helios_replay.answers import RecordedDetector
 from helios_replay.index import read_index
 from helios_replay.mcap_damage import read_summary
@@ -20,6 +21,7 @@ from helios_replay.opening import open_source
 from helios_replay.recording import Recording
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 from mcap.writer import MCAP0_MAGIC
 
 from tests.unit.replay.replay_recorded import record
@@ -96,8 +98,8 @@ def test_all_that_lies_in_whole_chunks_is_played(
         st.lists(st.integers(len(MCAP0_MAGIC), size - 1), min_size=1, max_size=4, unique=True)
     )
     broken = damaged(path, places, tmp_path_factory.getbasetemp() / "flipped.mcap", flip)
-    # A chunk declares the channels that begin in it, and so does the summary at the end.
-    undeclared = min(places) < chunks[-1].stop <= max(places)
+    # Channels are declared in the chunks, between them, and in the summary at the end.
+    undeclared = len(places) > 1 and min(places) < chunks[-1].stop <= max(places)
     wanted = set() if undeclared else whole(path, sent, places)
     try:
         came = played(broken, sent)
@@ -107,6 +109,56 @@ def test_all_that_lies_in_whole_chunks_is_played(
     assert came >= wanted
     index = read_index([broken])
     assert len(came) == FRAMES or index.lost or index.cut
+
+
+def killed(path: Path, out: Path) -> Path:
+    """As a recorder leaves it that was killed: without the records behind its last chunk."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    last = max(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
+    end = last.chunk_start_offset + last.chunk_length + last.message_index_length
+    out.write_bytes(path.read_bytes()[:end])
+    return out
+
+
+@settings(max_examples=30, deadline=None)
+@given(data=st.data())
+def test_a_file_without_an_index_is_played_but_for_its_damaged_chunks(
+    data: st.DataObject, tour: tuple[Path, list[pb.Frame]],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:  # fmt: skip
+    path, sent = tour
+    chunks = chunks_of(path)
+    hit = data.draw(st.lists(st.sampled_from(chunks[1:-1]), max_size=3, unique=True))
+    places = [chunk.stop - 5 for chunk in (chunks[0], *hit)]
+    folder = tmp_path_factory.getbasetemp()
+    broken = damaged(killed(path, folder / "killed.mcap"), places, folder / "flipped.mcap")
+    assert played(broken, sent) == whole(path, sent, places)
+
+
+def test_a_channel_that_is_declared_only_later_is_read(tmp_path: Path) -> None:
+    """As where the damage takes the first chunk and the declarations behind it."""
+    path, sent = record(tmp_path, FRAMES, chunk_mb=0.02)
+    chunks = chunks_of(path)
+    data = bytearray(killed(path, tmp_path / "killed.mcap").read_bytes())
+    late = bytes(data[chunks[0].stop : chunks[1].start])
+    data[chunks[0].start : chunks[1].start] = bytes(chunks[1].start - chunks[0].start)
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(data + late)
+    assert played(broken, sent) >= whole(path, sent, chunks[0])
+
+
+def test_a_file_whose_channels_are_lost_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(RecordingFile, "_declare", lambda _: None)  # as older recorders
+    path, _ = record(tmp_path, FRAMES, chunk_mb=0.02)
+    chunks = chunks_of(path)
+    broken = damaged(killed(path, tmp_path / "killed.mcap"), [chunks[0].stop - 5], tmp_path / "b")
+    whole_chunks = len(chunks) - 1
+    with pytest.raises(InvalidInput, match=rf"list of channels was lost.*{whole_chunks} whole"):
+        open_source(broken.rename(tmp_path / "broken.mcap"))
 
 
 @pytest.mark.parametrize("number", [0, 1, -1])
