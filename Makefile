@@ -39,10 +39,13 @@ lint: $(VENV)/.installed ## format, lint, types, import rules, generated message
 test: install browser lint ## everything that CI runs
 	$(BIN)/pytest -n $(JOBS) --dist loadfile
 
+docs: $(VENV)/.installed ## the documentation as a site, in site/index.html
+	$(BIN)/sphinx-build -W --keep-going -q -d .sphinx docs site
+
 browser: ## Chromium for the tests of the dashboard, where apt can be used; without it they are skipped
 	scripts/install_browser.sh
 
 proto: $(VENV)/.installed ## generate the Python modules of the messages
 	$(BIN)/python scripts/generate_proto.py
 
-.PHONY: help install demo lint test browser proto
+.PHONY: help install demo docs lint test browser proto

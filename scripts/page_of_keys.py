@@ -1,4 +1,4 @@
-"""Write the tables of all keys at the end of docs/wire-contract.md; `--check`: are they stale?"""
+"""Write the tables of all keys at the end of docs/reference/wire-contract.md; `--check`: are they stale?"""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from helios_core.topics import METHODS, TOPICS, settings_method, status_topic
 
-PAGE = Path(__file__).resolve().parent.parent / "docs/wire-contract.md"
+PAGE = Path(__file__).resolve().parent.parent / "docs/reference/wire-contract.md"
 HEADING = "## All keys\n"
 
 

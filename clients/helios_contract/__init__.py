@@ -1,4 +1,4 @@
-"""What must hold of every robot driver, as a suite of tests (`docs/your-own-robot.md`).
+"""What must hold of every robot driver, as a suite of tests (`docs/tutorials/your-own-robot.md`).
 
 On one's own driver, from the shell:
 

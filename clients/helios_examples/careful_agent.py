@@ -1,4 +1,4 @@
-"""A whole agent: it acts on what it has seen from three sides (docs/your-own-agent.md).
+"""A whole agent: it acts on what it has seen from three sides (docs/tutorials/your-own-agent.md).
 
 helios up --agent helios_examples.careful_agent:agent
 """

@@ -1,4 +1,4 @@
-"""A value scorer: small things are where furniture is (docs/your-own-detector.md).
+"""A value scorer: small things are where furniture is (docs/tutorials/your-own-detector.md).
 
 helios up --scorer helios_examples.on_furniture:OnFurniture
 """

@@ -1,4 +1,4 @@
-"""What an agent of your own is made of (docs/your-own-agent.md).
+"""What an agent of your own is made of (docs/tutorials/your-own-agent.md).
 
 The smallest is an exploration rule: a function from places to scores.
 

@@ -55,7 +55,7 @@ class Settings(ServiceSettings):
 
     agent: Annotated[str, AfterValidator(_agent)] = Field(
         default="helios",
-        description="who decides, unless a task says so: one of docs/planner.md, or package:agent "
+        description="who decides, unless a task says so: one of docs/explanation/planner.md, or package:agent "
         "of your own",
     )
     agents_of_tasks: Literal["any", "listed"] = Field(

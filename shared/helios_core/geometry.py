@@ -1,4 +1,4 @@
-"""Rigid transforms and the pinhole camera. Frames and units: `docs/frames-and-units.md`.
+"""Rigid transforms and the pinhole camera. Frames and units: `docs/reference/frames-and-units.md`.
 
 World: z up, metres, floor at z = 0. Base: x forward, y left. Camera: OpenCV (x right, y down,
 z forward). `T_a_b` is a 4x4 matrix that maps points of b to a.

@@ -1,7 +1,7 @@
 """A robot in a process of its own: generated messages, a bare Zenoh session, the standard library.
 
 It stands for a robot in another language, so it imports nothing of HELIOS: it was written from
-`docs/wire-contract.md` and the `.proto` files alone. Its world is an empty square room.
+`docs/reference/wire-contract.md` and the `.proto` files alone. Its world is an empty square room.
 
     python robot.py tcp/127.0.0.1:7447      (the generated messages on PYTHONPATH)
 """

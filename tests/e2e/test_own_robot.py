@@ -50,7 +50,7 @@ def test_the_example_is_as_short_as_the_docs_say() -> None:
 
 
 def test_the_program_of_the_docs_drives_it_and_hears_the_map(up: OwnUp, tmp_path: Path) -> None:
-    page = (Path(__file__).resolve().parents[2] / "docs/drive-from-python.md").read_text()
+    page = (Path(__file__).resolve().parents[2] / "docs/how-to/drive-from-python.md").read_text()
     [program] = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     assert len(program.splitlines()) <= 40, "short enough to read"
     (tmp_path / "drive.py").write_text(program)

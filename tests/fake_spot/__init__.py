@@ -2,5 +2,5 @@
 
     python -m tests.fake_spot --folder /tmp/spot     # prints the settings to reach it with
 
-What it proves and what it does not: docs/spot.md.
+What it proves and what it does not: docs/how-to/spot.md.
 """

@@ -28,7 +28,7 @@ def up(
     detector: Annotated[
         str | None,
         typer.Option(
-            help="simulated, ground-truth, onnx:FILE, package:Class or another of docs/models.md  "
+            help="simulated, ground-truth, onnx:FILE, package:Class or another of docs/how-to/models.md  "
             "[default: simulated for sim]"
         ),
     ] = None,

@@ -106,11 +106,11 @@ def load_fault(error: BaseException, source: str, setting: str) -> HeliosError:
     if "contains custom code" in texts:
         return InvalidInput(
             f"{source} needs code of its own, which is never run here; set {setting} to a model of "
-            "a kind that docs/models.md lists"
+            "a kind that docs/how-to/models.md lists"
         )
     return InvalidInput(
         f"{source} cannot be loaded ({short(error)}); set {setting} to a model of a kind that "
-        "docs/models.md lists"
+        "docs/how-to/models.md lists"
     )
 
 
@@ -126,7 +126,7 @@ def check_whole(told: Mapping[str, Any], source: str, setting: str) -> None:
         raise InvalidInput(
             f"the files of {source} lack {len(needed)} of the weights that this use needs "
             f"({', '.join(needed[:2])}, …), which would be random; set {setting} to a model that "
-            "was trained for it (docs/models.md)"
+            "was trained for it (docs/how-to/models.md)"
         )
 
 

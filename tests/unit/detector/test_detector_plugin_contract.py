@@ -533,8 +533,8 @@ def test_what_cannot_be_tested_is_wrong_use(
 
 # --- the tutorial --------------------------------------------------------------------------------
 def test_what_the_tutorial_shows_keeps_the_contract(tmp_path: Path) -> None:
-    """The blocks of docs/your-own-detector.md, as files of an empty folder."""
-    blobs, on_tables, own_test = python_blocks(ROOT / "docs/your-own-detector.md")
+    """The blocks of docs/tutorials/your-own-detector.md, as files of an empty folder."""
+    blobs, on_tables, own_test = python_blocks(ROOT / "docs/tutorials/your-own-detector.md")
     (tmp_path / "blobs.py").write_text(blobs)
     (tmp_path / "on_tables.py").write_text(on_tables)
     (tmp_path / "test_blobs.py").write_text(own_test)

@@ -159,8 +159,8 @@ def test_an_agent_of_another_package_brings_a_mug(agent: str) -> None:
 
 @pytest.mark.parametrize("agent", ["mine_of_the_tutorial:agent", "careful_of_the_tutorial:agent"])
 def test_what_the_tutorial_shows_brings_a_mug(agent: str, folder: Path) -> None:
-    """The blocks of docs/your-own-agent.md; the examples of the package are the same."""
-    mine, careful = python_blocks(Path(__file__).parents[3] / "docs/your-own-agent.md")
+    """The blocks of docs/tutorials/your-own-agent.md; the examples of the package are the same."""
+    mine, careful = python_blocks(Path(__file__).parents[3] / "docs/tutorials/your-own-agent.md")
     (folder / "mine_of_the_tutorial.py").write_text(mine)
     (folder / "careful_of_the_tutorial.py").write_text(careful)
     world = flat([coffee_table(), counter(), mug()])
