@@ -1,4 +1,4 @@
-"""Write the tables of all keys at the end of docs/reference/wire-contract.md; `--check`: are they stale?"""
+"""Write the tables of all keys into docs/reference/wire-contract.md; `--check`: are they stale?"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Write the tables of a driver's types into docs/tutorials/your-own-robot.md; `--check`: are they stale?
+"""Write a driver's types into docs/tutorials/your-own-robot.md; `--check`: are they stale?
 
 Names, types and defaults come from the dataclasses; a field without a meaning below is an error.
 """

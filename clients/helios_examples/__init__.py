@@ -1,1 +1,1 @@
-"""A robot and a detector to copy from, without hardware or model (`docs/tutorials/your-own-robot.md`)."""
+"""A robot and a detector to copy from (`docs/tutorials/your-own-robot.md`)."""

@@ -1,4 +1,4 @@
-"""An exploration rule: the nearest place, and rather one on the left (docs/tutorials/your-own-agent.md).
+"""An exploration rule: the nearest place, rather on the left (docs/tutorials/your-own-agent.md).
 
 helios up --agent helios_examples.left_first:agent
 """

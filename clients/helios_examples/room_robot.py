@@ -1,4 +1,5 @@
-"""A whole driver (docs/tutorials/your-own-robot.md): `helios up --robot helios_examples.room_robot:RoomRobot`
+"""A whole driver (docs/tutorials/your-own-robot.md):
+`helios up --robot helios_examples.room_robot:RoomRobot`
 
 No hardware: where yours asks motors and a camera, this one asks `room.py`. Nothing slips there.
 """

@@ -1,6 +1,7 @@
 """The simulated robot for the bridge: asks the world process over the bus.
 
-Any other process that answers `world/…` is a robot, too (`--robot bus`, docs/reference/wire-contract.md).
+Any other process that answers `world/…` is a robot, too (`--robot bus`,
+docs/reference/wire-contract.md).
 It knows what a real robot would know. It imports nothing of the world itself, so that the bridge
 needs no MuJoCo, and it may come and go: the world stays as it is.
 """

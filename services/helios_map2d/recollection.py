@@ -139,7 +139,8 @@ class Recollection:
         detector says."""
         if all(view.embedding is None for view in views):
             raise Unavailable(
-                "the detector's scorer does not embed images (docs/how-to/models.md tells which ones do)"
+                "the detector's scorer does not embed images "
+                "(docs/how-to/models.md tells which ones do)"
             )
         (question,) = self._questions([prompt])
         models = sorted({v.embedding.model for v in views if v.embedding is not None})

@@ -55,8 +55,8 @@ class Settings(ServiceSettings):
 
     agent: Annotated[str, AfterValidator(_agent)] = Field(
         default="helios",
-        description="who decides, unless a task says so: one of docs/explanation/planner.md, or package:agent "
-        "of your own",
+        description="who decides, unless a task says so: one of docs/explanation/planner.md, "
+        "or package:agent of your own",
     )
     agents_of_tasks: Literal["any", "listed"] = Field(
         default="listed",

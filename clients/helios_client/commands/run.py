@@ -28,7 +28,8 @@ def up(
     detector: Annotated[
         str | None,
         typer.Option(
-            help="simulated, ground-truth, onnx:FILE, package:Class or another of docs/how-to/models.md  "
+            help="simulated, ground-truth, onnx:FILE, package:Class or another of "
+            "docs/how-to/models.md  "
             "[default: simulated for sim]"
         ),
     ] = None,
