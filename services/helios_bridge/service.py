@@ -237,7 +237,7 @@ class BridgeService:
         return hanging
 
     def _on_detector_ack(self, ack: pb.Ack) -> None:
-        """A keyframe that the detector did not answer: no map can answer what it would have found."""
+        """Of a keyframe that the detector did not answer, no map can answer what it finds."""
         if not ack.accepted:
             self._acks.add_for(ack, BY_DETECTOR)
 

@@ -25,8 +25,8 @@ from helios_core.topics import (
     MAP2D_ACK,
     OBJECTMAP_ACK,
     PAUSE,
-    RESERVE,
     PLAN,
+    RESERVE,
     RESUME,
     ROBOT_DESCRIPTION,
     SUBMIT,
@@ -247,7 +247,7 @@ class PlannerService:
         while (id := self._next()) is not None:
             try:
                 self._run(id)
-            except Exception as error:
+            except (Exception, SystemExit) as error:  # an agent may be somebody else's
                 if self._ending.is_set():
                     return
                 log.exception("task %s ended by a fault", id)

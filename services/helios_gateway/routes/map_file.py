@@ -96,7 +96,8 @@ def map_file_routes(prefix: str, settings: Settings) -> APIRouter:
     ) -> map_models.LoadedMaps:
         """In the place of the present ones: both, or neither where one is refused. What is
         at (x, y) in the file must be there in the robot's world, too. Refused while a task is
-        queued or under way; one that comes meanwhile waits. After a 504 which maps are in place is not known: load a file again."""
+        queued or under way; one that comes meanwhile waits. After a 504 which maps are in place is
+        not known: load a file again."""
         maps = unpacked(file, settings.map_limit_bytes)
         with no_task(at, "the maps are being loaded", settings.call_timeout_s):
             objects, ground = _load_both(at, maps)

@@ -1,7 +1,7 @@
 """The file that tasks are kept in: opened, or put aside where it is damaged; and room for it.
 
-SQLite's write-ahead log (`-wal`) is kept short: on a small disk it would take the room that somebody
-makes.
+SQLite's write-ahead log (`-wal`) is kept short: on a small disk it would take the room that
+somebody makes.
 """
 
 from __future__ import annotations
