@@ -125,8 +125,7 @@ def snapshot(version: int, pose: tuple[float, float, float]) -> pb.MapSnapshot:
     walked = np.vstack([walked, pose[:2]]).astype(np.float32)
     return pb.MapSnapshot(
         id=pb.FrameId(robot_boot_id="boot", seq=version), version=version, cell_m=CELL_M,
-        map_id="m1",
-        origin_x_m=0.0, origin_y_m=0.0, width=columns, height=rows,
+        map_id="m1", origin_x_m=0.0, origin_y_m=0.0, width=columns, height=rows,
         occupancy=zlib.compress(occupancy.tobytes()), explored=zlib.compress(explored.tobytes()),
         values={"pick": zlib.compress(pick.astype("<f2").tobytes()),
                 "place": zlib.compress(place.astype("<f2").tobytes())},

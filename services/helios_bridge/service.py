@@ -237,7 +237,7 @@ class BridgeService:
         return hanging
 
     def _on_detector_ack(self, ack: pb.Ack) -> None:
-        """A keyframe that the detector did not answer: no map can answer for it."""
+        """Of a keyframe that the detector did not answer, no map can answer what it finds."""
         if not ack.accepted:
             self._acks.add_for(ack, BY_DETECTOR)
 
@@ -263,7 +263,7 @@ class BridgeService:
         self._check_may_drive(request)
         left_s = deadline_s - time.monotonic()
         if left_s <= 0 or not self._turn.acquire(timeout=left_s):
-            raise DeadlineExceeded("the action's time was over before it began; send it again")
+            raise DeadlineExceeded("the action's time was over before it began; send it anew")
         try:
             self._check_may_drive(request)  # much may have happened while it waited for its turn
             began = time.monotonic()

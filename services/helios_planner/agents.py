@@ -87,7 +87,7 @@ def agent_named(name: str) -> Agent:
     return _loaded[name]
 
 
-def fault_of(name: str, error: Exception) -> str:
+def fault_of(name: str, error: BaseException) -> str:
     """What is said of a task that ended by a fault that nobody foresaw; name: of its agent."""
     if name in AGENTS:
         return (

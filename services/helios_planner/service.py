@@ -255,7 +255,7 @@ class PlannerService:
         while (id := self._next()) is not None:
             try:
                 self._run(id)
-            except Exception as error:
+            except (Exception, SystemExit) as error:  # an agent may be somebody else's
                 if self._ending.is_set():
                     return
                 log.exception("task %s ended by a fault", id)

@@ -73,6 +73,11 @@ class Search(ABC):
     def conclude(self) -> Decision:
         """Decide and tell: act on one, or search on."""
         decision = self.decide()
+        if not isinstance(decision, Decision):  # a search of somebody else's
+            raise TypeError(
+                f"decide() gave a value of type {type(decision).__name__}; wanted a Decision, as "
+                "act_on_best gives it"
+            )
         if decision.candidates:
             self.body.tell_decision(decision)
             self.tell(decision.why)

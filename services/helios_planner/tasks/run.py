@@ -18,7 +18,7 @@ from helios_planner.agents import agent_named
 from helios_planner.robot.bus_body import BusBody
 from helios_planner.robot.driving import Line
 from helios_planner.settings import Settings
-from helios_planner.task import Cause, State, Task, TaskCancelled, TaskFailed
+from helios_planner.task import Cause, State, Task, TaskCancelled, TaskFailed, TimeIsUp
 from helios_planner.tasks.book import TaskBook
 from helios_planner.tasks.context import check_able, in_vocabulary, search_context
 from helios_planner.tasks.flow import Mission
@@ -71,7 +71,10 @@ class TaskRun:
             self._end(mission, State.CANCELLED, f"cancelled; {self._left(body)}")
         except TaskFailed as failure:
             by_robot = failure.cause is not Cause.SYSTEM_ERROR and body is not None
-            message = failure.message + (_contacts(body) if by_robot else "")
+            message = failure.message
+            if isinstance(failure, TimeIsUp) and body is not None:
+                message += body.detector_trouble()
+            message += _contacts(body) if by_robot else ""
             if by_robot and (held := self._held(body)):
                 message += f"; {held}"
             self._end(mission, State.FAILED, message, failure.cause)

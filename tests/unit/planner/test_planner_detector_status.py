@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+
 from helios_core import proto as pb
 from helios_core.topics import TASK, status_topic
 from planner_bus import Start, ended, submit
@@ -92,4 +94,21 @@ def test_a_detector_that_is_degraded_from_the_first_keyframe_on_is_told_at_the_e
     done = ended(bus, submit(bus, "find the mug", max_steps=9).id)
     assert done.message == (
         f"the task's 9 steps are used up; meanwhile the detector was degraded: {WHY}"
+    )
+
+
+def test_a_task_whose_time_is_over_says_that_the_detector_was_degraded(start: Start) -> None:
+    _, bus, peers = start(flat([coffee_table(), counter()]))
+    act = peers.world.act
+
+    def slow(action):
+        say(peers, "degraded", WHY)
+        if peers.world.steps == 3:
+            threading.Event().wait(2.1)  # until the task's time is over
+        return act(action)
+
+    peers.world.act = slow
+    done = ended(bus, submit(bus, "find the mug", time_limit_s=2.0).id)
+    assert done.message == (
+        f"the task's 2 s are used up; meanwhile the detector was degraded: {WHY}"
     )

@@ -245,6 +245,25 @@ def test_a_search_that_raises_is_told_with_the_name_of_its_agent(
     assert "the traceback is in" in done.message
 
 
+def test_a_search_that_ends_the_process_ends_its_task_alone(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("helios_examples.careful_agent.CarefulSearch.decide", lambda _: sys.exit(3))
+    _, bus, _ = start(agents_of_tasks="any")
+    done = ended(bus, submit(bus, agent=EXAMPLES[1]).id)
+    assert f"the agent {EXAMPLES[1]} failed (SystemExit: 3)" in done.message
+    assert ended(bus, submit(bus).id).state == "succeeded"
+
+
+def test_a_search_that_decides_nonsense_is_told_what_is_wanted(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("helios_examples.careful_agent.CarefulSearch.decide", lambda _: "go left")
+    _, bus, _ = start(agents_of_tasks="any")
+    done = ended(bus, submit(bus, agent=EXAMPLES[1]).id)
+    assert "decide() gave a value of type str; wanted a Decision" in done.message
+
+
 def test_a_task_names_only_agents_that_the_operator_listed(tmp_path: Path) -> None:
     hub = MemoryHub()
     service = PlannerService(

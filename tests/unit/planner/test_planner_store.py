@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -195,8 +196,7 @@ def free_kb(folder: Path) -> float:
 def test_on_a_small_full_disk_the_room_that_is_made_is_left_until_there_is_enough(
     tmp_path: Path,
 ) -> None:
-    with small_disk(tmp_path / "disk", kilobytes=4096) as disk:
-        store = Store(disk)
+    with small_disk(tmp_path / "disk", kilobytes=4096) as disk, closing(Store(disk)) as store:
         kept = store.add(pb.Decision(task_id="a", index=0, why="x" * 30_000))
         assert kept
         filler = fill(disk)
@@ -216,7 +216,6 @@ def test_on_a_small_full_disk_the_room_that_is_made_is_left_until_there_is_enoug
         filler.unlink()
         assert store.mend([], [])
         assert not store.fault
-        store.close()
 
 
 def test_on_a_small_disk_the_log_does_not_grow_with_what_is_written(tmp_path: Path) -> None:
