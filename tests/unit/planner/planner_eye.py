@@ -40,19 +40,24 @@ def floor_seen(
     r = np.clip((y / CELL_M).astype(np.int32), 0, rows - 1)
     c = np.clip((x / CELL_M).astype(np.int32), 0, columns - 1)
     at = r * columns + c
-    blocked = np.logical_or.accumulate((top_m >= TALL_M).ravel()[at], axis=1)
-    behind = np.zeros_like(blocked)
-    behind[:, 4:] = blocked[:, :-4]  # a wall's own thickness shows
+    blocked = (top_m >= TALL_M).ravel()[at]
+    first = np.where(blocked.any(axis=1), blocked.argmax(axis=1), ranges.size)
+    shown = np.arange(ranges.size) < first[:, None] + 4  # a wall's own thickness shows
     seen = np.zeros((rows, columns), bool)
-    seen.ravel()[at[~behind & (ranges >= near_m)]] = True
+    seen.ravel()[at[shown & (ranges >= near_m)]] = True
     return seen
 
 
 def under_robot(shape: tuple[int, int], pose: Pose2) -> NDArray[np.bool_]:
     """Cells that a robot stands on, and a little around."""
-    rows, columns = shape
-    return np.hypot(np.arange(columns)[None] * CELL_M - pose.x_m,
-                    np.arange(rows)[:, None] * CELL_M - pose.y_m) < 0.35  # fmt: skip
+    column, row, around = int(pose.x_m / CELL_M), int(pose.y_m / CELL_M), int(0.35 / CELL_M) + 2
+    rows = np.arange(max(0, row - around), min(shape[0], row + around))
+    columns = np.arange(max(0, column - around), min(shape[1], column + around))
+    under = np.zeros(shape, bool)
+    under[np.ix_(rows, columns)] = np.hypot(
+        columns[None] * CELL_M - pose.x_m, rows[:, None] * CELL_M - pose.y_m
+    ) < 0.35  # fmt: skip
+    return under
 
 
 def sees(top_m: NDArray[np.float32], pose: Pose2, point: NDArray[np.float64]) -> bool:
