@@ -4,11 +4,13 @@ SHELL := /bin/bash
 PYTHON ?= python3
 SEED ?= 0
 PORT ?= 8080
-JOBS ?= 2
+JOBS ?= 3
 VENV := .venv
 BIN := $(VENV)/bin
 KERNELS := $(shell grep -rl --include='*.py' numba services)
 export MUJOCO_GL ?= egl
+# The services are hundreds of processes in the tests: each would compile all its modules again.
+unexport PYTHONDONTWRITEBYTECODE
 
 help: ## show this
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -37,7 +39,7 @@ lint: $(VENV)/.installed ## format, lint, types, import rules, generated message
 	$(BIN)/python scripts/generate_proto.py --check
 
 test: install browser lint ## everything that CI runs
-	$(BIN)/pytest -n $(JOBS) --dist loadfile
+	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 docs: $(VENV)/.installed ## the documentation as a site, in site/index.html
 	$(BIN)/sphinx-build -W --keep-going -q -d .sphinx docs site

@@ -34,7 +34,7 @@ def gateway() -> Iterator[Served]:
 
 
 def opened(gateway: Served) -> Connection:
-    return connect(f"ws://127.0.0.1:{gateway.port}/v1/frames/ws")
+    return connect(f"ws://127.0.0.1:{gateway.port}/v1/frames/ws", open_timeout=60)
 
 
 def sends(socket: Connection) -> bool:

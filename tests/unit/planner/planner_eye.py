@@ -10,6 +10,7 @@ from helios_core.geometry import Pinhole
 from helios_core.types import RobotDescription
 from helios_planner.ground.grid import Pose2
 from helios_planner.robot.body import Frontier
+from numba import njit
 from numpy.typing import NDArray
 
 CELL_M = 0.025
@@ -34,25 +35,43 @@ def floor_seen(
         far_m = min(far_m, height_m / math.tan(highest))
     angles = pose.yaw_rad + np.linspace(-half, half, 400)
     ranges = np.arange(0, far_m, CELL_M * 0.5)
-    x = pose.x_m + np.cos(angles)[:, None] * ranges
-    y = pose.y_m + np.sin(angles)[:, None] * ranges
-    rows, columns = top_m.shape
-    r = np.clip((y / CELL_M).astype(np.int32), 0, rows - 1)
-    c = np.clip((x / CELL_M).astype(np.int32), 0, columns - 1)
-    at = r * columns + c
-    blocked = np.logical_or.accumulate((top_m >= TALL_M).ravel()[at], axis=1)
-    behind = np.zeros_like(blocked)
-    behind[:, 4:] = blocked[:, :-4]  # a wall's own thickness shows
-    seen = np.zeros((rows, columns), bool)
-    seen.ravel()[at[~behind & (ranges >= near_m)]] = True
+    seen = np.zeros(top_m.shape, bool)
+    _look_along(
+        top_m >= TALL_M, pose.x_m, pose.y_m, np.cos(angles), np.sin(angles), ranges, near_m, seen
+    )
     return seen
+
+
+@njit(cache=True)
+def _look_along(
+    tall: NDArray[np.bool_], x_m: float, y_m: float, cos: NDArray[np.float64],
+    sin: NDArray[np.float64], ranges: NDArray[np.float64], near_m: float, seen: NDArray[np.bool_],
+) -> None:  # fmt: skip
+    """Mark in `seen` what lies on each ray, up to just behind the first tall cell."""
+    rows, columns = tall.shape
+    for a in range(cos.size):
+        end = ranges.size
+        i = 0
+        while i < end:
+            c = min(max(int((x_m + cos[a] * ranges[i]) / CELL_M), 0), columns - 1)
+            r = min(max(int((y_m + sin[a] * ranges[i]) / CELL_M), 0), rows - 1)
+            if tall[r, c]:
+                end = min(end, i + 4)  # a wall's own thickness shows
+            if ranges[i] >= near_m:
+                seen[r, c] = True
+            i += 1
 
 
 def under_robot(shape: tuple[int, int], pose: Pose2) -> NDArray[np.bool_]:
     """Cells that a robot stands on, and a little around."""
-    rows, columns = shape
-    return np.hypot(np.arange(columns)[None] * CELL_M - pose.x_m,
-                    np.arange(rows)[:, None] * CELL_M - pose.y_m) < 0.35  # fmt: skip
+    column, row, around = int(pose.x_m / CELL_M), int(pose.y_m / CELL_M), int(0.35 / CELL_M) + 2
+    rows = np.arange(max(0, row - around), min(shape[0], row + around))
+    columns = np.arange(max(0, column - around), min(shape[1], column + around))
+    under = np.zeros(shape, bool)
+    under[np.ix_(rows, columns)] = np.hypot(
+        columns[None] * CELL_M - pose.x_m, rows[:, None] * CELL_M - pose.y_m
+    ) < 0.35  # fmt: skip
+    return under
 
 
 def sees(top_m: NDArray[np.float32], pose: Pose2, point: NDArray[np.float64]) -> bool:
