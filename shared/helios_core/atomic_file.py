@@ -36,6 +36,16 @@ def write_file(
         temporary.write_bytes(content)
 
 
+def refusal(path: Path) -> str:
+    """Why a file cannot be written there and what to do, where its folder is not there or it is a
+    folder; empty where neither is so."""
+    if path.is_dir():
+        return f"{path} is a folder; name a file in it"
+    if not path.parent.is_dir():
+        return f"there is no folder {path.parent}; make it first, or choose another"
+    return ""
+
+
 @contextmanager
 def replacing(path: Path, *, mode: int = NEW_FILE_MODE, sync: bool = True) -> Iterator[Path]:
     """An empty temporary file beside `path`, with its ending, that takes its place where the block

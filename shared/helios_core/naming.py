@@ -12,16 +12,21 @@ NEAR = 0.68  # share of letters, in order, that names have in common which are t
 NO_PART_OF_A_NAME = "/*$#?, \t\n"  # of a robot: they have a meaning in keys, or between names
 
 
+def plain(text: str) -> str:
+    """A name as it is compared: in small letters, with single spaces, also for _ and -."""
+    return " ".join(re.sub(r"[_-]", " ", text).casefold().split())
+
+
 def names(words: str, class_name: str) -> bool:
     """Whether the words name this class: "the red mugs" does name mug."""
-    wanted = re.escape(_plain(class_name))
-    return bool(wanted) and re.search(rf"\b{wanted}(?:e?s)?\b", _plain(words)) is not None
+    wanted = re.escape(plain(class_name))
+    return bool(wanted) and re.search(rf"\b{wanted}(?:e?s)?\b", plain(words)) is not None
 
 
 def is_named(words: str, class_name: str) -> bool:
     """Whether the words are this class's name, in any case, with spaces or underscores, one or
     many: "Coffee_Tables" is coffee table, "red mug" is no mug."""
-    wanted, said = _plain(class_name), _plain(words)
+    wanted, said = plain(class_name), plain(words)
     return bool(wanted) and said in (wanted, f"{wanted}s", f"{wanted}es")
 
 
@@ -39,10 +44,6 @@ def closest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
     sharing = [k for k in known if words & set(k.replace("_", " ").split())]
     like = difflib.get_close_matches(name, known, n=count, cutoff=NEAR)
     return list(dict.fromkeys([*like, *sharing]))[:count]
-
-
-def _plain(text: str) -> str:
-    return " ".join(re.sub(r"[_-]", " ", text).casefold().split())
 
 
 def robot_name(name: str) -> str:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from helios_core.atomic_file import write_file
+from helios_core.atomic_file import refusal, write_file
 from helios_core.errors import Conflict, InvalidInput
 
 from helios_client.wrong_use import WrongUse
@@ -23,8 +23,8 @@ BYTES = 32
 def add_key(file: Path, name: str, scope: str) -> str:
     """A new key, its hash added to the file; nobody can read the key from there.
 
-    Raises WrongUse for a name that cannot be read, Conflict where the file has a key of that name,
-    InvalidInput where it cannot be used.
+    Raises WrongUse for a name that cannot be read or a folder that is not there, Conflict where the
+    file has a key of that name, InvalidInput where it cannot be used.
     """
     if not (name.strip() and name.isprintable()):
         raise WrongUse(f"the name of a key is {name!r}; wanted letters that can be read: tablet")
@@ -32,6 +32,8 @@ def add_key(file: Path, name: str, scope: str) -> str:
     digest = hashlib.sha256(key.encode()).hexdigest()
     quoted = json.dumps(name, ensure_ascii=False)  # such a JSON string is a TOML string, too
     entry = f'[[key]]\nname = {quoted}\nscope = "{scope}"\nsha256 = "{digest}"\n'
+    if why := refusal(file):
+        raise WrongUse(why)
     try:
         with _alone_in(file.parent):
             _add(file, name, entry)

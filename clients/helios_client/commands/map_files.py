@@ -9,6 +9,7 @@ from pathlib import Path
 import typer
 from helios_core import atomic_file
 from helios_core.errors import Conflict, InvalidInput
+from helios_core.naming import plain
 
 from helios_client.sdk import Helios
 from helios_client.tasks import SeenView
@@ -22,12 +23,13 @@ def export_map(helios: Helios, out: Path, only: str | None) -> list[Path]:
 
     Raises WrongUse for a layer that is not there, InvalidInput where nothing can be written.
     """
-    layers = [layer["name"] for layer in helios.map_info()["layers"]]
-    if only is not None and only not in (OCCUPANCY, *layers):
-        raise WrongUse(f"the map has no {only!r}; wanted one of {', '.join((OCCUPANCY, *layers))}")
+    kinds = (OCCUPANCY, *(layer["name"] for layer in helios.map_info()["layers"]))
+    wanted = kinds if only is None else [kind for kind in kinds if plain(only) == plain(kind)]
+    if not wanted:
+        raise WrongUse(f"the map has no {only!r}; wanted one of {', '.join(kinds)}")
     make_folder(out)
     written = []
-    for name in [only] if only else [OCCUPANCY, *layers]:
+    for name in wanted:
         what, stem = (name, name) if name == OCCUPANCY else (f"value/{name}", f"value-{name}")
         for ending in ("png", "npz"):
             path = out / f"{stem}.{ending}"
@@ -60,8 +62,9 @@ def write_views(views: Sequence[SeenView], out: Path) -> list[Path]:
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Whole or not at all. Raises InvalidInput where it cannot be written; a file that was there is
-    as it was."""
+    """Whole or not at all. Raises WrongUse where its folder is not there, and InvalidInput where it
+    cannot be written; a file that was there is as it was."""
+    check_folder_of(path)
     try:
         atomic_file.write_file(path, data)
     except OSError as error:
@@ -83,10 +86,8 @@ def make_folder(folder: Path) -> None:
 def check_folder_of(file: Path) -> None:
     """Raises WrongUse where the folder of a file to be written is not there, or the file is a
     folder."""
-    if file.is_dir():
-        raise WrongUse(f"{file} is a folder; name a file in it: {file / 'map.zip'}")
-    if not file.parent.is_dir():
-        raise WrongUse(f"there is no folder {file.parent}; make it, or name another file")
+    if why := atomic_file.refusal(file):
+        raise WrongUse(why)
 
 
 def confirm_reset(address: str, only: str | None) -> None:

@@ -81,8 +81,9 @@ def camera(
     file: Annotated[Path, typer.Argument(help="to be written")] = Path("camera.jpg"),
 ) -> None:
     """Write what the robot sees now as a JPEG. With boxes around what it detects."""
-    from helios_client.commands.map_files import write_file
+    from helios_client.commands.map_files import check_folder_of, write_file
 
+    check_folder_of(file)
     with at.connect() as helios:
         write_file(file, helios.camera())
     say(str(file))

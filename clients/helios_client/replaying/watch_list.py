@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import uuid
 
+from helios_core.naming import plain
 from helios_core.types import Role, SearchClass, SearchContext
 
 from helios_client.wrong_use import WrongUse
@@ -14,7 +15,7 @@ DEFAULT_THRESHOLD = 0.25
 
 def watch_list(classes: str, thresholds: str) -> SearchContext:
     """`"cup,dining table"` and `"cup=0.25"` as a search context. Raises WrongUse."""
-    names = [" ".join(name.split()) for name in classes.split(",")]
+    names = [plain(name) for name in classes.split(",")]
     if not all(names):
         raise WrongUse(f"--classes is {classes!r}; wanted names with commas between them")
     if len(set(names)) < len(names):
@@ -40,5 +41,5 @@ def _thresholds(text: str) -> dict[str, float]:
             value = math.nan
         if not name.strip() or not 0 <= value <= 1:
             raise WrongUse(f"--thresholds has {part!r}; wanted class=number, 0 to 1")
-        out[" ".join(name.split())] = value
+        out[plain(name)] = value
     return out

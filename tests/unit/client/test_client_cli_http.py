@@ -144,6 +144,7 @@ def test_the_map_is_exported_as_pictures_and_arrays(helios: Helios, tmp_path: Pa
     with np.load(io.BytesIO((out / "value-pick.npz").read_bytes())) as arrays:
         assert arrays["value"].shape == (140, 180)
     assert helios("map", "export", "--out", str(out), "--only", "occupancy").count("\n") == 2
+    assert "value-pick.png" in helios("map", "export", "--out", str(out), "--only", "PICK")
     helios("map", "export", "--only", "dream", status=2)
     assert "wanted one of occupancy, pick, place" in helios.error
     helios("map", "export", "--out", "/dev/null/x", status=1)
@@ -160,12 +161,17 @@ def test_the_map_is_exported_for_ros(helios: Helios, tmp_path: Path) -> None:
     assert "occupancy alone" in helios.error
 
 
-def test_a_map_is_saved_into_a_folder_that_is_there(helios: Helios, tmp_path: Path) -> None:
-    helios("map", "save", str(tmp_path / "homes" / "first.zip"), status=2)
-    assert f"there is no folder {tmp_path / 'homes'}; make it" in helios.error
+@pytest.mark.parametrize("command", [["map", "save"], ["camera"]])
+def test_a_file_is_written_into_a_folder_that_is_there(
+    command: list[str], helios: Helios, tmp_path: Path
+) -> None:
+    helios(*command, str(tmp_path / "homes" / "first"), status=2)
+    assert (
+        f"there is no folder {tmp_path / 'homes'}; make it first, or choose another" in helios.error
+    )
     assert not (tmp_path / "homes").exists()
-    helios("map", "save", str(tmp_path), status=2)
-    assert f"is a folder; name a file in it: {tmp_path / 'map.zip'}" in helios.error
+    helios(*command, str(tmp_path), status=2)
+    assert f"{tmp_path} is a folder; name a file in it" in helios.error
 
 
 def test_a_full_disk_leaves_every_file_that_a_command_would_have_replaced(

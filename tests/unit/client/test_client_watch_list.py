@@ -18,7 +18,15 @@ def test_classes_and_thresholds_by_name() -> None:
     ]
 
 
-@pytest.mark.parametrize("classes", ["", ",", "cup,", "cup,cup", "cup, cup"])
+def test_names_may_be_in_any_case_and_with_underscores() -> None:
+    context = watch_list("Cup,Dining_Table", "DINING table=0.35")
+    assert [(c.name, c.threshold) for c in context.classes] == [
+        ("cup", DEFAULT_THRESHOLD),
+        ("dining table", 0.35),
+    ]
+
+
+@pytest.mark.parametrize("classes", ["", ",", "cup,", "cup,cup", "cup, Cup"])
 def test_wrong_classes_are_wrong_use(classes: str) -> None:
     with pytest.raises(WrongUse, match="--classes"):
         watch_list(classes, "")
