@@ -263,7 +263,7 @@ class BridgeService:
         self._check_may_drive(request)
         left_s = deadline_s - time.monotonic()
         if left_s <= 0 or not self._turn.acquire(timeout=left_s):
-            raise DeadlineExceeded("the action's time was over before it began; send it anew")
+            raise DeadlineExceeded("the action's time was over before it began; send it again")
         try:
             self._check_may_drive(request)  # much may have happened while it waited for its turn
             began = time.monotonic()
