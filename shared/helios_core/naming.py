@@ -35,7 +35,7 @@ def same_name(said: str, known: Iterable[str]) -> str | None:
     names = list(known)
     if said in names:
         return said
-    return next((name for name in names if _plain(name) == _plain(said)), None)
+    return next((name for name in names if plain(name) == plain(said)), None)
 
 
 def closest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
