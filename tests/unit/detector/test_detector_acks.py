@@ -44,7 +44,7 @@ class RefusingScorer(LexicalScorer):
         super().__init__()
         self.error = error
 
-    def judge(self, *_: object) -> Judgement:
+    def judge(self, frame: object, seen: object, prompts: object) -> Judgement:
         raise self.error
 
 
