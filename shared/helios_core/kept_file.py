@@ -26,7 +26,7 @@ def of_another_world(written: str) -> str:
     """What there is to say of a kept map that the robot's start or jump has put aside."""
     return (
         f"the map that was kept at {written} is of another world and is not used: the robot "
-        "started anew, or its poses jumped, and its driver names no origin (origin_id) that is "
+        "restarted, or its poses jumped, and its driver names no origin (origin_id) that is "
         "still the same"
     )
 

@@ -37,7 +37,11 @@ def objects(
     elif found:
         console().print(object_table(found))
     else:
-        print("nothing is believed yet" if class_name is None else f"no {class_name} is believed")
+        print(
+            "no object has been found yet"
+            if class_name is None
+            else f"no {class_name} has been found yet"
+        )
 
 
 @objects_app.command()

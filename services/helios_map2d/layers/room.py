@@ -39,7 +39,7 @@ def grown_for(grid: GridSpec, needed: Box, margin: int, most_cells: int) -> Grid
             f"{(needed.row_lo + needed.rows / 2) * cell_m:.2f}) m would make the map "
             f"{grown.columns}x{grown.rows} cells: if the pose is right, start the service with "
             f"a larger HELIOS_MAP2D_MOST_CELLS (now {most_cells}); if the robot's "
-            "localisation jumped, a new world epoch must begin"
+            "localisation jumped, its driver must begin a new world epoch"
         )
     return GridSpec.over(grown, grid.cell_m)
 
@@ -67,6 +67,6 @@ def refuse_a_leap(
     if leap_m > most_leap_m:
         raise InvalidInput(
             f"the robot is at ({x_m:.2f}, {y_m:.2f}) m, {leap_m:.0f} m from where it last was: "
-            "if its localisation jumped, a new world epoch must begin; if it went there "
-            "unseen, raise HELIOS_MAP2D_MOST_LEAP_M"
+            "if its localisation jumped, its driver must begin a new world epoch; if it "
+            "went there unseen, raise HELIOS_MAP2D_MOST_LEAP_M"
         )

@@ -125,7 +125,7 @@ def test_objects_are_listed_surest_first_by_class_and_score(helios: Helios) -> N
     assert "coffee table" in helios("objects")
     for said in ("Mug", "MUGS", "Coffee_Table", "coffee  tables"):
         assert helios.json("objects", "--class", said)["objects"], said
-    assert helios("objects", "--class", "Bowl") == "no Bowl is believed\n"
+    assert helios("objects", "--class", "Bowl") == "no Bowl has been found yet\n"
     helios("objects", "--class", "bowll", status=2)
     assert "did you mean bowl?" in helios.error
     helios("objects", "--class", "piano", status=2)
