@@ -44,7 +44,7 @@ class Notes:
         journal = Journal(self, "task", Entry())
         self.bus = TaskBus(MemoryBus(hub), journal, hold, self, keep_within_s=1.0)
 
-    def keep(self, _: str, entry: Entry) -> bool:
+    def keep(self, task_id: str, entry: Entry) -> bool:
         self.writing()
         self.kept.append(entry)
         return True
