@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 import pytest
 from detector_house import Faulty, House
 from helios_core.errors import InvalidInput
 from helios_core.topics import KEYFRAME
 from helios_core.types import Frame
-from helios_detector.backend import Judgement
+from helios_detector.backend import Judgement, Seen
 from helios_detector.scorer import LexicalScorer
 
 
@@ -44,7 +44,7 @@ class RefusingScorer(LexicalScorer):
         super().__init__()
         self.error = error
 
-    def judge(self, frame: object, seen: object, prompts: object) -> Judgement:
+    def judge(self, frame: Frame, seen: Sequence[Seen], prompts: Mapping[str, str]) -> Judgement:
         raise self.error
 
 
