@@ -68,12 +68,12 @@ def _is_range(eta_s: object) -> bool:
     return all(isinstance(s, int | float) and math.isfinite(s) for s in eta_s)
 
 
-def wait_while_starting(helios: Helios, port: int, console: Console) -> None:
-    """Where a `helios up` on this port is still starting, wait until it has."""
+def wait_while_starting(helios: Helios, port: int, console: Console, most_s: float) -> None:
+    """Where a `helios up` on this port is still starting, wait until it has, or for `most_s`."""
     if _started(helios) or state_file.read(state_file.default_state_dir(port)) is None:
         return
     console.print("waiting until all services are ready", style="dim")
-    deadline_s = time.monotonic() + STARTING_S
+    deadline_s = time.monotonic() + min(most_s, STARTING_S)
     while not _started(helios) and time.monotonic() < deadline_s:
         time.sleep(POLL_S)
 

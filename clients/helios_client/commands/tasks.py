@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -82,9 +83,10 @@ def submit_and_watch(
     where it did not succeed."""
     from helios_client.commands.task_view import say_stopped, wait_while_starting, watch_task
 
+    deadline_s = time.monotonic() + timeout_s
     with at.connect() as helios:
         if (port := at.port_here) is not None:
-            wait_while_starting(helios, port, console(stderr=True))
+            wait_while_starting(helios, port, console(stderr=True), timeout_s)
         asked = submit(helios)
         if asked.unused:
             said = ", ".join(f"“{words}”" for words in asked.unused)
@@ -95,7 +97,8 @@ def submit_and_watch(
             say_stopped(helios, notes)
             print_json(asked.raw) if as_json else say(asked.id)
             return
-        ended = watch_task(helios, asked, timeout_s, console(stderr=as_json), notes)
+        left_s = round(max(deadline_s - time.monotonic(), 0.0), 1)
+        ended = watch_task(helios, asked, left_s, console(stderr=as_json), notes)
     _tell_end(ended, as_json)
 
 

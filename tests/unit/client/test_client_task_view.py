@@ -91,3 +91,15 @@ def test_a_task_that_ended_before_its_cancel_is_told_as_it_ended(
     told = interrupted(helios([QUEUED, conflict, task(state="succeeded", message="done")]))
     assert "done" in told
     assert told.endswith("KeyboardInterrupt")
+
+
+def test_the_longest_wait_bounds_the_wait_for_services_that_start(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "STARTING_S", 3600.0)
+    monkeypatch.setattr(module, "POLL_S", 0.01)
+    monkeypatch.setattr(module, "_started", lambda _: False)
+    monkeypatch.setattr(module.state_file, "read", lambda _: {"router": "tcp/127.0.0.1:1"})
+    out = io.StringIO()
+    module.wait_while_starting(helios([]), 8080, Console(file=out, width=200), most_s=0.05)
+    assert out.getvalue() == "waiting until all services are ready\n"
