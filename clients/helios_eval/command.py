@@ -177,7 +177,7 @@ def _run(
         where = f"a report of what was played is in {out}; " if (out / MARKDOWN).exists() else ""
         print(f"helios: interrupted; {where}the same command goes on from here", file=sys.stderr)
         number = interrupt.args[0] if interrupt.args else signal.SIGINT
-        raise typer.Exit(128 + number) from None
+        raise SystemExit(128 + number) from None  # all is said
     console.print(f"written to {out}", highlight=False)
 
 

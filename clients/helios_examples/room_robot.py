@@ -1,5 +1,4 @@
-"""A whole driver (docs/tutorials/your-own-robot.md):
-`helios up --robot helios_examples.room_robot:RoomRobot`
+"""A whole driver: `helios up --robot helios_examples.room_robot:RoomRobot --detector paint`
 
 No hardware: where yours asks motors and a camera, this one asks `room.py`. Nothing slips there.
 """

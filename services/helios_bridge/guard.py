@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 R = TypeVar("R")
 
-WHERE = "see STATE/logs/bridge.log"
+WHERE = "`helios logs bridge` shows where"
 
 
 class DriverFault(Internal):

@@ -61,6 +61,7 @@ LONGEST_ACTION_S = 600.0
 LONGEST_ID = 200
 END_WITHIN_S = 0.3  # of what runs when the bridge ends
 CLOSE_WITHIN_S = 1.2  # of the driver's close after that; a process has two seconds in all
+MOST_REASONS = 200  # characters in all that say why the robot is stopped
 
 
 class BridgeService:
@@ -84,7 +85,8 @@ class BridgeService:
         self._health = Wellbeing(health)
         self._driver = GuardedDriver(driver, self._health)
         self._turn = threading.Lock()  # whoever holds it uses the driver
-        self._stopped_why = ""
+        self._stopped_why = ""  # all reasons, the first one first
+        self._last_stop_why = ""
         self._busy_until_s: float | None = None  # when the running action has outlived its time
         self._stop_call: Future[None] | None = None  # the driver's last stop
         self._stop_lock = threading.Lock()
@@ -162,7 +164,8 @@ class BridgeService:
         whether the robot stands nobody here knows."""
         self._health.count("stops")
         with self._stop_lock:  # not in turn: an action may be running
-            self._stopped_why = request.reason or "stop-now"
+            self._last_stop_why = request.reason or "stop-now"
+            self._stopped_why = _with_reason(self._stopped_why, self._last_stop_why)
             self._stops += 1
             log.warning("stopped: %s", self._stopped_why)
             if not self._stop_hangs():
@@ -190,9 +193,8 @@ class BridgeService:
             stops = self._stops
         self._driver.clear_stop()  # takes its time: a robot is asked over a network
         with self._stop_lock:
-            anew = self._stopped_why if self._stops != stops else ""
-            if not anew:
-                self._stopped_why = ""
+            anew = self._last_stop_why if self._stops != stops else ""
+            self._stopped_why = anew
         if anew:  # the driver may have forgotten it; no action could begin in between
             self.stop(pb.StopRequest(reason=anew))
             raise Conflict(f"the robot was stopped again meanwhile ({anew}); clear that stop, too")
@@ -345,3 +347,11 @@ class BridgeService:
             pass  # its health says so until the driver's state comes again
         except HeliosError as error:
             log.warning("the robot's state could not be told: %s", error.message)
+
+
+def _with_reason(before: str, new: str) -> str:
+    """Why the robot is stopped, once one more stop has come: the first reason stays."""
+    if not before or new in before:
+        return before or new
+    both = f"{before}; {new}"
+    return both if len(both) <= MOST_REASONS else before

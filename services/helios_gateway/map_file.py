@@ -71,6 +71,6 @@ def unpacked(data: bytes, most_bytes: int) -> MapFile:
             return MapFile(archive.read(map2d), archive.read(entries[OBJECTS]))
     except _UNREADABLE as error:
         raise InvalidInput(
-            f"{len(data)} bytes came that are no map file ({error}); send one that helios map save "
-            "wrote"
+            f"{len(data)} bytes came that are no map file, or a damaged one ({error}); send one "
+            "that helios map save wrote"
         ) from error

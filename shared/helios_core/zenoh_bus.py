@@ -11,6 +11,7 @@ How the qualities of service map (why: `docs/decisions/0002-bus.md`):
 from __future__ import annotations
 
 import logging
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -50,7 +51,8 @@ class ZenohBus(Bus):
             self._session = zenoh.open(client_config(router))
         except zenoh.ZError as error:
             raise Unavailable(
-                f"no router at {router}; start one with `python -m helios_core.router` ({error})"
+                f"no router at {router} ({_cause(error)}); `helios up --router-port PORT` starts "
+                "one with all services, `python -m helios_core.router` one alone"
             ) from error
         self._opened_s = time.monotonic()
         self._readers: list[threading.Thread] = []
@@ -272,3 +274,8 @@ def _received(channel: zenoh.Handler[T]) -> Iterator[T]:
             yield channel.recv()
         except zenoh.ZError:  # undeclared or closed
             return
+
+
+def _cause(error: zenoh.ZError) -> str:
+    """What Zenoh says, without the line of its source."""
+    return re.sub(r"\s+at \S+\.rs:\d+\.?", "", str(error)).rstrip(".")

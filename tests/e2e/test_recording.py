@@ -64,8 +64,10 @@ class Maps:
 
     @classmethod
     def of(cls, bus: Bus) -> Maps:
+        snapshot = bus.call(SNAPSHOT, pb.SnapshotRequest(layers=True), CALL_S)
+        snapshot.map_id = ""  # another one for each map
         return cls(
-            bus.call(SNAPSHOT, pb.SnapshotRequest(layers=True), CALL_S),
+            snapshot,
             bus.call(GAUSSIANS, pb.GaussiansRequest(), CALL_S),
             bus.call(OBJECTS, pb.ObjectsRequest(), CALL_S),
         )

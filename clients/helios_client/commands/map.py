@@ -37,11 +37,8 @@ def objects(
     elif found:
         console().print(object_table(found))
     else:
-        print(
-            "no object has been found yet"
-            if class_name is None
-            else f"no {class_name} has been found yet"
-        )
+        least = "" if min_score is None else f" with a score of at least {min_score:g}"
+        print(f"no {class_name or 'object'}{least} has been found yet")
 
 
 @objects_app.command()

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from helios_client.screen import Screen
     from helios_client.sdk import Helios
 
+LOOPBACK = ("127.0.0.1", "::1", "localhost")
+
 Port = Annotated[int, typer.Option(help="port of the HTTP interface", min=1, max=65535)]
 Json = Annotated[bool, typer.Option("--json", help="print JSON only")]
 State = Annotated[
@@ -69,6 +71,15 @@ class At:
         return chosen_address(self.port, self.url)[0]
 
     @property
+    def _port_on_this_machine(self) -> int | None:
+        """As `port_here`, also where a URL names this machine."""
+        from helios_client.http.address import split_url
+
+        port, url = chosen_address(self.port, self.url)
+        parts = split_url(url)
+        return port or (parts.port or 0 if parts.hostname in LOOPBACK else None)
+
+    @property
     def base_url(self) -> str:
         """Raises WrongUse for an address that is none."""
         from helios_client.http.address import base_url
@@ -87,7 +98,7 @@ class At:
             try:
                 yield helios
             except NobodyThere as error:
-                if (here := self.port_here) is None:
+                if (here := self._port_on_this_machine) is None:
                     raise
                 ports = [port for port in running_ports() if port != here]
                 known = f": one runs with --port {' and one with --port '.join(map(str, ports))}"

@@ -82,7 +82,10 @@ def camera(
 ) -> None:
     """Write what the robot sees now as a JPEG. With boxes around what it detects."""
     from helios_client.commands.map_files import check_folder_of, write_file
+    from helios_client.wrong_use import WrongUse
 
+    if file.suffix.lower() not in ("", ".jpg", ".jpeg"):
+        raise WrongUse(f"the picture is a JPEG, and {file} is not named so; name it .jpg")
     check_folder_of(file)
     with at.connect() as helios:
         write_file(file, helios.camera())

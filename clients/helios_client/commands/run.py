@@ -84,6 +84,10 @@ def up(
         raise WrongUse(f"--name: {error.message}") from error
     if spot_host is not None and robot != "spot":
         raise WrongUse("--spot-host goes with --robot spot, and only with it")
+    if robot == "replay" and source is None:
+        raise WrongUse("--robot replay needs --source, the recording or data set to play")
+    if source is not None and robot != "replay":
+        raise WrongUse("--source goes with --robot replay, and only with it")
     if detector is None:
         detector = default_detector(robot, source)
     detector = flags.check_detector(detector)
@@ -92,8 +96,6 @@ def up(
     if agent is not None:
         agent = flags.check_agent(agent)
     preset, furniture = flags.check_home(robot, preset, furniture)
-    if (source is None) is (robot == "replay"):
-        raise WrongUse("--source DATASET goes with --robot replay, and only with it")
     if source is not None:
         check_source(source)
     state_dir = state or state_file.default_state_dir(port)

@@ -36,6 +36,10 @@ def examine(job: ReplayJob, console: Console) -> Examined:
     source = open_source(job.source, Part(pace.limit, pace.from_s, to_s, pace.topics))
     lost = _damage(job, getattr(source, "lost", ()), console)
     if cut := getattr(source, "cut", ""):
+        if pace.strict:
+            raise InvalidInput(
+                f"{job.source} is cut off: {cut}; without --strict all before it is played"
+            )
         console.print(f"[yellow]read up to where it is cut off[/]: {escape(cut)}", soft_wrap=True)
     for sentence in (getattr(source, "assumed", ""), source.left_out):
         if sentence:

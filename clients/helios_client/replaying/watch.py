@@ -57,7 +57,7 @@ class Watch:
             is_long = now_s - self._began_s > SAY_WAITING_S
             return f"waiting for {escape(names)}" if is_long else "starting the services"
         if still_s > SAY_WAITING_S:
-            return f"waiting for {escape(waits_for(rows))}"
+            return f"waiting for {escape(waits_for(rows, self._job.pace.rate))}"
         return "frames" if heard[1] else "the first frame"
 
     def _check_trouble(self, trouble: str, now_s: float) -> None:
@@ -80,10 +80,13 @@ def trouble_of(rows: Sequence[ServiceRow], board: Board) -> str:
     return ""
 
 
-def waits_for(rows: Sequence[ServiceRow]) -> str:
-    """Who keeps it waiting, in the services' own words."""
-    said = [f"{r.name}: {r.reason}" for r in rows if r.reason]
-    return "; ".join(said) or "an answer; no service says why"
+def waits_for(rows: Sequence[ServiceRow], rate: float = 0.0) -> str:
+    """Who keeps it waiting, in the services' own words. rate: of the replay, as `--rate`."""
+    if said := [f"{r.name}: {r.reason}" for r in rows if r.reason]:
+        return "; ".join(said)
+    if rate:
+        return f"the time of the next frame in the recording (--rate {rate:g})"
+    return "an answer; no service says why"
 
 
 class Classes:

@@ -59,12 +59,13 @@ class Misbehaving(LineRobot):
     [
         (
             KeyError("motor 3"),
-            f"the driver {ME} failed in act(Forward): KeyError: 'motor 3'; see "
-            "STATE/logs/bridge.log",
+            f"the driver {ME} failed in act(Forward): KeyError: 'motor 3'; "
+            "`helios logs bridge` shows where",
         ),
         (
             SystemExit(3),
-            f"the driver {ME} failed in act(Forward): SystemExit: 3; see STATE/logs/bridge.log",
+            f"the driver {ME} failed in act(Forward): SystemExit: 3; "
+            "`helios logs bridge` shows where",
         ),
         (None, f"the driver {ME} returned None from act(Forward); return an ActionResult"),
         (

@@ -88,3 +88,18 @@ def test_a_stop_that_comes_while_another_is_cleared_holds() -> None:
         stage.drive("a")
     stage.other.call(CLEAR_STOP, pb.Empty(), 10)
     assert stage.drive("b").succeeded
+
+
+def test_the_first_reason_of_a_stop_outlives_the_next_stop() -> None:
+    stage = Stage()
+    for reason in ("a child", "helios stop", "a child", ""):
+        stage.other.call(STOP, pb.StopRequest(reason=reason), 1)
+    assert stage.bridge.state().message == "a child; helios stop; stop-now"
+    stage.other.call(CLEAR_STOP, pb.Empty(), 1)
+    stage.other.call(STOP, pb.StopRequest(reason="a dog"), 1)
+    assert stage.bridge.state().message == "a dog"
+    for n in range(50):
+        stage.other.call(STOP, pb.StopRequest(reason=f"reason {n}"), 1)
+    said = stage.bridge.state().message
+    assert said.startswith("a dog; ")
+    assert len(said) <= 200

@@ -374,9 +374,24 @@ def test_who_asks_on_the_wrong_port_is_told_of_the_right_one(
         told = capsys.readouterr().err
         assert told.endswith(f"--port: one runs with --port {house.port}\n")
         assert told.count("\n") == 1
-    monkeypatch.setenv("HELIOS_URL", f"http://127.0.0.1:{free}")
+    monkeypatch.setenv("HELIOS_URL", f"127.0.0.1:{free}")  # this machine, too
+    assert run(["tasks"]) == 1
+    assert capsys.readouterr().err.endswith(f"one runs with --port {house.port}\n")
+    monkeypatch.setenv("HELIOS_URL", f"http://127.0.0.2:{free}")  # as a machine elsewhere
     assert run(["tasks"]) == 1
     assert "--port" not in capsys.readouterr().err
+
+
+def test_objects_below_the_least_score_are_not_called_missing(helios: Helios) -> None:
+    assert helios("objects", "--min-score", "7") == (
+        "no object with a score of at least 7 has been found yet\n"
+    )
+
+
+def test_a_picture_is_named_as_what_it_is(helios: Helios, tmp_path: Path) -> None:
+    helios("camera", str(tmp_path / "now.png"), status=2)
+    assert "the picture is a JPEG" in helios.error
+    assert not list(tmp_path.iterdir())
 
 
 def test_every_failure_is_one_sentence(helios: Helios) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from helios_client.sdk import Helios
 from helios_client.sdk_async import AsyncHelios
 
-PAGE = Path(__file__).parents[3] / "docs" / "command-line.md"
+PAGE = Path(__file__).parents[3] / "docs" / "reference" / "command-line.md"
 CALL = re.compile(r"`(\w+)\(([^)]*)\)`")
 
 

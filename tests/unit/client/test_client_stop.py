@@ -231,7 +231,8 @@ print(json.dumps([status, sorted(set(sys.modules) - before - sys.stdlib_module_n
     others = [name for name in imported if name.partition(".")[0] not in sys.stdlib_module_names]
     assert others == [
         "helios_client", "helios_client.__main__", "helios_client.arguments",
-        "helios_client.http", "helios_client.http.address", "helios_client.quick_stop",
+        "helios_client.http", "helios_client.http.address", "helios_client.interrupts",
+        "helios_client.quick_stop",
     ]  # fmt: skip
 
 
