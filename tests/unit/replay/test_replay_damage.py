@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from helios_client.replaying.examine import examine
+from helios_client.replaying.replay import Pace, ReplayJob
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.recording import KEYFRAME_CHANNELS
+from helios_core.types import Role, SearchClass, SearchContext
 from helios_recorder.file import RecordingFile
 from helios_replay.answers import RecordedDetector
 from helios_replay.index import read_index
@@ -23,10 +27,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import MCAP0_MAGIC
+from rich.console import Console
 
 from tests.unit.replay.replay_recorded import record
 
 FRAMES = 8
+SEARCH = SearchContext("s", (SearchClass("box", Role.OBJECT, 0.5),))
 Chunks = list[range]  # the bytes of each
 
 
@@ -233,3 +239,17 @@ def test_what_lies_behind_a_length_that_is_a_lie_is_played(
     for place in (chunks[1].start + 1, chunks[1].start + 3, chunks[1].stop + 1):
         broken = damaged(path, [place], tmp_path / "broken.mcap", flip=0x40)
         assert played(broken, sent) >= whole(path, sent, [place])
+
+
+def test_a_strict_replay_refuses_a_recording_that_is_cut_off(
+    tour: tuple[Path, list[pb.Frame]], tmp_path: Path
+) -> None:
+    cut = tmp_path / "cut.mcap"
+    data = tour[0].read_bytes()
+    cut.write_bytes(data[: len(data) // 2])
+    screen = Console(quiet=True)
+    job = ReplayJob(cut, SEARCH, "paint", tmp_path)
+    assert examine(job, screen).frames < FRAMES
+    strict = replace(job, pace=Pace(strict=True))
+    with pytest.raises(InvalidInput, match=r"is cut off.*without --strict"):
+        examine(strict, screen)
