@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from helios_core.service import run_service
+from helios_core.service_process import run_service
 
 from helios_replay.answers import RecordedDetector
 from helios_replay.settings import Settings

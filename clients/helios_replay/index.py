@@ -13,7 +13,7 @@ from helios_core import proto as pb
 from helios_core.codec import frame_id_from_proto
 from helios_core.codec.frames import pose_from_proto
 from helios_core.errors import HeliosError, InvalidInput
-from helios_core.recording import KEYFRAME_CHANNELS, channel_of
+from helios_core.recording_format import KEYFRAME_CHANNELS, channel_of
 from helios_core.topics import (
     CONTEXT,
     OBSERVATION,

@@ -14,7 +14,7 @@ from helios_core.codec import description_from_proto, frame_from_proto, frame_id
 from helios_core.codec.frames import pose_from_proto
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.geometry import Pinhole
-from helios_core.recording import join_frame
+from helios_core.recording_format import join_frame
 from helios_core.types import RobotDescription
 
 from helios_replay.index import Key, read_index

@@ -10,7 +10,7 @@ import threading
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError, Unavailable
 from helios_core.health import Health
-from helios_core.service import run_service
+from helios_core.service_process import run_service
 
 from helios_bridge.crew import Crew
 from helios_bridge.drivers import load_driver

@@ -10,11 +10,11 @@ import uuid
 from collections.abc import Collection
 
 import numpy as np
-from helios_core.acks import AckBook
 from helios_core.bus import Bus
 from helios_core.codec import frame_id_from_proto, frame_to_proto
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Pinhole
+from helios_core.keyframe_acks import AckBook
 from helios_core.robot import Capture, EndOfRecording, RobotDriver
 from helios_core.topics import FRAME, KEYFRAME
 from helios_core.types import Frame, FrameId, RobotState

@@ -11,12 +11,12 @@ from typing import NoReturn
 
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from helios_core import proto as pb
-from helios_core.acks import AckBook
 from helios_core.bus import Bus
 from helios_core.codec import context_to_proto, frame_from_proto, frame_id_to_proto
 from helios_core.codec.images import MAX_PIXELS
 from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.geometry import Pinhole, base_below_camera, se2_to_se3
+from helios_core.keyframe_acks import AckBook
 from helios_core.robot import Action, ActionResult, Capture, Observe, RobotDriver
 from helios_core.topics import CONTEXT
 from helios_core.types import RobotDescription, RobotState, Role, SearchClass, SearchContext

@@ -15,7 +15,6 @@ from concurrent import futures
 from concurrent.futures import Future
 
 from helios_core import proto as pb
-from helios_core.acks import AckBook
 from helios_core.bus import Bus
 from helios_core.codec import (
     action_from_proto,
@@ -28,6 +27,7 @@ from helios_core.codec import (
 )
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidInput
 from helios_core.health import Health
+from helios_core.keyframe_acks import AckBook
 from helios_core.robot import Action, EndOfRecording, RobotDriver
 from helios_core.topics import (
     ACT,

@@ -8,7 +8,7 @@ import sys
 
 from helios_core.bus import Bus
 from helios_core.health import Health
-from helios_core.service import Closeable, run_service
+from helios_core.service_process import Closeable, run_service
 
 from helios_detector.fleet import HOME, Fleet
 from helios_detector.hosted import Hosted

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from helios_core.errors import DeadlineExceeded, HeliosError, Internal, Unavailable
 from helios_core.health import Health
-from helios_core.log_file import log_place
+from helios_core.log_location import log_place
 from helios_core.types import Frame, SearchContext
 
 from helios_detector.backend import DetectorBackend, Findings, Judgement, ScorerBackend

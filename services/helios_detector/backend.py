@@ -42,7 +42,7 @@ class Judgement:
 
 @dataclass(frozen=True)
 class TextEmbeddings:
-    """Prompts as a scorer's model sees them; `helios_core.embeddings.fit` compares."""
+    """Prompts as a scorer's model sees them; `helios_core.embedding_similarity.fit` compares."""
 
     texts: tuple[Embedding, ...]
     scale: float

@@ -15,8 +15,8 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.health import Health
-from helios_core.naming import robot_names
-from helios_core.service import publish_status
+from helios_core.name_rules import robot_names
+from helios_core.service_process import publish_status
 from helios_core.topics import CLAIM, CONTEXT, FRAME, KEYFRAME
 
 from helios_detector.last_resort import ended_well

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from helios_core.errors import HeliosError, Unavailable
 from helios_core.health import Health
-from helios_core.log_file import log_place
+from helios_core.log_location import log_place
 
 from helios_detector.backend import DepthBackend, DetectorBackend, DetectorOptions, ScorerBackend
 from helios_detector.opening import open_depth, open_detector, open_scorer

@@ -6,7 +6,7 @@ import sys
 
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError
-from helios_core.service import run_service
+from helios_core.service_process import run_service
 
 from helios_gateway.service import Gateway, bind
 from helios_gateway.settings import Settings

@@ -6,7 +6,7 @@ import io
 
 import cv2
 import numpy as np
-from helios_core.grids import FREE, OCCUPIED, MapView
+from helios_core.map_snapshot import FREE, OCCUPIED, MapView
 from numpy.typing import NDArray
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from helios_core import proto as pb
 from helios_core.errors import Internal
-from helios_core.text import printable
+from helios_core.printable_text import printable
 
 from helios_gateway import map_models, models
 from helios_gateway.suggestions import Believed, words

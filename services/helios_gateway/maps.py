@@ -8,8 +8,8 @@ from collections.abc import Callable, Hashable
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
-from helios_core.grids import MapView, decode_snapshot
-from helios_core.naming import closest, is_named
+from helios_core.map_snapshot import MapView, decode_snapshot
+from helios_core.name_rules import closest, is_named
 from helios_core.topics import GAUSSIANS, OBJECTS, PICTURE, SNAPSHOT, VOCABULARY
 
 from helios_gateway import cells, convert, map_models, scene3d

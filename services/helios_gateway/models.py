@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from helios_core.text import printable
+from helios_core.printable_text import printable
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator
 
 MAX_INSTRUCTION_CHARACTERS = 10_000

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Mapping
 
 from helios_core import proto as pb
-from helios_core.text import printable
+from helios_core.printable_text import printable
 
 from helios_gateway.models import Service, ServiceState
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from helios_core.errors import Unavailable
-from helios_core.grids import FREE, OCCUPIED, MapView
+from helios_core.map_snapshot import FREE, OCCUPIED, MapView
 from numpy.typing import NDArray
 
 from helios_gateway.gaussian_colors import ColorBy, Gaussians, colored

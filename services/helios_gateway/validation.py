@@ -9,7 +9,7 @@ from typing import Any
 from fastapi import Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
-from helios_core.text import printable
+from helios_core.printable_text import printable
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 

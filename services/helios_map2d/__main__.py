@@ -8,7 +8,7 @@ import threading
 
 from helios_core.bus import Bus
 from helios_core.health import Health
-from helios_core.service import run_service, until_warm
+from helios_core.service_process import run_service, until_warm
 
 from helios_map2d.service import Map2DService
 from helios_map2d.settings import Settings

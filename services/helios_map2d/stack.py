@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from helios_core.geometry import Pinhole
-from helios_core.grids import UNKNOWN
+from helios_core.map_snapshot import UNKNOWN
 from helios_core.types import Frame
 from numpy.typing import NDArray
 

@@ -7,7 +7,7 @@ import threading
 
 from helios_core.bus import Bus
 from helios_core.health import Health
-from helios_core.service import run_service
+from helios_core.service_process import run_service
 
 from helios_objectmap.service import ObjectMapService
 from helios_objectmap.settings import ObjectMapSettings

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 from helios_core.errors import Conflict
-from helios_core.robot_starts import RobotStarts
+from helios_core.robot_restarts import RobotStarts
 from helios_core.types import Frame, FrameId, WorldId
 
 from helios_objectmap.object_map import ObjectMap

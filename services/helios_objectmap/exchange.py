@@ -15,7 +15,7 @@ from helios_core.codec.frames import pinhole_from_proto, transform_from_proto
 from helios_core.errors import InvalidInput
 from helios_core.health import Health
 from helios_core.kept_file import Kept, KeptFile
-from helios_core.text import counted
+from helios_core.printable_text import counted
 from helios_core.topics import (
     EXPORT_OBJECTS,
     LOAD_OBJECTS,

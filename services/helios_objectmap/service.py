@@ -27,7 +27,7 @@ from helios_core.codec import (
 from helios_core.codec.frames import pinhole_from_proto, transform_from_proto
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.health import Health
-from helios_core.service import until_warm
+from helios_core.service_process import until_warm
 from helios_core.topics import (
     CONTEXT,
     GAUSSIANS,

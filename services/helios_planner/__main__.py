@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from helios_core.service import run_service
+from helios_core.service_process import run_service
 
 from helios_planner.service import PlannerService
 from helios_planner.settings import Settings

@@ -14,7 +14,7 @@
 | vlfm-helios-stop    | object map, by score   | highest value, kept         | highest value       |
 
 `helios-next` waits before it acts on what it is not sure of (`standards.py`), and its house runs
-with the settings of `helios_core.agent_settings`. The last three are for object navigation (Table
+with the settings of `helios_core.agent_presets`. The last three are for object navigation (Table
 2); they can do every task.
 """
 
@@ -26,9 +26,9 @@ from functools import partial
 from typing import Any
 
 from helios_core import plugins
-from helios_core.agent_settings import AGENT_NAMES
+from helios_core.agent_presets import AGENT_NAMES
 from helios_core.errors import InvalidInput
-from helios_core.log_file import log_place
+from helios_core.log_location import log_place
 
 from helios_planner.agent import Agent, trusting
 from helios_planner.decisions import frontier_rules, global_search

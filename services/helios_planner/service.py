@@ -10,15 +10,15 @@ import uuid
 from collections import deque
 
 from helios_core import proto as pb
-from helios_core.acks import AckBook
-from helios_core.agent_settings import AGENT_NAMES
+from helios_core.agent_presets import AGENT_NAMES
 from helios_core.bus import Bus
 from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.health import Health
-from helios_core.naming import same_name
+from helios_core.keyframe_acks import AckBook
+from helios_core.name_rules import same_name
 from helios_core.plugins import AGENTS
-from helios_core.service import until_warm
-from helios_core.text import counted
+from helios_core.printable_text import counted
+from helios_core.service_process import until_warm
 from helios_core.topics import (
     CANCEL,
     DECISIONS,

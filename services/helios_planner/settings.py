@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from helios_core.agent_settings import AGENT_NAMES
+from helios_core.agent_presets import AGENT_NAMES
 from helios_core.plugins import AGENTS, find
 from helios_core.settings import ServiceSettings, service_config
 from pydantic import AfterValidator, Field, SecretStr

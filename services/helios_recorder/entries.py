@@ -13,7 +13,7 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 from helios_core import proto as pb
-from helios_core.recording import (
+from helios_core.recording_format import (
     ANNOTATIONS,
     CALIBRATION,
     KEYFRAME_CHANNELS,

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from google.protobuf.message import Message
-from helios_core.recording import PROFILE
+from helios_core.recording_format import PROFILE
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer

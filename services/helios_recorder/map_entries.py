@@ -16,8 +16,15 @@ from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from helios_core import proto as pb
-from helios_core.grids import FREE, OCCUPIED, UNKNOWN, MapView
-from helios_core.recording import FRONTIERS, OBJECTS, OBSTACLES, OCCUPANCY, TRAJECTORY, VALUES
+from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN, MapView
+from helios_core.recording_format import (
+    FRONTIERS,
+    OBJECTS,
+    OBSTACLES,
+    OCCUPANCY,
+    TRAJECTORY,
+    VALUES,
+)
 from numpy.typing import NDArray
 
 from helios_recorder.entry import Entry

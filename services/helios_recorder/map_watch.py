@@ -16,7 +16,7 @@ from google.protobuf.message import Message
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError
-from helios_core.grids import decode_snapshot
+from helios_core.map_snapshot import decode_snapshot
 from helios_core.topics import OBJECTS, SNAPSHOT, Method
 
 from helios_recorder.entry import Entry

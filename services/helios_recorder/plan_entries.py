@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from helios_core import proto as pb
-from helios_core.recording import CANDIDATES, PATH, PLAN
+from helios_core.recording_format import CANDIDATES, PATH, PLAN
 
 from helios_recorder.entry import Entry
 from helios_recorder.scene import (

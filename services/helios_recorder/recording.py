@@ -17,7 +17,7 @@ from pathlib import Path
 from google.protobuf.message import Message
 from helios_core.errors import HeliosError
 from helios_core.health import Health
-from helios_core.recording import SUFFIX
+from helios_core.recording_format import SUFFIX
 
 from helios_recorder.entries import Entries
 from helios_recorder.entry import Entry

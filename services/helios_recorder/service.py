@@ -14,7 +14,7 @@ from google.protobuf.message import Message
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.health import Health
-from helios_core.recording import MAPS, channel_of, head_of
+from helios_core.recording_format import MAPS, channel_of, head_of
 from helios_core.topics import (
     ANY_STATUS,
     CONTEXT,

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from google.protobuf.message import Message
 
 from helios_core.bus import Bus, LivelinessHandler, Registration
+from helios_core.bus_registrations import Registrations
 from helios_core.errors import (
     DeadlineExceeded,
     HeliosError,
@@ -22,7 +23,6 @@ from helios_core.errors import (
     error_from_proto,
     error_to_proto,
 )
-from helios_core.registrations import Registrations
 from helios_core.topics import M, Method, QoS, Rep, Req, Topic
 
 log = logging.getLogger(__name__)

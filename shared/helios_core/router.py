@@ -12,7 +12,7 @@ import threading
 
 import zenoh
 
-from helios_core.service import stop_on_signals
+from helios_core.service_process import stop_on_signals
 from helios_core.zenoh_config import router_config
 
 

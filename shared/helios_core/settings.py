@@ -31,8 +31,8 @@ from pydantic_settings import (
 )
 
 from helios_core.errors import InvalidInput
-from helios_core.naming import robot_name, robot_names
-from helios_core.settings_names import OF_ALL, check_tables, check_variables, no_setting
+from helios_core.name_rules import robot_name, robot_names
+from helios_core.settings_spelling import OF_ALL, check_tables, check_variables, no_setting
 
 
 def _robot(name: str) -> str:

@@ -23,11 +23,11 @@ import zenoh
 from zenoh import ext
 
 from helios_core.bus import Bus, LivelinessHandler, Registration
+from helios_core.bus_registrations import Registrations
 from helios_core.errors import DeadlineExceeded, Unavailable
-from helios_core.registrations import Registrations
+from helios_core.latest_value_sender import Repeater, Unseen
 from helios_core.topics import M, Method, QoS, Rep, Req, Topic, alive_key
 from helios_core.zenoh_config import client_config
-from helios_core.zenoh_latest import Repeater, Unseen
 from helios_core.zenoh_messages import answer, assembled, reply_of
 
 T = TypeVar("T")

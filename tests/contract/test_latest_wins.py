@@ -9,9 +9,9 @@ import pytest
 import zenoh
 from helios_core import proto as pb
 from helios_core import zenoh_config
+from helios_core.latest_value_sender import PAUSES_S
 from helios_core.topics import FRAME
 from helios_core.zenoh_bus import ZenohBus
-from helios_core.zenoh_latest import PAUSES_S
 
 from tests.contract.link import Link
 from tests.support import wait_until

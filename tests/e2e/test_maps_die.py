@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from helios_core import proto as pb
 from helios_core.bus import Bus
-from helios_core.grids import UNKNOWN, MapView, decode_snapshot
+from helios_core.map_snapshot import UNKNOWN, MapView, decode_snapshot
 from helios_core.topics import MAP2D_ACK, OBJECTMAP_ACK, OBJECTS, SNAPSHOT, TRUTH_EPISODE
 from helios_core.zenoh_bus import ZenohBus
 

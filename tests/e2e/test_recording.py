@@ -21,11 +21,11 @@ from helios_bridge.settings import Settings as BridgeSettings
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import action_to_proto
-from helios_core.grids import decode_snapshot
 from helios_core.health import Health
+from helios_core.map_snapshot import decode_snapshot
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.recording import OBJECTS as OBJECTS_SEEN
-from helios_core.recording import OCCUPANCY
+from helios_core.recording_format import OBJECTS as OBJECTS_SEEN
+from helios_core.recording_format import OCCUPANCY
 from helios_core.robot import Observe
 from helios_core.topics import ACT, GAUSSIANS, LEASE, OBJECTS, ROBOT_STATE, SNAPSHOT
 from helios_eval.episodes.house import House

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from helios_core.errors import InvalidInput, Unavailable
-from helios_core.naming import same_name
-from helios_core.settings_names import nearest
+from helios_core.name_rules import same_name
+from helios_core.settings_spelling import nearest
 
 from helios_client.commands.here import port_here
 from helios_client.commands.options import chosen_address

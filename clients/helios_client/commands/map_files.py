@@ -9,7 +9,7 @@ from pathlib import Path
 import typer
 from helios_core import atomic_file
 from helios_core.errors import Conflict, InvalidInput
-from helios_core.naming import plain
+from helios_core.name_rules import plain
 
 from helios_client.sdk import Helios
 from helios_client.tasks import SeenView

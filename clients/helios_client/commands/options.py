@@ -155,7 +155,7 @@ def console(stderr: bool = False) -> Screen:
 
 def say(text: str, stderr: bool = False, flush: bool = False) -> None:
     """One line for people, without the control characters that others put into their text."""
-    from helios_core.text import printable
+    from helios_core.printable_text import printable
 
     print(printable(text), file=sys.stderr if stderr else sys.stdout, flush=flush)
 

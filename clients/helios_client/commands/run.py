@@ -68,7 +68,7 @@ def up(
 ) -> None:
     """Start every service on this machine, until Ctrl-C."""
     from helios_core.errors import InvalidInput
-    from helios_core.naming import robot_name
+    from helios_core.name_rules import robot_name
 
     from helios_client.replaying.words import check_source, default_detector
     from helios_client.supervision import flags, state_file

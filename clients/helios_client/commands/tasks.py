@@ -207,7 +207,7 @@ def cancel(
     if as_json:
         print_json({"tasks": [task.raw for task in ended]})
     else:
-        from helios_core.text import counted
+        from helios_core.printable_text import counted
 
         print(f"{counted(len(ended), 'task')} cancelled")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from helios_core.text import counted
+from helios_core.printable_text import counted
 from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.padding import Padding

@@ -14,7 +14,7 @@ from helios_core import proto as pb
 from helios_core.atomic_file import write_file
 from helios_core.bus import Bus
 from helios_core.errors import InvalidInput
-from helios_core.grids import MapView, decode_snapshot
+from helios_core.map_snapshot import MapView, decode_snapshot
 from helios_core.topics import OBJECTS, PICTURE, SNAPSHOT
 from rich.markup import escape
 from rich.table import Table

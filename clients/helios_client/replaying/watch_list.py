@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import uuid
 
-from helios_core.naming import plain
+from helios_core.name_rules import plain
 from helios_core.types import Role, SearchClass, SearchContext
 
 from helios_client.wrong_use import WrongUse

@@ -8,10 +8,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from helios_core import plugins
-from helios_core.agent_settings import AGENT_NAMES
+from helios_core.agent_presets import AGENT_NAMES
 from helios_core.errors import HeliosError, InvalidInput
-from helios_core.naming import same_name
-from helios_core.settings_names import nearest
+from helios_core.name_rules import same_name
+from helios_core.settings_spelling import nearest
 
 from helios_client.supervision.stack import RECORDED
 from helios_client.wrong_use import WrongUse

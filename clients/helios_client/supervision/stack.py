@@ -7,7 +7,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from helios_core.agent_settings import settings_for
+from helios_core.agent_presets import settings_for
 
 from helios_client.supervision.processes import ProcessSpec
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import SequenceMatcher
 
-from helios_core.settings_names import PREFIX, SERVICES, variable
+from helios_core.settings_spelling import PREFIX, SERVICES, variable
 
 OTHERS = ("HELIOS_CONFIG", "HELIOS_URL", "HELIOS_API_KEY", "HELIOS_RECORD")  # of no single service
 OF_TESTS = "HELIOS_TEST_"

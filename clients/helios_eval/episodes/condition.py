@@ -8,7 +8,7 @@ from typing import get_args
 
 from helios_client.wrong_use import WrongUse
 from helios_core.errors import InvalidInput
-from helios_core.naming import same_name
+from helios_core.name_rules import same_name
 from helios_sim.sensor import SENSORS
 
 from helios_eval.episodes import homes, service_settings, spec

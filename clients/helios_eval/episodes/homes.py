@@ -10,7 +10,7 @@ from functools import cache, lru_cache
 
 from helios_client.wrong_use import WrongUse
 from helios_core.errors import HeliosError
-from helios_core.naming import same_name
+from helios_core.name_rules import same_name
 from helios_sim.assets import Dressing, realistic
 from helios_sim.assets.pack import NAME
 from helios_sim.home import PRESETS, Home, HomePreset, generate_home

@@ -19,8 +19,8 @@ from helios_bridge.settings import Settings as BridgeSettings
 from helios_core import proto as pb
 from helios_core.codec import object_from_proto
 from helios_core.errors import DeadlineExceeded
-from helios_core.grids import MapView, decode_snapshot
 from helios_core.health import Health
+from helios_core.map_snapshot import MapView, decode_snapshot
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import GET_TASK, OBJECTS, PREVIEW, ROBOT_STATE, SNAPSHOT, SUBMIT, TASK
 from helios_core.types import ObjectInstance

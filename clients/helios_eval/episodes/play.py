@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from helios_core.grids import FREE, OCCUPIED
+from helios_core.map_snapshot import FREE, OCCUPIED
 from helios_core.types import ObjectInstance
 from helios_sim.events import PickTried
 from helios_sim.home import Home

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, cast
 
 from helios_client.wrong_use import WrongUse
-from helios_core.agent_settings import settings_for
+from helios_core.agent_presets import settings_for
 from helios_core.settings import ServiceSettings
 from helios_detector.settings import Settings as DetectorSettings
 from helios_map2d.settings import Settings as Map2DSettings

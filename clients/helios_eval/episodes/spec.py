@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from helios_client.wrong_use import WrongUse
-from helios_core.agent_settings import AGENT_NAMES
+from helios_core.agent_presets import AGENT_NAMES
 from helios_core.errors import InvalidInput
-from helios_core.naming import same_name
+from helios_core.name_rules import same_name
 from helios_core.plugins import AGENTS
 from helios_detector.simulation.noise import load_noise
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from helios_core.grids import FREE, OCCUPIED, UNKNOWN, MapView
+from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN, MapView
 from helios_core.types import ObjectInstance
 from numpy.typing import NDArray
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from helios_core import proto as pb
-from helios_core.grids import MapView
+from helios_core.map_snapshot import MapView
 from helios_core.types import Detection, ObjectInstance
 from numpy.typing import NDArray
 

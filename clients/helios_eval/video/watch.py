@@ -18,7 +18,7 @@ from helios_core.codec import (
     state_from_proto,
 )
 from helios_core.geometry import wrap_angle, yaw_of
-from helios_core.grids import decode_snapshot
+from helios_core.map_snapshot import decode_snapshot
 from helios_core.topics import (
     CONTEXT,
     DECISION,

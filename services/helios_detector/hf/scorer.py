@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from helios_core.embeddings import fit
+from helios_core.embedding_similarity import fit
 from helios_core.errors import InvalidInput
 from helios_core.types import Embedding, Frame
 from numpy.typing import NDArray

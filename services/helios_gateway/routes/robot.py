@@ -10,7 +10,7 @@ import anyio.to_thread
 from anyio import CapacityLimiter
 from fastapi import APIRouter, Request
 from helios_core import proto as pb
-from helios_core.text import printable
+from helios_core.printable_text import printable
 from helios_core.topics import CLEAR_STOP, STOP
 from pydantic import ValidationError
 from starlette.requests import ClientDisconnect

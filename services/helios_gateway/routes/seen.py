@@ -10,7 +10,7 @@ from fastapi import APIRouter, Query
 from helios_core import proto as pb
 from helios_core.codec.frames import frame_id_from_proto
 from helios_core.errors import HeliosError
-from helios_core.naming import names
+from helios_core.name_rules import names
 from helios_core.topics import RECALL
 
 from helios_gateway import convert, map_models

@@ -11,8 +11,8 @@ import anyio.to_thread
 from anyio import CapacityLimiter
 from fastapi import APIRouter, Body, Request, WebSocket, WebSocketDisconnect
 from helios_core.errors import HeliosError, InvalidInput
+from helios_core.printable_text import printable
 from helios_core.robot import Forward, Turn
-from helios_core.text import printable
 from pydantic import ValidationError
 from starlette.requests import HTTPConnection
 

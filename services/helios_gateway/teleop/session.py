@@ -15,7 +15,7 @@ import anyio.to_thread
 from anyio import CapacityLimiter
 from helios_core import proto as pb
 from helios_core.errors import HeliosError
-from helios_core.text import printable
+from helios_core.printable_text import printable
 
 from helios_gateway.convert import pose_of
 from helios_gateway.models import RobotDescription, RobotPose

@@ -9,7 +9,7 @@ import numpy as np
 from helios_core.codec.frames import FARTHEST_M
 from helios_core.codec.search import MOST_CHARACTERS
 from helios_core.errors import InvalidInput
-from helios_core.grids import FREE, OCCUPIED, UNKNOWN
+from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN
 from helios_core.types import FrameId
 from numpy.typing import NDArray
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from helios_core.codec.frames import FARTHEST_M
 from helios_core.errors import InvalidInput
-from helios_core.grids import FREE, OCCUPIED, UNKNOWN
+from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN
 from numpy.typing import NDArray
 
 from helios_map2d.files.content import MapContent, check_cell

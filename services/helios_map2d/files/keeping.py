@@ -10,9 +10,9 @@ from pathlib import PurePosixPath
 from helios_core import proto as pb
 from helios_core.codec import frame_id_to_proto
 from helios_core.errors import InvalidInput, Unavailable
-from helios_core.grids import OCCUPIED, UNKNOWN
 from helios_core.kept_file import Kept, KeptFile, of_another_world
-from helios_core.text import counted
+from helios_core.map_snapshot import OCCUPIED, UNKNOWN
+from helios_core.printable_text import counted
 
 from helios_map2d.answers import DEFAULT_PICTURE_PX, known
 from helios_map2d.epochs import EpochMaps

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from helios_core.errors import InvalidInput
-from helios_core.grids import UNKNOWN
+from helios_core.map_snapshot import UNKNOWN
 from numpy.typing import NDArray
 
 from helios_map2d.grid import Box, GridSpec, carried_over

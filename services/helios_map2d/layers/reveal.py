@@ -14,7 +14,7 @@ import math
 
 import cv2
 import numpy as np
-from helios_core.grids import FREE, OCCUPIED, UNKNOWN
+from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN
 from numpy.typing import NDArray
 
 from helios_map2d.grid import Box

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from helios_core import proto as pb
 from helios_core.codec import embedding_from_proto, frame_id_to_proto
-from helios_core.embeddings import fit
+from helios_core.embedding_similarity import fit
 from helios_core.errors import Unavailable
-from helios_core.naming import names
+from helios_core.name_rules import names
 from helios_core.types import Embedding
 
 from helios_map2d.layers.value import Cone

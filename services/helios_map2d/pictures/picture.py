@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from helios_core.errors import InvalidInput
-from helios_core.grids import FREE, OCCUPIED
+from helios_core.map_snapshot import FREE, OCCUPIED
 from numpy.typing import NDArray
 
 from helios_map2d.pictures.labels import Rect, Wanted, lead, placed

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from helios_core.codec.frames import FARTHEST_M
 from helios_core.errors import InvalidInput
-from helios_core.grids import OCCUPIED, UNKNOWN
+from helios_core.map_snapshot import OCCUPIED, UNKNOWN
 from numpy.typing import NDArray
 
 from helios_map2d.grid import Box

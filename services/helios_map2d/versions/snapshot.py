@@ -13,8 +13,8 @@ import numpy as np
 from helios_core import proto as pb
 from helios_core.codec import frame_id_from_proto
 from helios_core.errors import InvalidInput
-from helios_core.grids import FREE, OCCUPIED, UNKNOWN
-from helios_core.npz import unpacked
+from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN
+from helios_core.npz_reading import unpacked
 from helios_core.types import FrameId
 from numpy.typing import NDArray
 

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 from helios_core import proto as pb
-from helios_core.grids import OCCUPIED, UNKNOWN, inflated
+from helios_core.map_snapshot import OCCUPIED, UNKNOWN, inflated
 from numpy.typing import NDArray
 
 from helios_map2d.grid import TILE, Box, GridSpec, Tile

@@ -1,4 +1,4 @@
-"""Snapshots as they travel (`helios_core.grids` reads them), and where a robot says that it is."""
+"""Snapshots as they travel (`helios_core.map_snapshot` reads them), and where a robot says that it is."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from helios_core import proto as pb
 from helios_core.codec import frame_id_to_proto, transform_from_proto
 from helios_core.errors import InvalidInput
 from helios_core.geometry import yaw_of
-from helios_core.grids import OCCUPIED
+from helios_core.map_snapshot import OCCUPIED
 
 from helios_map2d.versions.changes import frontier_messages
 from helios_map2d.versions.snapshot import MapSnapshot

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from helios_core.errors import InvalidInput
-from helios_core.npz import unpacked
+from helios_core.npz_reading import unpacked
 from helios_core.types import FrameId, Role, WorldId
 from numpy.typing import NDArray
 

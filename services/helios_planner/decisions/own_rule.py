@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from helios_core.errors import Internal
-from helios_core.log_file import log_place
+from helios_core.log_location import log_place
 from numpy.typing import ArrayLike, NDArray
 
 from helios_planner.decisions import sentences

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from helios_core.text import counted
+from helios_core.printable_text import counted
 
 from helios_planner.decisions.candidate import Candidate
 from helios_planner.decisions.standards import ANY_SCORE

@@ -10,7 +10,6 @@ from typing import Protocol
 
 import numpy as np
 from helios_core import proto as pb
-from helios_core.acks import AckBook
 from helios_core.bus import Bus
 from helios_core.codec import (
     description_from_proto,
@@ -26,9 +25,10 @@ from helios_core.errors import (
     InvalidInput,
 )
 from helios_core.geometry import Matrix
-from helios_core.grids import decode_snapshot
+from helios_core.keyframe_acks import AckBook
+from helios_core.map_snapshot import decode_snapshot
+from helios_core.printable_text import counted
 from helios_core.robot import Action, ActionResult, Observe
-from helios_core.text import counted
 from helios_core.topics import (
     OBJECTS,
     RETIRE,

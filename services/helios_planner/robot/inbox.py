@@ -6,10 +6,10 @@ import logging
 import threading
 
 from helios_core import proto as pb
-from helios_core.acks import AckBook
 from helios_core.bus import Bus
 from helios_core.codec import observation_from_proto
 from helios_core.errors import HeliosError
+from helios_core.keyframe_acks import AckBook
 from helios_core.topics import OBSERVATION
 
 from helios_planner.robot.sightings import Sighting, sightings_of

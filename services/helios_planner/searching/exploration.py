@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from helios_core.text import counted
+from helios_core.printable_text import counted
 
 from helios_planner.decisions.decide import Decision, Do
 from helios_planner.decisions.frontier_rules import WayOption, nearest_by_way

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
-from helios_core.naming import closest
+from helios_core.name_rules import closest
 from helios_core.types import Role, SearchClass, SearchContext
 
 from helios_planner.language.instruction import Instruction, Kind

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from helios_core import proto as pb
-from helios_core.acks import AckBook
 from helios_core.bus import Bus
 from helios_core.codec import context_to_proto
 from helios_core.errors import HeliosError
+from helios_core.keyframe_acks import AckBook
 from helios_core.topics import CONTEXT, VOCABULARY
 
 from helios_planner.agents import agent_named

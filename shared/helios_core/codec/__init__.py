@@ -16,7 +16,7 @@ from helios_core.codec.frames import (
     transform_from_proto,
     transform_to_proto,
 )
-from helios_core.codec.robots import (
+from helios_core.codec.robot import (
     action_from_proto,
     action_to_proto,
     description_from_proto,

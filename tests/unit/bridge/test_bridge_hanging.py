@@ -14,8 +14,8 @@ import pytest
 from helios_bridge.acks import PARTS
 from helios_bridge.crew import Crew
 from helios_core import proto as pb
-from helios_core.acks import AckBook
 from helios_core.errors import Conflict, DeadlineExceeded, Unavailable
+from helios_core.keyframe_acks import AckBook
 from helios_core.topics import CLEAR_STOP, FRAME, STOP, status_topic
 from helios_core.types import FrameId
 

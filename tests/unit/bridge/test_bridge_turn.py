@@ -6,8 +6,8 @@ import threading
 from collections.abc import Callable
 
 from helios_core import proto as pb
-from helios_core.acks import AckBook
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError
+from helios_core.keyframe_acks import AckBook
 from helios_core.topics import LEASE, STOP
 from helios_core.types import FrameId
 

@@ -11,7 +11,7 @@ from helios_client.supervision.up import Screen, up
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError
 from helios_core.health import Health
-from helios_core.service import run_service
+from helios_core.service_process import run_service
 from helios_core.settings import ServiceSettings
 
 SLIPS = "detector"  # a service that is degraded

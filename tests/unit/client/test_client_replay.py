@@ -15,7 +15,7 @@ from helios_client.replaying.tally import PARTS, Tally
 from helios_client.supervision.board import Board
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput, Unavailable
-from helios_core.grids import decode_snapshot
+from helios_core.map_snapshot import decode_snapshot
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import MAP2D_ACK, OBJECTMAP_ACK, OBJECTS, PICTURE, ROBOT_STATE, SNAPSHOT
 

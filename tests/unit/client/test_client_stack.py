@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from helios_client.supervision.stack import Stack
-from helios_core.agent_settings import AGENT_SETTINGS
+from helios_core.agent_presets import AGENT_SETTINGS
 
 
 def flags_of(service: str, agent: str | None) -> dict[str, str]:

@@ -9,7 +9,7 @@ import zipfile
 import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
-from helios_core.npz import unpacked
+from helios_core.npz_reading import unpacked
 
 
 def packed(**arrays: np.ndarray) -> bytes:

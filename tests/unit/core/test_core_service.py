@@ -7,16 +7,16 @@ from collections.abc import Callable
 
 import pytest
 from helios_core import proto as pb
-from helios_core import service
+from helios_core import service_process
 from helios_core.bus import Bus
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.service import run_service, until_warm
+from helios_core.service_process import run_service, until_warm
 from helios_core.settings import ServiceSettings
 from helios_core.topics import status_topic
 
-Build = Callable[[Bus, Health], service.Closeable]
+Build = Callable[[Bus, Health], service_process.Closeable]
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Callable[[Build], tuple[int, list[tu
 
         viewer = MemoryBus(hub)
         viewer.subscribe(status_topic("sample"), heard)
-        monkeypatch.setattr(service, "_connect", lambda *_: MemoryBus(hub))
+        monkeypatch.setattr(service_process, "_connect", lambda *_: MemoryBus(hub))
         return run_service("sample", ServiceSettings.load([]), build), told
 
     return run
@@ -68,7 +68,7 @@ def test_a_service_that_is_stopped_says_so_last(
     run: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[threading.Event] = []
-    monkeypatch.setattr(service, "stop_on_signals", asked.append)
+    monkeypatch.setattr(service_process, "stop_on_signals", asked.append)
     status, told = run(lambda bus, health: Small(bus, health, asked[0]))
     assert status == 0
     assert ("ready", "well") in told
@@ -79,9 +79,9 @@ def test_a_service_that_is_stopped_says_so_last(
 def test_a_service_that_cannot_start_says_why_last(
     run: Callable, monkeypatch: pytest.MonkeyPatch, error: type[Exception], status: int
 ) -> None:
-    monkeypatch.setattr(service, "stop_on_signals", lambda _: None)
+    monkeypatch.setattr(service_process, "stop_on_signals", lambda _: None)
 
-    def build(bus: Bus, health: Health) -> service.Closeable:
+    def build(bus: Bus, health: Health) -> service_process.Closeable:
         raise error("no map at /nowhere; name another one")
 
     ended, told = run(build)
@@ -92,7 +92,7 @@ def test_a_service_that_cannot_start_says_why_last(
 def test_a_service_that_a_fault_ends_says_so_last_and_closes_its_bus(
     run: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(service, "stop_on_signals", lambda stopped: stopped.set())
+    monkeypatch.setattr(service_process, "stop_on_signals", lambda stopped: stopped.set())
     buses: list[Bus] = []
     told: list[pb.ServiceStatus] = []
 
@@ -100,7 +100,7 @@ def test_a_service_that_a_fault_ends_says_so_last_and_closes_its_bus(
         def close(self) -> None:
             raise OSError("the disk is full")
 
-    def build(bus: Bus, health: Health) -> service.Closeable:
+    def build(bus: Bus, health: Health) -> service_process.Closeable:
         buses.append(bus)
         bus.subscribe(status_topic("sample"), told.append)
         return Stubborn()
@@ -111,7 +111,7 @@ def test_a_service_that_a_fault_ends_says_so_last_and_closes_its_bus(
     with pytest.raises(Unavailable, match="closed"):
         buses[0].announce("sample", "1")
 
-    def broken(bus: Bus, health: Health) -> service.Closeable:
+    def broken(bus: Bus, health: Health) -> service_process.Closeable:
         bus.subscribe(status_topic("sample"), told.append)
         raise ZeroDivisionError("oops")
 

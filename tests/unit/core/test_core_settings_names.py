@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from helios_core.errors import InvalidInput
 from helios_core.settings import ServiceSettings, service_config
-from helios_core.settings_names import SERVICES
+from helios_core.settings_spelling import SERVICES
 from pydantic import Field
 
 from tests.support import settings_of

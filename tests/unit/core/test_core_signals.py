@@ -11,7 +11,7 @@ import pytest
 # The main thread holds the event's own lock for nearly all of the time.
 HOLDS_THE_LOCK = """
 import signal, sys, threading
-from helios_core.signals import on_signals
+from helios_core.signal_handling import on_signals
 stopped = threading.Event()
 on_signals([signal.SIGTERM], stopped.set)
 print("up", flush=True)
@@ -32,7 +32,7 @@ def hang(library):
 # The main thread waits in a library, which no signal ends.
 WAITS_IN_A_LIBRARY = f"""{HANGS}
 import os, signal, threading
-from helios_core.signals import on_signals
+from helios_core.signal_handling import on_signals
 on_signals([signal.SIGTERM], lambda: os._exit(0))
 threading.Timer(0.3, print, ["up"], {{"flush": True}}).start()
 hang(ctypes.CDLL(None))
@@ -41,7 +41,7 @@ hang(ctypes.CDLL(None))
 # A library hangs after the stop and lets no Python run: it holds the interpreter's own lock.
 HINDERS_ALL_PYTHON = f"""{HANGS}
 import signal, threading, time
-from helios_core.service import stop_on_signals
+from helios_core.service_process import stop_on_signals
 stopped = threading.Event()
 stop_on_signals(stopped)
 print("up", flush=True)

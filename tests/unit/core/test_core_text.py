@@ -5,7 +5,7 @@ from __future__ import annotations
 import unicodedata
 
 import pytest
-from helios_core.text import counted, printable
+from helios_core.printable_text import counted, printable
 from hypothesis import given
 from hypothesis import strategies as st
 

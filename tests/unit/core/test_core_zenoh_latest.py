@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 import zenoh
-from helios_core.zenoh_latest import PAUSES_S, REMEMBERED, Repeater, Unseen
+from helios_core.latest_value_sender import PAUSES_S, REMEMBERED, Repeater, Unseen
 from hypothesis import given
 from hypothesis import strategies as st
 

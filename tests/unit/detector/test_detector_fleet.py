@@ -17,7 +17,7 @@ from helios_core.codec import context_to_proto, frame_to_proto
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.naming import robot_names
+from helios_core.name_rules import robot_names
 from helios_core.topics import (
     CONTEXT,
     FRAME,

@@ -15,7 +15,7 @@ from helios_core.codec import (
     frame_to_proto,
     observation_from_proto,
 )
-from helios_core.embeddings import fit
+from helios_core.embedding_similarity import fit
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub

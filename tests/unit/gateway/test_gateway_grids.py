@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
-from helios_core.grids import FREE, OCCUPIED, UNKNOWN, decode_snapshot
+from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN, decode_snapshot
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -7,7 +7,7 @@ import base64
 import pytest
 from fastapi.testclient import TestClient
 from helios_core.errors import Unavailable
-from helios_core.naming import names
+from helios_core.name_rules import names
 
 from tests.gateway_backend import Backend
 from tests.gateway_home import picture_jpeg

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
-from helios_core.text import printable
+from helios_core.printable_text import printable
 from helios_gateway.models import TaskRequest
 from helios_gateway.problems import add_problems
 from hypothesis import given

@@ -15,7 +15,7 @@ from helios_core.codec import (
     observation_to_proto,
     state_to_proto,
 )
-from helios_core.embeddings import fit
+from helios_core.embedding_similarity import fit
 from helios_core.geometry import se2_to_se3
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
-from helios_core.grids import OCCUPIED, decode_snapshot
-from helios_core.map_mirror import MapMirror
+from helios_core.map_replica import MapMirror
+from helios_core.map_snapshot import OCCUPIED, decode_snapshot
 from helios_core.topics import MAP_CHANGES, RESET_MAP2D
 from helios_map2d.versions import tiles
 from map2d_house import House

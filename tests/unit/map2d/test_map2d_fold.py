@@ -8,7 +8,7 @@ import math
 import cv2
 import numpy as np
 from helios_core.geometry import Pinhole
-from helios_core.grids import OCCUPIED as TAKEN
+from helios_core.map_snapshot import OCCUPIED as TAKEN
 from helios_map2d.grid import GridSpec
 from helios_map2d.kernels import fuse as fuse_kernels
 from helios_map2d.kernels.fuse import HEIGHTS, MEMORY, SEEN_NOW

@@ -12,7 +12,7 @@ from helios_core import proto as pb
 from helios_core.codec import embedding_to_proto
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.geometry import lift_pixels
-from helios_core.grids import decode_snapshot
+from helios_core.map_snapshot import decode_snapshot
 from helios_core.topics import EMBED_TEXT, RECALL
 from helios_core.types import Detection, Embedding, FrameId, Observation
 from helios_map2d.layers.rules import MapRules

@@ -11,7 +11,7 @@ import pytest
 from helios_core import proto as pb
 from helios_core.codec import state_to_proto
 from helios_core.errors import InvalidInput, Unavailable
-from helios_core.grids import decode_snapshot
+from helios_core.map_snapshot import decode_snapshot
 from helios_core.topics import (
     KEYFRAME,
     PICTURE,

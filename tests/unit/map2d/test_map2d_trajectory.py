@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
-from helios_core.grids import decode_snapshot
+from helios_core.map_snapshot import decode_snapshot
 from helios_map2d.epochs import EpochMaps
 from helios_map2d.files.kept import decode_map, encode_map
 from helios_map2d.layers.rules import MapRules

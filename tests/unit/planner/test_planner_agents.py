@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 import pytest
-from helios_core.agent_settings import AGENT_NAMES, AgentName
+from helios_core.agent_presets import AGENT_NAMES, AgentName
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix
 from helios_core.robot import Observe, Pick

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from helios_core.agent_settings import AgentName
+from helios_core.agent_presets import AgentName
 from helios_core.types import ObjectInstance
 from helios_planner.ground.gaze import GazePoint
 from helios_planner.ground.grid import Pose2

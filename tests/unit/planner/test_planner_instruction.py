@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from helios_core.errors import InvalidInput
-from helios_core.naming import closest
+from helios_core.name_rules import closest
 from helios_planner.language.instruction import parse
 from hypothesis import given, settings
 from hypothesis import strategies as st

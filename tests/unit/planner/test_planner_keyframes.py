@@ -8,9 +8,9 @@ from unittest.mock import create_autospec
 
 import pytest
 from helios_core import proto as pb
-from helios_core.acks import AckBook
 from helios_core.codec import description_to_proto
 from helios_core.errors import Conflict
+from helios_core.keyframe_acks import AckBook
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Action, ActionResult, Observe, Turn
 from helios_core.topics import ACT, MAP2D_ACK, OBJECTMAP_ACK

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helios_core.agent_settings import AgentName
+from helios_core.agent_presets import AgentName
 from helios_planner.agents import AGENTS
 from helios_planner.decisions.decide import Do, FrontierOption
 from helios_planner.decisions.frontier_rules import kept

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from helios_core.recording import (
+from helios_core.recording_format import (
     ANNOTATIONS,
     CALIBRATION,
     CANDIDATES,

@@ -9,7 +9,7 @@ from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from helios_core import proto as pb
 from helios_core.codec import frame_from_proto
-from helios_core.recording import PROFILE, join_frame, split_frame
+from helios_core.recording_format import PROFILE, join_frame, split_frame
 from helios_core.topics import CONTEXT, DECISION, PREVIEW, TASK, TOPICS, status_topic
 from mcap.reader import make_reader
 from mcap.records import Channel, Schema

@@ -10,8 +10,8 @@ import pytest
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from helios_core import proto as pb
-from helios_core.grids import FREE, OCCUPIED, UNKNOWN, decode_snapshot
-from helios_core.recording import MAPS
+from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN, decode_snapshot
+from helios_core.recording_format import MAPS
 from helios_core.topics import CONTEXT, DECISION, PLAN
 from helios_recorder.map_entries import map_entries, object_entry
 from helios_recorder.plan_entries import candidate_entry, plan_entries

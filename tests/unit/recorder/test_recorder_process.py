@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import Unavailable
-from helios_core.grids import OCCUPIED
+from helios_core.map_snapshot import OCCUPIED
 from helios_core.topics import status_topic
 from helios_core.zenoh_bus import ZenohBus
 

@@ -14,7 +14,7 @@ from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.recording import KEYFRAME_CHANNELS
+from helios_core.recording_format import KEYFRAME_CHANNELS
 from helios_core.types import Role, SearchClass, SearchContext
 from helios_recorder.file import RecordingFile
 from helios_replay.answers import RecordedDetector

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
-from helios_core.grids import UNKNOWN, inflated
+from helios_core.map_snapshot import UNKNOWN, inflated
 
 MOST_TILE_CELLS = 1024
 

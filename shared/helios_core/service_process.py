@@ -25,7 +25,7 @@ from helios_core.bus import Bus
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.settings import ServiceSettings
-from helios_core.signals import on_signals
+from helios_core.signal_handling import on_signals
 from helios_core.topics import settings_method, status_topic
 
 log = logging.getLogger(__name__)
