@@ -17,8 +17,8 @@ from helios_bridge.settings import Settings
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import RobotDriver
-from helios_detector.backend import DetectorOptions
-from helios_detector.opening import open_detector, open_scorer
+from helios_detector.model_interfaces import DetectorOptions
+from helios_detector.model_loading import open_detector, open_scorer
 
 from helios_contract import chosen
 from helios_contract.bench import DetectorBench, ScorerBench

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_core.types import Detection, Frame
-from helios_detector.backend import Findings, Seen
-from helios_detector.contract import held_findings
+from helios_detector.model_interfaces import Findings, Seen
+from helios_detector.output_checks import held_findings
 
 from helios_contract.back_end import BackEndContract
 from helios_contract.bench import UNKNOWN, DetectorBench, odd, searching, views

@@ -10,9 +10,9 @@ from helios_core.bus import Bus
 from helios_core.health import Health
 from helios_core.service_process import Closeable, run_service
 
-from helios_detector.fleet import HOME, Fleet
-from helios_detector.hosted import Hosted
-from helios_detector.opening import check_plugins
+from helios_detector.detector_fleet import HOME, Fleet
+from helios_detector.model_loading import check_plugins
+from helios_detector.robot_detector import Hosted
 from helios_detector.settings import Settings
 
 

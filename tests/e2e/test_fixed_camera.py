@@ -16,7 +16,7 @@ from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Action, ActionResult, Capture
 from helios_core.topics import GET_TASK, SUBMIT, TASK
 from helios_core.types import RobotDescription
-from helios_detector.opening import open_scorer
+from helios_detector.model_loading import open_scorer
 from helios_detector.service import DetectorService
 from helios_examples.paint_detector import PaintDetector
 from helios_examples.room import look

@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal, Protocol
 
 from helios_core.types import ObjectInstance
-from helios_detector.vocabulary import normalised
+from helios_detector.vocabulary_matching import normalised
 
 from helios_eval.episodes.record import Belief
 

@@ -24,11 +24,11 @@ from helios_core.map_snapshot import MapView, decode_snapshot
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import GET_TASK, OBJECTS, PREVIEW, ROBOT_STATE, SNAPSHOT, SUBMIT, TASK
 from helios_core.types import ObjectInstance
-from helios_detector.backend import DetectorOptions
-from helios_detector.opening import open_detector, open_scorer
+from helios_detector.model_interfaces import DetectorOptions
+from helios_detector.model_loading import open_detector, open_scorer
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings as DetectorSettings
-from helios_detector.truth import Truth, TruthInstance
+from helios_detector.simulator_truth import Truth, TruthInstance
 from helios_map2d.service import Map2DService
 from helios_map2d.settings import Settings as Map2DSettings
 from helios_objectmap.service import ObjectMapService

@@ -9,7 +9,7 @@ from helios_core.agent_presets import AGENT_NAMES
 from helios_core.errors import InvalidInput
 from helios_core.name_rules import same_name
 from helios_core.plugins import AGENTS
-from helios_detector.simulation.noise import load_noise
+from helios_detector.simulation.frame_noise import load_noise
 
 from helios_eval.episodes.record import Benchmark, Noise, Semantics, Setting, key_of
 

@@ -15,8 +15,8 @@ import numpy as np
 from helios_core.geometry import Matrix, Pinhole
 from helios_core.robot import Action, ActionResult, Capture
 from helios_core.types import Frame, FrameId, Observation, Role, SearchClass, SearchContext
-from helios_detector.simulation.ground_truth import GroundTruthDetector
-from helios_detector.truth import Truth
+from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
+from helios_detector.simulator_truth import Truth
 from helios_objectmap.view import View, offset
 from helios_sim.home import Home
 from helios_sim.oracle import Oracle

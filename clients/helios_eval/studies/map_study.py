@@ -28,7 +28,7 @@ from helios_client.wrong_use import WrongUse
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError
 from helios_core.types import ObjectInstance, Role
-from helios_detector.vocabulary import normalised
+from helios_detector.vocabulary_matching import normalised
 from helios_objectmap.settings import ObjectMapSettings
 from helios_planner.decisions.standards import paper, patient
 from helios_planner.searching.object_search import is_on_any, place

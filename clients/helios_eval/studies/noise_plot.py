@@ -17,9 +17,9 @@ import matplotlib as mpl
 import numpy as np
 from helios_core.atomic_file import replacing
 from helios_core.errors import HeliosError, InvalidInput
-from helios_detector.simulation.noise import load_noise
+from helios_detector.simulation.frame_noise import load_noise
 from helios_detector.simulation.view_noise import SECTORS, Views, key_of, keys_of, latent
-from helios_detector.simulation.view_table import Kind, ViewTable
+from helios_detector.simulation.view_noise_table import Kind, ViewTable
 
 mpl.use("Agg")
 

@@ -33,8 +33,8 @@ from helios_client.wrong_use import WrongUse
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.types import Role, SearchContext
-from helios_detector.backend import DetectorOptions
-from helios_detector.opening import open_detector
+from helios_detector.model_interfaces import DetectorOptions
+from helios_detector.model_loading import open_detector
 from helios_objectmap.settings import ObjectMapSettings
 from helios_replay.dataset import read_dataset
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from helios_core.types import Frame, FrameId, Observation, SearchContext
-from helios_detector.backend import DetectorBackend
+from helios_detector.model_interfaces import DetectorBackend
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
 from helios_replay.dataset import Dataset, read_image

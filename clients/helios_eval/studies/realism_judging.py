@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from helios_core.types import Detection
-from helios_detector.vocabulary import accepts, neighbours, normalised
+from helios_detector.vocabulary_matching import accepts, neighbours, normalised
 
 from helios_eval.studies.realism_views import Thing, View, iou
 

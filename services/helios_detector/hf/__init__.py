@@ -8,7 +8,7 @@
     detector.py   the detection back end made of these
     scorer.py     image against prompts: BLIP-2 (ITC, ITM), CLIP, SigLIP
     depth.py      colour to depth: Depth Pro, Depth Anything
-    check.py      `python -m helios_detector.hf.check`: the same with downloaded weights
+    check.py      `python -m helios_detector.hf.model_check`: the same with downloaded weights
 
 Nothing here imports torch or transformers before a model is opened.
 """

@@ -9,15 +9,15 @@ from helios_core.geometry import Pinhole
 from helios_core.types import Detection, Frame, FrameId, Role, SearchClass, SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.backend import DetectorBackend, Findings, Seen
 from helios_detector.box_to_mask import Box, box_to_mask, clip_box
-from helios_detector.boxes import box_of, near_box, one_class_each
-from helios_detector.hf import sam3
-from helios_detector.hf.grounding import SETTING, Found, TextToBoxes
-from helios_detector.hf.phrases import Phrases, phrases_of
-from helios_detector.hf.runtime import HfModel, Placement, config_of, source_of
-from helios_detector.hf.sam import BoxesToMasks
-from helios_detector.vocabulary import Wanted
+from helios_detector.detection_filtering import box_of, near_box, one_class_each
+from helios_detector.hf import sam3_detection
+from helios_detector.hf.model_runtime import HfModel, Placement, config_of, source_of
+from helios_detector.hf.sam2_masks import BoxesToMasks
+from helios_detector.hf.text_prompts import Phrases, phrases_of
+from helios_detector.hf.zero_shot_detection import SETTING, Found, TextToBoxes
+from helios_detector.model_interfaces import DetectorBackend, Findings, Seen
+from helios_detector.vocabulary_matching import Wanted
 
 BY_DEPTH = "depth"
 
@@ -35,12 +35,12 @@ class HfDetector(DetectorBackend):
         """Raises Unavailable (library, folder, hub) or InvalidInput (a model of another kind)."""
         source = source_of(spec, SETTING)
         kind = config_of(source, SETTING).model_type
-        self._finder: TextToBoxes | sam3.TextToMasks
-        if kind in sam3.KINDS:
-            self._finder = sam3.TextToMasks(source, placement)
+        self._finder: TextToBoxes | sam3_detection.TextToMasks
+        if kind in sam3_detection.KINDS:
+            self._finder = sam3_detection.TextToMasks(source, placement)
         else:
             self._finder = TextToBoxes(source, kind, placement)
-        gives_masks = isinstance(self._finder, sam3.TextToMasks)
+        gives_masks = isinstance(self._finder, sam3_detection.TextToMasks)
         by_depth = gives_masks or masks == BY_DEPTH
         self._masker = None if by_depth else BoxesToMasks(masks, placement)
         self._landmarks = tuple(landmarks)

@@ -7,12 +7,12 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, DETECTOR_ACK, OBSERVATION, PREVIEW
 from helios_core.types import SearchContext
-from helios_detector.backend import DetectorBackend, Findings, ScorerBackend
-from helios_detector.coco import COCO_NAMES
-from helios_detector.scorer import LexicalScorer
+from helios_detector.coco_classes import COCO_NAMES
+from helios_detector.lexical_scorer import LexicalScorer
+from helios_detector.model_interfaces import DetectorBackend, Findings, ScorerBackend
 from helios_detector.service import DetectorService
-from helios_detector.simulation.ground_truth import GroundTruthDetector
-from helios_detector.vocabulary import fixed_wanted
+from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
+from helios_detector.vocabulary_matching import fixed_wanted
 
 CONTEXT_1 = SearchContext(
     "c1", context_of("mug", "dining table").classes, {"pick": "a mug", "place": "a bed"}

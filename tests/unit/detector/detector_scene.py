@@ -9,7 +9,7 @@ import numpy as np
 from helios_core.errors import Unavailable
 from helios_core.geometry import Matrix, Pinhole, camera_on_base, se2_to_se3
 from helios_core.types import Frame, FrameId, Role, SearchClass, SearchContext
-from helios_detector.truth import Truth, TruthInstance
+from helios_detector.simulator_truth import Truth, TruthInstance
 from numpy.typing import NDArray
 
 CAMERA = Pinhole(300.0, 300.0, 160.0, 120.0, 320, 240)

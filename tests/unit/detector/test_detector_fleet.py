@@ -28,13 +28,13 @@ from helios_core.topics import (
     status_topic,
 )
 from helios_core.zenoh_bus import ZenohBus
-from helios_detector.fleet import HOME, Desk, Fleet
-from helios_detector.models import Models
-from helios_detector.scorer import LexicalScorer
+from helios_detector.detector_fleet import HOME, Desk, Fleet
+from helios_detector.lexical_scorer import LexicalScorer
+from helios_detector.model_set import Models
+from helios_detector.model_usage import Workload
+from helios_detector.robot_assignment import Members
 from helios_detector.settings import Settings
-from helios_detector.share import Members
-from helios_detector.simulation.ground_truth import GroundTruthDetector
-from helios_detector.workload import Workload
+from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 
 from tests.support import free_port, wait_until
 

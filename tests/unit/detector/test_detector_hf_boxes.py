@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from helios_core.types import Role, SearchClass, SearchContext
-from helios_detector.boxes import one_class_each
-from helios_detector.hf.grounding import corners, joined, token_spans
-from helios_detector.hf.phrases import phrases_of
+from helios_detector.detection_filtering import one_class_each
+from helios_detector.hf.text_prompts import phrases_of
+from helios_detector.hf.zero_shot_detection import corners, joined, token_spans
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -6,7 +6,7 @@ import cv2
 import pytest
 import tiny_models
 from detector_scene import frame_of
-from helios_detector.hf.check import main
+from helios_detector.hf.model_check import main
 
 
 @pytest.fixture

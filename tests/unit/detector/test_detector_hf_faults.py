@@ -9,12 +9,12 @@ import httpx
 import pytest
 import tiny_models
 from helios_core.errors import Internal, InvalidInput, Unavailable
-from helios_detector.backend import DetectorOptions
-from helios_detector.hf import runtime
-from helios_detector.hf.faults import load_fault, run_fault
-from helios_detector.hf.runtime import HfModel, Placement, need_library, source_of
-from helios_detector.memory import weights_mb
-from helios_detector.opening import open_detector, open_scorer
+from helios_detector.hf import model_runtime
+from helios_detector.hf.model_errors import load_fault, run_fault
+from helios_detector.hf.model_runtime import HfModel, Placement, need_library, source_of
+from helios_detector.memory_usage import weights_mb
+from helios_detector.model_interfaces import DetectorOptions
+from helios_detector.model_loading import open_detector, open_scorer
 from huggingface_hub import errors as hub
 from safetensors.torch import load_file, save_file
 
@@ -208,7 +208,7 @@ def test_weights_are_weighed_as_they_will_be_loaded(owl: Path, tmp_path: Path):
 def test_weights_that_cannot_fit_are_refused_before_they_are_read(
     owl: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(runtime, "free_mb", lambda device: 0.001)
+    monkeypatch.setattr(model_runtime, "free_mb", lambda device: 0.001)
     with (
         pytest.raises(Unavailable, match=r"MB of weights and cpu has 0 MB free; stop what else"),
         opened(owl).use(),
@@ -261,6 +261,6 @@ def test_a_model_id_that_was_loaded_before_works_without_a_network(cache: Path):
 def test_the_weights_of_a_cached_id_are_weighed_too(cache: Path, monkeypatch: pytest.MonkeyPatch):
     assert weights_mb("someone/owl") > 0.01
     assert weights_mb("someone/other") == 0
-    monkeypatch.setattr(runtime, "free_mb", lambda device: 0.001)
+    monkeypatch.setattr(model_runtime, "free_mb", lambda device: 0.001)
     with pytest.raises(Unavailable, match="someone/owl has 0 MB of weights and cpu has 0 MB free"):
         open_detector("transformers:someone/owl", DetectorOptions(device="cpu")).warm_up()

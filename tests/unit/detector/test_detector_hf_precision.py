@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import tiny_models
 import torch
-from helios_detector.hf.runtime import HfModel, Placement, _device, _dtype
+from helios_detector.hf.model_runtime import HfModel, Placement, _device, _dtype
 
 
 def torch_with(cuda: bool, mps: bool = False, bf16: bool = True) -> Any:

@@ -15,15 +15,15 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, VOCABULARY
 from helios_core.types import Role, SearchClass, SearchContext
-from helios_detector import models as models_module
-from helios_detector.backend import DetectorBackend, DetectorOptions, Findings
-from helios_detector.hosted import Hosted
-from helios_detector.models import Models, landmarks_of, open_models
-from helios_detector.scorer import LexicalScorer, furniture_names
+from helios_detector import model_set as models_module
+from helios_detector.lexical_scorer import LexicalScorer, furniture_names
+from helios_detector.model_interfaces import DetectorBackend, DetectorOptions, Findings
+from helios_detector.model_set import Models, landmarks_of, open_models
+from helios_detector.robot_detector import Hosted
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings
-from helios_detector.simulation.ground_truth import GroundTruthDetector
-from helios_detector.vocabulary import fixed_wanted
+from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
+from helios_detector.vocabulary_matching import fixed_wanted
 
 from tests.support import wait_until
 
@@ -122,7 +122,7 @@ def test_models_are_unloaded_once_when_idle_and_never_while_they_work(
 ):
     truth, health, hub = SceneTruth(), Health(), MemoryHub()
     detector, clock = Counting(truth), [0.0]
-    monkeypatch.setattr("helios_detector.workload.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("helios_detector.model_usage.time.monotonic", lambda: clock[0])
     service = DetectorService(MemoryBus(hub), detector, LexicalScorer(), health)
     bus = MemoryBus(hub)
     bus.publish(CONTEXT, context_to_proto(context_of("mug")))
@@ -212,8 +212,8 @@ def test_settings_reach_the_models(owl: Path):
 
 
 def test_a_fixed_vocabulary_stands_in_by_similarity_where_that_is_switched_on():
-    from helios_detector.coco import COCO_NAMES
-    from helios_detector.similar import NearestName
+    from helios_detector.coco_classes import COCO_NAMES
+    from helios_detector.name_similarity import NearestName
 
     classes = (
         SearchClass("settee bench", Role.WATCH, 0.3),
@@ -259,7 +259,7 @@ def test_every_setting_of_a_model_reaches_it(monkeypatch: pytest.MonkeyPatch):
 def test_a_hosted_model_leaves_the_memory_when_idle_and_comes_back(
     owl: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("helios_detector.hosted.CHECK_S", 0.02)
+    monkeypatch.setattr("helios_detector.robot_detector.CHECK_S", 0.02)
     hub, health, seen = MemoryHub(), Health(), []
     bus = MemoryBus(hub)
     bus.subscribe(OBSERVATION, seen.append)

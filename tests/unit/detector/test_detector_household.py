@@ -6,8 +6,8 @@ import pytest
 from detector_scene import ROOM, SceneTruth
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
-from helios_detector.backend import DetectorOptions
-from helios_detector.opening import open_detector
+from helios_detector.model_interfaces import DetectorOptions
+from helios_detector.model_loading import open_detector
 from helios_planner.language.instruction import parse
 from helios_planner.tasks.context import in_vocabulary
 from helios_sim.episode import episode_of

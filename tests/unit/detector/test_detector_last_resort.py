@@ -11,16 +11,16 @@ from helios_core.errors import Unavailable
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, VOCABULARY, Method, status_topic
-from helios_detector import fleet as fleet_module
-from helios_detector import hosted as hosted_module
-from helios_detector.fleet import Desk, Fleet
-from helios_detector.hosted import Hosted
-from helios_detector.models import Models
-from helios_detector.scorer import LexicalScorer
+from helios_detector import detector_fleet as fleet_module
+from helios_detector import robot_detector as hosted_module
+from helios_detector.detector_fleet import Desk, Fleet
+from helios_detector.lexical_scorer import LexicalScorer
+from helios_detector.model_set import Models
+from helios_detector.model_usage import Workload
+from helios_detector.robot_assignment import Members
+from helios_detector.robot_detector import Hosted
 from helios_detector.settings import Settings
-from helios_detector.share import Members
-from helios_detector.simulation.ground_truth import GroundTruthDetector
-from helios_detector.workload import Workload
+from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 
 from tests.support import wait_until
 

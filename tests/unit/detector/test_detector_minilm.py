@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from detector_scene import frame_of
 from helios_core.errors import Unavailable
-from helios_detector import minilm
-from helios_detector.backend import Seen
-from helios_detector.minilm import MiniLmScorer, TextVectors
-from helios_detector.opening import open_scorer
-from helios_detector.scorer import FLOOR, PRIOR, furniture_names, load_affinity
+from helios_detector import minilm_scorer
+from helios_detector.lexical_scorer import FLOOR, PRIOR, furniture_names, load_affinity
+from helios_detector.minilm_scorer import MiniLmScorer, TextVectors
+from helios_detector.model_interfaces import Seen
+from helios_detector.model_loading import open_scorer
 
 PROMPT = "Seems like there is a {} ahead"
 
@@ -86,6 +86,6 @@ def test_texts_are_embedded_once_and_in_order(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(minilm, "PACKAGE", "no_such_package_here")
+    monkeypatch.setattr(minilm_scorer, "PACKAGE", "no_such_package_here")
     with pytest.raises(Unavailable, match=r"pip install 'helios-ovmm\[minilm\]'"):
         open_scorer("minilm")

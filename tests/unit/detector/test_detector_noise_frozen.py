@@ -8,9 +8,9 @@ import json
 
 import numpy as np
 from detector_scene import context_of, looking
-from helios_detector.simulation.noise import load_noise
-from helios_detector.simulation.view_simulated import ViewDetector
-from helios_detector.simulation.view_table import ViewTable
+from helios_detector.simulation.frame_noise import load_noise
+from helios_detector.simulation.view_noise_detector import ViewDetector
+from helios_detector.simulation.view_noise_table import ViewTable
 from test_detector_view_simulated import NamedTruth
 
 DIGESTS = {"ovmm-v1": "f9dc2c4a9c5c2cf0"}

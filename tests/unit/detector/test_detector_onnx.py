@@ -20,13 +20,13 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT
 from helios_core.types import Role, SearchClass, SearchContext
-from helios_detector.backend import DetectorBackend, DetectorOptions
 from helios_detector.box_to_mask import box_to_mask
-from helios_detector.coco import COCO_NAMES
-from helios_detector.opening import open_detector
-from helios_detector.scorer import LexicalScorer
+from helios_detector.coco_classes import COCO_NAMES
+from helios_detector.lexical_scorer import LexicalScorer
+from helios_detector.model_interfaces import DetectorBackend, DetectorOptions
+from helios_detector.model_loading import open_detector
 from helios_detector.service import DetectorService
-from helios_detector.yolox import YoloxDetector
+from helios_detector.yolox_detector import YoloxDetector
 
 pytest.importorskip("onnxruntime")
 SIZE = (240, 320)
@@ -93,7 +93,7 @@ def test_only_a_receptacle_keeps_its_surface(
         kept.append(keep_surface)
         return box_to_mask(depth_m, box, camera, T_world_cam, keep_surface=keep_surface)
 
-    monkeypatch.setattr("helios_detector.yolox.box_to_mask", noted)
+    monkeypatch.setattr("helios_detector.yolox_detector.box_to_mask", noted)
     model = tiny_onnx.yolox(tmp_path / "m.onnx", [(BOX, CHAIR, 0.8)], 80)
     opened(model).detect(frame_of(), SearchContext("c", (SearchClass("chair", role, 0.3),)))
     assert kept == [role is Role.GOAL_RECEPTACLE]

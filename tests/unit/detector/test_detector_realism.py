@@ -9,7 +9,7 @@ import pytest
 from helios_core.errors import Unavailable
 from helios_core.geometry import Pinhole, project
 from helios_core.types import Detection
-from helios_detector.coco import COCO_NAMES
+from helios_detector.coco_classes import COCO_NAMES
 from helios_eval.studies import realism
 from helios_eval.studies.realism import main
 from helios_eval.studies.realism_judging import Row, Sight, judged, names_for, rows_of, table

@@ -9,9 +9,9 @@ from helios_core.codec import context_to_proto, frame_to_proto, observation_from
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, FRAME, KEYFRAME, OBSERVATION, VOCABULARY
-from helios_detector.scorer import LexicalScorer
+from helios_detector.lexical_scorer import LexicalScorer
 from helios_detector.service import DetectorService
-from helios_detector.simulation.ground_truth import GroundTruthDetector
+from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 
 
 def test_every_keyframe_is_answered_with_its_frame_context_masks_and_scores():

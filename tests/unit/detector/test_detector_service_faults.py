@@ -12,8 +12,8 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import Unavailable
 from helios_core.topics import FRAME, KEYFRAME, OBSERVATION, PREVIEW, Topic
-from helios_detector.backend import Findings
-from helios_detector.simulation.ground_truth import GroundTruthDetector
+from helios_detector.model_interfaces import Findings
+from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 
 
 def test_a_fault_of_the_back_end_is_counted_and_said():
@@ -174,7 +174,7 @@ def test_models_that_cannot_be_unloaded_are_said_and_go_on_working(monkeypatch):
 
     monkeypatch.setattr(house.service._models.detector, "unload", stuck)
     clock = time.monotonic() + 60
-    monkeypatch.setattr("helios_detector.workload.time.monotonic", lambda: clock)
+    monkeypatch.setattr("helios_detector.model_usage.time.monotonic", lambda: clock)
     house.service.unload_if_idle(10.0)
     assert house.health.state[0] == "degraded"
     assert "the models cannot be unloaded: RuntimeError: device lost" in house.health.state[1]

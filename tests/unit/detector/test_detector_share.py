@@ -1,7 +1,7 @@
 """Several detectors share several robots: pure rules, against every order of what happens."""
 
 from helios_core import proto as pb
-from helios_detector.share import MOST_REMEMBERED, SETTLE_S, Ledger, Members, key_of
+from helios_detector.robot_assignment import MOST_REMEMBERED, SETTLE_S, Ledger, Members, key_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

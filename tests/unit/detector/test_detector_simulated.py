@@ -9,10 +9,16 @@ import pytest
 from detector_scene import BOWL, MUG, ROOM, SceneTruth, context_of, looking
 from helios_core.errors import InvalidInput
 from helios_core.types import Role, SearchClass, SearchContext
-from helios_detector.simulation.ground_truth import GroundTruthDetector
-from helios_detector.simulation.noise import Draws, NoiseTable, hashed, hashed_voxels, load_noise
-from helios_detector.simulation.simulated import SimulatedDetector
-from helios_detector.truth import truth_of
+from helios_detector.simulation.frame_noise import (
+    Draws,
+    NoiseTable,
+    hashed,
+    hashed_voxels,
+    load_noise,
+)
+from helios_detector.simulation.frame_noise_detector import SimulatedDetector
+from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
+from helios_detector.simulator_truth import truth_of
 
 _loaded = load_noise("demo-v1")
 assert isinstance(_loaded, NoiseTable)

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
-from helios_detector.scorer import household_names
-from helios_detector.simulation.ground_truth import Visible
-from helios_detector.simulation.noise import load_noise
+from helios_detector.lexical_scorer import household_names
+from helios_detector.simulation.frame_noise import load_noise
+from helios_detector.simulation.ground_truth_detector import Visible
 from helios_detector.simulation.view_noise import (
     Shares,
     Views,
@@ -19,10 +19,10 @@ from helios_detector.simulation.view_noise import (
     sectors_of,
     uniform,
 )
-from helios_detector.simulation.view_simulated import Verdict, verdicts
-from helios_detector.simulation.view_table import ViewTable, view_table
-from helios_detector.truth import TruthInstance
-from helios_detector.vocabulary import normalised
+from helios_detector.simulation.view_noise_detector import Verdict, verdicts
+from helios_detector.simulation.view_noise_table import ViewTable, view_table
+from helios_detector.simulator_truth import TruthInstance
+from helios_detector.vocabulary_matching import normalised
 from helios_sim.home.catalogs import CATALOGS
 from hypothesis import given, settings
 from hypothesis import strategies as st

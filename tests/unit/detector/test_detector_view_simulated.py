@@ -21,16 +21,16 @@ from detector_scene import (
     looking,
 )
 from helios_core.types import Detection, Frame, Role, SearchClass, SearchContext
-from helios_detector.backend import DetectorOptions, Findings, Seen
-from helios_detector.opening import open_detector
-from helios_detector.scorer import PRIOR, LexicalScorer
-from helios_detector.simulation.ground_truth import GroundTruthDetector, visible
-from helios_detector.simulation.noise import load_noise
-from helios_detector.simulation.view_masks import eroded, leaked, partial
-from helios_detector.simulation.view_simulated import ViewDetector
-from helios_detector.simulation.view_table import ViewTable
-from helios_detector.truth import Truth
-from helios_detector.vocabulary import normalised
+from helios_detector.lexical_scorer import PRIOR, LexicalScorer
+from helios_detector.model_interfaces import DetectorOptions, Findings, Seen
+from helios_detector.model_loading import open_detector
+from helios_detector.simulation.frame_noise import load_noise
+from helios_detector.simulation.ground_truth_detector import GroundTruthDetector, visible
+from helios_detector.simulation.mask_errors import eroded, leaked, partial
+from helios_detector.simulation.view_noise_detector import ViewDetector
+from helios_detector.simulation.view_noise_table import ViewTable
+from helios_detector.simulator_truth import Truth
+from helios_detector.vocabulary_matching import normalised
 from helios_sim.home.catalogs import CATALOGS
 
 _loaded = load_noise("ovmm-v1")

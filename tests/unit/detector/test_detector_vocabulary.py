@@ -4,8 +4,8 @@ import pytest
 from detector_scene import context_of
 from helios_core.errors import InvalidInput
 from helios_core.types import Role, SearchClass, SearchContext
-from helios_detector.coco import COCO_NAMES
-from helios_detector.vocabulary import (
+from helios_detector.coco_classes import COCO_NAMES
+from helios_detector.vocabulary_matching import (
     accepts,
     fixed_wanted,
     near_matches,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helios_core.errors import InvalidInput, Unavailable
-from helios_detector.yolox import YoloxDetector, decode, letter_box, suppressed
+from helios_detector.yolox_detector import YoloxDetector, decode, letter_box, suppressed
 
 SIZE = (64, 96)
 CELLS = [(stride, x, y) for stride in (8, 16, 32) for y in range(64 // stride)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from helios_detector.hf.runtime import need_library
+from helios_detector.hf.model_runtime import need_library
 
 hf = need_library()
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from helios_detector.yolox import STRIDES_PX
+from helios_detector.yolox_detector import STRIDES_PX
 from numpy.typing import NDArray
 
 FLOAT = 1  # TensorProto.DataType

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from helios_client.wrong_use import WrongUse
 from helios_core.types import Detection, Frame, Role, SearchContext
-from helios_detector.backend import DetectorBackend, Findings
+from helios_detector.model_interfaces import DetectorBackend, Findings
 from helios_eval.studies import real_frames
 from helios_eval.studies.real_frames import arms_of, context_of, figures, place, table
 from helios_eval.studies.real_frames_courses import Course, Seen, courses, frames_of

@@ -6,7 +6,7 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
-from helios_detector.hf.runtime import HfModel, Placement, config_of, picture, source_of
+from helios_detector.hf.model_runtime import HfModel, Placement, config_of, picture, source_of
 
 KINDS = ("sam2", "sam2_video", "sam3_tracker", "edgetam", "sam", "sam_hq")
 SETTING = "masks"

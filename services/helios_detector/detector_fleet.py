@@ -19,13 +19,13 @@ from helios_core.name_rules import robot_names
 from helios_core.service_process import publish_status
 from helios_core.topics import CLAIM, CONTEXT, FRAME, KEYFRAME
 
-from helios_detector.last_resort import ended_well
-from helios_detector.methods import NotYet
-from helios_detector.models import Models, load_models
+from helios_detector.exception_guard import ended_well
+from helios_detector.model_set import Models, load_models
+from helios_detector.model_usage import Workload
+from helios_detector.query_methods import NotYet
+from helios_detector.robot_assignment import MOST_HELD, Ledger, Members
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings
-from helios_detector.share import MOST_HELD, Ledger, Members
-from helios_detector.workload import Workload
 
 log = logging.getLogger(__name__)
 

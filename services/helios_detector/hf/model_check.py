@@ -1,6 +1,6 @@
 """Checks models on one image, with whatever weights they name, end to end.
 
-    python -m helios_detector.hf.check --detector transformers:IDEA-Research/grounding-dino-tiny \
+    python -m helios_detector.hf.model_check --detector transformers:IDEA-Research/grounding-dino-tiny \
         --masks transformers:facebook/sam2.1-hiera-small --classes "mug,table=0.35" --image room.jpg
 
 Prints what was found, how long a frame takes and how much memory, and writes the picture with boxes
@@ -25,9 +25,9 @@ from helios_core.geometry import Pinhole, camera_on_base
 from helios_core.types import Frame, FrameId, Role, SearchClass, SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.backend import DetectorOptions, Findings, Seen
-from helios_detector.memory import resident_mb
-from helios_detector.opening import open_depth, open_detector, open_scorer
+from helios_detector.memory_usage import resident_mb
+from helios_detector.model_interfaces import DetectorOptions, Findings, Seen
+from helios_detector.model_loading import open_depth, open_detector, open_scorer
 
 T = TypeVar("T")
 CAMERA_M = 1.3  # height of the camera, which looks level along world x
@@ -157,7 +157,7 @@ def _classes(text: str) -> tuple[SearchClass, ...]:
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_detector.hf.check",
+        prog="python -m helios_detector.hf.model_check",
         description="Check models on one image, with downloaded weights or those of a folder.",
     )
     parser.add_argument("--image", type=Path, required=True)

@@ -19,7 +19,7 @@ from importlib import resources
 from helios_core.errors import InvalidInput
 from helios_core.types import SearchClass, SearchContext
 
-from helios_detector.coco import COCO_NAMES
+from helios_detector.coco_classes import COCO_NAMES
 
 
 @dataclass(frozen=True)

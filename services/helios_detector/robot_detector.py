@@ -7,12 +7,12 @@ import threading
 from helios_core.bus import Bus
 from helios_core.health import Health
 
-from helios_detector.last_resort import ended_well
-from helios_detector.methods import NotYet
-from helios_detector.models import load_models
+from helios_detector.exception_guard import ended_well
+from helios_detector.model_set import load_models
+from helios_detector.query_methods import NotYet
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings
-from helios_detector.truth import BusTruth
+from helios_detector.simulator_truth import BusTruth
 
 CHECK_S = 1.0  # between looks at what waits and at idle models
 

@@ -14,7 +14,7 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
-from helios_detector.hf.runtime import HfModel, Placement, picture
+from helios_detector.hf.model_runtime import HfModel, Placement, picture
 
 MAX_PHRASES = 64  # in one pass
 SETTING = "detector"

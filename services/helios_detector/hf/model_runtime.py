@@ -13,8 +13,8 @@ from typing import Any
 from helios_core.errors import InvalidInput, Unavailable
 from numpy.typing import NDArray
 
-from helios_detector.hf.faults import EXTRA, check_whole, load_fault, out_of_memory, run_fault
-from helios_detector.memory import accelerator_mb, free_mb, weights_mb
+from helios_detector.hf.model_errors import EXTRA, check_whole, load_fault, out_of_memory, run_fault
+from helios_detector.memory_usage import accelerator_mb, free_mb, weights_mb
 
 PRECISIONS = ("auto", "float32", "float16", "bfloat16")
 SCHEME = "transformers:"

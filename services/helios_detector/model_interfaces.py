@@ -11,7 +11,7 @@ from helios_core.errors import InvalidInput
 from helios_core.types import Detection, Embedding, Frame, SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.truth import TruthSource
+from helios_detector.simulator_truth import TruthSource
 
 SEEN_SCORE = 0.3  # from which a class that was not asked for counts as seen
 

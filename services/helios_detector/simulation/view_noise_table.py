@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from helios_detector.simulation.view_noise import SECTORS, Shares, sectors_of
-from helios_detector.vocabulary import equals, normalised
+from helios_detector.vocabulary_matching import equals, normalised
 
 
 def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:

@@ -19,7 +19,7 @@ from typing import TypeVar
 from helios_core.errors import InvalidInput
 from helios_core.plugins import DETECTORS, SCORERS, Kind, find, load_factory, make
 
-from helios_detector.backend import (
+from helios_detector.model_interfaces import (
     DepthBackend,
     DetectorBackend,
     DetectorOptions,
@@ -36,10 +36,10 @@ def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
     """The back end that a setting names. Raises InvalidInput (wrong setting) or Unavailable."""
     kind, _, argument = spec.partition(":")
     if kind in ("simulated", "ground-truth") and not argument:
-        from helios_detector.simulation.ground_truth import GroundTruthDetector
-        from helios_detector.simulation.noise import NoiseTable, load_noise
-        from helios_detector.simulation.simulated import SimulatedDetector
-        from helios_detector.simulation.view_simulated import ViewDetector
+        from helios_detector.simulation.frame_noise import NoiseTable, load_noise
+        from helios_detector.simulation.frame_noise_detector import SimulatedDetector
+        from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
+        from helios_detector.simulation.view_noise_detector import ViewDetector
 
         if options.truth is None:
             raise InvalidInput(f"detector {spec!r} needs the simulator's truth; none was given")
@@ -50,12 +50,12 @@ def open_detector(spec: str, options: DetectorOptions) -> DetectorBackend:
             return SimulatedDetector(options.truth, table, options.noise_seed)
         return ViewDetector(options.truth, table, options.noise_seed)
     if kind == "onnx" and argument:
-        from helios_detector.yolox import YoloxDetector
+        from helios_detector.yolox_detector import YoloxDetector
 
         return YoloxDetector(Path(argument), options.threads, options.by_similarity)
     if kind == "transformers" and argument:
         from helios_detector.hf.detector import HfDetector
-        from helios_detector.hf.runtime import Placement
+        from helios_detector.hf.model_runtime import Placement
 
         placement = Placement(options.device, options.precision, options.threads)
         return HfDetector(spec, placement, options.masks, options.landmarks)
@@ -82,15 +82,15 @@ def open_scorer(spec: str, options: DetectorOptions | None = None) -> ScorerBack
     options = options or DetectorOptions()
     kind, _, argument = spec.partition(":")
     if spec == "lexical":
-        from helios_detector.scorer import LexicalScorer
+        from helios_detector.lexical_scorer import LexicalScorer
 
         return LexicalScorer()
     if spec == "minilm":
-        from helios_detector.minilm import MiniLmScorer
+        from helios_detector.minilm_scorer import MiniLmScorer
 
         return MiniLmScorer(options.threads)
     if kind == "transformers" and argument:
-        from helios_detector.hf.runtime import Placement
+        from helios_detector.hf.model_runtime import Placement
         from helios_detector.hf.scorer import HfScorer
 
         placement = Placement(options.device, options.precision, options.threads)
@@ -106,7 +106,7 @@ def open_depth(spec: str, options: DetectorOptions, focal: str) -> DepthBackend 
         return None
     if spec.startswith("transformers:"):
         from helios_detector.hf.depth import HfDepth
-        from helios_detector.hf.runtime import Placement
+        from helios_detector.hf.model_runtime import Placement
 
         return HfDepth(spec, Placement(options.device, options.precision, options.threads), focal)
     raise InvalidInput(f"there is no depth model {spec!r}; set none or transformers:ID")

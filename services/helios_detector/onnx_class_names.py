@@ -8,8 +8,8 @@ from pathlib import Path
 
 from helios_core.errors import InvalidInput
 
-from helios_detector.coco import COCO_NAMES
-from helios_detector.vocabulary import normalised
+from helios_detector.coco_classes import COCO_NAMES
+from helios_detector.vocabulary_matching import normalised
 
 KEY = "names"  # under which exporters write them: {0: 'person', 1: 'bicycle', …} or a list
 

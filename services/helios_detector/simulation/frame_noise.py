@@ -21,8 +21,8 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
-from helios_detector.simulation.view_table import ViewTable, view_table
-from helios_detector.vocabulary import normalised
+from helios_detector.simulation.view_noise_table import ViewTable, view_table
+from helios_detector.vocabulary_matching import normalised
 
 _STANDARD = NormalDist()
 

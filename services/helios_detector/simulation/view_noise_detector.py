@@ -13,15 +13,15 @@ import numpy as np
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.backend import DetectorBackend, Findings, Seen
-from helios_detector.scorer import household_names
-from helios_detector.simulation.ground_truth import Visible, detection, visible
-from helios_detector.simulation.view_ghosts import ghosts
-from helios_detector.simulation.view_masks import Masked, eroded, leaked, partial
+from helios_detector.lexical_scorer import household_names
+from helios_detector.model_interfaces import DetectorBackend, Findings, Seen
+from helios_detector.simulation.false_positives import ghosts
+from helios_detector.simulation.ground_truth_detector import Visible, detection, visible
+from helios_detector.simulation.mask_errors import Masked, eroded, leaked, partial
 from helios_detector.simulation.view_noise import Views, key_of, keys_of, latent, uniform
-from helios_detector.simulation.view_table import ViewTable
-from helios_detector.truth import Truth, TruthInstance, TruthSource, truth_of
-from helios_detector.vocabulary import Wanted, normalised, open_wanted
+from helios_detector.simulation.view_noise_table import ViewTable
+from helios_detector.simulator_truth import Truth, TruthInstance, TruthSource, truth_of
+from helios_detector.vocabulary_matching import Wanted, normalised, open_wanted
 
 PURPOSES: tuple[str, ...] = (
     "miss", "confuse", "confuse as", "score", "twice", "twice score", "mask", "cut", "keep",

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_detector.hf.grounding import SETTING, Found
-from helios_detector.hf.runtime import HfModel, Placement, picture
+from helios_detector.hf.model_runtime import HfModel, Placement, picture
+from helios_detector.hf.zero_shot_detection import SETTING, Found
 
 KINDS = ("sam3", "sam3_video")
 PHRASES_AT_ONCE = 8  # the detection part holds queries and masks of each

@@ -10,13 +10,13 @@ from helios_core.geometry import Pinhole, lift_pixels
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.backend import SEEN_SCORE, DetectorBackend, Findings, Seen
-from helios_detector.scorer import household_names
-from helios_detector.simulation.ground_truth import Visible, detection, visible
-from helios_detector.simulation.noise import Draws, NoiseTable, hashed_voxels
-from helios_detector.simulation.view_masks import eroded, trimmed
-from helios_detector.truth import TruthSource, truth_of
-from helios_detector.vocabulary import Wanted, normalised, open_wanted
+from helios_detector.lexical_scorer import household_names
+from helios_detector.model_interfaces import SEEN_SCORE, DetectorBackend, Findings, Seen
+from helios_detector.simulation.frame_noise import Draws, NoiseTable, hashed_voxels
+from helios_detector.simulation.ground_truth_detector import Visible, detection, visible
+from helios_detector.simulation.mask_errors import eroded, trimmed
+from helios_detector.simulator_truth import TruthSource, truth_of
+from helios_detector.vocabulary_matching import Wanted, normalised, open_wanted
 
 VOXEL_M = 0.15  # in which a false positive keeps its place
 SUBSAMPLE_PX = 4

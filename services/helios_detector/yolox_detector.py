@@ -12,16 +12,16 @@ from helios_core.errors import InvalidInput, Unavailable
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.backend import SEEN_SCORE, DetectorBackend, Findings, Seen
 from helios_detector.box_to_mask import box_to_mask, clip_box
-from helios_detector.boxes import suppressed
-from helios_detector.onnx_names import class_names
-from helios_detector.vocabulary import fixed_wanted, refuse_unknown
+from helios_detector.detection_filtering import suppressed
+from helios_detector.model_interfaces import SEEN_SCORE, DetectorBackend, Findings, Seen
+from helios_detector.onnx_class_names import class_names
+from helios_detector.vocabulary_matching import fixed_wanted, refuse_unknown
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
 
-    from helios_detector.similar import NearestName
+    from helios_detector.name_similarity import NearestName
 
 STRIDES_PX = (8, 16, 32)
 PAD_GREY = 114
@@ -129,7 +129,7 @@ class YoloxDetector(DetectorBackend):
         self.name = f"onnx:{path.name}"
         self._similar: NearestName | None = None
         if by_similarity:
-            from helios_detector.similar import NearestName
+            from helios_detector.name_similarity import NearestName
 
             self._similar = NearestName(self._names, threads)
 

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_detector.minilm import TextVectors
-from helios_detector.vocabulary import normalised
+from helios_detector.minilm_scorer import TextVectors
+from helios_detector.vocabulary_matching import normalised
 
 ALIKE = 0.55  # cosine from which one name may stand in for another
 AS = "a {}"

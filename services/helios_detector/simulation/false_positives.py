@@ -18,11 +18,11 @@ from helios_core.geometry import Pinhole, lift_pixels
 from helios_core.types import Frame
 from numpy.typing import NDArray
 
-from helios_detector.simulation.view_masks import Box, Masked, trimmed
+from helios_detector.simulation.mask_errors import Box, Masked, trimmed
 from helios_detector.simulation.view_noise import Views, keys_of, latent, mixed, uniform
-from helios_detector.simulation.view_table import ViewTable
-from helios_detector.truth import Truth, TruthInstance
-from helios_detector.vocabulary import Wanted, normalised
+from helios_detector.simulation.view_noise_table import ViewTable
+from helios_detector.simulator_truth import Truth, TruthInstance
+from helios_detector.vocabulary_matching import Wanted, normalised
 
 STRIDE_PX = 8  # at which surfaces are sampled
 MOST_RIM_PX = 24  # of the picture, in which nothing false is shown
