@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from helios_bridge.drivers import load_driver
+from helios_bridge.driver_loading import load_driver
 from helios_bridge.settings import Settings
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.memory_bus import MemoryBus, MemoryHub

@@ -12,8 +12,8 @@ from helios_core.errors import HeliosError, Unavailable
 from helios_core.health import Health
 from helios_core.service_process import run_service
 
-from helios_bridge.crew import Crew
-from helios_bridge.drivers import load_driver
+from helios_bridge.driver_executor import Crew
+from helios_bridge.driver_loading import load_driver
 from helios_bridge.service import END_WITHIN_S, BridgeService
 from helios_bridge.settings import Settings
 

@@ -44,16 +44,16 @@ from helios_core.topics import (
 )
 from helios_core.types import FrameId, RobotState
 
-from helios_bridge.acks import BY_DETECTOR, part_of
-from helios_bridge.actions import ActionLog
-from helios_bridge.crew import Crew
-from helios_bridge.guard import DriverFault, GuardedDriver
+from helios_bridge.action_log import ActionLog
+from helios_bridge.bridge_health import Wellbeing
+from helios_bridge.driver_executor import Crew
+from helios_bridge.driver_guard import DriverFault, GuardedDriver
+from helios_bridge.frame_publisher import Lookout
+from helios_bridge.keyframe_acks import BY_DETECTOR, part_of
 from helios_bridge.lease import Lease
-from helios_bridge.lookout import Lookout
-from helios_bridge.play import Player
-from helios_bridge.push import PushDesk, PushDriver, refuse_push
+from helios_bridge.pushed_frames import PushDesk, PushDriver, refuse_push
+from helios_bridge.recording_player import Player
 from helios_bridge.settings import Settings
-from helios_bridge.wellbeing import Wellbeing
 
 log = logging.getLogger(__name__)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from helios_bridge.push import PushDriver
+from helios_bridge.pushed_frames import PushDriver
 from helios_bridge.service import BridgeService
 from helios_bridge.settings import Settings
 from helios_core import proto as pb

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from helios_bridge.acks import PARTS
-from helios_bridge.crew import Crew
+from helios_bridge.driver_executor import Crew
+from helios_bridge.keyframe_acks import PARTS
 from helios_core import proto as pb
 from helios_core.errors import Conflict, DeadlineExceeded, Unavailable
 from helios_core.keyframe_acks import AckBook
@@ -179,7 +179,7 @@ def test_the_process_ends_although_the_driver_hangs(tmp_path: Path) -> None:
 def test_a_keyframe_that_waits_for_a_map_says_so_and_ending_is_no_fault_of_the_map(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("helios_bridge.lookout.SAY_WAITING_S", 0.05)
+    monkeypatch.setattr("helios_bridge.frame_publisher.SAY_WAITING_S", 0.05)
     stage = Stage(LineRobot(frames=3), contexts=True, lockstep=True, ack_timeout_s=60.0)
     stage.bridge.start()
     for service in ("detector", "objectmap", "map2d"):

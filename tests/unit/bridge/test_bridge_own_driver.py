@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helios_bridge.drivers import load_driver
+from helios_bridge.driver_loading import load_driver
 from helios_bridge.service import BridgeService
 from helios_bridge.settings import Settings
 from helios_core.errors import InvalidInput

@@ -6,7 +6,7 @@ import threading
 
 import numpy as np
 import pytest
-from helios_bridge.push import LONGEST_WAIT_S, PushDriver, capture_of
+from helios_bridge.pushed_frames import LONGEST_WAIT_S, PushDriver, capture_of
 from helios_core import proto as pb
 from helios_core.codec import frame_from_proto
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
@@ -174,7 +174,7 @@ def test_frames_that_come_together_are_taken_one_after_the_other() -> None:
 
 
 def test_a_frame_that_has_to_wait_too_long_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("helios_bridge.push.LONGEST_TURN_S", 0.05)
+    monkeypatch.setattr("helios_bridge.pushed_frames.LONGEST_TURN_S", 0.05)
     house = House()
     begun, go_on = threading.Event(), threading.Event()
 

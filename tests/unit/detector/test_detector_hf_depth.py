@@ -9,7 +9,7 @@ import tiny_models
 import torch
 from detector_scene import CAMERA, SceneTruth, frame_of
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
-from helios_bridge.depth import with_estimated_depth
+from helios_bridge.depth_estimation import with_estimated_depth
 from helios_core import proto as pb
 from helios_core.codec import frame_from_proto, frame_to_proto
 from helios_core.errors import HeliosError, InvalidInput, Unavailable

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from helios_bridge.drivers import load_driver
+from helios_bridge.driver_loading import load_driver
 from helios_bridge.settings import Settings as BridgeSettings
 from helios_core.errors import InvalidInput
 from helios_core.memory_bus import MemoryBus, MemoryHub

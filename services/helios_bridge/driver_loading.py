@@ -16,7 +16,7 @@ NAMED = {
     "sim": "helios_sim.driver:SimDriver",
     "replay": "helios_replay.driver:ReplayDriver",
     "spot": "helios_spot.driver:SpotDriver",
-    "push": "helios_bridge.push:PushDriver",
+    "push": "helios_bridge.pushed_frames:PushDriver",
     "bus": "helios_sim.driver:SimDriver",  # whoever serves `world/…`, in whatever language
 }
 OFFERED = (

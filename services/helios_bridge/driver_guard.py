@@ -16,7 +16,7 @@ from helios_core.errors import HeliosError, Internal
 from helios_core.robot import Action, ActionResult, Capture, EndOfRecording, RobotDriver
 from helios_core.types import RobotDescription, RobotState
 
-from helios_bridge.wellbeing import Wellbeing
+from helios_bridge.bridge_health import Wellbeing
 
 log = logging.getLogger(__name__)
 

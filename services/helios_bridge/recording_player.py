@@ -16,8 +16,8 @@ from helios_core.errors import HeliosError, InvalidInput
 from helios_core.robot import EndOfRecording, Observe, RobotDriver
 from helios_core.topics import ANY_STATUS, CONTEXT
 
-from helios_bridge.lookout import Lookout
-from helios_bridge.wellbeing import Wellbeing
+from helios_bridge.bridge_health import Wellbeing
+from helios_bridge.frame_publisher import Lookout
 
 log = logging.getLogger(__name__)
 

@@ -19,11 +19,11 @@ from helios_core.robot import Capture, EndOfRecording, RobotDriver
 from helios_core.topics import FRAME, KEYFRAME
 from helios_core.types import Frame, FrameId, RobotState
 
-from helios_bridge.acks import OCCUPANCY, PARTS
-from helios_bridge.depth import with_estimated_depth
-from helios_bridge.plausible import check_poses
+from helios_bridge.bridge_health import Wellbeing
+from helios_bridge.depth_estimation import with_estimated_depth
+from helios_bridge.keyframe_acks import OCCUPANCY, PARTS
+from helios_bridge.pose_checks import check_poses
 from helios_bridge.settings import Settings
-from helios_bridge.wellbeing import Wellbeing
 
 SAY_WAITING_S = 3.0  # a keyframe that waits longer for the maps says so
 

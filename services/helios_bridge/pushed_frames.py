@@ -21,9 +21,9 @@ from helios_core.robot import Action, ActionResult, Capture, Observe, RobotDrive
 from helios_core.topics import CONTEXT
 from helios_core.types import RobotDescription, RobotState, Role, SearchClass, SearchContext
 
-from helios_bridge.acks import OCCUPANCY, PARTS
-from helios_bridge.lookout import Lookout
-from helios_bridge.plausible import check_poses
+from helios_bridge.frame_publisher import Lookout
+from helios_bridge.keyframe_acks import OCCUPANCY, PARTS
+from helios_bridge.pose_checks import check_poses
 
 LONGEST_WAIT_S = 60.0
 LONGEST_TURN_S = 10.0  # that a frame waits for those before it
