@@ -15,11 +15,11 @@ from helios_core.bus import Bus
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.health import Health
 
-from helios_gateway.app import create_app
-from helios_gateway.fleet import Fleet, Served
-from helios_gateway.keys import Keys
-from helios_gateway.live import Live
+from helios_gateway.api_keys import Keys
+from helios_gateway.bus_listener import Live
+from helios_gateway.robot_registry import Fleet, Served
 from helios_gateway.settings import Settings
+from helios_gateway.web_app import create_app
 
 log = logging.getLogger(__name__)
 

@@ -16,12 +16,12 @@ from helios_core.errors import HeliosError, InvalidInput
 from helios_core.topics import GET_TASK
 from starlette.requests import HTTPConnection
 
-from helios_gateway import convert
-from helios_gateway.access import check, secured
-from helios_gateway.events import Event, Wanted, as_sse
-from helios_gateway.fleet import At, Served
-from helios_gateway.keys import Scope
-from helios_gateway.problems import Forbidden, NotFound, Unauthorized, problem_of, problems
+from helios_gateway import message_conversion
+from helios_gateway.api_keys import Scope
+from helios_gateway.authorization import check, secured
+from helios_gateway.error_responses import Forbidden, NotFound, Unauthorized, problem_of, problems
+from helios_gateway.event_hub import Event, Wanted, as_sse
+from helios_gateway.robot_registry import At, Served
 from helios_gateway.settings import Settings
 
 TYPES = ("task", "decision", "plan", "robot", "map", "service", "ready")
@@ -131,7 +131,7 @@ def _task_event(at: Served, task_id: str, timeout_s: float) -> Event:
         task = at.bus.call(GET_TASK, pb.TaskRequest(id=task_id), timeout_s)
     except InvalidInput as error:
         raise NotFound(error.message) from error
-    model = convert.task(task)
+    model = message_conversion.task(task)
     return Event("", 0, "task", model.model_dump_json(), task_id=task_id, ends_task=model.ended)
 
 

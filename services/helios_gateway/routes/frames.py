@@ -15,14 +15,14 @@ from helios_core.errors import HeliosError, InvalidInput
 from helios_core.topics import PUSH
 from starlette.responses import JSONResponse
 
-from helios_gateway.access import check, secured
-from helios_gateway.fleet import At, Served
-from helios_gateway.frames import FrameTaken, push_request, read_meta, taken
-from helios_gateway.keys import Scope
-from helios_gateway.limits import MOST_LARGE
-from helios_gateway.places import Places
-from helios_gateway.problems import Forbidden, Unauthorized, problem, problem_of, problems
+from helios_gateway.api_keys import Scope
+from helios_gateway.authorization import check, secured
+from helios_gateway.connection_slots import Places
+from helios_gateway.error_responses import Forbidden, Unauthorized, problem, problem_of, problems
+from helios_gateway.request_limits import MOST_LARGE
+from helios_gateway.robot_registry import At, Served
 from helios_gateway.settings import Settings
+from helios_gateway.uploaded_frames import FrameTaken, push_request, read_meta, taken
 
 MOST_SENDERS = 8  # sockets open at the same time
 TURN_S = 12.0  # that the bridge may need for the frames before this one

@@ -10,12 +10,12 @@ from helios_core import proto as pb
 from helios_core.errors import Internal, Unavailable
 from helios_core.topics import settings_method
 
-from helios_gateway import models
-from helios_gateway.access import secured
-from helios_gateway.fleet import At, Fleet
-from helios_gateway.keys import Scope
-from helios_gateway.metrics import Metrics
-from helios_gateway.problems import NotFound, problems
+from helios_gateway import api_models
+from helios_gateway.api_keys import Scope
+from helios_gateway.authorization import secured
+from helios_gateway.error_responses import NotFound, problems
+from helios_gateway.prometheus_metrics import Metrics
+from helios_gateway.robot_registry import At, Fleet
 from helios_gateway.settings import Settings
 
 ROUTER = "router"
@@ -29,23 +29,23 @@ def health_routes(metrics: Metrics) -> APIRouter:
     routes = APIRouter(tags=["health"])
 
     @routes.get("/healthz", summary="Is the gateway itself well?", responses=problems())
-    async def healthz() -> models.Healthy:
-        return models.Healthy()
+    async def healthz() -> api_models.Healthy:
+        return api_models.Healthy()
 
     @routes.get(
         "/readyz",
         summary="Would a task start now?",
         responses=problems()
-        | {503: {"model": models.Readiness, "description": "no, for these reasons"}},
+        | {503: {"model": api_models.Readiness, "description": "no, for these reasons"}},
     )
-    async def readyz(request: Request, response: Response) -> models.Readiness:
+    async def readyz(request: Request, response: Response) -> api_models.Readiness:
         """A stopped robot is a reason, too."""
         fleet: Fleet = request.app.state.fleet
         reasons = fleet.reasons()
         stopped = any(served.live.stopped for served in fleet.robots.values())
         response.status_code = 503 if reasons else 200
         said = [s.live.stop_reason for s in fleet.robots.values() if s.live.stop_reason]
-        return models.Readiness(
+        return api_models.Readiness(
             ready=not reasons, stopped=stopped, stop_reason="; ".join(said), reasons=reasons
         )
 
@@ -68,7 +68,7 @@ def service_routes(prefix: str, settings: Settings) -> APIRouter:
     routes = APIRouter(prefix=prefix, tags=["health"], responses=problems())
 
     @routes.get("/status", summary="Every service", dependencies=secured(Scope.READ))
-    async def status(at: At) -> models.Status:
+    async def status(at: At) -> api_models.Status:
         return at.live.status()
 
     @routes.get(
@@ -77,7 +77,7 @@ def service_routes(prefix: str, settings: Settings) -> APIRouter:
         responses=problems(404),
         dependencies=secured(Scope.ADMIN),
     )
-    def service_settings(at: At, name: ServiceName) -> models.ServiceSettings:
+    def service_settings(at: At, name: ServiceName) -> api_models.ServiceSettings:
         """What it was started with, each with its default and what it means."""
         known = [service.name for service in at.live.status().services]
         if name not in known:
@@ -94,7 +94,7 @@ def service_routes(prefix: str, settings: Settings) -> APIRouter:
             values = json.loads(reply.json)
         except ValueError as error:
             raise Internal(f"{name} told settings that are no JSON") from error
-        return models.ServiceSettings(service=name, settings=values)
+        return api_models.ServiceSettings(service=name, settings=values)
 
     return routes
 
@@ -104,11 +104,11 @@ def fleet_routes() -> APIRouter:
     routes = APIRouter(prefix="/v1/robots", tags=["robot"], responses=problems())
 
     @routes.get("", summary="The robots served here", dependencies=secured(Scope.READ))
-    async def robots(request: Request) -> models.RobotList:
+    async def robots(request: Request) -> api_models.RobotList:
         """Every address below `/v1` is also there below `/v1/robots/NAME`, for that robot."""
         fleet: Fleet = request.app.state.fleet
-        return models.RobotList(robots=[
-            models.RobotEntry(
+        return api_models.RobotList(robots=[
+            api_models.RobotEntry(
                 name=name, connected=served.live.robot().connected,
                 ready=not served.live.reasons(), stopped=served.live.stopped,
             )

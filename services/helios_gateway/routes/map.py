@@ -6,12 +6,12 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response
 
-from helios_gateway import map_models
-from helios_gateway.access import secured
-from helios_gateway.fleet import At
-from helios_gateway.keys import Scope
-from helios_gateway.problems import problems
-from helios_gateway.responses import JPEG, NPZ, PNG, UNCHANGED, content_docs, tagged
+from helios_gateway import api_map_models
+from helios_gateway.api_keys import Scope
+from helios_gateway.authorization import secured
+from helios_gateway.cached_responses import JPEG, NPZ, PNG, UNCHANGED, content_docs, tagged
+from helios_gateway.error_responses import problems
+from helios_gateway.robot_registry import At
 
 SizePx = Annotated[int, Query(ge=128, le=4096, description="side of the square picture, pixels")]
 
@@ -28,7 +28,7 @@ def map_routes(prefix: str) -> APIRouter:
     @routes.get(
         "/map",
         summary="The 2D map's size, place and layers",
-        response_model=map_models.MapInfo,
+        response_model=api_map_models.MapInfo,
         responses=UNCHANGED,
     )
     def info(at: At, request: Request) -> Response:
@@ -37,7 +37,7 @@ def map_routes(prefix: str) -> APIRouter:
     @routes.get(
         "/map/frontiers",
         summary="Borders of what was seen, with their values",
-        response_model=map_models.FrontierList,
+        response_model=api_map_models.FrontierList,
         responses=UNCHANGED,
     )
     def frontiers(at: At, request: Request) -> Response:
@@ -104,7 +104,7 @@ def map_routes(prefix: str) -> APIRouter:
     @routes.get(
         "/objects",
         summary="What is believed to be where",
-        response_model=map_models.ObjectList,
+        response_model=api_map_models.ObjectList,
         responses=UNCHANGED | problems(404),
     )
     def objects(
@@ -123,7 +123,7 @@ def map_routes(prefix: str) -> APIRouter:
     @routes.get("/objects/{id}", summary="One object", responses=problems(404))
     def one_object(
         at: At, id: Annotated[int, Path(ge=0, lt=2**64, description="as /v1/objects gives it")]
-    ) -> map_models.ObjectInstance:
+    ) -> api_map_models.ObjectInstance:
         return at.live.maps.object(id)
 
     @routes.get(

@@ -23,13 +23,13 @@ from helios_core.topics import (
     Req,
 )
 
-from helios_gateway import map_models
-from helios_gateway.access import secured
-from helios_gateway.convert import finite
-from helios_gateway.fleet import At, Served
-from helios_gateway.keys import Scope
-from helios_gateway.map_file import MAP2D_SUFFIX, MapFile, packed, unpacked
-from helios_gateway.problems import problems
+from helios_gateway import api_map_models
+from helios_gateway.api_keys import Scope
+from helios_gateway.authorization import secured
+from helios_gateway.error_responses import problems
+from helios_gateway.map_archive import MAP2D_SUFFIX, MapFile, packed, unpacked
+from helios_gateway.message_conversion import finite
+from helios_gateway.robot_registry import At, Served
 from helios_gateway.settings import Settings
 
 ZIP = "application/zip"
@@ -93,7 +93,7 @@ def map_file_routes(prefix: str, settings: Settings) -> APIRouter:
                 description="a map file, as GET /v1/map.zip and `helios map save` give it",
             ),
         ],
-    ) -> map_models.LoadedMaps:
+    ) -> api_map_models.LoadedMaps:
         """In the place of the present ones: both, or neither where one is refused. What is
         at (x, y) in the file must be there in the robot's world, too. Refused while a task is
         queued or under way; one that comes meanwhile waits. After a 504 which maps are in place is
@@ -101,7 +101,7 @@ def map_file_routes(prefix: str, settings: Settings) -> APIRouter:
         maps = unpacked(file, settings.map_limit_bytes)
         with no_task(at, "the maps are being loaded", settings.call_timeout_s):
             objects, ground = _load_both(at, maps)
-        return map_models.LoadedMaps(
+        return api_map_models.LoadedMaps(
             objects=objects.objects, gaussians=objects.gaussians, views=ground.views,
             known_m2=finite(ground.known_m2), occupied_m2=finite(ground.occupied_m2),
         )  # fmt: skip

@@ -9,11 +9,11 @@ from helios_core import proto as pb
 from helios_core.errors import DeadlineExceeded, HeliosError
 from helios_core.topics import RESET_MAP2D, RESET_OBJECTS, SAVE_OBJECTS, Method
 
-from helios_gateway import map_models
-from helios_gateway.access import secured
-from helios_gateway.fleet import At, Served
-from helios_gateway.keys import Scope
-from helios_gateway.problems import problems
+from helios_gateway import api_map_models
+from helios_gateway.api_keys import Scope
+from helios_gateway.authorization import secured
+from helios_gateway.error_responses import problems
+from helios_gateway.robot_registry import At, Served
 from helios_gateway.routes.map_file import FILE_S, no_task, put_back
 from helios_gateway.settings import Settings
 
@@ -40,7 +40,7 @@ def map_reset_routes(prefix: str, settings: Settings) -> APIRouter:
             Part | None,
             Query(description="objects, or occupancy with values and past views; default: both"),
         ] = None,
-    ) -> map_models.ResetMaps:
+    ) -> api_map_models.ResetMaps:
         """What is kept on the disk is forgotten, too: both, or neither where one cannot be. A new
         map begins with the next image after an action. Refused while a task is queued or under way;
         one that comes meanwhile waits. After a 504 which map is empty is not known: ask again."""
@@ -53,7 +53,7 @@ def map_reset_routes(prefix: str, settings: Settings) -> APIRouter:
                     _reset(at, only)
             finally:
                 at.live.maps.on_change()
-        return map_models.ResetMaps(reset=list(parts))
+        return api_map_models.ResetMaps(reset=list(parts))
 
     return routes
 

@@ -14,13 +14,13 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, Pinhole, camera_on_base, se2_to_se3
 from helios_core.topics import EXPORT_OBJECTS, OBJECT_DETAIL, RENDER_OBJECTS, M, Method, Req
 
-from helios_gateway import convert, map_models
-from helios_gateway.access import secured
-from helios_gateway.fleet import At, Served
-from helios_gateway.keys import Scope
-from helios_gateway.look import camera, look_at
-from helios_gateway.problems import NotFound, problems
-from helios_gateway.responses import NPZ, PNG, Encoded, content_docs, tagged
+from helios_gateway import api_map_models, message_conversion
+from helios_gateway.api_keys import Scope
+from helios_gateway.authorization import secured
+from helios_gateway.cached_responses import NPZ, PNG, Encoded, content_docs, tagged
+from helios_gateway.error_responses import NotFound, problems
+from helios_gateway.object_viewpoint import camera, look_at
+from helios_gateway.robot_registry import At, Served
 from helios_gateway.settings import Settings
 
 PLY = "application/octet-stream"
@@ -111,9 +111,11 @@ def object_routes(prefix: str, settings: Settings) -> APIRouter:
         return tagged(request, Encoded.of(stream.getvalue(), NPZ))
 
     @routes.get("/objects/{id}/detail", summary="One object in full", responses=problems(404))
-    def detail(at: At, id: ObjectId) -> map_models.ObjectDetail:
+    def detail(at: At, id: ObjectId) -> api_map_models.ObjectDetail:
         """With the history of its score, and the upright box that a gripper wants to know."""
-        return convert.object_detail(told(at, OBJECT_DETAIL, pb.ObjectRequest(object_id=id)))
+        return message_conversion.object_detail(
+            told(at, OBJECT_DETAIL, pb.ObjectRequest(object_id=id))
+        )
 
     @routes.get(
         "/objects/{id}/view.png",

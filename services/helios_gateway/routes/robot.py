@@ -15,11 +15,11 @@ from helios_core.topics import CLEAR_STOP, STOP
 from pydantic import ValidationError
 from starlette.requests import ClientDisconnect
 
-from helios_gateway import models
-from helios_gateway.access import secured
-from helios_gateway.fleet import At
-from helios_gateway.keys import Scope
-from helios_gateway.problems import problems
+from helios_gateway import api_models
+from helios_gateway.api_keys import Scope
+from helios_gateway.authorization import secured
+from helios_gateway.error_responses import problems
+from helios_gateway.robot_registry import At
 from helios_gateway.settings import Settings
 
 BODY_S = 0.2  # that stop-now waits for its reason
@@ -27,7 +27,7 @@ BODY_BYTES = 65536
 REASON_CHARACTERS = 500
 STOP_BODY = {
     "required": False,
-    "content": {"application/json": {"schema": models.StopRequest.model_json_schema()}},
+    "content": {"application/json": {"schema": api_models.StopRequest.model_json_schema()}},
 }
 
 
@@ -37,7 +37,7 @@ def robot_routes(prefix: str, settings: Settings) -> APIRouter:
     own_threads = CapacityLimiter(8)  # stop-now never waits behind other requests' threads
 
     @routes.get("", summary="How the robot is, and what it is", responses=problems())
-    async def robot(at: At) -> models.Robot:
+    async def robot(at: At) -> api_models.Robot:
         return at.live.robot()
 
     @routes.post(
@@ -46,7 +46,7 @@ def robot_routes(prefix: str, settings: Settings) -> APIRouter:
         responses=problems(409),
         openapi_extra={"requestBody": STOP_BODY},
     )
-    async def stop(at: At, request: Request) -> models.Robot:
+    async def stop(at: At, request: Request) -> api_models.Robot:
         """Goes to the bridge directly, latches, and refuses every motion until it is cleared.
         Any key may stop; requests are not counted. No body is refused: of one that cannot be read
         the reason alone is lost."""
@@ -63,7 +63,7 @@ def robot_routes(prefix: str, settings: Settings) -> APIRouter:
         responses=problems(409, body=True),
         dependencies=secured(Scope.OPERATE),
     )
-    def clear_stop(at: At) -> models.Robot:
+    def clear_stop(at: At) -> api_models.Robot:
         """A robot that somebody took must be free again: the answer says who or what holds it."""
         at.bus.call(CLEAR_STOP, pb.Empty(), settings.call_timeout_s)
         return at.live.robot()
@@ -75,9 +75,9 @@ def stop_reason(body: bytes) -> str:
     """Why the robot shall stop: at most 500 printable characters, the default for what cannot be
     read. Control characters are replaced, not refused: nothing hinders a stop."""
     try:
-        known = models.StopRequest.model_validate_json(body)
+        known = api_models.StopRequest.model_validate_json(body)
     except ValidationError:
-        known = models.StopRequest()
+        known = api_models.StopRequest()
     return printable(known.reason[:REASON_CHARACTERS])
 
 

@@ -13,11 +13,11 @@ from helios_core.errors import HeliosError
 from helios_core.name_rules import names
 from helios_core.topics import RECALL
 
-from helios_gateway import convert, map_models
-from helios_gateway.access import secured
-from helios_gateway.fleet import At, Served
-from helios_gateway.keys import Scope
-from helios_gateway.problems import problems
+from helios_gateway import api_map_models, message_conversion
+from helios_gateway.api_keys import Scope
+from helios_gateway.authorization import secured
+from helios_gateway.error_responses import problems
+from helios_gateway.robot_registry import At, Served
 from helios_gateway.routes.objects import ObjectId
 
 RECALL_S = 12.0  # the text model may have to wake up
@@ -37,13 +37,13 @@ def seen_routes(prefix: str) -> APIRouter:
             Query(min_length=1, max_length=500, description="in words", examples=["a red mug"]),
         ],
         limit: Annotated[int, Query(ge=1, le=50, description="at most so many views")] = 5,
-    ) -> map_models.SeenAnswer:
+    ) -> api_map_models.SeenAnswer:
         """Objects are those of the object map whose class the words name. Views are asked by the
         scorer's image-text model, also for what no search ever named. Where it has none (the
         simulator's scorer, for instance) they are those in which the detector named it while it
         was sought, and `views_note` says so."""
         recalled = _recalled(at, pb.RecallRequest(prompt=prompt, most_places=limit))
-        return map_models.SeenAnswer(
+        return api_map_models.SeenAnswer(
             prompt=prompt,
             objects=[
                 found
@@ -62,21 +62,21 @@ def seen_routes(prefix: str) -> APIRouter:
         at: At,
         id: ObjectId,
         limit: Annotated[int, Query(ge=1, le=50, description="at most so many views")] = 5,
-    ) -> map_models.ViewList:
+    ) -> api_map_models.ViewList:
         """Past views that fit its class where it is, from different sides, best first; kept and
         asked as `/v1/seen` says."""
         found = at.live.maps.object(id)
         asked = pb.RecallRequest(prompt=found.class_name, most_places=MOST_VIEWS)
         recalled = _recalled(at, asked)
         near = [place for place in recalled.places if _shows(found, place)]
-        return map_models.ViewList(
+        return api_map_models.ViewList(
             views=[_view(place) for place in near[:limit]], views_note=recalled.note
         )
 
     return routes
 
 
-def _shows(found: map_models.ObjectInstance, place: pb.SeenPlace) -> bool:
+def _shows(found: api_map_models.ObjectInstance, place: pb.SeenPlace) -> bool:
     """Whether what was seen there is this object, by its place on the ground."""
     x, y, *_ = found.center_m
     width, depth, *_ = found.size_m
@@ -94,13 +94,13 @@ def _recalled(at: Served, request: pb.RecallRequest) -> pb.RecallReply:
         return pb.RecallReply(note=f"past views were not asked: {error.message}")
 
 
-def _view(place: pb.SeenPlace) -> map_models.SeenView:
+def _view(place: pb.SeenPlace) -> api_map_models.SeenView:
     camera = place.camera
-    return map_models.SeenView(
-        score=convert.finite(place.score),
+    return api_map_models.SeenView(
+        score=message_conversion.finite(place.score),
         class_name=place.class_name,
-        center_m=[convert.metres(place.x_m), convert.metres(place.y_m)],
-        camera=convert.pose(camera.x_m, camera.y_m, camera.yaw_rad),
+        center_m=[message_conversion.metres(place.x_m), message_conversion.metres(place.y_m)],
+        camera=message_conversion.pose(camera.x_m, camera.y_m, camera.yaw_rad),
         stamp_s=place.stamp_ns / 1e9,
         frame_id=str(frame_id_from_proto(place.id)),
         jpeg_base64=base64.b64encode(place.jpeg).decode(),

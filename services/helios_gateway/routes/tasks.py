@@ -21,11 +21,11 @@ from helios_core.topics import (
     Method,
 )
 
-from helios_gateway import convert, models
-from helios_gateway.access import secured
-from helios_gateway.fleet import At
-from helios_gateway.keys import Scope
-from helios_gateway.problems import NotFound, problems
+from helios_gateway import api_models, message_conversion
+from helios_gateway.api_keys import Scope
+from helios_gateway.authorization import secured
+from helios_gateway.error_responses import NotFound, problems
+from helios_gateway.robot_registry import At
 from helios_gateway.settings import Settings
 from helios_gateway.suggestions import suggestions as suggested
 
@@ -48,7 +48,7 @@ def task_routes(prefix: str, settings: Settings) -> APIRouter:
         responses=problems(409, body=True),
         dependencies=secured(Scope.OPERATE),
     )
-    def submit(at: At, request: models.TaskRequest) -> models.Task:
+    def submit(at: At, request: api_models.TaskRequest) -> api_models.Task:
         """Queue a task. It starts when all before it have ended, those of a higher priority
         first; watch it by its id or events.
 
@@ -61,25 +61,25 @@ def task_routes(prefix: str, settings: Settings) -> APIRouter:
             priority=request.priority,
             settings={name: str(value) for name, value in request.settings.items()},
         )
-        return convert.task(at.bus.call(SUBMIT, message, timeout_s))
+        return message_conversion.task(at.bus.call(SUBMIT, message, timeout_s))
 
     @routes.get("/tasks", summary="Tasks, newest first", responses=problems())
     def list_tasks(
         at: At,
         state: Annotated[
-            models.TaskState | None, Query(description="only those in this state")
+            api_models.TaskState | None, Query(description="only those in this state")
         ] = None,
         limit: Annotated[int, Query(ge=1, le=1000, description="at most so many")] = 1000,
-    ) -> models.TaskList:
+    ) -> api_models.TaskList:
         """To watch them: `/v1/events`, or `/v1/events?task_id=…` for one until it has ended."""
         tasks = at.bus.call(LIST_TASKS, pb.Empty(), timeout_s).tasks
         fitting = [t for t in tasks if state in (None, t.state)]
         newest_first = sorted(fitting, key=lambda t: -t.created_s)
-        return models.TaskList(tasks=[convert.task(t) for t in newest_first[:limit]])
+        return api_models.TaskList(tasks=[message_conversion.task(t) for t in newest_first[:limit]])
 
     @routes.get("/tasks/{id}", summary="One task", responses=problems(404))
-    def get_task(at: At, id: str) -> models.Task:
-        return convert.task(of_task(at.bus, GET_TASK, id))
+    def get_task(at: At, id: str) -> api_models.Task:
+        return message_conversion.task(of_task(at.bus, GET_TASK, id))
 
     @routes.post(
         "/tasks/{id}/cancel",
@@ -87,9 +87,9 @@ def task_routes(prefix: str, settings: Settings) -> APIRouter:
         responses=problems(404, 409, body=True),
         dependencies=secured(Scope.OPERATE),
     )
-    def cancel(at: At, id: str) -> models.Task:
+    def cancel(at: At, id: str) -> api_models.Task:
         """The robot comes to rest; a task that has ended stays as it is."""
-        return convert.task(of_task(at.bus, CANCEL, id))
+        return message_conversion.task(of_task(at.bus, CANCEL, id))
 
     @routes.post(
         "/tasks/{id}/pause",
@@ -97,9 +97,9 @@ def task_routes(prefix: str, settings: Settings) -> APIRouter:
         responses=problems(404, 409, body=True),
         dependencies=secured(Scope.OPERATE),
     )
-    def pause(at: At, id: str) -> models.Task:
+    def pause(at: At, id: str) -> api_models.Task:
         """The action that runs is finished, no further one is begun until the task is resumed."""
-        return convert.task(of_task(at.bus, PAUSE, id))
+        return message_conversion.task(of_task(at.bus, PAUSE, id))
 
     @routes.post(
         "/tasks/{id}/resume",
@@ -107,8 +107,8 @@ def task_routes(prefix: str, settings: Settings) -> APIRouter:
         responses=problems(404, 409, body=True),
         dependencies=secured(Scope.OPERATE),
     )
-    def resume(at: At, id: str) -> models.Task:
-        return convert.task(of_task(at.bus, RESUME, id))
+    def resume(at: At, id: str) -> api_models.Task:
+        return message_conversion.task(of_task(at.bus, RESUME, id))
 
     @routes.get("/tasks/{id}/decisions", summary="Why it did what it did", responses=problems(404))
     def decisions(
@@ -118,7 +118,7 @@ def task_routes(prefix: str, settings: Settings) -> APIRouter:
             list[str] | None,
             Query(description="take them again under this setting, `alpha_d=0.01`; repeatable"),
         ] = None,
-    ) -> models.DecisionList:
+    ) -> api_models.DecisionList:
         """With `set`, each holds as `recomputed` what it would have been under these settings."""
         if not set:
             reply = of_task(at.bus, DECISIONS, id)
@@ -127,12 +127,14 @@ def task_routes(prefix: str, settings: Settings) -> APIRouter:
             changes = dict(assignment(text) for text in set)
             request = pb.TaskRequest(id=id, settings=changes)
             reply = at.bus.call(DECISIONS, request, timeout_s)
-        return models.DecisionList(decisions=[convert.decision(d) for d in reply.decisions])
+        return api_models.DecisionList(
+            decisions=[message_conversion.decision(d) for d in reply.decisions]
+        )
 
     @routes.get("/vocabulary", summary="What can be looked for", responses=problems())
-    def vocabulary(at: At) -> models.Vocabulary:
+    def vocabulary(at: At) -> api_models.Vocabulary:
         reply = at.bus.call(VOCABULARY, pb.Empty(), timeout_s)
-        return models.Vocabulary(
+        return api_models.Vocabulary(
             open=reply.open,
             names=list(reply.names),
             detector=reply.detector,
@@ -142,7 +144,7 @@ def task_routes(prefix: str, settings: Settings) -> APIRouter:
     @routes.get("/suggestions", summary="Tasks to try in this home", responses=problems())
     def suggestions(
         at: At, limit: Annotated[int, Query(ge=1, le=20, description="tasks at most")] = 3
-    ) -> models.Suggestions:
+    ) -> api_models.Suggestions:
         """Of what was seen here, the surest and nearest first. Where nothing was seen yet (`seen`
         is empty), examples of names that the detector knows."""
         known = at.bus.call(VOCABULARY, pb.Empty(), timeout_s)
@@ -151,12 +153,12 @@ def task_routes(prefix: str, settings: Settings) -> APIRouter:
         has_arm = robot is None or (robot.can_pick and robot.can_place)
         robot_xy = (pose.x_m, pose.y_m) if pose else None
         try:
-            believed = convert.believed(at.live.maps.objects())
+            believed = message_conversion.believed(at.live.maps.objects())
         except (Unavailable, DeadlineExceeded):
             believed = None
-        return models.Suggestions(
+        return api_models.Suggestions(
             tasks=suggested(known.open, known.names, has_arm, believed or (), limit, robot_xy),
-            seen=None if believed is None else convert.seen_names(believed),
+            seen=None if believed is None else message_conversion.seen_names(believed),
         )
 
     return routes

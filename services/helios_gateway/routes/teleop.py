@@ -16,19 +16,19 @@ from helios_core.robot import Forward, Turn
 from pydantic import ValidationError
 from starlette.requests import HTTPConnection
 
-from helios_gateway.access import check, key_of, secured
-from helios_gateway.convert import finite, pose_of
-from helios_gateway.fleet import At, Served
-from helios_gateway.keys import Scope
-from helios_gateway.places import Places
-from helios_gateway.problems import Forbidden, Unauthorized, problem_of, problems
+from helios_gateway.api_keys import Scope
+from helios_gateway.authorization import check, key_of, secured
+from helios_gateway.connection_slots import Places
+from helios_gateway.error_responses import Forbidden, Unauthorized, problem_of, problems
+from helios_gateway.message_conversion import finite, pose_of
+from helios_gateway.request_validation import told
+from helios_gateway.robot_registry import At, Served
 from helios_gateway.settings import Settings
 from helios_gateway.teleop.driver import TeleopDriver, check_may_drive, described
 from helios_gateway.teleop.limits import check_move
 from helios_gateway.teleop.messages import DriveRequest, DriveResult, TeleopCommand
 from helios_gateway.teleop.pacing import Command
 from helios_gateway.teleop.session import TeleopSession
-from helios_gateway.validation import told
 
 MOST_DRIVERS = 8  # sockets open at the same time
 SEND_S = 2.0  # that a driver has for reading a state

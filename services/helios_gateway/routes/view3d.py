@@ -6,13 +6,13 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
 
-from helios_gateway import scene3d
-from helios_gateway.access import secured
-from helios_gateway.fleet import At
-from helios_gateway.gaussian_colors import ColorBy
-from helios_gateway.keys import Scope
-from helios_gateway.problems import problems
-from helios_gateway.responses import Encoded, content_docs, tagged
+from helios_gateway import viewer_scene
+from helios_gateway.api_keys import Scope
+from helios_gateway.authorization import secured
+from helios_gateway.cached_responses import Encoded, content_docs, tagged
+from helios_gateway.error_responses import problems
+from helios_gateway.gaussian_arrays import ColorBy
+from helios_gateway.robot_registry import At
 
 HTML = "text/html"
 # The page is one file with its program in it, which compiles more. It may speak to this gateway
@@ -39,7 +39,7 @@ def view3d_routes(prefix: str) -> APIRouter:
     def view3d(request: Request) -> Response:
         """`?playbackPath=/v1/objects.viser`, and viser's other parameters, such as `darkMode` and
         `initialCameraPosition=X,Y,Z`. It loads nothing from another host."""
-        out = tagged(request, Encoded.of(scene3d.page(), HTML))
+        out = tagged(request, Encoded.of(viewer_scene.page(), HTML))
         out.headers["content-security-policy"] = POLICY
         return out
 
@@ -47,7 +47,7 @@ def view3d_routes(prefix: str) -> APIRouter:
         "/objects.viser",
         summary="The Gaussians as a 3D scene",
         response_class=Response,
-        responses=content_docs(scene3d.MEDIA_TYPE, "a scene file of viser"),
+        responses=content_docs(viewer_scene.MEDIA_TYPE, "a scene file of viser"),
     )
     def scene(
         at: At,

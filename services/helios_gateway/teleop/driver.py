@@ -13,8 +13,8 @@ from helios_core.errors import Conflict, HeliosError, Unavailable
 from helios_core.robot import Action, Forward, Observe, Turn
 from helios_core.topics import ACT, LEASE, LIST_TASKS
 
-from helios_gateway.fleet import Served
-from helios_gateway.models import RobotDescription
+from helios_gateway.api_models import RobotDescription
+from helios_gateway.robot_registry import Served
 
 UNDER_WAY = ("running", "paused")
 HAND_OVER_S = 1.5  # that who drove before has for a last image and giving the robot back

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from helios_core.errors import InvalidInput
 
-from helios_gateway.models import RobotDescription
+from helios_gateway.api_models import RobotDescription
 from helios_gateway.teleop.messages import MOST_M, MOST_RAD, DriveRequest
 
 _SLACK = 1e-6  # numbers that were added up in floating point

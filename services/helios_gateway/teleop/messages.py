@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from helios_gateway.models import RobotPose
+from helios_gateway.api_models import RobotPose
 
 MOST_M, MOST_RAD = 0.5, 0.6  # of one asked-for move; a longer way is a task
 

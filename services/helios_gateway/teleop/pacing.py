@@ -12,7 +12,7 @@ from typing import Literal
 
 from helios_core.robot import Forward, Turn
 
-from helios_gateway.models import RobotDescription
+from helios_gateway.api_models import RobotDescription
 
 STEP_M = 0.1
 STEP_RAD = math.radians(5)

@@ -17,9 +17,9 @@ from helios_core import proto as pb
 from helios_core.errors import HeliosError
 from helios_core.printable_text import printable
 
-from helios_gateway.convert import pose_of
-from helios_gateway.models import RobotDescription, RobotPose
-from helios_gateway.problems import kind_of
+from helios_gateway.api_models import RobotDescription, RobotPose
+from helios_gateway.error_responses import kind_of
+from helios_gateway.message_conversion import pose_of
 from helios_gateway.settings import Settings
 from helios_gateway.teleop.driver import TeleopDriver
 from helios_gateway.teleop.messages import StateName, TeleopState

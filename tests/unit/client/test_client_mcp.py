@@ -14,7 +14,7 @@ from helios_client.mcp_tools import answers
 from helios_client.sdk_async import AsyncHelios
 from helios_client.version import helios_version
 from helios_core.errors import Unavailable
-from helios_gateway import map_models, models
+from helios_gateway import api_map_models, api_models
 from mcp import Client
 from mcp.types import ImageContent, TextContent
 
@@ -126,13 +126,13 @@ def _steady(answer: Any) -> Any:
 
 def test_the_schemas_name_fields_that_the_interface_has() -> None:
     task = {name for name in answers.Task.model_fields if name != "eta_s"}
-    assert task <= set(models.Task.model_fields)
-    assert set(answers.Decision.model_fields) <= set(models.Decision.model_fields)
-    assert set(answers.FoundObject.model_fields) <= set(map_models.ObjectInstance.model_fields)
-    assert set(answers.Map.model_fields) - {"frontiers"} <= set(map_models.MapInfo.model_fields)
+    assert task <= set(api_models.Task.model_fields)
+    assert set(answers.Decision.model_fields) <= set(api_models.Decision.model_fields)
+    assert set(answers.FoundObject.model_fields) <= set(api_map_models.ObjectInstance.model_fields)
+    assert set(answers.Map.model_fields) - {"frontiers"} <= set(api_map_models.MapInfo.model_fields)
     for ours, theirs in (
-        (answers.Vocabulary, models.Vocabulary), (answers.Suggestions, models.Suggestions),
-        (answers.Robot, models.Robot), (answers.Status, models.Status),
+        (answers.Vocabulary, api_models.Vocabulary), (answers.Suggestions, api_models.Suggestions),
+        (answers.Robot, api_models.Robot), (answers.Status, api_models.Status),
     ):  # fmt: skip
         assert set(ours.model_fields) <= set(theirs.model_fields)
 

@@ -14,13 +14,13 @@ from helios_core import proto as pb
 from helios_core.codec import frame_from_proto
 from helios_core.geometry import se2_to_se3
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_gateway.app import create_app
-from helios_gateway.fleet import Fleet, Served
-from helios_gateway.frames import taken
-from helios_gateway.limits import MOST_LARGE
-from helios_gateway.live import Live
+from helios_gateway.bus_listener import Live
+from helios_gateway.request_limits import MOST_LARGE
+from helios_gateway.robot_registry import Fleet, Served
 from helios_gateway.routes.frames import MOST_SENDERS
 from helios_gateway.settings import Settings
+from helios_gateway.uploaded_frames import taken
+from helios_gateway.web_app import create_app
 from starlette.testclient import WebSocketDenialResponse
 
 from tests.unit.gateway.gateway_frames import (

@@ -12,7 +12,7 @@ import pytest
 from helios_core import proto as pb
 from helios_core.memory_bus import MemoryBus
 from helios_core.topics import PUSH
-from helios_gateway.limits import MOST_LARGE
+from helios_gateway.request_limits import MOST_LARGE
 from helios_gateway.routes.frames import MOST_SENDERS
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
@@ -99,7 +99,7 @@ def test_sockets_whose_other_end_is_gone_give_up_their_places(gateway: Served) -
 def test_bodies_that_stop_coming_give_up_their_places(
     gateway: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("helios_gateway.limits.STALL_S", IDLE_S)
+    monkeypatch.setattr("helios_gateway.request_limits.STALL_S", IDLE_S)
     head = (
         f"POST /v1/frames HTTP/1.1\r\nHost: 127.0.0.1:{gateway.port}\r\n"
         "Content-Type: multipart/form-data; boundary=x\r\nContent-Length: 5000\r\n\r\n--x"

@@ -14,8 +14,8 @@ from helios_core.codec import frame_from_proto
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import PUSH
-from helios_gateway.frames import push_request, read_meta
-from helios_gateway.limits import MOST_LARGE
+from helios_gateway.request_limits import MOST_LARGE
+from helios_gateway.uploaded_frames import push_request, read_meta
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -119,7 +119,7 @@ def test_a_body_above_the_limit_is_refused_and_one_above_that_of_others_taken(
 def test_more_frames_at_once_than_are_held_are_told_to_wait(
     client: TestClient, bridge: Bridge, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("helios_gateway.limits.MOST_LARGE", 0)
+    monkeypatch.setattr("helios_gateway.request_limits.MOST_LARGE", 0)
     answer = post(client)
     assert answer.status_code == 503
     assert answer.headers["retry-after"] == "1"

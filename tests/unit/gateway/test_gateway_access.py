@@ -13,12 +13,12 @@ from fastapi.testclient import TestClient
 from helios_client.commands.keys import add_key
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_gateway.app import create_app
-from helios_gateway.fleet import Fleet, Served
-from helios_gateway.keys import Keys, Scope
-from helios_gateway.live import Live
+from helios_gateway.api_keys import Keys, Scope
+from helios_gateway.bus_listener import Live
+from helios_gateway.robot_registry import Fleet, Served
 from helios_gateway.service import check_open
 from helios_gateway.settings import Settings
+from helios_gateway.web_app import create_app
 from starlette.websockets import WebSocketDisconnect
 
 from tests.gateway_backend import Backend

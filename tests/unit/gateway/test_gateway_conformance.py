@@ -12,10 +12,10 @@ import pytest
 import schemathesis
 from helios_client.commands.keys import add_key
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_gateway.app import create_app
-from helios_gateway.fleet import Fleet, Served
-from helios_gateway.live import Live
+from helios_gateway.bus_listener import Live
+from helios_gateway.robot_registry import Fleet, Served
 from helios_gateway.settings import Settings as GatewaySettings
+from helios_gateway.web_app import create_app
 from hypothesis import HealthCheck, given, settings
 from schemathesis.checks import not_a_server_error
 from schemathesis.core.result import Ok

@@ -12,10 +12,10 @@ import pytest
 from helios_core import proto as pb
 from helios_core.errors import Unavailable
 from helios_core.topics import TASK
-from helios_gateway.events import KEEPALIVE, EventHub, as_sse
-from helios_gateway.live import Live
-from helios_gateway.map_models import MapChange
-from helios_gateway.models import Healthy, RobotPose
+from helios_gateway.api_map_models import MapChange
+from helios_gateway.api_models import Healthy, RobotPose
+from helios_gateway.bus_listener import Live
+from helios_gateway.event_hub import KEEPALIVE, EventHub, as_sse
 
 from tests.gateway_backend import Backend
 

@@ -7,10 +7,10 @@ import json
 import pytest
 from fastapi.testclient import TestClient
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_gateway.app import create_app
-from helios_gateway.fleet import Fleet, Served
-from helios_gateway.live import Live
+from helios_gateway.bus_listener import Live
+from helios_gateway.robot_registry import Fleet, Served
 from helios_gateway.settings import Settings
+from helios_gateway.web_app import create_app
 
 from tests.gateway_backend import Backend
 

@@ -16,11 +16,11 @@ from helios_core import proto as pb
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import LOAD_MAP2D, LOAD_OBJECTS, Method
-from helios_gateway.app import create_app
-from helios_gateway.fleet import Fleet, Served
-from helios_gateway.live import Live
-from helios_gateway.map_file import MapFile, packed, unpacked
+from helios_gateway.bus_listener import Live
+from helios_gateway.map_archive import MapFile, packed, unpacked
+from helios_gateway.robot_registry import Fleet, Served
 from helios_gateway.settings import Settings
+from helios_gateway.web_app import create_app
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -9,12 +9,12 @@ import pytest
 from fastapi.testclient import TestClient
 from helios_client.commands.keys import add_key
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_gateway.app import create_app
-from helios_gateway.fleet import Fleet, Served
-from helios_gateway.live import Live
-from helios_gateway.move_models import GoRequest
+from helios_gateway.api_move_models import GoRequest
+from helios_gateway.bus_listener import Live
+from helios_gateway.robot_registry import Fleet, Served
 from helios_gateway.routes.moves import EXPLORE, HOME, sentence_to
 from helios_gateway.settings import Settings
+from helios_gateway.web_app import create_app
 from helios_planner.language.instruction import Kind, parse
 from hypothesis import given
 from hypothesis import strategies as st

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 from helios_core.geometry import is_rigid, project
-from helios_gateway.look import camera, look_at
+from helios_gateway.object_viewpoint import camera, look_at
 from hypothesis import given
 from hypothesis import strategies as st
 

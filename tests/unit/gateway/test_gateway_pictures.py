@@ -14,9 +14,9 @@ from helios_core import proto as pb
 from helios_core.errors import DeadlineExceeded
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, FRAME, KEYFRAME, PREVIEW, SNAPSHOT
-from helios_gateway.boxes import Box, draw_boxes
+from helios_gateway.box_drawing import Box, draw_boxes
 from helios_gateway.class_colors import class_rgb
-from helios_gateway.shared_results import SharedResults
+from helios_gateway.request_coalescing import SharedResults
 
 from tests.gateway_backend import Backend
 

@@ -6,8 +6,8 @@ import pytest
 from fastapi.testclient import TestClient
 from helios_core import proto as pb
 from helios_core.topics import status_topic
-from helios_gateway.live import Live
-from helios_gateway.roster import Roster
+from helios_gateway.bus_listener import Live
+from helios_gateway.service_registry import Roster
 
 from tests.gateway_backend import Backend
 

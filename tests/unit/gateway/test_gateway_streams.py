@@ -16,7 +16,7 @@ from helios_client.commands.keys import add_key
 from helios_core import proto as pb
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import GET_TASK
-from helios_gateway.live import Live
+from helios_gateway.bus_listener import Live
 from starlette.websockets import WebSocketDisconnect
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect

@@ -13,13 +13,13 @@ from fastapi.testclient import TestClient
 from helios_client.commands.keys import add_key
 from helios_core.errors import Internal
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_gateway import scene3d
-from helios_gateway.app import create_app
+from helios_gateway import viewer_scene
+from helios_gateway.bus_listener import Live
 from helios_gateway.class_colors import class_rgb
-from helios_gateway.fleet import Fleet, Served
-from helios_gateway.gaussian_colors import OTHER_RGB, Gaussians, colored
-from helios_gateway.live import Live
+from helios_gateway.gaussian_arrays import OTHER_RGB, Gaussians, colored
+from helios_gateway.robot_registry import Fleet, Served
 from helios_gateway.settings import Settings
+from helios_gateway.web_app import create_app
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -85,8 +85,8 @@ def test_a_scene_is_made_once_for_all_and_told_unchanged(
     client: TestClient, backend: Backend, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = []
-    real = scene3d.scene_file
-    monkeypatch.setattr(scene3d, "scene_file", lambda *a: made.append(1) or real(*a))
+    real = viewer_scene.scene_file
+    monkeypatch.setattr(viewer_scene, "scene_file", lambda *a: made.append(1) or real(*a))
     first = client.get("/v1/objects.viser?color=class")
     again = client.get("/v1/objects.viser?color=class")
     assert (len(made), first.content) == (1, again.content)
@@ -122,7 +122,7 @@ def test_nothing_of_it_is_told_without_a_key(
 def test_without_viser_it_says_what_to_install(
     client: TestClient, backend: Backend, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(scene3d, "find_spec", lambda _: None)
+    monkeypatch.setattr(viewer_scene, "find_spec", lambda _: None)
     for path in ("/v1/view3d", "/v1/objects.viser"):
         answer = client.get(path)
         assert answer.status_code == 503

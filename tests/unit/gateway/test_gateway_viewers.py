@@ -8,10 +8,10 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from helios_gateway.events import EventHub, as_sse
-from helios_gateway.live import Live
-from helios_gateway.map_models import MapChange
-from helios_gateway.responses import Encoded
+from helios_gateway.api_map_models import MapChange
+from helios_gateway.bus_listener import Live
+from helios_gateway.cached_responses import Encoded
+from helios_gateway.event_hub import EventHub, as_sse
 
 from tests.gateway_backend import Backend
 

@@ -10,8 +10,8 @@ import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from helios_core.printable_text import printable
-from helios_gateway.models import TaskRequest
-from helios_gateway.problems import add_problems
+from helios_gateway.api_models import TaskRequest
+from helios_gateway.error_responses import add_problems
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError

@@ -14,10 +14,10 @@ from helios_client.commands.keys import add_key
 from helios_core import proto as pb
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import LEASE, ROBOT_DESCRIPTION
-from helios_gateway.app import create_app
-from helios_gateway.fleet import Fleet, Served
-from helios_gateway.live import Live
+from helios_gateway.bus_listener import Live
+from helios_gateway.robot_registry import Fleet, Served
 from helios_gateway.settings import Settings
+from helios_gateway.web_app import create_app
 from starlette.testclient import WebSocketDenialResponse
 
 from tests.gateway_backend import Backend

@@ -84,7 +84,7 @@ def test_a_move_that_the_robot_never_makes_is_said() -> None:
 
 @given(st.floats(0, 2), st.floats(0, 2), st.floats(0, 2))
 def test_a_step_is_within_the_robots_own_limits(low: float, high: float, back: float) -> None:
-    from helios_gateway.convert import robot_description
+    from helios_gateway.message_conversion import robot_description
 
     from tests.gateway_home import description
 

@@ -6,8 +6,8 @@ import anyio
 import pytest
 from anyio import CapacityLimiter
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_gateway.fleet import Served
-from helios_gateway.live import Live
+from helios_gateway.bus_listener import Live
+from helios_gateway.robot_registry import Served
 from helios_gateway.settings import Settings
 from helios_gateway.teleop.driver import TeleopDriver
 from helios_gateway.teleop.pacing import Command

@@ -12,10 +12,10 @@ from helios_client.http.calls import arrays
 from helios_core import proto as pb
 from helios_core.health import Health
 from helios_core.topics import RESERVE
-from helios_gateway.app import create_app
-from helios_gateway.fleet import Fleet, Served
-from helios_gateway.live import Live
+from helios_gateway.bus_listener import Live
+from helios_gateway.robot_registry import Fleet, Served
 from helios_gateway.settings import Settings as GatewaySettings
+from helios_gateway.web_app import create_app
 from helios_objectmap.service import ObjectMapService
 from helios_objectmap.settings import ObjectMapSettings
 from map2d_house import House

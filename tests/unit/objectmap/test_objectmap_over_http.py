@@ -13,10 +13,10 @@ from helios_core.codec import context_to_proto, observation_to_proto
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, OBSERVATION
-from helios_gateway.app import create_app
-from helios_gateway.fleet import Fleet, Served
-from helios_gateway.live import Live
+from helios_gateway.bus_listener import Live
+from helios_gateway.robot_registry import Fleet, Served
 from helios_gateway.settings import Settings
+from helios_gateway.web_app import create_app
 from helios_objectmap.service import ObjectMapService
 from objectmap_scene import CONTEXT as SOUGHT
 from objectmap_scene import ROOM, SETTINGS, looking_at, mug_at, observe

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from helios_core import proto as pb
 from helios_core.printable_text import printable
 
-from helios_gateway.models import Service, ServiceState
+from helios_gateway.api_models import Service, ServiceState
 
 log = logging.getLogger(__name__)
 

@@ -10,9 +10,9 @@ from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection, cookie_parser
 from starlette.types import Scope as AsgiScope
 
-from helios_gateway import models
-from helios_gateway.keys import Key, Keys, Scope
-from helios_gateway.problems import Forbidden, Unauthorized, problems
+from helios_gateway import api_models
+from helios_gateway.api_keys import Key, Keys, Scope
+from helios_gateway.error_responses import Forbidden, Unauthorized, problems
 
 COOKIE = "helios_key"
 _bearer = HTTPBearer(auto_error=False, description="an API key; none is asked for on loopback")
@@ -67,13 +67,13 @@ def session_routes() -> APIRouter:
     routes = APIRouter(prefix="/v1/session", tags=["access"])
 
     @routes.get("", summary="Is a key asked for, and what may this one?", responses=problems())
-    async def session(request: Request) -> models.Session:
+    async def session(request: Request) -> api_models.Session:
         return _session(request, key_of(request.scope, request.app.state.keys))
 
     @routes.post("", summary="Keep a key in a cookie", responses=problems(401))
     async def open_session(
-        request: Request, response: Response, body: models.SessionRequest
-    ) -> models.Session:
+        request: Request, response: Response, body: api_models.SessionRequest
+    ) -> api_models.Session:
         """The cookie is for this site alone and out of reach of scripts."""
         key = request.app.state.keys.find(body.key)
         if key is None:
@@ -85,15 +85,15 @@ def session_routes() -> APIRouter:
         return _session(request, key)
 
     @routes.delete("", summary="Forget the cookie", responses=problems())
-    async def close_session(request: Request, response: Response) -> models.Session:
+    async def close_session(request: Request, response: Response) -> api_models.Session:
         response.delete_cookie(COOKIE, httponly=True, samesite="strict")
         return _session(request, None)
 
     return routes
 
 
-def _session(request: Request, key: Key | None) -> models.Session:
-    return models.Session(
+def _session(request: Request, key: Key | None) -> api_models.Session:
+    return api_models.Session(
         required=request.app.state.keys.required,
         name=key.name if key else "",
         scope=key.scope.spoken if key else None,

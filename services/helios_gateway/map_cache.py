@@ -12,11 +12,11 @@ from helios_core.map_snapshot import MapView, decode_snapshot
 from helios_core.name_rules import closest, is_named
 from helios_core.topics import GAUSSIANS, OBJECTS, PICTURE, SNAPSHOT, VOCABULARY
 
-from helios_gateway import cells, convert, map_models, scene3d
-from helios_gateway.gaussian_colors import ColorBy, Gaussians
-from helios_gateway.problems import NotFound
-from helios_gateway.responses import NPZ, PNG, Encoded
-from helios_gateway.shared_results import SharedResults
+from helios_gateway import api_map_models, map_arrays, message_conversion, viewer_scene
+from helios_gateway.cached_responses import NPZ, PNG, Encoded
+from helios_gateway.error_responses import NotFound
+from helios_gateway.gaussian_arrays import ColorBy, Gaussians
+from helios_gateway.request_coalescing import SharedResults
 
 
 class Maps:
@@ -51,31 +51,31 @@ class Maps:
         with self._lock:
             self._path_m = tuple(plan.path_m)
 
-    def change(self) -> map_models.MapChange:
+    def change(self) -> api_map_models.MapChange:
         """Numbers that rise with every change of the maps."""
         with self._lock:
-            return map_models.MapChange(map2d=self._changes["map2d"],
+            return api_map_models.MapChange(map2d=self._changes["map2d"],
                                     objects=self._changes["objectmap"])  # fmt: skip
 
     def view(self) -> MapView:
         """The newest map. Raises Unavailable, DeadlineExceeded, Internal."""
         return self._views.get("map", self._state("map2d"), self._ask_snapshot)
 
-    def info(self) -> map_models.MapInfo:
+    def info(self) -> api_map_models.MapInfo:
         view = self.view()
         rows, columns = view.shape
-        return map_models.MapInfo(
+        return api_map_models.MapInfo(
             version=view.version, map_id=view.map_id, context_id=view.context_id,
             cell_m=view.cell_m, width_cells=columns, height_cells=rows,
-            origin_m=[convert.metres(v) for v in view.origin_m],
-            explored_m2=convert.finite(view.explored_m2),
-            occupied_m2=convert.finite(view.occupied_m2),
+            origin_m=[message_conversion.metres(v) for v in view.origin_m],
+            explored_m2=message_conversion.finite(view.explored_m2),
+            occupied_m2=message_conversion.finite(view.occupied_m2),
             layers=[
-                map_models.MapLayer(name=name, max_value=cells.layer_maximum(view, name))
+                api_map_models.MapLayer(name=name, max_value=map_arrays.layer_maximum(view, name))
                 for name in sorted(view.values)
             ],
-            robot=convert.pose(*view.robot_pose),
-            trajectory_m=convert.pairs(view.trajectory_m.ravel().tolist()),
+            robot=message_conversion.pose(*view.robot_pose),
+            trajectory_m=message_conversion.pairs(view.trajectory_m.ravel().tolist()),
             trajectory_starts=list(view.trajectory_starts),
         )  # fmt: skip
 
@@ -87,8 +87,10 @@ class Maps:
         """The frontiers as they are sent."""
 
         def make(view: MapView) -> Encoded:
-            frontiers = [convert.frontier(f) for f in view.frontiers]
-            return Encoded.json(map_models.FrontierList(version=view.version, frontiers=frontiers))
+            frontiers = [message_conversion.frontier(f) for f in view.frontiers]
+            return Encoded.json(
+                api_map_models.FrontierList(version=view.version, frontiers=frontiers)
+            )
 
         return self._file("frontiers", self.view(), make)
 
@@ -96,14 +98,18 @@ class Maps:
         """`cells.cells_png`."""
         view = self._with_layer(layer)
         return self._file(("cells", layer), view, lambda _: Encoded.of(
-            cells.cells_png(view, layer), PNG, x_map_version=str(view.version)
+            map_arrays.cells_png(view, layer), PNG, x_map_version=str(view.version)
         ))  # fmt: skip
 
     def npz(self, layer: str | None) -> Encoded:
         """The arrays of occupancy (None) or of a value layer."""
 
         def make(view: MapView) -> Encoded:
-            data = cells.occupancy_npz(view) if layer is None else cells.value_npz(view, layer)
+            data = (
+                map_arrays.occupancy_npz(view)
+                if layer is None
+                else map_arrays.value_npz(view, layer)
+            )
             return Encoded.of(data, NPZ, x_map_version=str(view.version))
 
         return self._file(("npz", layer), self._with_layer(layer), make)
@@ -125,11 +131,11 @@ class Maps:
 
         return self._pictures.get((layer, size_px), state, make)
 
-    def objects(self) -> map_models.ObjectList:
+    def objects(self) -> api_map_models.ObjectList:
         """Every instance of the object map."""
-        return convert.object_list(self._ask_objects())
+        return message_conversion.object_list(self._ask_objects())
 
-    def object(self, id: int) -> map_models.ObjectInstance:
+    def object(self, id: int) -> api_map_models.ObjectInstance:
         """One instance of the object map. Raises NotFound."""
         for found in self.objects().objects:
             if found.id == id:
@@ -148,7 +154,7 @@ class Maps:
             self._check_class(class_name, reply)
 
         def make() -> Encoded:
-            found = convert.object_list(reply)
+            found = message_conversion.object_list(reply)
             kept = [o for o in found.objects if _fits(o, class_name, min_score)]
             return Encoded.json(found.model_copy(update={"objects": kept}))
 
@@ -183,8 +189,8 @@ class Maps:
                 ground = self.view()
             except Unavailable:  # what is believed can be seen without it
                 ground = None
-            scene = scene3d.scene_file(Gaussians.of(reply), self.objects().objects, ground, by)
-            return Encoded.of(scene, scene3d.MEDIA_TYPE, x_gaussians=str(reply.count))
+            scene = viewer_scene.scene_file(Gaussians.of(reply), self.objects().objects, ground, by)
+            return Encoded.of(scene, viewer_scene.MEDIA_TYPE, x_gaussians=str(reply.count))
 
         return self._scenes.get(by, (self._state("map2d"), self._state("objectmap")), make)
 
@@ -243,7 +249,7 @@ def _state(view: MapView) -> tuple[int, str, str]:
 
 
 def _fits(
-    found: map_models.ObjectInstance, class_name: str | None, min_score: float | None
+    found: api_map_models.ObjectInstance, class_name: str | None, min_score: float | None
 ) -> bool:
     if class_name is not None and not is_named(class_name, found.class_name):
         return False

@@ -10,8 +10,8 @@ from fastapi import Depends
 from helios_core.bus import Bus
 from starlette.requests import HTTPConnection
 
-from helios_gateway.live import Live
-from helios_gateway.problems import NotFound
+from helios_gateway.bus_listener import Live
+from helios_gateway.error_responses import NotFound
 
 
 @dataclass(frozen=True)

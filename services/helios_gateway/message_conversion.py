@@ -9,7 +9,7 @@ from helios_core import proto as pb
 from helios_core.errors import Internal
 from helios_core.printable_text import printable
 
-from helios_gateway import map_models, models
+from helios_gateway import api_map_models, api_models
 from helios_gateway.suggestions import Believed, words
 
 PHASES = {
@@ -20,7 +20,7 @@ PHASES = {
     "go_home": ("go",),
     "explore": ("explore",),
 }
-_STATES: dict[str, models.TaskState] = {
+_STATES: dict[str, api_models.TaskState] = {
     "queued": "queued", "running": "running", "paused": "paused", "succeeded": "succeeded",
     "failed": "failed", "cancelled": "cancelled",
 }  # fmt: skip
@@ -64,11 +64,11 @@ def _eta_s(message: pb.Task) -> tuple[float, float] | None:
     return None if low is None or high is None else (low, high)
 
 
-def task(message: pb.Task) -> models.Task:
+def task(message: pb.Task) -> api_models.Task:
     """A task as it is now. Raises Internal for a state that nobody knows."""
     if message.state not in _STATES:
         raise Internal(f"the planner named a state {message.state!r} of task {message.id}")
-    return models.Task(
+    return api_models.Task(
         id=message.id, instruction=printable(message.instruction), state=_STATES[message.state],
         phase=message.phase, phases=phases(message.kind, message.phase, message.state),
         message=printable(message.message), cause=message.cause, seeking=message.seeking,
@@ -86,12 +86,12 @@ def task(message: pb.Task) -> models.Task:
     )  # fmt: skip
 
 
-def _point(point: pb.GoalPoint) -> models.GoalPoint:
+def _point(point: pb.GoalPoint) -> api_models.GoalPoint:
     yaw_rad = finite(point.yaw_rad) if point.HasField("yaw_rad") else None
-    return models.GoalPoint(x_m=metres(point.x_m), y_m=metres(point.y_m), yaw_rad=yaw_rad)
+    return api_models.GoalPoint(x_m=metres(point.x_m), y_m=metres(point.y_m), yaw_rad=yaw_rad)
 
 
-def phases(kind: str, phase: str, state: str) -> list[models.Phase]:
+def phases(kind: str, phase: str, state: str) -> list[api_models.Phase]:
     """The phases of a kind of task: those before the present one are done."""
     names = list(PHASES.get(kind, PHASES["move"]))
     if phase and phase not in names:
@@ -100,34 +100,34 @@ def phases(kind: str, phase: str, state: str) -> list[models.Phase]:
     out = []
     for i, name in enumerate(names):
         if i < at:
-            out.append(models.Phase(name=name, state="done"))
+            out.append(api_models.Phase(name=name, state="done"))
         elif i > at or state == "queued":
-            out.append(models.Phase(name=name, state="waiting"))
+            out.append(api_models.Phase(name=name, state="waiting"))
         elif state in ("failed", "cancelled"):
-            out.append(models.Phase(name=name, state="failed"))
+            out.append(api_models.Phase(name=name, state="failed"))
         else:
-            out.append(models.Phase(name=name, state="active"))
+            out.append(api_models.Phase(name=name, state="active"))
     return out
 
 
-def decision(message: pb.Decision) -> models.Decision:
+def decision(message: pb.Decision) -> api_models.Decision:
     """A decision with its candidates, and what other settings would have made of it."""
     again = message.recomputed if message.HasField("recomputed") else None
-    return models.Decision(
+    return api_models.Decision(
         task_id=message.task_id, index=message.index, phase=message.phase, rule=message.rule,
         do=message.do, why=message.why, settings=_numbers(message.settings),
         made_s=_time(message.made_s), context_id=message.context_id,
         candidates=_candidates(message.candidates),
-        recomputed=again and models.Recomputed(
+        recomputed=again and api_models.Recomputed(
             do=again.do, why=again.why, flips=again.flips, certain=again.certain,
             candidates=_candidates(again.candidates),
         ),
     )  # fmt: skip
 
 
-def _candidates(messages: Iterable[pb.Candidate]) -> list[models.Candidate]:
+def _candidates(messages: Iterable[pb.Candidate]) -> list[api_models.Candidate]:
     return [
-        models.Candidate(
+        api_models.Candidate(
             kind=c.kind, name=c.name, position_m=_vector(c.position_m), terms=_numbers(c.terms),
             chosen=c.chosen,
         )
@@ -135,17 +135,17 @@ def _candidates(messages: Iterable[pb.Candidate]) -> list[models.Candidate]:
     ]  # fmt: skip
 
 
-def pose(x_m: float, y_m: float, yaw_rad: float) -> models.RobotPose | None:
+def pose(x_m: float, y_m: float, yaw_rad: float) -> api_models.RobotPose | None:
     """None where a number is not finite."""
     if not all(map(math.isfinite, (x_m, y_m, yaw_rad))):
         return None
-    return models.RobotPose(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
+    return api_models.RobotPose(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
 
-def plan(message: pb.Plan) -> models.Plan:
+def plan(message: pb.Plan) -> api_models.Plan:
     """The path being driven, in the world, metres."""
     goal = message.goal
-    return models.Plan(
+    return api_models.Plan(
         task_id=message.task_id,
         path_m=pairs(message.path_m),
         goal=pose(goal.x_m, goal.y_m, goal.yaw_rad) if message.HasField("goal") else None,
@@ -153,17 +153,17 @@ def plan(message: pb.Plan) -> models.Plan:
     )
 
 
-def object_list(message: pb.ObjectsReply) -> map_models.ObjectList:
+def object_list(message: pb.ObjectsReply) -> api_map_models.ObjectList:
     """All instances of the object map."""
-    return map_models.ObjectList(
+    return api_map_models.ObjectList(
         objects=[_object(o) for o in message.objects],
         version=message.version,
         gaussians=message.gaussians,
     )
 
 
-def _object(o: pb.ObjectInstance) -> map_models.ObjectInstance:
-    return map_models.ObjectInstance(
+def _object(o: pb.ObjectInstance) -> api_map_models.ObjectInstance:
+    return api_map_models.ObjectInstance(
         id=o.id, class_name=o.class_name, center_m=_vector(o.center_m), size_m=_vector(o.size_m),
         score=finite(o.score), class_score=finite(o.class_score),
         uncertainty=finite(o.uncertainty), views=o.views, gaussians=o.gaussians,
@@ -172,12 +172,12 @@ def _object(o: pb.ObjectInstance) -> map_models.ObjectInstance:
     )  # fmt: skip
 
 
-def object_detail(message: pb.ObjectDetail) -> map_models.ObjectDetail:
+def object_detail(message: pb.ObjectDetail) -> api_map_models.ObjectDetail:
     """One instance with the history of its score and its upright box."""
-    return map_models.ObjectDetail(
+    return api_map_models.ObjectDetail(
         object=_object(message.object),
         history=[
-            map_models.Moment(
+            api_map_models.Moment(
                 stamp_s=m.stamp_ns / 1e9, views=finite(m.views), score=finite(m.score),
                 class_score=finite(m.class_score),
             )
@@ -188,17 +188,17 @@ def object_detail(message: pb.ObjectDetail) -> map_models.ObjectDetail:
     )  # fmt: skip
 
 
-def frontier(f: pb.Frontier) -> map_models.Frontier:
+def frontier(f: pb.Frontier) -> api_map_models.Frontier:
     """A border of what was seen, with its values."""
-    return map_models.Frontier(
+    return api_map_models.Frontier(
         id=f.id, center_m=[metres(f.x_m), metres(f.y_m)], size_m=metres(f.size_m),
         reachable=f.reachable, values=_numbers(f.values),
     )  # fmt: skip
 
 
-def robot_state(message: pb.RobotState) -> models.RobotState:
+def robot_state(message: pb.RobotState) -> api_models.RobotState:
     """How the robot is; without a pose where it has none that is finite."""
-    return models.RobotState(
+    return api_models.RobotState(
         pose=pose_of(message.T_world_base.rows), tilt_rad=finite(message.tilt_rad),
         held=message.held, moving=message.moving, stopped=message.stopped,
         finished=message.finished, message=printable(message.message),
@@ -207,14 +207,14 @@ def robot_state(message: pb.RobotState) -> models.RobotState:
     )  # fmt: skip
 
 
-def pose_of(rows: Sequence[float]) -> models.RobotPose | None:
+def pose_of(rows: Sequence[float]) -> api_models.RobotPose | None:
     """On the floor, of a row by row T_world_base."""
     return pose(rows[3], rows[7], math.atan2(rows[4], rows[0])) if len(rows) == 16 else None
 
 
-def robot_description(message: pb.RobotDescription) -> models.RobotDescription:
+def robot_description(message: pb.RobotDescription) -> api_models.RobotDescription:
     """What the robot is and can do."""
-    return models.RobotDescription(
+    return api_models.RobotDescription(
         name=message.name, simulated=message.simulated,
         footprint_radius_m=finite(message.footprint_radius_m), height_m=finite(message.height_m),
         reach_m=finite(message.reach_m), max_depth_m=finite(message.max_depth_m),
@@ -227,7 +227,7 @@ def robot_description(message: pb.RobotDescription) -> models.RobotDescription:
     )  # fmt: skip
 
 
-def believed(found: map_models.ObjectList) -> list[Believed]:
+def believed(found: api_map_models.ObjectList) -> list[Believed]:
     """The objects whose figures are finite."""
     out = []
     for one in found.objects:
@@ -238,13 +238,13 @@ def believed(found: map_models.ObjectList) -> list[Believed]:
     return out
 
 
-def seen_names(found: Iterable[Believed]) -> list[models.SeenName]:
+def seen_names(found: Iterable[Believed]) -> list[api_models.SeenName]:
     """Each name once, with its surest object, the surest first."""
     scores: dict[str, list[float]] = {}
     for one in found:
         scores.setdefault(one.name, []).append(one.score)
     names = [
-        models.SeenName(name=name, score=max(all_), objects=len(all_))
+        api_models.SeenName(name=name, score=max(all_), objects=len(all_))
         for name, all_ in scores.items()
     ]
     return sorted(names, key=lambda n: (-n.score, n.name))

@@ -24,11 +24,11 @@ from helios_core.topics import (
     status_topic,
 )
 
-from helios_gateway import convert, map_models, models
-from helios_gateway.camera import Camera
-from helios_gateway.events import EventHub
-from helios_gateway.maps import Maps
-from helios_gateway.roster import REPORTING, Roster
+from helios_gateway import api_map_models, api_models, message_conversion
+from helios_gateway.camera_image import Camera
+from helios_gateway.event_hub import EventHub
+from helios_gateway.map_cache import Maps
+from helios_gateway.service_registry import REPORTING, Roster
 from helios_gateway.settings import Settings
 
 log = logging.getLogger(__name__)
@@ -48,8 +48,8 @@ class Live:
         self.events = EventHub(settings.event_backlog, settings.max_viewers, settings.keepalive_s)
         self._lock = threading.Lock()
         self._ticking = threading.Lock()
-        self._robot: models.RobotState | None = None
-        self._description: models.RobotDescription | None = None
+        self._robot: api_models.RobotState | None = None
+        self._description: api_models.RobotDescription | None = None
         self._told: dict[str, object] = {}
         self._tick_s = settings.tick_s
         self._ended = threading.Event()
@@ -80,15 +80,15 @@ class Live:
         self._ended.set()
         self.events.close()
 
-    def robot(self) -> models.Robot:
+    def robot(self) -> api_models.Robot:
         with self._lock:
             state, description = self._robot, self._description
-        return models.Robot(
+        return api_models.Robot(
             connected=self.roster.is_alive("bridge"), state=state, description=description
         )
 
-    def status(self) -> models.Status:
-        return models.Status(
+    def status(self) -> api_models.Status:
+        return api_models.Status(
             ready=not self.reasons(),
             stopped=self.stopped,
             stop_reason=self.stop_reason,
@@ -127,7 +127,7 @@ class Live:
             status = self.status()
             for service in status.services:
                 self._tell_if_new("service", f"service/{service.name}", service)
-            readiness = models.Readiness(
+            readiness = api_models.Readiness(
                 ready=status.ready,
                 stopped=status.stopped,
                 stop_reason=status.stop_reason,
@@ -136,8 +136,8 @@ class Live:
             self._tell_if_new("ready", "ready", readiness)
 
     def _tell_if_new(
-        self, type: str, state_key: str, now: models.Robot | map_models.MapChange | models.Service
-        | models.Readiness
+        self, type: str, state_key: str, now: api_models.Robot | api_map_models.MapChange | api_models.Service
+        | api_models.Readiness
     ) -> None:  # fmt: skip
         if self._told.get(state_key) != now:
             self._told[state_key] = now
@@ -157,29 +157,31 @@ class Live:
 
     def _on_description(self, message: pb.RobotDescription) -> None:
         self.roster.on_description(message)
-        description = convert.robot_description(message)
+        description = message_conversion.robot_description(message)
         with self._lock:
             self._description = description
 
     def _on_robot(self, message: pb.RobotState) -> None:
-        state = convert.robot_state(message)
+        state = message_conversion.robot_state(message)
         with self._lock:
             before, self._robot = self._robot, state
         if before is None or _happened(before) != _happened(state):
             self.tick()
 
     def _on_task(self, message: pb.Task) -> None:
-        task = convert.task(message)
+        task = message_conversion.task(message)
         self.events.publish("task", task, "task", task.id, task.ended)
 
     def _on_decision(self, message: pb.Decision) -> None:
-        self.events.publish("decision", convert.decision(message), "decision", message.task_id)
+        self.events.publish(
+            "decision", message_conversion.decision(message), "decision", message.task_id
+        )
 
     def _on_plan(self, message: pb.Plan) -> None:
         self.maps.on_plan(message)
-        self.events.publish("plan", convert.plan(message), "plan", message.task_id)
+        self.events.publish("plan", message_conversion.plan(message), "plan", message.task_id)
 
 
-def _happened(robot: models.RobotState) -> tuple[bool, str, str]:
+def _happened(robot: api_models.RobotState) -> tuple[bool, str, str]:
     """What of a state is told at once."""
     return robot.stopped, robot.message if robot.stopped else "", robot.held

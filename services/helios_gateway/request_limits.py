@@ -18,10 +18,10 @@ from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from helios_gateway.access import check, key_of
-from helios_gateway.keys import Keys
-from helios_gateway.keys import Scope as KeyScope
-from helios_gateway.problems import problem, problem_of
+from helios_gateway.api_keys import Keys
+from helios_gateway.api_keys import Scope as KeyScope
+from helios_gateway.authorization import check, key_of
+from helios_gateway.error_responses import problem, problem_of
 
 READING = ("GET", "HEAD", "OPTIONS")
 # Addresses below that of a robot.

@@ -6,7 +6,7 @@ from typing import Any
 
 from fastapi import FastAPI
 
-from helios_gateway.problems import MEDIA_TYPE
+from helios_gateway.error_responses import MEDIA_TYPE
 
 _METHODS = ("get", "post", "put", "patch", "delete")
 

@@ -19,7 +19,7 @@ from helios_core.errors import (
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 
-from helios_gateway.validation import sentence
+from helios_gateway.request_validation import sentence
 
 log = logging.getLogger(__name__)
 

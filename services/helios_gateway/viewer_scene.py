@@ -21,8 +21,8 @@ from helios_core.errors import Unavailable
 from helios_core.map_snapshot import FREE, OCCUPIED, MapView
 from numpy.typing import NDArray
 
-from helios_gateway.gaussian_colors import ColorBy, Gaussians, colored
-from helios_gateway.map_models import ObjectInstance
+from helios_gateway.api_map_models import ObjectInstance
+from helios_gateway.gaussian_arrays import ColorBy, Gaussians, colored
 
 if TYPE_CHECKING:
     import viser

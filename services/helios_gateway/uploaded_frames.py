@@ -17,7 +17,7 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, is_rigid
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from helios_gateway.validation import told
+from helios_gateway.request_validation import told
 
 MM = 0.001  # metres per unit of a depth image, as on the bus
 

@@ -18,8 +18,8 @@ from helios_core.errors import HeliosError, Internal, Unavailable
 from helios_core.types import FrameId
 from numpy.typing import NDArray
 
-from helios_gateway.boxes import Box, draw_boxes
-from helios_gateway.responses import JPEG, Encoded
+from helios_gateway.box_drawing import Box, draw_boxes
+from helios_gateway.cached_responses import JPEG, Encoded
 
 POSES_KEPT = 64
 STILL = 2e-3  # a pose whose numbers (m, quaternion) all agree within this is the same

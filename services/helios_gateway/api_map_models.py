@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from helios_gateway.models import RobotPose, Vector2, Vector3
+from helios_gateway.api_models import RobotPose, Vector2, Vector3
 
 
 class ObjectInstance(BaseModel):

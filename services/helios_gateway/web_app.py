@@ -14,13 +14,13 @@ from fastapi_offline import FastAPIOffline
 from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from helios_gateway.access import session_routes
-from helios_gateway.fleet import Fleet
-from helios_gateway.keys import Keys
-from helios_gateway.limits import Bounds, Limits
-from helios_gateway.metrics import CountRequests, Metrics
-from helios_gateway.openapi import describe_truly
-from helios_gateway.problems import add_problems, problem
+from helios_gateway.api_keys import Keys
+from helios_gateway.authorization import session_routes
+from helios_gateway.error_responses import add_problems, problem
+from helios_gateway.openapi_schema import describe_truly
+from helios_gateway.prometheus_metrics import CountRequests, Metrics
+from helios_gateway.request_limits import Bounds, Limits
+from helios_gateway.robot_registry import Fleet
 from helios_gateway.routes.events import event_routes
 from helios_gateway.routes.frames import frame_routes
 from helios_gateway.routes.health import fleet_routes, health_routes, service_routes
