@@ -13,7 +13,7 @@ from helios_core.bus import Bus
 from helios_core.codec import object_from_proto
 from helios_core.topics import GAUSSIANS, OBJECTS
 from helios_core.types import ObjectInstance
-from helios_map2d.pictures.labels import Wanted, lead, placed
+from helios_map2d.pictures.label_placement import Wanted, lead, placed
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from helios_core.errors import Conflict
 from helios_core.robot_restarts import RobotStarts
 from helios_core.types import Frame, Observation, SearchContext, WorldId
 
-from helios_map2d.layers.rules import MapRules
-from helios_map2d.state import MapState
-from helios_map2d.view import check_pose
+from helios_map2d.camera_view import check_pose
+from helios_map2d.epoch_map import MapState
+from helios_map2d.layers.parameters import MapRules
 
 REMEMBERED_EPOCHS = 256
 

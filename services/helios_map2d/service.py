@@ -43,12 +43,12 @@ from helios_core.topics import (
 )
 from helios_core.types import WorldId
 
-from helios_map2d.answers import Answers
 from helios_map2d.epochs import EpochMaps
-from helios_map2d.files.keeping import Keeping
-from helios_map2d.recollection import Recollection
+from helios_map2d.files.persistence import Keeping
+from helios_map2d.map_queries import Answers
 from helios_map2d.settings import Settings
-from helios_map2d.versions.wire import Pose, told_pose
+from helios_map2d.snapshots.messages import Pose, told_pose
+from helios_map2d.view_search import Recollection
 
 log = logging.getLogger(__name__)
 

@@ -10,8 +10,8 @@ from pydantic import Field
 
 from helios_map2d.layers.frontiers import FrontierRules
 from helios_map2d.layers.occupancy import OccupancyRules
-from helios_map2d.layers.rules import MapRules
-from helios_map2d.layers.value import ValueRules
+from helios_map2d.layers.parameters import MapRules
+from helios_map2d.layers.value_layers import ValueRules
 
 
 class Settings(ServiceSettings):

@@ -8,10 +8,10 @@ import numpy as np
 from helios_core.geometry import Pinhole, camera_on_base
 from helios_core.types import Frame, FrameId, Observation, SearchContext
 
-from helios_map2d.kernels.value import fuse_maximum
+from helios_map2d.epoch_map import MapState
+from helios_map2d.kernels.value_fusion import fuse_maximum
 from helios_map2d.layers.frontiers import FrontierRules
-from helios_map2d.layers.rules import MapRules
-from helios_map2d.state import MapState
+from helios_map2d.layers.parameters import MapRules
 
 
 def warm_up() -> None:

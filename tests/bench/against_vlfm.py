@@ -30,15 +30,15 @@ import numpy as np
 from helios_core.geometry import Pinhole, se2_to_se3
 from helios_core.types import Frame, FrameId, Observation, SearchContext
 from helios_eval.bench.scene import frames as bench_frames
+from helios_map2d.camera_view import heading_of, view_of
+from helios_map2d.epoch_map import MapState
 from helios_map2d.grid import TileMask
+from helios_map2d.layer_stack import LayerStack
 from helios_map2d.layers.frontiers import FrontierFinder, FrontierRules
 from helios_map2d.layers.occupancy import OccupancyRules
-from helios_map2d.layers.rules import MapRules
-from helios_map2d.layers.value import ValueLayers, ValueRules, cone_of
+from helios_map2d.layers.parameters import MapRules
+from helios_map2d.layers.value_layers import ValueLayers, ValueRules, cone_of
 from helios_map2d.settings import vlfm_compatible
-from helios_map2d.stack import LayerStack
-from helios_map2d.state import MapState
-from helios_map2d.view import heading_of, view_of
 from helios_map2d.warm_up import warm_up
 from numpy.typing import NDArray
 

@@ -26,7 +26,7 @@ ELSEWHERE = {
     ("services/helios_planner/tasks/proof.py", "os.open"): (1, "a folder, to sync it"),
     ("services/helios_objectmap/files/mapfile.py", "savez"): (1, MEMORY),
     ("services/helios_objectmap/files/export.py", "savez_compressed"): (1, MEMORY),
-    ("services/helios_map2d/versions/snapshot.py", "savez_compressed"): (1, MEMORY),
+    ("services/helios_map2d/snapshots/snapshot.py", "savez_compressed"): (1, MEMORY),
     ("services/helios_gateway/map_arrays.py", "savez_compressed"): (1, MEMORY),
     ("services/helios_gateway/map_archive.py", "ZipFile"): (1, MEMORY),
     ("services/helios_gateway/routes/map_file.py", "ZipFile"): (1, MEMORY),

@@ -7,13 +7,13 @@ import math
 import cv2
 import numpy as np
 from helios_core.types import Frame
+from helios_map2d.camera_view import View, view_of
 from helios_map2d.grid import GridSpec, TileMask
-from helios_map2d.layers.explored import SearchArea
+from helios_map2d.layers.explored_area import SearchArea
 from helios_map2d.layers.frontiers import FrontierFinder, FrontierRules
-from helios_map2d.layers.ground import OpenGround
 from helios_map2d.layers.occupancy import OccupancyLayer, OccupancyRules
-from helios_map2d.layers.value import ValueLayers, ValueRules, cone_of
-from helios_map2d.view import View, view_of
+from helios_map2d.layers.reachability import OpenGround
+from helios_map2d.layers.value_layers import ValueLayers, ValueRules, cone_of
 from numpy.typing import NDArray
 
 from helios_eval.bench.scene import FRAMES, frames

@@ -8,8 +8,8 @@ import numpy as np
 from helios_core.geometry import Matrix
 from helios_core.robot import Action, ActionResult
 from helios_core.types import Frame, FrameId, ObjectInstance
-from helios_map2d.layers.rules import MapRules
-from helios_map2d.state import MapState
+from helios_map2d.epoch_map import MapState
+from helios_map2d.layers.parameters import MapRules
 from helios_planner.decisions.decide import Decision
 from helios_planner.ground.grid import GroundMap, Pose2
 from helios_planner.robot.body import Body, Frontier, WhatIf

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from helios_map2d.grid import EMPTY, TILE, Box, GridSpec, TileMask
-from helios_map2d.kernels import cluster as cluster_kernels
-from helios_map2d.kernels import frontier as frontier_kernels
-from helios_map2d.kernels import identity as identity_kernels
-from helios_map2d.kernels.frontier import VALUES
-from helios_map2d.layers.ground import OpenGround, Reached
-from helios_map2d.layers.value import values_near
+from helios_map2d.kernels import frontier_cells as frontier_kernels
+from helios_map2d.kernels import frontier_clusters as cluster_kernels
+from helios_map2d.kernels import frontier_tracking as identity_kernels
+from helios_map2d.kernels.frontier_cells import VALUES
+from helios_map2d.layers.reachability import OpenGround, Reached
+from helios_map2d.layers.value_layers import values_near
 
 NO_CELLS = np.empty((0, 2), np.int32)
 EVERYWHERE = (-(2**31), 2**31, -(2**31), 2**31)

@@ -17,10 +17,10 @@ from helios_core.errors import InvalidInput
 from helios_core.map_snapshot import UNKNOWN
 from numpy.typing import NDArray
 
+from helios_map2d.camera_view import View
 from helios_map2d.grid import Box, GridSpec, carried_over
-from helios_map2d.kernels import fuse as fuse_kernels
-from helios_map2d.kernels import project as project_kernels
-from helios_map2d.view import View
+from helios_map2d.kernels import depth_projection as project_kernels
+from helios_map2d.kernels import occupancy_fusion as fuse_kernels
 
 Pixels = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
 """By cell of a window, flat: how many, and the bits of the lowest and highest height."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from helios_map2d.pictures.sheet import (
+from helios_map2d.pictures.canvas import (
     BEYOND_RGB,
     FOOT_PX,
     FREE_RGB,

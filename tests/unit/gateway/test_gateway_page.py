@@ -7,12 +7,12 @@ from pathlib import Path
 
 import helios_gateway
 import pytest
-from helios_map2d.pictures import legend, sheet
+from helios_map2d.pictures import canvas, legend
 
 PAGE = Path(helios_gateway.__file__).parent / "static"
 SAME = {
-    "frontier": sheet.FRONTIER_RGB, "beyond": sheet.BEYOND_RGB, "way": sheet.TRAIL_RGB,
-    "plan": sheet.PATH_RGB, "robot": sheet.ROBOT_RGB,
+    "frontier": canvas.FRONTIER_RGB, "beyond": canvas.BEYOND_RGB, "way": canvas.TRAIL_RGB,
+    "plan": canvas.PATH_RGB, "robot": canvas.ROBOT_RGB,
 }  # fmt: skip
 ONLY_THERE = ("low one",)  # obstacles of the page are of one shade
 

@@ -6,8 +6,8 @@ import numpy as np
 from helios_core import proto as pb
 from helios_core.topics import LOAD_MAP2D, SAVE_MAP2D
 from helios_core.types import WorldId
+from helios_map2d.epoch_map import MapState
 from helios_map2d.epochs import EpochMaps
-from helios_map2d.state import MapState
 from map2d_house import House
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
-from helios_map2d.files.kept import HEAD
+from helios_map2d.files.map_file import HEAD
 from map2d_house import House
 from map2d_kept import load, saved, state_of, walked
 

@@ -12,7 +12,7 @@ from helios_core.errors import InvalidInput
 from helios_core.map_replica import MapMirror
 from helios_core.map_snapshot import OCCUPIED, decode_snapshot
 from helios_core.topics import MAP_CHANGES, RESET_MAP2D
-from helios_map2d.versions import tiles
+from helios_map2d.snapshots import tiles
 from map2d_house import House
 from map2d_kept import state_of
 
@@ -103,12 +103,12 @@ def test_a_tile_is_encoded_once_whatever_the_number_of_viewers(
 
 
 def test_the_whole_snapshot_is_encoded_once_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    from helios_map2d.versions import wire
+    from helios_map2d.snapshots import messages
 
     house = House()
     house.settle()
-    packed, calls = wire.packed, []
-    monkeypatch.setattr(wire, "packed", lambda array: (calls.append(1), packed(array))[1])
+    packed, calls = messages.packed, []
+    monkeypatch.setattr(messages, "packed", lambda array: (calls.append(1), packed(array))[1])
     house.snapshot()
     first = len(calls)
     for _ in range(5):

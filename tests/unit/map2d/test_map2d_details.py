@@ -9,21 +9,21 @@ import pytest
 from helios_core import proto as pb
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.types import FrameId, Observation, SearchContext, WorldId
+from helios_map2d.epoch_map import MapState
 from helios_map2d.epochs import EpochMaps
+from helios_map2d.frame_order import FrameOrder
 from helios_map2d.grid import GridSpec
-from helios_map2d.kernels import fuse as fuse_kernels
-from helios_map2d.kernels.fuse import MEMORY
+from helios_map2d.kernels import occupancy_fusion as fuse_kernels
+from helios_map2d.kernels.occupancy_fusion import MEMORY
+from helios_map2d.layers.line_of_sight import line_of_sight
 from helios_map2d.layers.occupancy import OccupancyRules
-from helios_map2d.layers.rules import MapRules
-from helios_map2d.layers.sight import line_of_sight
-from helios_map2d.layers.value import Cone
-from helios_map2d.order import FrameOrder
-from helios_map2d.past.memory import SeenView, ViewMemory
-from helios_map2d.state import MapState
-from helios_map2d.versions.changes import changes_after
-from helios_map2d.versions.path import cost_along
-from helios_map2d.versions.snapshot import EVIDENCE, ground_of
-from helios_map2d.versions.tiles import GroundTile
+from helios_map2d.layers.parameters import MapRules
+from helios_map2d.layers.value_layers import Cone
+from helios_map2d.snapshots.delta import changes_after
+from helios_map2d.snapshots.path_cost import cost_along
+from helios_map2d.snapshots.snapshot import EVIDENCE, ground_of
+from helios_map2d.snapshots.tiles import GroundTile
+from helios_map2d.view_memory.stored_views import SeenView, ViewMemory
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from map2d_kept import parked

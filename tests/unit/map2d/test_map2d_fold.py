@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 from helios_core.geometry import Pinhole
 from helios_core.map_snapshot import OCCUPIED as TAKEN
+from helios_map2d.camera_view import spans_between, view_of
 from helios_map2d.grid import GridSpec
-from helios_map2d.kernels import fuse as fuse_kernels
-from helios_map2d.kernels.fuse import HEIGHTS, MEMORY, SEEN_NOW
-from helios_map2d.kernels.project import NO_LOW
+from helios_map2d.kernels import occupancy_fusion as fuse_kernels
+from helios_map2d.kernels.depth_projection import NO_LOW
+from helios_map2d.kernels.occupancy_fusion import HEIGHTS, MEMORY, SEEN_NOW
 from helios_map2d.layers.occupancy import OccupancyLayer, OccupancyRules
-from helios_map2d.view import spans_between, view_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from map2d_scene import Block, camera_pose, cast, room, table

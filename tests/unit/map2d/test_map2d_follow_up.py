@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helios_map2d.kernels import change as change_kernels
-from helios_map2d.kernels import value as value_kernels
-from helios_map2d.kernels.fuse import HEIGHTS, MEMORY, SEEN_NOW
+from helios_map2d.kernels import tile_changes as change_kernels
+from helios_map2d.kernels import value_fusion as value_kernels
+from helios_map2d.kernels.occupancy_fusion import HEIGHTS, MEMORY, SEEN_NOW
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays

@@ -7,12 +7,12 @@ import itertools
 import numpy as np
 import pytest
 from helios_map2d.grid import Box, GridSpec, TileMask
-from helios_map2d.kernels import cluster as cluster_kernels
-from helios_map2d.kernels import frontier as frontier_kernels
-from helios_map2d.kernels import identity as identity_kernels
-from helios_map2d.layers.explored import SearchArea, near_ground
+from helios_map2d.kernels import frontier_cells as frontier_kernels
+from helios_map2d.kernels import frontier_clusters as cluster_kernels
+from helios_map2d.kernels import frontier_tracking as identity_kernels
+from helios_map2d.layers.explored_area import SearchArea, near_ground
 from helios_map2d.layers.frontiers import NO_CELLS, Frontier, FrontierFinder, FrontierRules
-from helios_map2d.layers.ground import OpenGround
+from helios_map2d.layers.reachability import OpenGround
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays

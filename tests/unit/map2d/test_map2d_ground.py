@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from helios_map2d.grid import EMPTY, TILE, Box, GridSpec
-from helios_map2d.layers.explored import near_ground
-from helios_map2d.layers.ground import OpenGround, Reached
+from helios_map2d.layers.explored_area import near_ground
+from helios_map2d.layers.reachability import OpenGround, Reached
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_core.types import Observation, SearchContext
+from helios_map2d.epoch_map import MapState
 from helios_map2d.grid import Box, GridSpec
-from helios_map2d.layers.room import grown_for
-from helios_map2d.layers.rules import MapRules
-from helios_map2d.state import MapState
+from helios_map2d.layers.grid_growth import grown_for
+from helios_map2d.layers.parameters import MapRules
 from hypothesis import given
 from hypothesis import strategies as st
 from map2d_scene import Block, Walk, room, table

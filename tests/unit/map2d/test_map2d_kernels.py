@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 from helios_core.geometry import Pinhole
-from helios_map2d.kernels import project as project_kernels
-from helios_map2d.kernels.project import FLOOR, OBSTACLE
+from helios_map2d.kernels import depth_projection as project_kernels
+from helios_map2d.kernels.depth_projection import FLOOR, OBSTACLE
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays

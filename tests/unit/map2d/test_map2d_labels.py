@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+from helios_map2d.epoch_map import MapState
 from helios_map2d.layers.frontiers import Frontier
-from helios_map2d.layers.rules import MapRules
-from helios_map2d.pictures.labels import Rect, Wanted, lead, placed
-from helios_map2d.pictures.picture import render
-from helios_map2d.pictures.sheet import FOOT_PX, INK_RGB, UNKNOWN_RGB, Sheet
-from helios_map2d.state import MapState
+from helios_map2d.layers.parameters import MapRules
+from helios_map2d.pictures.canvas import FOOT_PX, INK_RGB, UNKNOWN_RGB, Sheet
+from helios_map2d.pictures.label_placement import Rect, Wanted, lead, placed
+from helios_map2d.pictures.map_picture import render
 from hypothesis import given
 from hypothesis import strategies as st
 

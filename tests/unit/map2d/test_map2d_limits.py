@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from helios_core.geometry import Pinhole, camera_on_base, se2_to_se3
 from helios_core.types import Frame, FrameId, Observation, SearchContext
+from helios_map2d.epoch_map import MapState
 from helios_map2d.layers.frontiers import FrontierRules
-from helios_map2d.layers.rules import MapRules
-from helios_map2d.state import MapState
-from helios_map2d.versions.path import cost_along
+from helios_map2d.layers.parameters import MapRules
+from helios_map2d.snapshots.path_cost import cost_along
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

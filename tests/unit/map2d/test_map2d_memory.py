@@ -15,13 +15,13 @@ from helios_core.geometry import lift_pixels
 from helios_core.map_snapshot import decode_snapshot
 from helios_core.topics import EMBED_TEXT, RECALL
 from helios_core.types import Detection, Embedding, FrameId, Observation
-from helios_map2d.layers.rules import MapRules
-from helios_map2d.layers.value import Cone
-from helios_map2d.past.memory import SeenView, ViewMemory, read_view
-from helios_map2d.past.recall import Question, questions, scored
-from helios_map2d.past.sighted import Sighted
-from helios_map2d.recollection import MOST_LATE_LAYERS
-from helios_map2d.state import MapState
+from helios_map2d.epoch_map import MapState
+from helios_map2d.layers.parameters import MapRules
+from helios_map2d.layers.value_layers import Cone
+from helios_map2d.view_memory.detected_names import Sighted
+from helios_map2d.view_memory.ranking import Question, questions, scored
+from helios_map2d.view_memory.stored_views import SeenView, ViewMemory, read_view
+from helios_map2d.view_search import MOST_LATE_LAYERS
 from map2d_house import House
 from map2d_scene import CAMERA, Walk, room
 from numpy.typing import NDArray

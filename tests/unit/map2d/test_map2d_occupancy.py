@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_core.types import Frame
+from helios_map2d.epoch_map import MapState
 from helios_map2d.layers.occupancy import OccupancyRules
-from helios_map2d.layers.rules import MapRules
+from helios_map2d.layers.parameters import MapRules
 from helios_map2d.settings import Settings
-from helios_map2d.state import MapState
 from map2d_scene import Block, Walk, chair, room, table
 from numpy.typing import NDArray
 

@@ -9,10 +9,10 @@ import pytest
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.topics import PATH_COST
-from helios_map2d.layers.rules import MapRules
-from helios_map2d.state import MapState
-from helios_map2d.versions.path import cost_along
-from helios_map2d.versions.snapshot import MapSnapshot
+from helios_map2d.epoch_map import MapState
+from helios_map2d.layers.parameters import MapRules
+from helios_map2d.snapshots.path_cost import cost_along
+from helios_map2d.snapshots.snapshot import MapSnapshot
 from map2d_house import House
 from map2d_scene import Walk, room
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from helios_map2d.layers.reveal import part_around, seen_of_cone
-from helios_map2d.layers.rules import MapRules
+from helios_map2d.epoch_map import MapState
+from helios_map2d.layers.explored_area import part_around, seen_of_cone
+from helios_map2d.layers.parameters import MapRules
 from helios_map2d.settings import Settings
-from helios_map2d.state import MapState
 from map2d_scene import Walk, room, table
 
 

@@ -11,11 +11,11 @@ import pytest
 from helios_core import proto as pb
 from helios_core.topics import RECALL
 from helios_core.types import Detection, Embedding, Frame, FrameId, Observation
-from helios_map2d.layers.value import Cone
-from helios_map2d.past.memory import SeenView
-from helios_map2d.past.recall import Answer, best_places
-from helios_map2d.past.sighted import sighted
-from helios_map2d.past.whereabouts import CELL_M, MOST_CELLS, Whereabouts
+from helios_map2d.layers.value_layers import Cone
+from helios_map2d.view_memory.detected_names import sighted
+from helios_map2d.view_memory.localization import CELL_M, MOST_CELLS, Whereabouts
+from helios_map2d.view_memory.ranking import Answer, best_places
+from helios_map2d.view_memory.stored_views import SeenView
 from map2d_house import MODEL, House, Scorer
 from map2d_scene import Block, Walk, cast, room
 from numpy.typing import NDArray

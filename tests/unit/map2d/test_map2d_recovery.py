@@ -11,7 +11,7 @@ from helios_core import proto as pb
 from helios_core.kept_file import KeptFile
 from helios_core.map_snapshot import decode_snapshot
 from helios_core.topics import MAP_CHANGES, PICTURE, RESET_MAP2D
-from helios_map2d.files.kept import FILE_NAME
+from helios_map2d.files.map_file import FILE_NAME
 from map2d_house import House
 from map2d_kept import assert_same_state, load, saved, state_of, walked
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.types import Frame, Observation, SearchContext
+from helios_map2d.epoch_map import MapState
 from helios_map2d.epochs import EpochMaps
 from helios_map2d.grid import Box
-from helios_map2d.layers.rules import MapRules
-from helios_map2d.state import MapState
-from helios_map2d.versions.snapshot import decode_npz, encode_npz
+from helios_map2d.layers.parameters import MapRules
+from helios_map2d.snapshots.snapshot import decode_npz, encode_npz
 from map2d_kept import parked
 from map2d_scene import Block, Walk, room, table
 

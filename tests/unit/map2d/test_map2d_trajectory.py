@@ -7,12 +7,12 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_core.map_snapshot import decode_snapshot
 from helios_map2d.epochs import EpochMaps
-from helios_map2d.files.kept import decode_map, encode_map
-from helios_map2d.layers.rules import MapRules
-from helios_map2d.versions import trajectory
-from helios_map2d.versions.snapshot import decode_npz, encode_npz
-from helios_map2d.versions.trajectory import Trajectory
-from helios_map2d.versions.wire import snapshot_to_proto
+from helios_map2d.files.map_file import decode_map, encode_map
+from helios_map2d.layers.parameters import MapRules
+from helios_map2d.snapshots import trajectory
+from helios_map2d.snapshots.messages import snapshot_to_proto
+from helios_map2d.snapshots.snapshot import decode_npz, encode_npz
+from helios_map2d.snapshots.trajectory import Trajectory
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from map2d_scene import Walk, room

@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
+from helios_map2d.camera_view import View, view_of
 from helios_map2d.grid import GridSpec
-from helios_map2d.layers.value import (
+from helios_map2d.layers.value_layers import (
     Cone,
     ValueLayers,
     ValueRules,
@@ -16,7 +17,6 @@ from helios_map2d.layers.value import (
     cone_of,
     values_near,
 )
-from helios_map2d.view import View, view_of
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from map2d_scene import CAMERA, Walk, camera_pose, cast, room

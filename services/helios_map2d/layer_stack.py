@@ -1,0 +1,217 @@
+"""All layers of one map over one grid: what a view changes in them, and what follows by tile.
+
+The grid grows where a view needs it to; world cells keep their place whatever it does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from helios_core.geometry import Pinhole
+from helios_core.map_snapshot import UNKNOWN
+from helios_core.types import Frame
+from numpy.typing import NDArray
+
+from helios_map2d.camera_view import Reach, View, laid, reach_of
+from helios_map2d.grid import EMPTY, TILE, Box, GridSpec, Tile, TileMask
+from helios_map2d.kernels import tile_changes as change_kernels
+from helios_map2d.kernels.occupancy_fusion import HEIGHTS, SEEN_NOW
+from helios_map2d.layers.explored_area import ByCone, ByDepth, Exploring, SearchArea
+from helios_map2d.layers.frontiers import Frontier, FrontierFinder
+from helios_map2d.layers.grid_growth import grown_for
+from helios_map2d.layers.occupancy import OccupancyLayer
+from helios_map2d.layers.parameters import MapRules
+from helios_map2d.layers.reachability import OpenGround
+from helios_map2d.layers.value_layers import Cone, ValueLayers
+from helios_map2d.snapshots.tiles import GroundTile, ValueTile
+
+
+class LayerStack:
+    """Occupancy, what was searched, values, open ground and frontiers over `grid`.
+
+    `known` is a box of world cells that holds all that is known. A robot whose body has
+    `footprint_radius_m` (0: none) leaves free ground where it stands.
+    """
+
+    def __init__(
+        self, rules: MapRules, centre_m: tuple[float, float], footprint_radius_m: float
+    ) -> None:
+        self.rules = rules
+        self.grid = GridSpec.centred_on(*centre_m, rules.cell_m, rules.size_cells)
+        self.known = EMPTY
+        self.occupancy = OccupancyLayer(self.grid, rules.occupancy)
+        self.search = SearchArea(self.grid)
+        self.values = ValueLayers(self.grid, rules.values)
+        self.ground = OpenGround(self.grid, rules.frontiers.robot_radius_m / rules.cell_m)
+        self.frontiers = FrontierFinder(self.grid, rules.frontiers)
+        self._footprint_radius_m = footprint_radius_m
+        self._exploring: Exploring = (
+            ByCone(rules.frontiers.robot_radius_m, rules.cell_m)
+            if rules.explored_by_cone
+            else ByDepth()
+        )
+
+    def reach_of(self, frame: Frame) -> Reach:
+        """What a frame may touch. Raises InvalidInput for a pose that is none."""
+        return reach_of(frame.camera, frame.T_world_cam, self.rules.cell_m, self.rules.max_depth_m)
+
+    def view_of(self, depth_m: NDArray[np.float32], camera: Pinhole, reach: Reach) -> View:
+        """A checked depth image laid over the grid."""
+        return laid(depth_m, camera, reach, self.grid, self.rules.min_depth_m,
+                    self.rules.max_depth_m, self.rules.rays_per_cell)  # fmt: skip
+
+    def cone(self, view: View) -> Cone:
+        """What a score of a view is spread over."""
+        return self._exploring.cone(view)
+
+    def make_room_for(self, reach: Reach, robot_m: tuple[float, float]) -> None:
+        """Grow the grid where a frame, or the robot at `robot_m` (world x, y), may change what it
+        does not hold. Raises InvalidInput when it would be larger than the rules allow."""
+        row, column = self.grid.cell_of(*robot_m)
+        self.make_room(reach.box.union(self.grid.to_world(self._around(row, column))))
+
+    def make_room(self, needed: Box) -> None:
+        """Grow the grid where it does not hold a box of world cells with a margin.
+
+        Raises InvalidInput when it would be larger than the rules allow.
+        """
+        margin = max(TILE, self.ground.reach + 2)
+        grid = grown_for(self.grid, needed, margin, self.rules.most_cells)
+        if grid is self.grid:
+            return
+        self.occupancy.grow(grid, self.known)
+        self.ground.grow(grid, self.known)
+        self.search.grow(grid)
+        self.values.grow(grid)
+        self.frontiers.grow(grid)
+        self.grid = grid
+
+    def fold(
+        self, view: View, robot_m: tuple[float, float], *, holding: bool
+    ) -> list[tuple[Tile, bool, bool]]:
+        """Fold a view into occupancy, what was searched and open ground; the grid has room for it.
+
+        Returns the tiles that changed, and of each whether what others see of it did, and whether
+        heights of obstacles did. `robot_m` is where the robot stands (world x, y); `holding`: it
+        has something in its hand.
+        """
+        row, column = self.grid.cell_of(*robot_m)
+        box = self.grid.to_local(
+            self.grid.to_world(view.window.union(self._around(row, column))).tiled
+        )
+        at = box.slices
+        before, searched = self.occupancy.occupancy[at].copy(), self.search.explored[at].copy()
+        body_m = self._footprint_radius_m
+        if body_m > 0 and holding:
+            body_m += self.rules.held_reach_m
+        came_of_it = np.zeros((box.rows, box.columns), np.uint8)
+        seen = self.occupancy.integrate(view, robot_m, body_m)
+        came_of_it[view.window.moved(-box.row_lo, -box.column_lo).slices] = seen
+        self._exploring.mark(view, self.occupancy, came_of_it, box)
+        self.search.add(came_of_it, box)
+        if self._footprint_radius_m > 0:
+            self.occupancy.clear_disc(
+                *robot_m, self._footprint_radius_m, came_of_it, (box.row_lo, box.column_lo)
+            )
+            self.search.add_near_robot(
+                self.occupancy.occupancy, *robot_m, self.rules.frontiers.blind_radius_m
+            )
+        self.ground.update(self.occupancy.occupancy, before, box)
+        self._exploring.tidy(self.occupancy, self.search, (row, column), box)
+        return self._settled(box, before, searched, came_of_it)
+
+    def restore(
+        self,
+        tiles: Mapping[Tile, GroundTile],
+        layers: Mapping[str, Mapping[Tile, ValueTile]],
+    ) -> None:
+        """Take tiles of ground and values for what is known, in place of nothing."""
+        for place in {*tiles, *(place for values in layers.values() for place in values)}:
+            self.make_room(Box.of_tile(place))
+        layer, everything = self.occupancy, EMPTY
+        for place, tile in tiles.items():
+            box = self.grid.to_local(Box.of_tile(place))
+            at = box.slices
+            layer.occupancy[at], layer.evidence[at] = tile.occupancy, tile.evidence
+            layer.floor_seen[at] = tile.floor_seen
+            layer.z_low_m[at], layer.z_high_m[at] = tile.z_low_m, tile.z_high_m
+            self.search.add(tile.searched, box)
+            everything = everything.union(box)
+        if not everything.empty:
+            nothing = np.full((everything.rows, everything.columns), UNKNOWN, np.int8)
+            self.ground.update(layer.occupancy, nothing, everything)
+            self.frontiers.update(layer.occupancy, self.search.explored, TileMask.of(tiles))
+            self._note_known(everything)
+        for name, values in layers.items():
+            self.values.restore(name, values.values())
+        self.known = self.known.union(self.values.box)
+
+    def values_changed(self, changed: Box) -> None:
+        """Layers have changed within a box of world cells."""
+        self.known = self.known.union(changed)
+        self.frontiers.values_changed(changed)
+
+    def find_frontiers(
+        self, robot_m: tuple[float, float], *, ground_changed: bool
+    ) -> tuple[Frontier, ...]:
+        """The frontiers as they are now; ground_changed: whether anything but values has."""
+        values = {name: layer.value for name, layer in self.values.layers.items()}
+        if not ground_changed:
+            return self.frontiers.revalued(values)
+        return self.frontiers.find(self.occupancy.occupancy, self.ground, robot_m, values)
+
+    def known_grid(self, robot_m: tuple[float, float]) -> GridSpec:
+        """The grid of what is known; of the robot's cell while nothing is."""
+        known = self.known
+        if known.empty:
+            row, column = self.grid.cell_of(*robot_m)
+            known = self.grid.to_world(Box(row, row + 1, column, column + 1))
+        return GridSpec.over(known, self.grid.cell_m)
+
+    def _around(self, row: int, column: int) -> Box:
+        """The cells around the robot's that a frame may change without seeing them."""
+        near_m = max(self._footprint_radius_m, self.rules.frontiers.blind_radius_m)
+        near_m = max(near_m, self._exploring.reach_m(self.rules.max_depth_m))
+        margin = int(near_m / self.rules.cell_m) + 2
+        return Box(row, row + 1, column, column + 1).grown(margin)
+
+    def _settled(
+        self,
+        box: Box,
+        before: NDArray[np.int8],
+        searched: NDArray[np.uint8],
+        came_of_it: NDArray[np.uint8],
+    ) -> list[tuple[Tile, bool, bool]]:
+        """Follow up on a change within `box`, of whole tiles on the grid: the tiles that changed,
+        and of each whether what others see of it did, and whether heights of obstacles did."""
+        changed = np.zeros((box.rows // TILE, box.columns // TILE), np.uint8)
+        border = np.zeros((box.rows // TILE + 2, box.columns // TILE + 2), np.uint8)
+        extent = change_kernels.note_changes(
+            before, searched, self.occupancy.occupancy, self.search.explored,
+            (box.row_lo, box.column_lo), came_of_it, changed, border, TILE,
+        )  # fmt: skip
+        other = Box(*extent)
+        if not other.empty:  # what becomes known is other than before
+            self.known = self.known.union(
+                self.grid.to_world(other.moved(box.row_lo, box.column_lo))
+            )
+        world = self.grid.to_world(box)
+        row, column = world.row_lo // TILE, world.column_lo // TILE
+        edges = TileMask(border, (row - 1, column - 1))
+        self.frontiers.update(self.occupancy.occupancy, self.search.explored, edges)
+        return [
+            ((r + row, c + column), bool(flags & (SEEN_NOW | HEIGHTS)), bool(flags & HEIGHTS))
+            for r, line in enumerate(changed.tolist())
+            for c, flags in enumerate(line) if flags
+        ]  # fmt: skip
+
+    def _note_known(self, box: Box) -> None:
+        if self.known.holds(self.grid.to_world(box)):
+            return
+        at = box.slices
+        extent = change_kernels.known_extent(self.occupancy.occupancy[at], self.search.explored[at])
+        found = Box(*(int(v) for v in extent))
+        if not found.empty:
+            found = found.moved(box.row_lo, box.column_lo)
+            self.known = self.known.union(self.grid.to_world(found))

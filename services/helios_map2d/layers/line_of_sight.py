@@ -1,0 +1,46 @@
+"""Line of sight over the heights of obstacles: "can the point at height h be seen from there?"."""
+
+from __future__ import annotations
+
+import numpy as np
+from helios_core.codec.frames import FARTHEST_M
+from helios_core.errors import InvalidInput
+from numpy.typing import NDArray
+
+from helios_map2d.grid import GridSpec
+from helios_map2d.kernels import frontier_cells as frontier_kernels
+
+
+def line_of_sight(
+    grid: GridSpec,
+    occupancy: NDArray[np.int8],
+    z_low_m: NDArray[np.float32],
+    z_high_m: NDArray[np.float32],
+    eye_m: tuple[float, float, float],
+    point_m: tuple[float, float, float],
+    target_radius_m: float = 0.15,
+    margin_m: float = 0.03,
+    ground_m: float = 0.30,
+) -> bool:
+    """Whether `point_m` can be seen from `eye_m` (world x, y, z), over all obstacles between.
+
+    A known obstacle blocks the straight line where it rises more than `margin_m` above it and does
+    not begin more than `margin_m` above it: one can look over a chair and under a table. What
+    begins below `ground_m` is taken to stand on the floor. Unknown ground does not block. Obstacles
+    within `target_radius_m` of the point are part of what is looked at. Raises InvalidInput when a
+    coordinate is not finite, or beyond all homes.
+    """
+    if not (np.abs([*eye_m, *point_m]) <= FARTHEST_M).all():
+        raise InvalidInput(
+            f"cannot look from {eye_m} to {point_m}: send finite metres within {FARTHEST_M:g}"
+        )
+    x0, y0 = grid.origin_m
+    ends = [
+        np.array([(y - y0) / grid.cell_m, (x - x0) / grid.cell_m, z])
+        for x, y, z in (eye_m, point_m)
+    ]
+    row, _ = frontier_kernels.first_block(
+        z_low_m, z_high_m, occupancy, ends[0], ends[1], target_radius_m / grid.cell_m, margin_m,
+        ground_m,
+    )  # fmt: skip
+    return row < 0

@@ -1,1 +1,0 @@
-"""Views of the past, kept so that a question that comes later can be asked of them."""

@@ -1,0 +1,1 @@
+"""Immutable published versions of the map, and what changed between them."""

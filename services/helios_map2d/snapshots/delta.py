@@ -1,0 +1,85 @@
+"""What is new in a version for a viewer that knows an earlier one.
+
+Tiles are ordered by version, row and column. A viewer holds a place in that order: all that it has
+not seen lies behind it, the whole map for a late one. So nothing is kept per viewer, a change
+while the map is being read is simply met later, and each tile is encoded once for all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from helios_core import proto as pb
+from helios_core.codec import frame_id_to_proto
+
+from helios_map2d.grid import TILE
+from helios_map2d.snapshots.snapshot import MapSnapshot
+
+DEFAULT_TILES, MOST_TILES = 64, 1024
+
+
+class Cursor(NamedTuple):
+    """A place in the order of changes; the ground has no layer."""
+
+    version: int = 0
+    row: int = 0
+    column: int = 0
+    layer: str = ""
+
+
+def changes_after(snapshot: MapSnapshot, request: pb.MapChangesRequest) -> pb.MapChanges:
+    """The next chunk of what a viewer has not seen; see the message for its rules."""
+    out = pb.MapChanges(map_id=snapshot.map_id, version=snapshot.version, tile_cells=TILE,
+                        cell_m=snapshot.grid.cell_m, context_id=snapshot.context_id,
+                        layers=list(snapshot.layers))  # fmt: skip
+    after = Cursor()
+    if request.map_id == snapshot.map_id and request.after.version <= snapshot.version:
+        at = request.after
+        after = Cursor(at.version, at.row, at.column, at.layer)
+    new = sorted(cursor for cursor in _order(snapshot, request.layers) if cursor > after)
+    limit = min(request.most_tiles or DEFAULT_TILES, MOST_TILES)
+    out.tiles.extend(_tile(snapshot, cursor) for cursor in new[:limit])
+    last = new[min(limit, len(new)) - 1] if new else after
+    out.next.CopyFrom(pb.MapCursor(**last._asdict()))
+    out.more = len(new) > limit
+    if snapshot.frame_id is not None:
+        out.id.CopyFrom(frame_id_to_proto(snapshot.frame_id))
+    if snapshot.robot_pose is not None:
+        x_m, y_m, yaw_rad = snapshot.robot_pose
+        out.robot.CopyFrom(pb.Pose2(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad))
+    if not out.more:
+        out.frontiers.extend(frontier_messages(snapshot))
+    return out
+
+
+def frontier_messages(snapshot: MapSnapshot) -> list[pb.Frontier]:
+    """The frontiers as they travel."""
+    return [
+        pb.Frontier(
+            id=f.id, x_m=f.centre_m[0], y_m=f.centre_m[1], size_m=f.size_m, values=dict(f.values),
+            reachable=f.reachable,
+        )
+        for f in snapshot.frontiers
+    ]  # fmt: skip
+
+
+def _order(snapshot: MapSnapshot, layers: bool) -> Iterator[Cursor]:
+    """Where the tiles of a version stand in the order of changes."""
+    for place, tile in snapshot.ground.items():
+        yield Cursor(tile.version, *place)
+    if layers:
+        for name, tiles in snapshot.layers.items():
+            for place, value in tiles.items():
+                yield Cursor(value.version, *place, name)
+
+
+def _tile(snapshot: MapSnapshot, cursor: Cursor) -> pb.MapTile:
+    """The tile at a cursor."""
+    version, row, column, layer = cursor
+    out = pb.MapTile(row=row, column=column, version=version, layer=layer)
+    if layer:
+        out.value = snapshot.layers[layer][row, column].message
+    else:
+        out.ground.CopyFrom(snapshot.ground[row, column].message)
+    return out

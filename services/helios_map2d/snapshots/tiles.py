@@ -1,0 +1,206 @@
+"""Published pieces of the map: immutable tiles, each encoded at most once.
+
+A version of the map shares with the version before it all tiles that did not change. So publishing
+costs by what a view touched, and a viewer that knows a version needs only the tiles that are newer.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from helios_core import proto as pb
+from helios_core.map_snapshot import OCCUPIED, UNKNOWN, inflated
+from numpy.typing import NDArray
+
+from helios_map2d.grid import TILE, Box, GridSpec, Tile
+from helios_map2d.layers.occupancy import OccupancyLayer
+from helios_map2d.layers.value_layers import ValueLayer
+
+SHAPE = (TILE, TILE)
+HIGHEST_M = 65.0  # heights are sent as uint16 millimetres
+
+
+@dataclass(frozen=True, eq=False)
+class GroundTile:
+    """Occupancy, what was searched, and what the occupancy remembers, over one tile.
+
+    Arrays [TILE, TILE], read-only. `version` is that of the map when what others see of the tile
+    last changed; `revision` when anything did.
+    """
+
+    place: Tile
+    version: int
+    revision: int
+    occupancy: NDArray[np.int8]
+    searched: NDArray[np.uint8]
+    z_low_m: NDArray[np.float32]
+    z_high_m: NDArray[np.float32]
+    evidence: NDArray[np.uint8]
+    floor_seen: NDArray[np.uint8]
+
+    @cached_property
+    def message(self) -> pb.GroundTile:
+        """As it travels; heights in millimetres, 0 where nothing stands."""
+        occupied = self.occupancy == OCCUPIED
+        return pb.GroundTile(
+            occupancy=packed(self.occupancy),
+            searched=packed(self.searched),
+            bottom_mm=packed(in_mm(np.where(occupied, self.z_low_m, 0))),
+            top_mm=packed(in_mm(np.where(occupied, self.z_high_m, 0))),
+        )
+
+    @cached_property
+    def kept(self) -> bytes:
+        """As it is kept in files, with all that the map needs to go on: a `KeptMap` of this tile
+        alone. Messages that are laid end to end are read as one."""
+        tile = pb.KeptTile(
+            row=self.place[0], column=self.place[1],
+            occupancy=packed(self.occupancy), searched=packed(self.searched),
+            z_low_m=packed(self.z_low_m.astype("<f4")), evidence=packed(self.evidence),
+            z_high_m=packed(self.z_high_m.astype("<f4")), floor_seen=packed(self.floor_seen),
+        )  # fmt: skip
+        return pb.KeptMap(ground=[tile]).SerializeToString()
+
+
+@dataclass(frozen=True, eq=False)
+class ValueTile:
+    """One value layer over one tile: float32 [TILE, TILE], read-only, 0 where unseen."""
+
+    place: Tile
+    layer: str
+    version: int
+    value: NDArray[np.float32]
+    confidence: NDArray[np.float32]
+
+    @cached_property
+    def message(self) -> bytes:
+        """The value as it travels: float16."""
+        return packed(self.value.astype("<f2"))
+
+    @cached_property
+    def kept(self) -> bytes:
+        """As it is kept in files: a `KeptMap` of this tile alone."""
+        tile = pb.KeptValues(
+            row=self.place[0], column=self.place[1], layer=self.layer,
+            value=packed(self.value.astype("<f4")),
+            confidence=packed(self.confidence.astype("<f4")),
+        )  # fmt: skip
+        return pb.KeptMap(values=[tile]).SerializeToString()
+
+
+Ground = Mapping[Tile, GroundTile]
+Values = Mapping[Tile, ValueTile]
+
+
+def ground_tile(
+    layer: OccupancyLayer,
+    searched: NDArray[np.uint8],
+    place: Tile,
+    version: int,
+    revision: int,
+    same_view: GroundTile | None = None,
+    same_heights: GroundTile | None = None,
+) -> GroundTile:
+    """The present state of a tile; `same_view`, `same_heights`: an earlier one whose occupancy and
+    searched ground, or whose heights, still hold."""
+    row, column = place[0] * TILE - layer.grid.corner[0], place[1] * TILE - layer.grid.corner[1]
+    at = slice(row, row + TILE), slice(column, column + TILE)
+    if same_view is None:
+        occupancy, looked = frozen(layer.occupancy[at]), frozen(searched[at])
+    else:
+        occupancy, looked = same_view.occupancy, same_view.searched
+    if same_heights is None:
+        low_m, high_m = frozen(layer.z_low_m[at]), frozen(layer.z_high_m[at])
+    else:
+        low_m, high_m = same_heights.z_low_m, same_heights.z_high_m
+    return GroundTile(
+        place, version, revision, occupancy, looked, low_m, high_m,
+        frozen(layer.evidence[at]), frozen(layer.floor_seen[at]),
+    )  # fmt: skip
+
+
+def value_tile(
+    layer: ValueLayer, name: str, grid: GridSpec, place: Tile, version: int
+) -> ValueTile:
+    """The present state of a tile of a layer."""
+    at = grid.to_local(Box.of_tile(place)).slices
+    return ValueTile(place, name, version, frozen(layer.value[at]), frozen(layer.confidence[at]))
+
+
+def read_ground(message: pb.KeptTile, version: int) -> GroundTile:
+    """What `GroundTile.kept` wrote. Raises InvalidInput when it is damaged."""
+    return GroundTile(
+        (message.row, message.column), version, version,
+        unpacked(message.occupancy, "<i1"), unpacked(message.searched, "<u1"),
+        unpacked(message.z_low_m, "<f4"), unpacked(message.z_high_m, "<f4"),
+        unpacked(message.evidence, "<u1"), unpacked(message.floor_seen, "<u1"),
+    )  # fmt: skip
+
+
+def read_values(message: pb.KeptValues, version: int) -> ValueTile:
+    """What `ValueTile.kept` wrote. Raises InvalidInput when it is damaged."""
+    return ValueTile(
+        (message.row, message.column), message.layer, version,
+        unpacked(message.value, "<f4"), unpacked(message.confidence, "<f4"),
+    )  # fmt: skip
+
+
+def assembled(tiles: Iterable[tuple[Tile, NDArray]], grid: GridSpec, fill: float = 0) -> NDArray:
+    """One read-only array over `grid` from the arrays of tiles; `fill` where there is no tile."""
+    parts = list(tiles)
+    dtype = parts[0][1].dtype if parts else np.dtype(np.float32)
+    out = np.full(grid.shape, fill, dtype)
+    whole = grid.to_world(grid.whole)
+    for tile, array in parts:
+        box = Box.of_tile(tile)
+        common = box.cut(whole)
+        if not common.empty:
+            inner = common.moved(-box.row_lo, -box.column_lo)
+            out[grid.to_local(common).slices] = array[inner.slices]
+    out.flags.writeable = False
+    return out
+
+
+def cut_up(array: NDArray, grid: GridSpec, fill: float = 0) -> dict[Tile, NDArray]:
+    """An array over `grid` as read-only tiles."""
+    whole = grid.to_world(grid.whole)
+    out = {}
+    for tile in whole.tiles:
+        box = Box.of_tile(tile)
+        common = box.cut(whole)
+        part = np.full(SHAPE, fill, array.dtype)
+        inner = common.moved(-box.row_lo, -box.column_lo).slices
+        part[inner] = array[grid.to_local(common).slices]
+        part.flags.writeable = False
+        out[tile] = part
+    return out
+
+
+def occupancy_of(ground: Ground, grid: GridSpec) -> NDArray[np.int8]:
+    """The occupancy over `grid`."""
+    parts = [(t, g.occupancy) for t, g in ground.items()]
+    return assembled(parts, grid, UNKNOWN).astype(np.int8, copy=False)
+
+
+def in_mm(heights_m: NDArray) -> NDArray:
+    return np.rint(np.clip(heights_m, 0, HIGHEST_M) * 1000).astype("<u2")
+
+
+def packed(array: NDArray) -> bytes:
+    return zlib.compress(np.ascontiguousarray(array).tobytes(), 1)
+
+
+def unpacked(data: bytes, dtype: str) -> NDArray:
+    """A tile's array. Raises InvalidInput for anything else; never unpacks more than a tile."""
+    return inflated(data, dtype, SHAPE, "a tile of the map")
+
+
+def frozen(array: NDArray) -> NDArray:
+    """A contiguous copy that cannot be written."""
+    copy = array.copy()
+    copy.setflags(write=False)
+    return copy

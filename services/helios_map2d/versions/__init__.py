@@ -1,1 +1,0 @@
-"""Immutable versions of a map: their tiles, what is new in one, and how they travel."""

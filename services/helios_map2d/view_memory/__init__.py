@@ -1,0 +1,1 @@
+"""Past keyframes that can be asked by text or by name."""
