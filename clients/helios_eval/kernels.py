@@ -17,7 +17,7 @@ from functools import cache
 
 from helios_map2d.warm_up import warm_up as warm_up_maps
 from helios_objectmap.settings import ObjectMapSettings
-from helios_objectmap.warmup import warm_up as warm_up_objects
+from helios_objectmap.warm_up import warm_up as warm_up_objects
 from helios_planner.warm_up import warm_up as warm_up_paths
 
 

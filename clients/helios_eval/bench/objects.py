@@ -11,11 +11,11 @@ from typing import Literal
 import numpy as np
 from helios_core.geometry import camera_on_base, lift_pixels, se2_to_se3
 from helios_core.types import Detection, Frame, Observation, Role, SearchClass, SearchContext
-from helios_objectmap.files import mapfile
+from helios_objectmap import persistence
+from helios_objectmap.camera import View
 from helios_objectmap.object_map import ObjectMap
-from helios_objectmap.rendering import splat
+from helios_objectmap.rendering import cpu
 from helios_objectmap.settings import ObjectMapSettings
-from helios_objectmap.view import View
 from numpy.typing import NDArray
 
 from helios_eval.bench.scene import CAMERA, frames
@@ -65,7 +65,7 @@ def _render(n: int) -> Row:
     c = CAMERA
 
     def ours(_: int) -> NDArray[np.float32]:
-        projection = splat.project(means, radius, opacity, view)
+        projection = cpu.project(means, radius, opacity, view)
         return projection.render(features[projection.rows]).features
 
     def peer(_: int) -> torch.Tensor:
@@ -121,7 +121,7 @@ def built(
 
 def spread(objects: ObjectMap, copies: int) -> ObjectMap:
     """A map with the same scene again and again, each 15 m beside the last: out of view."""
-    arrays = mapfile.arrays_of(objects.memory(), None)
+    arrays = persistence.arrays_of(objects.memory(), None)
     header = json.loads(arrays["header"].tobytes())
     most, records = header["next_label"], header["records"]
     header["records"] = {
@@ -138,7 +138,7 @@ def spread(objects: ObjectMap, copies: int) -> ObjectMap:
     arrays |= {k: np.concatenate(parts) for k, parts in rows.items()}
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
     out = ObjectMap(ObjectMapSettings())
-    out.recall(mapfile.read(mapfile.written(arrays), out.no_viewpoints()).memory)
+    out.recall(persistence.read(persistence.written(arrays), out.no_viewpoints()).memory)
     out.set_context(CONTEXT)
     return out
 
@@ -151,7 +151,7 @@ def our_render(n: int = 50_000) -> Callable[[int], object]:
     view = view_of(frames()[0].T_world_cam)
 
     def run(_: int) -> object:
-        projection = splat.project(means, radius, opacity, view)
+        projection = cpu.project(means, radius, opacity, view)
         return projection.render(features[projection.rows])
 
     return run

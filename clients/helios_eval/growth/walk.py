@@ -17,7 +17,7 @@ from helios_core.robot import Action, ActionResult, Capture
 from helios_core.types import Frame, FrameId, Observation, Role, SearchClass, SearchContext
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 from helios_detector.simulator_truth import Truth
-from helios_objectmap.view import View, offset
+from helios_objectmap.camera import View, offset
 from helios_sim.home import Home
 from helios_sim.oracle import Oracle
 from helios_sim.world import World

@@ -7,11 +7,13 @@ than two voxels along an axis never: two mugs 0.3 m apart need voxels of at most
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from helios_objectmap.kernels.components import components_kernel, voxel_keys_kernel
-from helios_objectmap.store.gaussians import NO_INSTANCE
+from helios_objectmap.gaussians import NO_INSTANCE
 
 BITS = 21  # of a key for each axis
 _PRECEDING = np.array(
@@ -93,3 +95,201 @@ def distinct(values: NDArray[np.integer]) -> tuple[NDArray[np.integer], NDArray[
     starts = np.flatnonzero(np.diff(values, prepend=values[:1] - 1))
     found, of_run = np.unique(values[starts], return_inverse=True)
     return found, np.repeat(of_run, np.diff(starts, append=len(values)))
+
+
+# So many emptied voxels are looked at one by one; with more, their instances are clustered anew.
+FEW = 32
+
+
+@dataclass(frozen=True)
+class Regrouped:
+    """What a renewal of the partition changed."""
+
+    labels: set[int] = field(default_factory=set)  # of all instances that changed
+    regrouped: set[int] = field(default_factory=set)  # former labels of those with other voxels now
+    ancestors: dict[int, set[int]] = field(default_factory=dict)  # their labels now -> former ones
+    moved: set[int] = field(default_factory=set)  # former labels of members that have another now
+
+
+class Voxels:
+    """How many Gaussians each voxel of a class has, and to which instance it belongs."""
+
+    def __init__(self, voxel_m: float) -> None:
+        self.voxel_m = voxel_m
+        self._count: dict[int, int] = {}  # of the voxels that have some
+        self._label: dict[int, int] = {}
+        self._of: dict[int, set[int]] = {}  # label -> its voxels
+        self._loose: set[int] = set()  # labels of instances that may have split, or are empty
+
+    def fill(self, points: NDArray[np.float32], labels: NDArray[np.int32]) -> None:
+        """The first Gaussians [n], of instances that are known; no two share a voxel."""
+        keys, of_point = distinct(voxel_keys(points, self.voxel_m))
+        label_of = np.empty(len(keys), np.int64)
+        label_of[of_point] = labels
+        counts = np.bincount(of_point, minlength=len(keys))
+        for key, n, label in zip(keys.tolist(), counts.tolist(), label_of.tolist(), strict=True):
+            self._count[key] = n
+            self._give(key, label)
+
+    def leave(self, points: NDArray[np.float32]) -> None:
+        """Gaussians [n] go; the partition is renewed by `join`."""
+        keys, of_point = distinct(voxel_keys(points, self.voxel_m))
+        emptied = 0
+        for key, n in zip(keys.tolist(), np.bincount(of_point).tolist(), strict=True):
+            self._count[key] -= n
+            if self._count[key]:
+                continue
+            del self._count[key]
+            label = self._label.pop(key)
+            self._of[label].discard(key)
+            emptied += 1
+            if label not in self._loose and (emptied > FEW or self._may_split_at(key)):
+                self._loose.add(label)
+
+    def join(self, points: NDArray[np.float32], next_label: int) -> tuple[Regrouped, int]:
+        """Gaussians [n] come; returns what changed, and the next free label."""
+        keys, of_point = distinct(voxel_keys(points, self.voxel_m))
+        counts = dict(zip(keys.tolist(), np.bincount(of_point).tolist(), strict=True))
+        fresh = [key for key in counts if key not in self._count]
+        touched = {self._label[key] for key in counts.keys() - set(fresh)}
+        change = Regrouped(touched)
+        if fresh or self._loose:
+            next_label = self._regroup(fresh, change, next_label)
+        for key, n in counts.items():
+            self._count[key] = self._count.get(key, 0) + n
+        return change, next_label
+
+    def labels_of(self, points: NDArray[np.float32]) -> NDArray[np.int32]:
+        """Instance of each point [n]; each must be in a voxel that is filled."""
+        keys, of_point = distinct(voxel_keys(points, self.voxel_m))
+        return np.array([self._label[key] for key in keys.tolist()], np.int32)[of_point]
+
+    # Parts ----------------------------------------------------------------------------------------
+
+    def _may_split_at(self, key: int) -> bool:
+        """Whether an emptied voxel may have held its instance together, or was all of it."""
+        rest = {key + step for step in NEIGHBOURS if key + step in self._count}
+        if not rest:
+            return True
+        reached = [rest.pop()]
+        while reached:
+            at = reached.pop()
+            beside = {at + step for step in NEIGHBOURS} & rest
+            rest -= beside
+            reached.extend(beside)
+        return bool(rest)
+
+    def _regroup(self, fresh: list[int], change: Regrouped, next_label: int) -> int:
+        """Cluster new voxels, those of loose instances, and whole instances beside new ones."""
+        loose, self._loose = self._loose, set()
+        keys = np.array(sorted(fresh + [k for label in loose for k in self._of[label]]), np.int64)
+        part = connected(keys).tolist()
+        part_of = dict(zip(keys.tolist(), part, strict=True))
+        beside: dict[int, list[int]] = {}  # label of a whole instance -> parts that touch it
+        for key in fresh:
+            for step in NEIGHBOURS:
+                label = self._label.get(key + step)
+                if label is not None and label not in loose:
+                    beside.setdefault(label, []).append(part_of[key])
+        of_part = _joined(max(part, default=-1) + 1, list(beside.values()))
+        # Parts in the order of their first voxels, as if everything were clustered.
+        first: dict[int, int] = {}
+        for key, k in part_of.items():
+            first[of_part[k]] = min(key, first.get(of_part[k], key))
+        for label, parts in beside.items():
+            k = of_part[parts[0]]
+            first[k] = min(min(self._of[label]), first[k])
+        number = {k: i for i, k in enumerate(sorted(first, key=first.__getitem__))}
+        former = [self._label.get(key, NO_INSTANCE) for key in part_of] + list(beside)
+        counts = [self._count.get(key, 0) for key in part_of] + [1] * len(beside)
+        component = [number[of_part[k]] for k in part]
+        component += [number[of_part[parts[0]]] for parts in beside.values()]
+        labels, next_label = relabel(
+            np.array(component, np.int64), np.array(former, np.int32), np.array(counts, np.int64),
+            next_label,
+        )  # fmt: skip
+        self._take(list(part_of), list(beside), loose, former, labels.tolist(), change)
+        return next_label
+
+    def _take(
+        self,
+        keys: list[int],
+        beside: list[int],
+        loose: set[int],
+        former: list[int],
+        labels: list[int],
+        change: Regrouped,
+    ) -> None:
+        """Voxels `keys`, then whole instances `beside`, get their labels."""
+        change.labels.update(loose, beside, labels)
+        change.regrouped.update(loose, beside)
+        for was, label in zip(former, labels, strict=True):
+            ancestors = change.ancestors.setdefault(label, set())
+            if was != NO_INSTANCE:
+                ancestors.add(was)
+                if was != label:
+                    change.moved.add(was)
+        given_up = {label: self._of.pop(label, set()) for label in loose | change.moved}
+        for key, label in zip(keys, labels, strict=False):
+            self._give(key, label)
+        for was, label in zip(beside, labels[len(keys) :], strict=True):
+            for key in given_up.get(was, ()):
+                self._give(key, label)
+
+    def _give(self, key: int, label: int) -> None:
+        self._label[key] = label
+        self._of.setdefault(label, set()).add(key)
+
+
+def _joined(n: int, groups: list[list[int]]) -> list[int]:
+    """For each of n parts one that stands for all it is joined with; groups: joined parts."""
+    stands = list(range(n))
+
+    def standing(k: int) -> int:
+        while stands[k] != k:
+            stands[k] = stands[stands[k]]
+            k = stands[k]
+        return k
+
+    for group in groups:
+        for k in group[1:]:
+            stands[standing(k)] = standing(group[0])
+    return [standing(k) for k in range(n)]
+
+
+@njit(cache=True, nogil=True)
+def components_kernel(keys, deltas, parent):
+    """26-connected components of sorted voxel keys; parent [n] ends as each one's first voxel."""
+    n = keys.size
+    for i in range(n):
+        parent[i] = i
+        root = i
+        for d in range(deltas.size):
+            j = np.searchsorted(keys, keys[i] + deltas[d])
+            if j < n and keys[j] == keys[i] + deltas[d]:
+                other = j
+                while parent[other] != other:
+                    parent[other] = parent[parent[other]]
+                    other = parent[other]
+                if other < root:
+                    parent[root] = other
+                    root = other
+                elif other > root:
+                    parent[other] = root
+    for i in range(n):
+        a = i
+        while parent[a] != a:
+            a = parent[a]
+        parent[i] = a
+
+
+@njit(cache=True, nogil=True)
+def voxel_keys_kernel(points, voxel_m, bits, keys):
+    """Fill keys [n] with the voxel of each point [n, 3]: x, y, z in `bits` bits each."""
+    half = np.int64(1) << (bits - 1)
+    for i in range(points.shape[0]):
+        key = np.int64(0)
+        for axis in range(3):
+            step = np.int64(np.floor(np.float64(points[i, axis]) / voxel_m)) + half
+            key = (key << bits) | step
+        keys[i] = key

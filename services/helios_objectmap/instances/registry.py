@@ -10,13 +10,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from helios_objectmap.instances.clustering import components, distinct, relabel
-from helios_objectmap.instances.trust import N_BANDS, Ended, bands, mean_share, true_share
-from helios_objectmap.instances.voxels import Regrouped, Voxels
-from helios_objectmap.kernels.evidence import views_kernel
-from helios_objectmap.store.gaussians import NO_INSTANCE, OTHER, GaussianStore
+from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
+from helios_objectmap.instances.clustering import Regrouped, Voxels, components, distinct, relabel
+from helios_objectmap.instances.detector_precision import (
+    N_BANDS,
+    Ended,
+    bands,
+    mean_share,
+    true_share,
+)
 
 MOST_HISTORY = 256
 
@@ -201,3 +206,17 @@ def _by_class(
     believed = store.believed[rows]
     columns = distinct(believed)[0].tolist()
     return [(store.class_names[c], rows[believed == c]) for c in columns if c != OTHER]
+
+
+@njit(cache=True, nogil=True)
+def views_kernel(of_row, kappa, weights, depth_m, seen, weighed, far_m):
+    """Add kappa [k, 1 + C] to seen [labels, 1 + C]; weights [k, C] and depth_m [k], both times the
+    sum of kappa, to weighed [labels, C] and far_m [labels]; of_row: [k] which of the labels."""
+    for k in range(of_row.size):
+        label, total = of_row[k], 0.0
+        for c in range(kappa.shape[1]):
+            seen[label, c] += kappa[k, c]
+            total += kappa[k, c]
+        for j in range(weights.shape[1]):
+            weighed[label, j] += weights[k, j] * total
+        far_m[label] += depth_m[k] * total

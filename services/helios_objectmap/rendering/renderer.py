@@ -19,7 +19,7 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.view import View
+from helios_objectmap.camera import View
 
 LOW_PASS_PX2 = 0.3  # as in 3DGS: a splat never falls between two pixels
 NEAR_M = 0.05

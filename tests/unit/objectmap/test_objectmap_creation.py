@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from helios_objectmap.evidence import create
-from helios_objectmap.evidence.carve import sight
-from helios_objectmap.evidence.reobserve import reobserved
-from helios_objectmap.rendering import splat
+from helios_objectmap.camera import View
+from helios_objectmap.fusion import geometry
+from helios_objectmap.fusion.geometry import reobserved, sight
+from helios_objectmap.rendering import cpu
 from helios_objectmap.rendering.renderer import Projection, Rendering
-from helios_objectmap.view import View
 
 SHAPE = (24, 32)
 VIEW = View(30.0, 30.0, 15.5, 11.5, 32, 24, np.eye(4))
@@ -30,20 +29,20 @@ def measured(depth_m: float):
 def test_gaussians_are_made_where_nothing_is_modelled_and_depth_is_valid():
     depth = measured(2.0)
     depth[3, 4] = 0
-    mask = create.creation_mask(depth, rendering(0.0, coverage=0.0), EVERYWHERE, 0.05)
+    mask = geometry.creation_mask(depth, rendering(0.0, coverage=0.0), EVERYWHERE, 0.05)
     assert mask.sum() == mask.size - 1
     assert not mask[3, 4]
 
 
 def test_depth_noise_on_a_modelled_surface_makes_none():
     noisy = measured(2.0) + np.random.default_rng(0).normal(0, 0.013, SHAPE).astype(np.float32)
-    assert not create.creation_mask(noisy, rendering(2.0), EVERYWHERE, 0.05).any()
-    assert create.paper_creation_mask(noisy, rendering(2.0), EVERYWHERE).any()
+    assert not geometry.creation_mask(noisy, rendering(2.0), EVERYWHERE, 0.05).any()
+    assert geometry.paper_creation_mask(noisy, rendering(2.0), EVERYWHERE).any()
 
 
 def test_a_surface_in_front_of_the_model_is_new_and_one_behind_is_not():
-    assert create.creation_mask(measured(1.9), rendering(2.0), EVERYWHERE, 0.05).any()
-    assert not create.creation_mask(measured(2.1), rendering(2.0), EVERYWHERE, 0.05).any()
+    assert geometry.creation_mask(measured(1.9), rendering(2.0), EVERYWHERE, 0.05).any()
+    assert not geometry.creation_mask(measured(2.1), rendering(2.0), EVERYWHERE, 0.05).any()
 
 
 def test_the_literal_rule_keeps_errors_over_a_metre_and_eroded_ones_over_a_millimetre():
@@ -51,13 +50,13 @@ def test_the_literal_rule_keeps_errors_over_a_metre_and_eroded_ones_over_a_milli
     depth[5, 5] = 2.01  # a single pixel does not survive the erosion
     depth[10, 10] = 3.5
     depth[15:18, 15:18] = 2.01
-    mask = create.paper_creation_mask(depth, rendering(2.0), EVERYWHERE)
+    mask = geometry.paper_creation_mask(depth, rendering(2.0), EVERYWHERE)
     assert {tuple(p) for p in np.argwhere(mask)} == {(10, 10), (16, 16)}
 
 
 def one_gaussian(z: float) -> Projection:
     mean = np.array([[0, 0, z]], np.float32)
-    return splat.project(mean, np.array([0.03], np.float32), np.array([0.99], np.float32), VIEW)
+    return cpu.project(mean, np.array([0.03], np.float32), np.array([0.99], np.float32), VIEW)
 
 
 def through(z: float, depth, front_m: float = 0.10) -> list[int]:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from helios_objectmap.answers.objects import BELIEVED, BOX_QUANTILES, believed, describe, shape_of
-from helios_objectmap.answers.score import score
-from helios_objectmap.evidence.dirichlet import marginal
+from helios_objectmap.fusion.semantics import marginal, score
+from helios_objectmap.gaussians import NO_INSTANCE, GaussianStore
 from helios_objectmap.instances.registry import InstanceRecord, InstanceRegistry
-from helios_objectmap.store.gaussians import NO_INSTANCE, GaussianStore
+from helios_objectmap.instances.summary import BELIEVED, BOX_QUANTILES, believed, describe, shape_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

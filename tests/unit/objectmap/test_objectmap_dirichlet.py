@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helios_objectmap.answers.score import score
-from helios_objectmap.evidence import dirichlet
-from helios_objectmap.evidence.accumulate import accumulate
-from helios_objectmap.evidence.belief import believe
-from helios_objectmap.store.gaussians import OTHER, GaussianStore
+from helios_objectmap.fusion import semantics
+from helios_objectmap.fusion.semantics import accumulate, believe, score
+from helios_objectmap.gaussians import OTHER, GaussianStore
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
@@ -21,10 +19,10 @@ CONCENTRATIONS = st.lists(st.floats(0.1, 500), min_size=2, max_size=8)
 def test_expectation_variance_and_entropy_are_those_of_the_dirichlet_distribution(gamma):
     concentration = np.array(gamma)
     twin = stats.dirichlet(concentration)
-    assert np.allclose(dirichlet.expectation(concentration), twin.mean())
-    assert np.allclose(dirichlet.variance(concentration), twin.var())
+    assert np.allclose(semantics.expectation(concentration), twin.mean())
+    assert np.allclose(semantics.variance(concentration), twin.var())
     # eq. 5 subtracts numbers of up to a thousand: 1e-9 of that is lost.
-    assert dirichlet.entropy(concentration) == pytest.approx(twin.entropy(), abs=1e-6)
+    assert semantics.entropy(concentration) == pytest.approx(twin.entropy(), abs=1e-6)
 
 
 @settings(max_examples=50, deadline=None)
@@ -32,12 +30,12 @@ def test_expectation_variance_and_entropy_are_those_of_the_dirichlet_distributio
 def test_marginals_within_one_context_are_those_of_the_whole_distribution(evidence, prior):
     hits = np.array(evidence)  # "other" first
     concentration = hits + prior
-    mean, deviation = dirichlet.marginal(
+    mean, deviation = semantics.marginal(
         hits[1:], np.full(len(hits) - 1, hits.sum()), prior, len(hits)
     )
-    assert np.allclose(mean, dirichlet.expectation(concentration)[1:])
-    assert np.allclose(deviation, np.sqrt(dirichlet.variance(concentration)[1:]))
-    rebuilt = dirichlet.concentration_of(hits[None, 1:], np.array([hits.sum()]), prior)
+    assert np.allclose(mean, semantics.expectation(concentration)[1:])
+    assert np.allclose(deviation, np.sqrt(semantics.variance(concentration)[1:]))
+    rebuilt = semantics.concentration_of(hits[None, 1:], np.array([hits.sum()]), prior)
     assert np.allclose(rebuilt[0], concentration)
 
 
@@ -73,7 +71,7 @@ def test_accumulated_evidence_gives_the_concentration_of_eq_3(n, classes, alpha_
         assert (store.positive >= before[0]).all()
         assert (store.asked >= before[1]).all()
         gamma = reference_update(gamma, kappa.astype(float), alpha_cpa)
-    rebuilt = dirichlet.concentration_of(store.positive, store.asked[:, 0], 1.0)
+    rebuilt = semantics.concentration_of(store.positive, store.asked[:, 0], 1.0)
     assert np.allclose(rebuilt, gamma, rtol=1e-4, atol=1e-3)  # float32 sums
 
 

@@ -32,11 +32,10 @@ from helios_core.topics import (
     SAVE_OBJECTS,
 )
 from helios_core.types import RobotState
-from helios_objectmap.exchange import FILE_NAME
-from helios_objectmap.files import mapfile
-from helios_objectmap.files.export import SH_C0
+from helios_objectmap import persistence
+from helios_objectmap.export import SH_C0
 from helios_objectmap.object_map import ObjectMap
-from helios_objectmap.service import ObjectMapService
+from helios_objectmap.service import FILE_NAME, ObjectMapService
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from objectmap_scene import CAMERA, ROOM, SETTINGS, looking_at, mug_at, observe
@@ -143,7 +142,7 @@ def test_no_flipped_bit_of_the_directory_of_a_file_is_anything_but_refused(rig, 
         damaged = bytearray(data)
         damaged[at] ^= bit
         with contextlib.suppress(InvalidInput):
-            mapfile.read(bytes(damaged), viewpoints)
+            persistence.read(bytes(damaged), viewpoints)
 
 
 @pytest.mark.parametrize(
@@ -159,7 +158,7 @@ def test_a_file_that_is_whole_but_makes_no_sense_is_refused(rig, array, value, s
         arrays = {name: file[name] for name in file.files}
     arrays[array][0] = value
     with pytest.raises(InvalidInput, match=said):
-        mapfile.read(mapfile.written(arrays), ObjectMap(SETTINGS).no_viewpoints())
+        persistence.read(persistence.written(arrays), ObjectMap(SETTINGS).no_viewpoints())
 
 
 def test_a_file_that_unpacks_to_more_than_any_map_is_not_unpacked(rig):
@@ -293,7 +292,7 @@ def test_a_kept_map_that_is_cut_off_is_put_aside_and_said(tmp_path, rig):
 KILLED = """
 import sys, time, pathlib
 from test_objectmap_exchange import Rig
-from helios_objectmap.exchange import FILE_NAME
+from helios_objectmap.service import FILE_NAME
 folder = pathlib.Path(sys.argv[1])
 rig = Rig(folder).look_around()
 rig.service._exchange._kept.write()

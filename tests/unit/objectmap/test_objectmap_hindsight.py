@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from helios_core.types import SearchContext
-from helios_objectmap.evidence.hindsight import AGREES_M, AGREES_SHARE, NEAREST_M, PastViews
-from helios_objectmap.evidence.reading import read
+from helios_objectmap.camera import View
+from helios_objectmap.fusion.label_image import read
+from helios_objectmap.fusion.view_history import AGREES_M, AGREES_SHARE, NEAREST_M, PastViews
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
-from helios_objectmap.view import View
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helios_objectmap.answers.information_gain import Member, Rates, what_if
-from helios_objectmap.rendering import splat
-from helios_objectmap.view import View
+from helios_objectmap.camera import View
+from helios_objectmap.instances.information_gain import Member, Rates, what_if
+from helios_objectmap.rendering import cpu
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
@@ -44,7 +44,7 @@ def test_scores_and_gains_are_those_of_the_paper(scene, classes, other, seed):
     shifted[:3, 3] = rng.uniform(-0.2, 0.2, 3)
     views = [VIEW, View(60.0, 60.0, 23.5, 17.5, 48, 36, shifted)]
     rates = Rates(1.0, 3.0, 1.0, other, int(rng.choice([0, 4])))
-    alone, together = what_if(splat.project, member, wanted, views, rates, 100.0)
+    alone, together = what_if(cpu.project, member, wanted, views, rates, 100.0)
     for got, seen in [(alone[0], views[:1]), (alone[1], views[1:]), (together, views)]:
         psi, gain = reference(member, wanted, seen, rates)
         # kappa may differ by an alpha of 1/255 in each pixel of an edge; see the renderer's test.
@@ -60,7 +60,7 @@ def test_half_for_something_else_expects_less_than_the_optimist():
         np.zeros((n, 2), np.float32), np.zeros(n, np.float32),
     )  # fmt: skip
     best, half = (
-        what_if(splat.project, member, 0, [VIEW], Rates(1, 3, 1, o), 8.0)[1] for o in (0.0, 0.5)
+        what_if(cpu.project, member, 0, [VIEW], Rates(1, 3, 1, o), 8.0)[1] for o in (0.0, 0.5)
     )
     assert best.psi > half.psi
     assert best.information_gain > half.information_gain > 0
@@ -69,6 +69,6 @@ def test_half_for_something_else_expects_less_than_the_optimist():
 def test_no_views_change_nothing():
     three = np.ones(3, np.float32)
     member = Member(np.ones((3, 3), np.float32), three, three, np.ones((3, 2), np.float32), three)
-    alone, together = what_if(splat.project, member, 0, [], Rates(1.0, 3.0, 1.0), 8.0)
+    alone, together = what_if(cpu.project, member, 0, [], Rates(1.0, 3.0, 1.0), 8.0)
     assert alone == []
     assert together.information_gain == 0

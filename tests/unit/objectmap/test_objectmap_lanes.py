@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helios_objectmap.kernels import lanes
-from helios_objectmap.kernels.projection import COLUMNS, DEPTH, U, V
-from helios_objectmap.kernels.sorting import depth_order_kernel
+from helios_objectmap.rendering import simd
+from helios_objectmap.rendering.kernels import COLUMNS, DEPTH, U, V, depth_order_kernel
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
@@ -17,14 +16,14 @@ _f4 = np.float32
 @njit(cache=True)
 def _lanes_at_work(a, b, out):
     """a, b: at least 17 numbers; out: [6 * 16]."""
-    x, y = lanes.load(a, 1), lanes.load(b, 0)
-    lanes.store(out, 0, x + y)
-    lanes.store(out, 16, x - y)
-    lanes.store(out, 32, x * y)
-    lanes.store(out, 48, lanes.larger(x, y))
-    lanes.store(out, 64, lanes.exp2_above(x, _f4(-8)))
-    lanes.store(out, 80, lanes.ramp() * lanes.fill(_f4(3)) + lanes.fill_from(a, 2))
-    return lanes.at_most(x, y), lanes.sum_of(x), lanes.largest_of(x)
+    x, y = simd.load(a, 1), simd.load(b, 0)
+    simd.store(out, 0, x + y)
+    simd.store(out, 16, x - y)
+    simd.store(out, 32, x * y)
+    simd.store(out, 48, simd.larger(x, y))
+    simd.store(out, 64, simd.exp2_above(x, _f4(-8)))
+    simd.store(out, 80, simd.ramp() * simd.fill(_f4(3)) + simd.fill_from(a, 2))
+    return simd.at_most(x, y), simd.sum_of(x), simd.largest_of(x)
 
 
 @settings(max_examples=50, deadline=None)

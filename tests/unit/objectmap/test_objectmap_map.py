@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 from helios_core.types import ObjectInstance, Role, SearchClass, SearchContext
+from helios_objectmap.camera import View
 from helios_objectmap.object_map import ObjectMap
-from helios_objectmap.view import View
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from objectmap_scene import (

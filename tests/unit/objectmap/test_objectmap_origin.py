@@ -22,8 +22,7 @@ from helios_core.topics import (
     SAVE_OBJECTS,
 )
 from helios_core.types import RobotState
-from helios_objectmap.exchange import FILE_NAME
-from helios_objectmap.service import ObjectMapService
+from helios_objectmap.service import FILE_NAME, ObjectMapService
 from objectmap_scene import CONTEXT as SOUGHT
 from objectmap_scene import ROOM, SETTINGS, looking_at, mug_at, observe
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
 from helios_objectmap.instances.clustering import components
 from helios_objectmap.instances.registry import InstanceRegistry
-from helios_objectmap.store.gaussians import NO_INSTANCE, OTHER, GaussianStore
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from helios_objectmap.answers.objects import MANY_POINTS, outline, quantiles
 from helios_objectmap.instances.clustering import distinct
+from helios_objectmap.instances.summary import MANY_POINTS, outline, quantiles
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

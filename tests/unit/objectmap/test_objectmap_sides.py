@@ -7,7 +7,9 @@ import math
 import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
-from helios_objectmap.evidence.sides import (
+from helios_objectmap import persistence
+from helios_objectmap.camera import View
+from helios_objectmap.fusion.viewing_sectors import (
     MOST_VOTES,
     SECTORS,
     UNIT,
@@ -16,10 +18,8 @@ from helios_objectmap.evidence.sides import (
     sector_of,
     tell,
 )
-from helios_objectmap.files import mapfile
+from helios_objectmap.gaussians import GaussianStore
 from helios_objectmap.object_map import ObjectMap
-from helios_objectmap.store.gaussians import GaussianStore
-from helios_objectmap.view import View
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from objectmap_scene import CAMERA, CONTEXT, ROOM, SETTINGS, looking_at, mug_at, observe
@@ -228,8 +228,8 @@ def view_from(x, y) -> View:
 def again_of(objects: ObjectMap, chosen) -> ObjectMap:
     """The map from its file, in a map of other settings."""
     again = ObjectMap(chosen)
-    data = mapfile.written(mapfile.arrays_of(objects.memory(), None))
-    again.recall(mapfile.read(data, again.no_viewpoints()).memory)
+    data = persistence.written(persistence.arrays_of(objects.memory(), None))
+    again.recall(persistence.read(data, again.no_viewpoints()).memory)
     again.set_context(CONTEXT)
     return again
 
@@ -267,7 +267,7 @@ def test_where_views_count_nothing_is_kept_of_sides_and_their_settings_change_no
     plain = built(SETTINGS)
     other = built(SETTINGS.model_copy(update={"side_views": 1.0, "alpha_side": 1.0}))
     assert plain.memory().store.votes.nbytes == 0
-    mine, theirs = (mapfile.arrays_of(m.memory(), None) for m in (plain, other))
+    mine, theirs = (persistence.arrays_of(m.memory(), None) for m in (plain, other))
     assert "store.votes" not in mine
     assert mine.keys() == theirs.keys()
     assert all(np.array_equal(mine[name], theirs[name]) for name in mine)
@@ -281,7 +281,7 @@ def test_a_file_keeps_the_votes_and_the_map_goes_on_as_if_it_had_never_stopped(t
     more = [(0.1, 0.3), (0.3, 0.5)]
     for objects in (one, other):
         built(chosen, more, objects, 20)
-    mine, theirs = (mapfile.arrays_of(m.memory(), None) for m in (one, other))
+    mine, theirs = (persistence.arrays_of(m.memory(), None) for m in (one, other))
     assert mine["store.votes"].any()
     assert all(np.array_equal(mine[name], theirs[name]) for name in mine)
 
@@ -304,7 +304,7 @@ def test_a_file_of_the_other_kind_keeps_its_evidence_and_goes_on_by_the_rule_of_
 
 
 def test_a_file_with_votes_that_make_no_sense_is_refused(told):
-    arrays = mapfile.arrays_of(told.memory(), None)
+    arrays = persistence.arrays_of(told.memory(), None)
     wrong = {
         "more for a class than in all": arrays["store.votes"][..., ::-1] + np.uint16(1),
         "other sectors": arrays["store.votes"][:, :, :6],
@@ -312,8 +312,8 @@ def test_a_file_with_votes_that_make_no_sense_is_refused(told):
     }
     for votes in wrong.values():
         with pytest.raises(InvalidInput):
-            mapfile.read(
-                mapfile.written(arrays | {"store.votes": np.ascontiguousarray(votes)}),
+            persistence.read(
+                persistence.written(arrays | {"store.votes": np.ascontiguousarray(votes)}),
                 told.no_viewpoints(),
             )
 

@@ -9,7 +9,8 @@ from importlib import resources
 import numpy as np
 import pytest
 from helios_core.types import Role, SearchClass, SearchContext
-from helios_objectmap.answers.sizes import (
+from helios_objectmap.camera import View
+from helios_objectmap.instances.size_prior import (
     BOX_ERROR_M,
     EDGE_SIGMA,
     HALF_WHOLE_VIEWS,
@@ -19,7 +20,6 @@ from helios_objectmap.answers.sizes import (
     usual_extents,
 )
 from helios_objectmap.object_map import ObjectMap
-from helios_objectmap.view import View
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from objectmap_scene import (

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from helios_core.errors import Unavailable
-from helios_objectmap.kernels.projection import QUADRATIC_UU, QUADRATIC_UV, QUADRATIC_VV
-from helios_objectmap.rendering import splat, splat_cuda
+from helios_objectmap.camera import View
+from helios_objectmap.rendering import cpu, cuda
 from helios_objectmap.rendering.back_ends import back_end
+from helios_objectmap.rendering.kernels import QUADRATIC_UU, QUADRATIC_UV, QUADRATIC_VV
 from helios_objectmap.rendering.renderer import LOW_PASS_PX2, NEAR_M, Project
-from helios_objectmap.view import View
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -30,9 +30,9 @@ def project(request) -> Iterator[Project]:
         import gsplat_in_torch
 
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(splat_cuda, "DEVICE", "cpu")
-            patch.setattr(splat_cuda, "_gsplat", lambda: gsplat_in_torch)
-            yield splat_cuda.project
+            patch.setattr(cuda, "DEVICE", "cpu")
+            patch.setattr(cuda, "_gsplat", lambda: gsplat_in_torch)
+            yield cuda.project
         return
     try:
         chosen = back_end(request.param)
@@ -210,8 +210,8 @@ def test_the_projection_on_cuda_is_that_on_the_cpu():
     radius = rng.uniform(0.002, 0.1, n).astype(np.float32)
     opacity = rng.uniform(0.001, 0.9999, n).astype(np.float32)
     rows = rng.permutation(n)[: n // 2].astype(np.int32)
-    ours = splat.project(means, radius, opacity, VIEW, rows, far_m=5.0)
-    theirs = splat_cuda.splats_of(means, radius, opacity, VIEW, rows, 5.0, "cpu")
+    ours = cpu.project(means, radius, opacity, VIEW, rows, far_m=5.0)
+    theirs = cuda.splats_of(means, radius, opacity, VIEW, rows, 5.0, "cpu")
     assert 20 < len(ours.rows) < len(rows)
     assert theirs.rows.tolist() == ours.rows.tolist()
     assert np.allclose(theirs.uv.numpy(), ours.uv, atol=1e-3)
@@ -226,7 +226,7 @@ def test_without_gsplat_the_setting_says_what_to_install(monkeypatch):
     def missing():
         raise ImportError("No module named 'gsplat'")
 
-    monkeypatch.setattr(splat_cuda, "_gsplat", missing)
+    monkeypatch.setattr(cuda, "_gsplat", missing)
     with pytest.raises(Unavailable, match=r"pip install 'helios-ovmm\[cuda\]'"):
         back_end("cuda")
 

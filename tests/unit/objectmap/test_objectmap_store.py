@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from helios_objectmap.rendering import splat
-from helios_objectmap.store.gaussians import GaussianStore
-from helios_objectmap.store.limit import surplus
-from helios_objectmap.store.rows import RowGroups
-from helios_objectmap.view import View
+from helios_objectmap.camera import View
+from helios_objectmap.gaussians import GaussianStore, surplus
+from helios_objectmap.rendering import cpu
+from helios_objectmap.spatial_index import RowGroups
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
@@ -93,7 +92,7 @@ def test_a_view_finds_every_gaussian_that_it_shows(seed, radius_m):
     T[:3, :3] = rotation * np.sign(np.linalg.det(rotation))
     T[:3, 3] = rng.uniform(-2, 2, 3)
     view = View(60.0, 60.0, 23.5, 17.5, 48, 36, T)
-    shown = splat.project(store.means, store.radius_m, store.opacity, view, far_m=5.0)
+    shown = cpu.project(store.means, store.radius_m, store.opacity, view, far_m=5.0)
     # Nearer than a few radii the projection smears a Gaussian over the image from outside of it.
     wanted = shown.rows[shown.depth_m > 5 * radius_m]
     assert set(wanted.tolist()) <= set(store.seen_by(view, 5.0).tolist())

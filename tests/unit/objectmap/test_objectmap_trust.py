@@ -7,10 +7,16 @@ import json
 import numpy as np
 import pytest
 from helios_core.types import Role, SearchClass, SearchContext
-from helios_objectmap.files import mapfile
-from helios_objectmap.instances.trust import N_BANDS, Ended, bands, mean_share, true_share
+from helios_objectmap import persistence
+from helios_objectmap.camera import View
+from helios_objectmap.instances.detector_precision import (
+    N_BANDS,
+    Ended,
+    bands,
+    mean_share,
+    true_share,
+)
 from helios_objectmap.object_map import ObjectMap
-from helios_objectmap.view import View
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from objectmap_scene import (
@@ -118,9 +124,9 @@ def test_what_was_taken_out_does_not_count_as_false():
 
 def test_a_file_keeps_what_was_learnt():
     objects = built(BY_CLASS, [{3: "mug"}, {}, {}, {4: "mug"}, {}])
-    data = mapfile.written(mapfile.arrays_of(objects.memory(), None))
+    data = persistence.written(persistence.arrays_of(objects.memory(), None))
     again = ObjectMap(BY_CLASS)
-    again.recall(mapfile.read(data, again.no_viewpoints()).memory)
+    again.recall(persistence.read(data, again.no_viewpoints()).memory)
     registries = objects.memory().registry, again.memory().registry
     for by_distance in (False, True):
         known, kept = ([r.trust(label, by_distance) for label in r.records] for r in registries)
@@ -129,12 +135,12 @@ def test_a_file_keeps_what_was_learnt():
 
 def test_a_file_of_an_earlier_build_has_its_detections_at_a_middle_distance():
     objects = built(BY_CLASS, [{3: "mug"}] * 3)
-    arrays = mapfile.arrays_of(objects.memory(), None)
+    arrays = persistence.arrays_of(objects.memory(), None)
     header = json.loads(arrays["header"].tobytes())
     del header["ended"]
     header["records"] = {k: r[:4] for k, r in header["records"].items()}
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
-    read = mapfile.read(mapfile.written(arrays), objects.no_viewpoints()).memory.registry
+    read = persistence.read(persistence.written(arrays), objects.no_viewpoints()).memory.registry
     for label, record in objects.memory().registry.records.items():
         assert read.records[label].detected_at.tolist() == [0, record.detected, 0]
         assert read.records[label].history == record.history

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from helios_objectmap.store import viewpoints as module
-from helios_objectmap.store.viewpoints import NEVER, Viewpoints
+from helios_objectmap import viewpoint_weights as module
+from helios_objectmap.viewpoint_weights import NEVER, Viewpoints
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from objectmap_scene import looking_at, pose

@@ -17,11 +17,11 @@ from helios_core.npz_reading import unpacked
 from helios_core.types import FrameId, Role, WorldId
 from numpy.typing import NDArray
 
-from helios_objectmap.evidence import sides
+from helios_objectmap.fusion import viewing_sectors
+from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore
+from helios_objectmap.instances.detector_precision import N_BANDS, Ended
 from helios_objectmap.instances.registry import InstanceRecord, InstanceRegistry, Moment
-from helios_objectmap.instances.trust import N_BANDS, Ended
-from helios_objectmap.store.gaussians import NO_INSTANCE, OTHER, GaussianStore
-from helios_objectmap.store.viewpoints import NEVER, Viewpoints
+from helios_objectmap.viewpoint_weights import NEVER, Viewpoints
 
 FORMAT = "helios-objectmap"
 VERSION = 1
@@ -131,7 +131,7 @@ def _memory(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) ->
 
     rows = part("store.")
     # Votes by sides are missing in files of maps that count views, and of earlier builds.
-    store = GaussianStore(sides.SECTORS if "votes" in rows else 0)
+    store = GaussianStore(viewing_sectors.SECTORS if "votes" in rows else 0)
     for name in header["class_names"]:
         store.column(str(name))
     store.fill(rows)

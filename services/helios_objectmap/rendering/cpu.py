@@ -7,20 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.kernels.blending import kappa_sums_kernel, raster_kernel, scatter_kernel
-from helios_objectmap.kernels.limits import TILE
-from helios_objectmap.kernels.merging import merge_kernel, merged_offsets_kernel
-from helios_objectmap.kernels.projection import (
+from helios_objectmap.camera import View
+from helios_objectmap.rendering.kernels import (
     COLUMNS,
     DEPTH,
+    TILE,
     U,
     V,
     bin_kernel,
+    depth_order_kernel,
+    merge_kernel,
+    merged_offsets_kernel,
     project_kernel,
 )
-from helios_objectmap.kernels.sorting import depth_order_kernel
+from helios_objectmap.rendering.rasterizer import kappa_sums_kernel, raster_kernel, scatter_kernel
 from helios_objectmap.rendering.renderer import FAR_M, LOW_PASS_PX2, NEAR_M, Float32, Rendering
-from helios_objectmap.view import View
 
 
 @dataclass(frozen=True)

@@ -2,44 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from helios_core.types import ObjectInstance
+from numba import njit
 from numpy.typing import NDArray
 
-from helios_objectmap.answers.score import Score, weighed
-from helios_objectmap.evidence.dirichlet import concentration_of
+from helios_objectmap.fusion.semantics import Score, concentration_of, weighed
+from helios_objectmap.gaussians import GaussianStore, InstanceGaussians
 from helios_objectmap.instances.registry import InstanceRecord
-from helios_objectmap.kernels.describing import (
-    beliefs_kernel,
-    gather_kernel,
-    inside_kernel,
-    outer_kernel,
-    ranked_kernel,
-)
-from helios_objectmap.store.gaussians import GaussianStore
 
 BELIEVED = 0.5  # more likely than not
 SURE, SUREST = 0.7, 0.95  # share of the probability of the surest, and which one that is
 # A pixel on an edge that mixes two depths makes a stray Gaussian; a few must not move the box.
 BOX_QUANTILES = (0.02, 0.98)
 MANY_POINTS = 2000  # from here on it is faster to look for points inside of the hull first
-
-
-@dataclass(frozen=True)
-class InstanceGaussians:
-    """Gaussians for a display or a planner; rows agree."""
-
-    means: NDArray[np.float32]  # [n, 3] world, metres
-    radius_m: NDArray[np.float32]  # [n] standard deviation
-    opacity: NDArray[np.float32]  # [n]
-    color: NDArray[np.uint8]  # [n, 3] RGB
-    instance: NDArray[np.int32]  # [n] id, 0 for none
-    class_names: tuple[str, ...]  # "other" first
-    concentration: NDArray[np.float32]  # [n, classes] Dirichlet parameters
 
 
 @dataclass(frozen=True)
@@ -172,3 +153,150 @@ def gaussians_of(
         ("other", *store.class_names),
         concentration.astype(np.float32),
     )
+
+
+THIN_M = 0.005
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """The believed part of an object."""
+
+    points_m: NDArray[np.float32]  # [k, 3] world, one per THIN_M
+    center_m: NDArray[np.float64]  # [3] of the box
+    size_m: NDArray[np.float64]  # [3] along the box's own axes; x is the narrow side
+    yaw_rad: float  # of the box's x axis in the ground plane: in which a gripper closes
+
+
+def grasp(points_m: NDArray[np.float32]) -> Grasp:
+    """points_m: [n, 3] world, n at least 1. The box is the smallest upright one around them."""
+    cells = np.floor(points_m.astype(np.float64) / THIN_M).astype(np.int64)
+    _, first = np.unique(cells, axis=0, return_index=True)
+    kept = points_m[np.sort(first)]
+    (x, y), (width, depth), angle_deg = cv2.minAreaRect(np.ascontiguousarray(kept[:, :2]))
+    yaw = np.radians(angle_deg)
+    if width > depth:
+        width, depth, yaw = depth, width, yaw + np.pi / 2
+    low, high = float(kept[:, 2].min()), float(kept[:, 2].max())
+    return Grasp(
+        kept,
+        np.array([x, y, (low + high) / 2]),
+        np.array([width, depth, high - low]),
+        float((yaw + np.pi / 2) % np.pi - np.pi / 2),
+    )
+
+
+_BINS = 2048
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def beliefs_kernel(
+    rows, positive, asked, columns, own, prior, prior_total, trust, means, deviations, mine
+):
+    """Sums over rows [n] of the mean and the standard deviation of theta (eq. 4) of each of the
+    columns [C], into means and deviations [C]; the mean of column columns[own] into mine [n].
+
+    Of the evidence for that column, the sums count the share `trust`, and `mine` counts all.
+    """
+    for k in range(rows.size):
+        for j in range(columns.size):
+            row, column = rows[k], columns[j]
+            total = asked[row, column] + prior_total
+            mean = (positive[row, column] + prior) / total
+            if j == own:
+                mine[k] = mean
+                mean = (trust * positive[row, column] + prior) / total
+            means[j] += mean
+            deviations[j] += math.sqrt(max(mean * (1 - mean), 0.0) / (1 + total))
+
+
+@njit(cache=True, nogil=True)
+def gather_kernel(rows, points, mine, least, xyz):
+    """The points [., 3] of rows [n] with mine [n] above `least`, axis by axis into xyz [3, n];
+    returns how many."""
+    n = 0
+    for k in range(rows.size):
+        if mine[k] > least:
+            for axis in range(3):
+                xyz[axis, n] = points[rows[k], axis]
+            n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def inside_kernel(xyz, points, low, high, xy):
+    """Of the first points of xyz [3, .], those within low and high [3]: their x and y into
+    xy [points, 2]; returns how many, and the largest z."""
+    n, top = 0, -np.inf
+    for i in range(points):
+        x, y, z = xyz[0, i], xyz[1, i], xyz[2, i]
+        if low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]:
+            xy[n, 0] = x
+            xy[n, 1] = y
+            n += 1
+            top = max(top, np.float64(z))
+    return n, top
+
+
+@njit(cache=True, nogil=True)
+def outer_kernel(xy, outer):
+    """Copy to outer [n, 2] the points of xy [n, 2] that are not well inside of the octagon of the
+    extreme ones: no other can be a corner of the hull. Returns how many."""
+    corner = np.zeros(8, np.int64)  # counter-clockwise: the most along x, x + y, y, y - x, ...
+    reach = np.full(8, -np.inf)
+    along = np.empty(8)
+    for i in range(xy.shape[0]):
+        x, y = np.float64(xy[i, 0]), np.float64(xy[i, 1])
+        along[0], along[1], along[2], along[3] = x, x + y, y, y - x
+        for d in range(4):
+            along[4 + d] = -along[d]
+        for d in range(8):
+            if along[d] > reach[d]:
+                reach[d], corner[d] = along[d], i
+    n = 0
+    for i in range(xy.shape[0]):
+        inside, some = True, False
+        for d in range(8):
+            a, b = corner[d], corner[(d + 1) % 8]
+            edge_x, edge_y = np.float64(xy[b, 0]) - xy[a, 0], np.float64(xy[b, 1]) - xy[a, 1]
+            if edge_x != 0 or edge_y != 0:
+                some = True
+                to_x, to_y = np.float64(xy[i, 0]) - xy[a, 0], np.float64(xy[i, 1]) - xy[a, 1]
+                if edge_x * to_y - edge_y * to_x <= 1e-9:
+                    inside = False
+                    break
+        if not (inside and some):
+            outer[n] = xy[i]
+            n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def ranked_kernel(values, ranks, out):
+    """The values [n] that stand at some ranks when sorted: counted into bins, and only the bins of
+    the ranks sorted."""
+    low, high = values[0], values[0]
+    for i in range(values.size):
+        low, high = min(low, values[i]), max(high, values[i])
+    scale = np.float64(_BINS) / max(np.float64(high) - np.float64(low), 1e-30)
+    bins = np.empty(values.size, np.int16)
+    counts = np.zeros(_BINS, np.int64)
+    for i in range(values.size):
+        bins[i] = min(np.int64((np.float64(values[i]) - low) * scale), _BINS - 1)
+        counts[bins[i]] += 1
+    known, sorted_bin, before = -1, values[:0].copy(), 0
+    for r in range(ranks.size):
+        wanted, b, below = ranks[r], 0, 0
+        while below + counts[b] <= wanted:
+            below += counts[b]
+            b += 1
+        if b != known:
+            known, before = b, below
+            sorted_bin = np.empty(counts[b], values.dtype)
+            n = 0
+            for i in range(values.size):
+                if bins[i] == b:
+                    sorted_bin[n] = values[i]
+                    n += 1
+            sorted_bin.sort()
+        out[r] = sorted_bin[wanted - before]

@@ -3,14 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.store.blocks import Blocks
-from helios_objectmap.store.rows import NO_GROUP, RowGroups
-from helios_objectmap.store.viewpoints import NEVER
-from helios_objectmap.view import View
+from helios_objectmap.camera import View
+from helios_objectmap.spatial_index import NO_GROUP, Blocks, RowGroups
+from helios_objectmap.viewpoint_weights import NEVER
+
+
+@dataclass(frozen=True)
+class InstanceGaussians:
+    """Gaussians for a display or a planner; rows agree."""
+
+    means: NDArray[np.float32]  # [n, 3] world, metres
+    radius_m: NDArray[np.float32]  # [n] standard deviation
+    opacity: NDArray[np.float32]  # [n]
+    color: NDArray[np.uint8]  # [n, 3] RGB
+    instance: NDArray[np.int32]  # [n] id, 0 for none
+    class_names: tuple[str, ...]  # "other" first
+    concentration: NDArray[np.float32]  # [n, classes] Dirichlet parameters
+
 
 NO_INSTANCE = NO_GROUP
 OTHER = -1
@@ -240,3 +254,17 @@ class GaussianStore:
             setattr(self, f"_{name}", new)
         self.blocks.rows.grow(capacity)
         self.instances.grow(capacity)
+
+
+KEPT = 0.9
+
+
+def surplus(believed: NDArray[np.int16], seen: NDArray[np.int64], most: int) -> NDArray[np.intp]:
+    """Rows to remove, so that at most KEPT * most are left; none while there are at most `most`.
+
+    believed: [n] column of the class, or OTHER; seen: [n] number of the last update that saw it.
+    """
+    if len(believed) <= most:
+        return np.empty(0, np.intp)
+    order = np.lexsort((seen, believed != OTHER))
+    return order[: len(believed) - int(KEPT * most)]

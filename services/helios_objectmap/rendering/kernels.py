@@ -7,8 +7,6 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from helios_objectmap.kernels.limits import ALPHA_MIN, OPACITY_MAX, TILE
-
 # Columns of a splat. Its alpha at (U + du, V + dv) is
 # 2 ** (QUADRATIC_UU du^2 + QUADRATIC_UV du dv + QUADRATIC_VV dv^2 + LOG2_OPACITY).
 U, V, QUADRATIC_UU, QUADRATIC_UV, QUADRATIC_VV, LOG2_OPACITY, DEPTH, RADIUS = range(8)
@@ -128,3 +126,135 @@ def bin_kernel(order, tiles, tiles_x, offsets, entries, fill):
                 t = ty * tiles_x + tx
                 entries[cursor[t]] = g
                 cursor[t] += 1
+
+
+_PASSES = 3
+
+
+@njit(cache=True, nogil=True)
+def depth_order_kernel(splats, order):
+    """Fill order [k] with the splats from near to far: a radix sort of the bits of the depth.
+
+    Positive float32 are ordered as their bits are. Equal depths are ordered by what is drawn:
+    centre, radius and opacity.
+    """
+    n = splats.shape[0]
+    if n == 0:
+        return
+    keys = np.empty(n, np.uint32)
+    bits = splats[:, DEPTH].copy().view(np.uint32)
+    least, most = bits.min(), bits.max()
+    width = 1
+    while (most - least) >> (width * _PASSES):
+        width += 1
+    for i in range(n):
+        keys[i] = bits[i] - least
+        order[i] = i
+    other_keys, other_order = np.empty_like(keys), np.empty_like(order)
+    starts = np.empty((1 << width) + 1, np.int64)
+    source, target = (keys, order), (other_keys, other_order)
+    for which in range(_PASSES):
+        _radix_pass(source, target, which * width, (1 << width) - 1, starts)
+        source, target = target, source
+    order[:] = source[1]
+    _order_equal_depths(splats, source[0], order)
+
+
+@njit(cache=True, nogil=True)
+def _radix_pass(source, target, shift, mask, starts):
+    keys, order = source
+    to_keys, to_order = target
+    starts[:] = 0
+    for i in range(keys.size):
+        starts[((keys[i] >> shift) & mask) + 1] += 1
+    for d in range(starts.size - 1):
+        starts[d + 1] += starts[d]
+    for i in range(keys.size):
+        digit = (keys[i] >> shift) & mask
+        to = starts[digit]
+        starts[digit] = to + 1
+        to_keys[to] = keys[i]
+        to_order[to] = order[i]
+
+
+@njit(cache=True, nogil=True)
+def _order_equal_depths(splats, keys, order):
+    n = keys.size
+    words = splats.view(np.uint32)
+    first = 0
+    while first < n:
+        end = first + 1
+        while end < n and keys[end] == keys[first]:
+            end += 1
+        if end - first > 1:
+            run = order[first:end].copy()
+            ties = np.empty(run.size, np.uint64)
+            for i in range(run.size):
+                ties[i] = tie(words, run[i])
+            order[first:end] = run[np.argsort(ties, kind="mergesort")]
+        first = end
+
+
+@njit(cache=True, nogil=True)
+def tie(words, i):
+    """What orders a splat among those equally far: centre, radius and opacity, mixed.
+
+    words: [n, COLUMNS] the bits of the splats.
+    """
+    mixed = (np.uint64(words[i, U]) << np.uint64(32)) | np.uint64(words[i, V])
+    mixed ^= np.uint64(words[i, RADIUS]) * np.uint64(0x9E3779B97F4A7C15)
+    return mixed ^ (np.uint64(words[i, LOG2_OPACITY]) * np.uint64(0xC2B2AE3D27D4EB4F))
+
+
+@njit(cache=True, nogil=True)
+def merged_offsets_kernel(number, offsets, entries, more_offsets, out_offsets):
+    """How many entries each tile has: those that keep a number (>= 0), and the others' own."""
+    out_offsets[0] = 0
+    for t in range(offsets.size - 1):
+        n = more_offsets[t + 1] - more_offsets[t]
+        for k in range(offsets[t], offsets[t + 1]):
+            n += number[entries[k]] >= 0
+        out_offsets[t + 1] = out_offsets[t] + n
+
+
+@njit(parallel=True, cache=True, nogil=True)
+def merge_kernel(
+    splats, number, offsets, entries, n_kept, more_offsets, more_entries, out_offsets, out_entries
+):
+    """Merge the lists of each tile, near to far.
+
+    splats: all of the new projection, the kept ones first; number: [old k] their new numbers, -1
+    for those that go; the others are numbered from n_kept on.
+    """
+    words = splats.view(np.uint32)
+    for t in prange(offsets.size - 1):
+        to = out_offsets[t]
+        j, last = more_offsets[t], more_offsets[t + 1]
+        for k in range(offsets[t], offsets[t + 1]):
+            g = number[entries[k]]
+            if g < 0:
+                continue
+            while j < last and _is_nearer(words, n_kept + more_entries[j], g):
+                out_entries[to] = n_kept + more_entries[j]
+                to += 1
+                j += 1
+            out_entries[to] = g
+            to += 1
+        while j < last:
+            out_entries[to] = n_kept + more_entries[j]
+            to += 1
+            j += 1
+
+
+@njit(cache=True, nogil=True)
+def _is_nearer(words, a, b):
+    """Whether splat a comes before splat b; depths are positive, and ordered as their bits are."""
+    if words[a, DEPTH] != words[b, DEPTH]:
+        return words[a, DEPTH] < words[b, DEPTH]
+    return tie(words, a) < tie(words, b)
+
+
+ALPHA_MIN = 1.0 / 255.0  # less counts as 0
+OPACITY_MAX = 0.999  # more counts as this
+COVERAGE_MIN = 1e-3  # less has no depth
+TILE = 16  # pixels, both ways

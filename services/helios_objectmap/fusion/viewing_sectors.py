@@ -23,10 +23,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from helios_objectmap.kernels.evidence import tell_kernel
-from helios_objectmap.store.gaussians import GaussianStore
+from helios_objectmap.gaussians import GaussianStore
 
 SECTORS = 12
 UNIT = 256  # of the store's numbers make a vote
@@ -93,3 +93,51 @@ def news(
         alone.append(after - before[everyone, at])
         more[everyone, at] += share
     return alone, (np.minimum(more, 1) - before).sum(axis=1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def tell_kernel(
+    rows,
+    kappa,
+    columns,
+    weights,
+    sectors,
+    unit,
+    most,
+    whole_kappa,
+    full,
+    alpha_side,
+    votes,
+    positive,
+    asked,
+    took,
+):
+    """By sides, in place of eq. 3: add votes from sectors [k] to votes [., columns, sectors, (own,
+    all)]: `unit` is one vote, `full` a side that counts in full, `most` the limit of a side. Adds
+    what they change to positive and asked [., columns]; lists in took [k] which of the rows took
+    some, and returns how many."""
+    n = 0
+    for k in range(rows.size):
+        total = 0.0
+        for c in range(kappa.shape[1]):
+            total += kappa[k, c]
+        row, side, some = rows[k], sectors[k], False
+        scale = unit / max(total, whole_kappa)
+        for j in range(columns.size):
+            more = int(weights[k, j] * total * scale + 0.5)
+            if more > 0:
+                column = columns[j]
+                own, all_told = int(votes[row, column, side, 0]), int(votes[row, column, side, 1])
+                own_before = own / max(all_told, full)
+                asked_before = all_told / max(all_told, full)
+                if all_told + more > most:
+                    own, all_told = own // 2, all_told // 2
+                own += min(int(weights[k, j] * kappa[k, 1 + j] * scale + 0.5), more)
+                all_told += more
+                votes[row, column, side, 0], votes[row, column, side, 1] = own, all_told
+                positive[row, column] += alpha_side * (own / max(all_told, full) - own_before)
+                asked[row, column] += alpha_side * (all_told / max(all_told, full) - asked_before)
+                some = True
+        took[n] = k
+        n += some
+    return n

@@ -12,7 +12,19 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from helios_objectmap.kernels.lanes import (
+from helios_objectmap.rendering.kernels import (
+    ALPHA_MIN,
+    COVERAGE_MIN,
+    DEPTH,
+    LOG2_OPACITY,
+    QUADRATIC_UU,
+    QUADRATIC_UV,
+    QUADRATIC_VV,
+    TILE,
+    U,
+    V,
+)
+from helios_objectmap.rendering.simd import (
     LANES,
     at_most,
     exp2_above,
@@ -24,16 +36,6 @@ from helios_objectmap.kernels.lanes import (
     ramp,
     store,
     sum_of,
-)
-from helios_objectmap.kernels.limits import ALPHA_MIN, COVERAGE_MIN, TILE
-from helios_objectmap.kernels.projection import (
-    DEPTH,
-    LOG2_OPACITY,
-    QUADRATIC_UU,
-    QUADRATIC_UV,
-    QUADRATIC_VV,
-    U,
-    V,
 )
 
 TRANSMITTANCE_MIN = 1e-4

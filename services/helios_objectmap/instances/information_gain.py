@@ -13,11 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_objectmap.answers.score import score
-from helios_objectmap.evidence import sides
-from helios_objectmap.evidence.dirichlet import concentration_of, entropy, marginal
+from helios_objectmap.camera import View
+from helios_objectmap.fusion import viewing_sectors
+from helios_objectmap.fusion.semantics import concentration_of, entropy, marginal, score
 from helios_objectmap.rendering.renderer import Project
-from helios_objectmap.view import View
 
 Float32 = NDArray[np.float32]
 
@@ -106,7 +105,9 @@ def what_if(
     kappas = [kappa_at(project, member, view, max_depth_m) for view in views]
     if member.told is not None:
         eyes_m = [view.T_world_cam[:3, 3] for view in views]
-        kappas, together = sides.news(member.told, member.means, kappas, eyes_m, rates.side_views)
+        kappas, together = viewing_sectors.news(
+            member.told, member.means, kappas, eyes_m, rates.side_views
+        )
     else:
         together = np.sum(kappas, axis=0) if kappas else np.zeros(len(member.means), np.float32)
     *alone, joint = expected(member, wanted, [*kappas, together], rates)

@@ -15,9 +15,9 @@ import numpy as np
 from helios_core.errors import Unavailable
 from numpy.typing import NDArray
 
-from helios_objectmap.kernels.limits import ALPHA_MIN, COVERAGE_MIN, OPACITY_MAX, TILE
+from helios_objectmap.camera import View
+from helios_objectmap.rendering.kernels import ALPHA_MIN, COVERAGE_MIN, OPACITY_MAX, TILE
 from helios_objectmap.rendering.renderer import FAR_M, LOW_PASS_PX2, NEAR_M, Float32, Rendering
-from helios_objectmap.view import View
 
 if TYPE_CHECKING:
     from torch import Tensor

@@ -14,10 +14,10 @@ from helios_core.types import (
     SearchContext,
 )
 
-from helios_objectmap.answers.objects import MANY_POINTS, outline
+from helios_objectmap.camera import View
+from helios_objectmap.instances.summary import MANY_POINTS, outline
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
-from helios_objectmap.view import View
 
 
 def warm_up(settings: ObjectMapSettings) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from helios_core.types import Observation, SearchContext
 from numpy.typing import NDArray
 
-from helios_objectmap.view import View, offset
+from helios_objectmap.camera import View, offset
 
 OTHER_LABEL = 0
 

@@ -1,1 +1,0 @@
-"""What is kept: arrays with one row a Gaussian, where the rows are, and the views that counted."""
