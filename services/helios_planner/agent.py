@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from helios_planner.searching.belief import Belief
-from helios_planner.searching.explore import Kit, Search
-from helios_planner.searching.explorers import Explorer
-from helios_planner.searching.trusting_search import TrustingSearch
+from helios_planner.search.base import Kit, Search
+from helios_planner.search.baselines import TrustingSearch
+from helios_planner.search.candidate_beliefs import Belief
+from helios_planner.search.frontier_exploration import Explorer
 from helios_planner.task import Phase
 
 

@@ -31,16 +31,14 @@ from helios_core.errors import InvalidInput
 from helios_core.log_location import log_place
 
 from helios_planner.agent import Agent, trusting
-from helios_planner.decisions import frontier_rules, global_search
-from helios_planner.decisions.frontier_rules import FrontierRule
-from helios_planner.decisions.global_search import SearchRule
-from helios_planner.decisions.standards import Rule, paper, patient
-from helios_planner.searching.belief import MapBelief, TrustingBelief
-from helios_planner.searching.explorers import ByRule, Pursuit
-from helios_planner.searching.object_search import ObjectSearch
-from helios_planner.searching.receptacle_search import ReceptacleSearch
-from helios_planner.searching.vlfm_belief import UnfilteredBelief, VlfmBelief
-from helios_planner.searching.vlfm_search import StopSearch
+from helios_planner.decisions import global_search
+from helios_planner.decisions.acceptance import Rule, paper, patient
+from helios_planner.decisions.global_search import FrontierRule, SearchRule
+from helios_planner.search.baselines import StopSearch, UnfilteredBelief, VlfmBelief
+from helios_planner.search.candidate_beliefs import MapBelief, TrustingBelief
+from helios_planner.search.frontier_exploration import ByRule, Pursuit
+from helios_planner.search.object_search import ObjectSearch
+from helios_planner.search.scored_search import ReceptacleSearch
 
 
 def _scoring(rule: SearchRule, standards: Rule = paper) -> Agent:
@@ -63,9 +61,9 @@ AGENTS: dict[str, Agent] = {
     "helios-next": _scoring(global_search.by_objective, patient),
     "helios-5050": replace(_HELIOS, other_share=0.5),
     "no-global-objective": _scoring(global_search.receptacles_first),
-    "trusting": _by(frontier_rules.highest_value),
-    "random-frontier": _by(frontier_rules.drawn),
-    "homerobot-heuristic": _by(frontier_rules.nearest),
+    "trusting": _by(global_search.highest_value),
+    "random-frontier": _by(global_search.drawn),
+    "homerobot-heuristic": _by(global_search.nearest),
     "vlfm": trusting(VlfmBelief, Pursuit),
     "vlfm-unfiltered": trusting(UnfilteredBelief, Pursuit),
     "vlfm-helios-stop": replace(_HELIOS, seek_object=lambda kit, name, _: StopSearch(kit, name)),

@@ -24,13 +24,13 @@ from collections.abc import Sequence
 from helios_core.types import ObjectInstance
 
 from helios_planner.agent import Agent, trusting
-from helios_planner.decisions.candidate import Candidate
-from helios_planner.decisions.decide import Decision, Do, best_of, position_of
-from helios_planner.decisions.own_rule import ExplorationRule, Places
-from helios_planner.searching.belief import Belief, MapBelief, TrustingBelief
-from helios_planner.searching.explore import PICK_LAYER, PLACE_LAYER, Kit, Search
-from helios_planner.searching.explorers import Explorer
-from helios_planner.searching.own_search import ByOwnRule, OwnObjectSearch, OwnReceptacleSearch
+from helios_planner.decisions.acceptance import best_of, position_of
+from helios_planner.decisions.decision import Candidate, Decision, Do
+from helios_planner.decisions.plugin_rule import ExplorationRule, Places
+from helios_planner.search.base import PICK_LAYER, PLACE_LAYER, Kit, Search
+from helios_planner.search.candidate_beliefs import Belief, MapBelief, TrustingBelief
+from helios_planner.search.frontier_exploration import Explorer
+from helios_planner.search.plugin_search import ByOwnRule, OwnObjectSearch, OwnReceptacleSearch
 from helios_planner.task import Phase, TaskFailed
 
 __all__ = [

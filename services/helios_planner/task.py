@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
-from helios_planner.language.instruction import Instruction
+from helios_planner.instruction.parser import Instruction
 
 HELD = "paused; resume or cancel it"  # what a task says that is on hold
 

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from helios_planner.ground import kernels
-from helios_planner.ground.grid import GroundMap, Pose2
-from helios_planner.ground.motion import MotionRules, next_primitive, reach, straightened
-from helios_planner.ground.poses import Capsule, pose_reach
+from helios_planner.motion_planning import kernels
+from helios_planner.motion_planning.costmap import GroundMap, Pose2
+from helios_planner.motion_planning.lattice_planner import Capsule, pose_reach
+from helios_planner.motion_planning.path_planner import (
+    MotionRules,
+    next_primitive,
+    reach,
+    straightened,
+)
 
 
 def warm_up() -> None:

@@ -25,7 +25,7 @@ from helios_map2d.service import Map2DService
 from helios_map2d.settings import Settings as Map2DSettings
 from helios_objectmap.service import ObjectMapService
 from helios_objectmap.settings import ObjectMapSettings
-from helios_planner.ground.blind_ring import blind_m
+from helios_planner.motion_planning.costmap import blind_m
 from helios_planner.service import PlannerService
 from helios_planner.settings import Settings as PlannerSettings
 

@@ -23,7 +23,7 @@ ELSEWHERE = {
     ("services/helios_recorder/file.py", "open"): (1, "grows for hours; made anew, read when torn"),
     ("services/helios_planner/tasks/database.py", "connect"): (1, "SQLite has a journal"),
     ("services/helios_planner/tasks/database.py", "open"): (1, "to see whether there is room"),
-    ("services/helios_planner/tasks/proof.py", "os.open"): (1, "a folder, to sync it"),
+    ("services/helios_planner/tasks/write_proof.py", "os.open"): (1, "a folder, to sync it"),
     ("services/helios_objectmap/persistence.py", "savez"): (1, MEMORY),
     ("services/helios_objectmap/export.py", "savez_compressed"): (1, MEMORY),
     ("services/helios_map2d/snapshots/snapshot.py", "savez_compressed"): (1, MEMORY),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import skfmm
-from helios_planner.ground.fm2 import SLOWEST, arrival_time, speed_field
+from helios_planner.motion_planning.path_planner import SLOWEST, arrival_time, speed_field
 from numpy.typing import NDArray
 
 from helios_eval.bench.timing import Row, compare

@@ -30,8 +30,8 @@ from helios_core.errors import HeliosError
 from helios_core.types import ObjectInstance, Role
 from helios_detector.vocabulary_matching import normalised
 from helios_objectmap.settings import ObjectMapSettings
-from helios_planner.decisions.standards import paper, patient
-from helios_planner.searching.object_search import is_on_any, place
+from helios_planner.decisions.acceptance import paper, patient
+from helios_planner.search.object_search import is_on_any, place
 from helios_planner.settings import Settings as PlannerSettings
 
 from helios_eval.calibration.statistics import auroc

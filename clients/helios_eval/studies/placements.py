@@ -27,10 +27,10 @@ from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.robot import Pick
 from helios_core.types import ObjectInstance
-from helios_planner.ground.gaze import outline_of, tilt_towards
-from helios_planner.handling.skills import Skills
-from helios_planner.moving.legs import Legs
-from helios_planner.searching.belief import MapBelief
+from helios_planner.manipulation import Skills
+from helios_planner.motion_planning.base_placement import outline_of, tilt_towards
+from helios_planner.navigation.base_controller import Legs
+from helios_planner.search.candidate_beliefs import MapBelief
 from helios_planner.settings import PlaceRule, Settings
 from helios_planner.task import TaskFailed
 from helios_sim.episode import reachable

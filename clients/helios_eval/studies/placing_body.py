@@ -10,10 +10,10 @@ from helios_core.robot import Action, ActionResult
 from helios_core.types import Frame, FrameId, ObjectInstance
 from helios_map2d.epoch_map import MapState
 from helios_map2d.layers.parameters import MapRules
-from helios_planner.decisions.decide import Decision
-from helios_planner.ground.grid import GroundMap, Pose2
-from helios_planner.robot.body import Body, Frontier, WhatIf
-from helios_planner.robot.sightings import Sighting
+from helios_planner.decisions.decision import Decision
+from helios_planner.motion_planning.costmap import GroundMap, Pose2
+from helios_planner.robot.detections import Sighting
+from helios_planner.robot.interface import Body, Frontier, WhatIf
 from helios_planner.task import Cause, Phase, TaskFailed
 from helios_sim.world import World
 from numpy.typing import NDArray

@@ -1,27 +1,220 @@
-"""Which receptacle to search or which frontier to explore next, while the object is sought."""
+"""The global search objective (eq. 8, 9 and 10).
+
+Units: the paper multiplies a class score by an information gain that is summed over all Gaussians
+of a candidate and subtracts metres times alpha_d. With thousands of Gaussians the distance hardly
+counts and the largest receptacle always wins, so by default the gain is divided by the number of
+Gaussians (`per_gaussian`: nats a Gaussian, roughly 0 to 3); `sum` is the paper's rule.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
-from helios_planner.decisions import sentences
-from helios_planner.decisions.decide import (
-    Candidate,
-    Decision,
-    Do,
-    FrontierOption,
-    ReceptacleOption,
-    best_of,
-    position_of,
-)
-from helios_planner.decisions.objective import (
-    ChosenFrontier,
-    FirstSeen,
-    SearchMemory,
-    candidate_value,
-    frontier_scale,
-    frontier_value,
-)
+import numpy as np
+
+from helios_planner.decisions import explanations
+from helios_planner.decisions.acceptance import Candidate, best_of, position_of
+from helios_planner.decisions.decision import Decision, Do, FrontierOption, ReceptacleOption
+
+GainNorm = Literal["per_gaussian", "sum"]
+
+
+def normalised_gain(gain_nats: float, gaussians: int, norm: GainNorm) -> float:
+    """Information gain of a candidate in the units of eq. 10; never below 0."""
+    gain = max(gain_nats, 0.0)
+    return gain / max(gaussians, 1) if norm == "per_gaussian" else gain
+
+
+@dataclass(frozen=True)
+class FirstSeen:
+    """What a candidate was worth when it was first seen: S_a0 * IG_a0, and its centre."""
+
+    class_score: float
+    information_gain: float
+    center_xy_m: tuple[float, float]
+
+    @property
+    def worth(self) -> float:
+        return self.class_score * self.information_gain
+
+
+@dataclass(frozen=True)
+class ChosenFrontier:
+    """A frontier that was once chosen, and its value at that time."""
+
+    xy_m: tuple[float, float]
+    value_when_chosen: float
+
+
+@dataclass
+class SearchMemory:
+    """What eq. 8 and 9 remember over one search."""
+
+    first_seen: dict[int, FirstSeen] = field(default_factory=dict)
+    chosen: list[ChosenFrontier] = field(default_factory=list)
+
+    def note(self, id: int, seen: FirstSeen) -> None:
+        """Store a candidate the first time only."""
+        self.first_seen.setdefault(id, seen)
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "first_seen": [
+                [id, s.class_score, s.information_gain, *s.center_xy_m]
+                for id, s in self.first_seen.items()
+            ],
+            "chosen": [[*f.xy_m, f.value_when_chosen] for f in self.chosen],
+        }
+
+    @staticmethod
+    def of_json(memory: Mapping[str, Any]) -> SearchMemory:
+        """What `as_json` wrote."""
+        seen = {int(id): FirstSeen(s, ig, (x, y)) for id, s, ig, x, y in memory["first_seen"]}
+        return SearchMemory(seen, [ChosenFrontier((x, y), v) for x, y, v in memory["chosen"]])
+
+
+def estimated_value(
+    frontier_xy_m: tuple[float, float], seen: Mapping[int, FirstSeen], alpha_d: float
+) -> float:
+    """V_0 of a frontier that was chosen before (eq. 8); `seen` must not be empty."""
+    return max(  # eq. 8
+        s.worth - alpha_d * math.dist(s.center_xy_m, frontier_xy_m) for s in seen.values()
+    )
+
+
+def frontier_scale(memory: SearchMemory, alpha_d: float) -> float:
+    """F_0, which turns a frontier's value into a candidate's worth (eq. 9).
+
+    1 where it is not defined: no chosen frontier, no candidate, a value of zero or so small that
+    the ratio is infinite; and where the mean ratio is not above 0, since a negative scale would
+    reverse the order of the frontiers.
+    """
+    usable: Sequence[ChosenFrontier] = [f for f in memory.chosen if f.value_when_chosen > 0]
+    if not usable or len(usable) < len(memory.chosen) or not memory.first_seen:
+        return 1.0
+    ratios = [  # eq. 9
+        estimated_value(f.xy_m, memory.first_seen, alpha_d) / f.value_when_chosen for f in usable
+    ]
+    mean = sum(ratios) / len(ratios)
+    return mean if 0 < mean < math.inf else 1.0
+
+
+def candidate_value(
+    class_score: float, information_gain: float, distance_m: float, alpha_d: float
+) -> float:
+    """V of a candidate receptacle (eq. 10, first case)."""
+    return class_score * information_gain - alpha_d * distance_m  # eq. 10
+
+
+def frontier_value(value: float, scale: float, distance_m: float, alpha_d: float) -> float:
+    """V of a frontier (eq. 10, second case)."""
+    return value * scale - alpha_d * distance_m  # eq. 10
+
+
+KEPT_M = 0.5  # a frontier this near to the last one is the same (VLFM)
+KEPT_VALUE = 0.01  # and kept while its value has not fallen by so much (VLFM)
+
+NEAREST_BY_WAY = "nearest frontier by way"
+
+FrontierRule = Callable[[Sequence[FrontierOption], str, np.random.Generator], Decision]
+
+
+@dataclass(frozen=True)
+class WayOption:
+    """A frontier that may be explored for its own sake: its length and the way to it, metres."""
+
+    id: int
+    xy_m: tuple[float, float]
+    size_m: float
+    way_m: float
+    distance_m: float
+
+
+def nearest_by_way(frontiers: Sequence[WayOption]) -> Decision:
+    """The frontier with the shortest way to it, for who explores and seeks nothing."""
+    candidates = tuple(
+        Candidate("frontier", f"frontier {f.id}", (*f.xy_m, 0.0),
+                  {"way_m": f.way_m, "size_m": f.size_m, "distance_m": f.distance_m,
+                   "total": -f.way_m}, f.id)
+        for f in frontiers
+    )  # fmt: skip
+    if not candidates:
+        return _nothing(NEAREST_BY_WAY)
+    k = best_of(candidates)
+    why = explanations.nearest_way(candidates, k)
+    return Decision(NEAREST_BY_WAY, Do.GO_TO_FRONTIER, candidates, k, why)
+
+
+def highest_value(
+    frontiers: Sequence[FrontierOption], layer: str, _: np.random.Generator
+) -> Decision:
+    """The frontier with the highest value of a layer; the nearer one on a tie."""
+    return _highest(frontiers, layer)
+
+
+def nearest(frontiers: Sequence[FrontierOption], layer: str, _: np.random.Generator) -> Decision:
+    """The nearest frontier, whatever its value."""
+    candidates = _listed(frontiers, [-f.distance_m for f in frontiers])
+    if not candidates:
+        return _nothing("nearest frontier")
+    k = best_of(candidates)
+    why = explanations.nearest_frontier(candidates, k)
+    return Decision("nearest frontier", Do.GO_TO_FRONTIER, candidates, k, why)
+
+
+def kept(frontiers: Sequence[FrontierOption], layer: str, last: ChosenFrontier | None) -> Decision:
+    """VLFM: the frontier that was gone to last while its value has not fallen since, else the one
+    with the highest value of a layer."""
+    decision = _highest(frontiers, layer)
+    if last is None or decision.winner is None:
+        return decision
+    near = [
+        (math.dist(f.xy_m, last.xy_m), k) for k, f in enumerate(frontiers)
+        if math.dist(f.xy_m, last.xy_m) <= KEPT_M
+    ]  # fmt: skip
+    if not near:
+        return decision
+    _, k = min(near)
+    if frontiers[k].value + KEPT_VALUE <= last.value_when_chosen:
+        return decision
+    why = explanations.kept_frontier(decision.candidates, k, layer, last.value_when_chosen)
+    return replace(decision, rule=f"keep the frontier by {layer} value", winner=k, why=why)
+
+
+def drawn(frontiers: Sequence[FrontierOption], layer: str, rng: np.random.Generator) -> Decision:
+    """Any frontier with the same chance."""
+    candidates = _listed(frontiers, [0.0 for _ in frontiers])
+    if not candidates:
+        return _nothing("random frontier")
+    k = int(rng.integers(len(candidates)))
+    why = explanations.drawn_frontier(candidates, k)
+    return Decision("random frontier", Do.GO_TO_FRONTIER, candidates, k, why)
+
+
+def _highest(frontiers: Sequence[FrontierOption], layer: str) -> Decision:
+    candidates = _listed(frontiers, [f.value for f in frontiers])
+    rule = f"frontier by {layer} value"
+    if not candidates:
+        return _nothing(rule)
+    k = best_of(candidates)
+    why = explanations.highest_frontier(candidates, k, layer)
+    return Decision(rule, Do.GO_TO_FRONTIER, candidates, k, why)
+
+
+def _listed(frontiers: Sequence[FrontierOption], totals: Sequence[float]) -> tuple[Candidate, ...]:
+    return tuple(
+        Candidate("frontier", f"frontier {f.id}", (*f.xy_m, 0.0),
+                  {"value": f.value, "distance_m": f.distance_m, "total": total}, f.id)
+        for f, total in zip(frontiers, totals, strict=True)
+    )  # fmt: skip
+
+
+def _nothing(rule: str) -> Decision:
+    return Decision(rule, Do.NOTHING_LEFT, (), None, explanations.nothing_left(receptacles=False))
+
 
 BY_OBJECTIVE, RECEPTACLES_FIRST = "global search (eq. 8-10)", "receptacles first"
 
@@ -40,13 +233,13 @@ def by_objective(
     candidates, settings = _weighed(receptacles, frontiers, memory, alpha_d)
     remembered = as_candidates(memory)
     if not candidates:
-        why = sentences.nothing_left(receptacles=True)
+        why = explanations.nothing_left(receptacles=True)
         return Decision(BY_OBJECTIVE, Do.NOTHING_LEFT, (), None, why, settings, remembered)
     k = best_of(candidates)
     if candidates[k].kind == "receptacle":
-        do, why = Do.SEARCH_RECEPTACLE, sentences.search_receptacle(candidates, k, alpha_d)
+        do, why = Do.SEARCH_RECEPTACLE, explanations.search_receptacle(candidates, k, alpha_d)
     else:
-        do, why = Do.GO_TO_FRONTIER, sentences.go_to_frontier(candidates, k, alpha_d)
+        do, why = Do.GO_TO_FRONTIER, explanations.go_to_frontier(candidates, k, alpha_d)
     return Decision(BY_OBJECTIVE, do, candidates, k, why, settings, remembered)
 
 
@@ -62,7 +255,7 @@ def receptacles_first(
         return by_objective((), frontiers, memory, alpha_d)
     candidates, settings = _weighed(receptacles, frontiers, memory, alpha_d)
     k = min(range(len(receptacles)), key=lambda k: (receptacles[k].distance_m, k))
-    why = sentences.nearest_receptacle(candidates, k)
+    why = explanations.nearest_receptacle(candidates, k)
     return Decision(RECEPTACLES_FIRST, Do.SEARCH_RECEPTACLE, candidates, k, why, settings,
                     as_candidates(memory))  # fmt: skip
 

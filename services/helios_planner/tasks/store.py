@@ -15,15 +15,31 @@ import sqlite3
 import threading
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from google.protobuf.message import DecodeError
 from helios_core import proto as pb
+from helios_core.topics import M
 
 from helios_planner.tasks.database import MAKE_ROOM, has_room, opened, remedy, shorten_log
-from helios_planner.tasks.journal import Entry
-from helios_planner.tasks.proof import Proof
+from helios_planner.tasks.write_proof import Proof
+
+Memory = dict[str, Any]  # of JSON
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One task's journal. `life` counts how often it was taken up; request without result: nobody
+    knows whether it was done."""
+
+    life: int = 0
+    request: pb.ActionRequest | None = None
+    result: pb.ActionResult | None = None
+    memory: Memory = field(default_factory=dict)
+    epoch: tuple[str, int] | None = None  # the world that its poses live in
+
 
 log = logging.getLogger(__name__)
 

@@ -14,8 +14,8 @@ from helios_client.http.errors import WrongRequest
 from helios_client.supervision import state_file
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput, Unavailable
-from helios_planner.language.instruction import parse
-from helios_planner.tasks.context import in_vocabulary
+from helios_planner.instruction.parser import parse
+from helios_planner.tasks.search_context import in_vocabulary
 
 from tests.client_command import Helios
 from tests.full_disk import fill, small_disk

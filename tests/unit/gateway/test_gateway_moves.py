@@ -15,7 +15,7 @@ from helios_gateway.robot_registry import Fleet, Served
 from helios_gateway.routes.moves import EXPLORE, HOME, sentence_to
 from helios_gateway.settings import Settings
 from helios_gateway.web_app import create_app
-from helios_planner.language.instruction import Kind, parse
+from helios_planner.instruction.parser import Kind, parse
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -11,10 +11,10 @@ from helios_core import proto as pb
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import GET_TASK, SUBMIT
-from helios_planner.robot import bus_body, calls, driving
+from helios_planner.robot import client, rpc
 from helios_planner.service import PlannerService
 from helios_planner.settings import Settings
-from helios_planner.tasks import journal, recovery
+from helios_planner.tasks import run_control
 from planner_flat import MOVE, flat_with_mug
 from planner_peers import Peers
 from planner_world import FakeWorld
@@ -25,8 +25,8 @@ Start = Callable[..., tuple[PlannerService, MemoryBus, Peers]]
 
 
 def lose_patience_soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bus_body, "ACK_PATIENCE_S", 0.2)
-    for module in (bus_body, calls, driving, journal, recovery):
+    monkeypatch.setattr(client, "ACK_PATIENCE_S", 0.2)
+    for module in (client, rpc, rpc, run_control, run_control):
         monkeypatch.setattr(module, "RETRY_S", 0.02)
 
 

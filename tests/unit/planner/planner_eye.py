@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from helios_core.geometry import Pinhole
 from helios_core.types import RobotDescription
-from helios_planner.ground.grid import Pose2
-from helios_planner.robot.body import Frontier
+from helios_planner.motion_planning.costmap import Pose2
+from helios_planner.robot.interface import Frontier
 from numba import njit
 from numpy.typing import NDArray
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from helios_planner.ground.grid import Pose2
+from helios_planner.motion_planning.costmap import Pose2
 from planner_things import Box, Thing
 from planner_world import FakeWorld
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from helios_planner.ground.grid import GroundMap
+from helios_planner.motion_planning.costmap import GroundMap
 
 CELL_M = 0.05
 

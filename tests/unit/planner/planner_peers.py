@@ -37,7 +37,7 @@ from helios_core.topics import (
     WHAT_IF,
 )
 from helios_core.types import Detection, Frame, FrameId, Observation, RobotState
-from helios_planner.robot.sightings import Sighting
+from helios_planner.robot.detections import Sighting
 from planner_world import FakeWorld
 
 SIZE = (400, 480)  # of the images, [h, w]

@@ -11,16 +11,16 @@ from typing import Any, cast
 import numpy as np
 from helios_core.types import ObjectInstance
 from helios_planner.decisions import global_search
-from helios_planner.decisions.decide import FrontierOption, ViewOption
-from helios_planner.decisions.standards import paper
-from helios_planner.ground.gaze import GazePoint
-from helios_planner.ground.grid import Pose2
-from helios_planner.language.instruction import parse
-from helios_planner.moving.legs import Outcome
-from helios_planner.searching.look import Looking
-from helios_planner.searching.object_search import ObjectSearch
+from helios_planner.decisions.acceptance import paper
+from helios_planner.decisions.decision import FrontierOption, ViewOption
+from helios_planner.instruction.parser import parse
+from helios_planner.motion_planning.base_placement import GazePoint
+from helios_planner.motion_planning.costmap import Pose2
+from helios_planner.navigation.base_controller import Outcome
+from helios_planner.search.object_search import ObjectSearch
+from helios_planner.search.view_selection import Looking
 from helios_planner.settings import Settings
-from helios_planner.tasks.flow import Mission
+from helios_planner.tasks.mission import Mission
 from planner_flat import flat
 from planner_things import Thing
 

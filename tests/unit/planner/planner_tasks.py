@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from helios_planner.language.instruction import parse
+from helios_planner.instruction.parser import parse
 from helios_planner.task import Phase, State, Task
 
 

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 from helios_core.robot import Action, ActionResult
-from helios_planner.language.instruction import parse
-from helios_planner.moving.legs import Legs
+from helios_planner.instruction.parser import parse
+from helios_planner.navigation.base_controller import Legs
 from helios_planner.settings import Settings
-from helios_planner.tasks.flow import Mission
+from helios_planner.tasks.mission import Mission
 from planner_flat import MOVE
 from planner_world import FakeWorld
 

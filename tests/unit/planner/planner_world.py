@@ -10,10 +10,10 @@ import numpy as np
 from helios_core.geometry import Matrix, wrap_angle, yaw_of
 from helios_core.robot import Action, ActionResult, Forward, Observe, Pick, Place, Tilt, Turn
 from helios_core.types import ObjectInstance, RobotDescription
-from helios_planner.decisions.decide import Decision
-from helios_planner.ground.grid import GroundMap, Pose2
-from helios_planner.robot.body import Body, Frontier, WhatIf
-from helios_planner.robot.sightings import Sighting, sighting_of
+from helios_planner.decisions.decision import Decision
+from helios_planner.motion_planning.costmap import GroundMap, Pose2
+from helios_planner.robot.detections import Sighting, sighting_of
+from helios_planner.robot.interface import Body, Frontier, WhatIf
 from helios_planner.task import Cause, Phase, TaskCancelled, TaskFailed
 from numpy.typing import NDArray
 from planner_eye import CAMERA, CELL_M, ROBOT, floor_seen, frontiers_of, sees, under_robot

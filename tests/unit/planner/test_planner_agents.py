@@ -11,16 +11,16 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix
 from helios_core.robot import Observe, Pick
 from helios_planner.agents import AGENTS, agent_named
-from helios_planner.decisions.decide import Do
-from helios_planner.ground.grid import Pose2
-from helios_planner.handling.skills import Done
-from helios_planner.language.instruction import parse
-from helios_planner.robot.body import WhatIf
-from helios_planner.robot.sightings import Sighting
-from helios_planner.searching.object_search import ObjectSearch
+from helios_planner.decisions.decision import Do
+from helios_planner.instruction.parser import parse
+from helios_planner.manipulation import Done
+from helios_planner.motion_planning.costmap import Pose2
+from helios_planner.robot.detections import Sighting
+from helios_planner.robot.interface import WhatIf
+from helios_planner.search.object_search import ObjectSearch
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
-from helios_planner.tasks.flow import Mission
+from helios_planner.tasks.mission import Mission
 from planner_flat import MOVE, coffee_table, counter, flat, mug
 from planner_things import Thing
 from planner_world import FakeWorld

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import Unavailable
-from helios_planner.robot import calls
-from helios_planner.robot.calls import patiently
+from helios_planner.robot import rpc
+from helios_planner.robot.rpc import patiently
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
 
@@ -16,7 +16,7 @@ class Clock:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s = 100.0
-        monkeypatch.setattr(calls.time, "monotonic", lambda: self.now_s)
+        monkeypatch.setattr(rpc.time, "monotonic", lambda: self.now_s)
 
     def rest(self, seconds: float) -> None:
         self.now_s += seconds

@@ -7,11 +7,9 @@ from dataclasses import replace
 
 import pytest
 from helios_core.types import RobotDescription
-from helios_planner.ground.blind_ring import SEEN_M, BlindRing, blind_m
-from helios_planner.ground.grid import Pose2
-from helios_planner.moving.legs import Legs, Outcome
-from helios_planner.moving.mishaps import MOST_WEDGED
-from helios_planner.moving.pose_legs import legs_of
+from helios_planner.motion_planning.costmap import SEEN_M, BlindRing, Pose2, blind_m
+from helios_planner.navigation.base_controller import Legs, Outcome, legs_of
+from helios_planner.navigation.motion_monitor import MOST_WEDGED
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
 from planner_eye import ROBOT

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 from helios_core.robot import Action, ActionResult, Forward
-from helios_planner.ground.grid import Pose2
-from helios_planner.moving.legs import Outcome
+from helios_planner.motion_planning.costmap import Pose2
+from helios_planner.navigation.base_controller import Outcome
 from helios_planner.task import Cause, TaskFailed
 from planner_flat import coffee_table, counter, flat, mug
 from planner_things import Box

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from helios_planner.ground.borders import borders_of, floor_m2
-from helios_planner.ground.grid import GroundMap
+from helios_planner.motion_planning.costmap import GroundMap
+from helios_planner.motion_planning.unknown_borders import borders_of, floor_m2
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp

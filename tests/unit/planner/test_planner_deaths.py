@@ -12,13 +12,13 @@ from helios_core import proto as pb
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CANCEL, DECISIONS, PAUSE, RESUME
-from helios_planner.language.instruction import parse
-from helios_planner.robot.driving import number_of
+from helios_planner.instruction.parser import parse
+from helios_planner.robot.rpc import number_of
 from helios_planner.service import PlannerService
 from helios_planner.task import State, Task
-from helios_planner.tasks.book import TaskBook
+from helios_planner.tasks.messages import task_to_proto
+from helios_planner.tasks.registry import TaskBook
 from helios_planner.tasks.store import Store
-from helios_planner.tasks.telling import task_to_proto
 from planner_bus import ended, hasty, submit, task
 from planner_flat import GO, flat_with_mug
 from planner_house import House

@@ -10,27 +10,30 @@ import pytest
 from helios_core import proto as pb
 from helios_core.errors import Unavailable
 from helios_core.types import ObjectInstance
-from helios_planner.decisions.decide import (
-    Do,
-    FrontierOption,
-    ReceptacleOption,
-    ViewOption,
-    act_or_look,
-)
-from helios_planner.decisions.frontier_rules import drawn, highest_value, nearest
-from helios_planner.decisions.global_search import by_objective, receptacles_first
-from helios_planner.decisions.objective import (
+from helios_planner.decisions.acceptance import act_or_look
+from helios_planner.decisions.decision import Do, FrontierOption, ReceptacleOption, ViewOption
+from helios_planner.decisions.global_search import (
     ChosenFrontier,
     FirstSeen,
     SearchMemory,
+    by_objective,
+    drawn,
     estimated_value,
     frontier_scale,
+    highest_value,
+    nearest,
     normalised_gain,
+    receptacles_first,
 )
-from helios_planner.ground.gaze import GazeRules, gaze_points
-from helios_planner.ground.grid import GroundMap, Pose2
-from helios_planner.ground.motion import MotionRules, reach
-from helios_planner.ground.stand import PlaceRules, place_spots, stand_for
+from helios_planner.motion_planning.base_placement import (
+    GazeRules,
+    PlaceRules,
+    gaze_points,
+    place_spots,
+    stand_for,
+)
+from helios_planner.motion_planning.costmap import GroundMap, Pose2
+from helios_planner.motion_planning.path_planner import MotionRules, reach
 from helios_planner.tasks.store import Store
 from planner_eye import ROBOT
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from helios_core.robot import Place
 from helios_core.types import ObjectInstance
-from helios_planner.decisions.decide import GIVEN_UP
-from helios_planner.decisions.standards import paper
-from helios_planner.handling.skills import GROWN_M, Done, Skills
-from helios_planner.searching.belief import MapBelief
-from helios_planner.searching.explore import MOST_DOUBTS
-from helios_planner.searching.receptacle_search import ReceptacleSearch
+from helios_planner.decisions.acceptance import paper
+from helios_planner.decisions.decision import GIVEN_UP
+from helios_planner.manipulation import GROWN_M, Done, Skills
+from helios_planner.search.base import MOST_DOUBTS
+from helios_planner.search.candidate_beliefs import MapBelief
+from helios_planner.search.scored_search import ReceptacleSearch
 from helios_planner.settings import Settings
 from helios_planner.task import TaskFailed
 from planner_flat import coffee_table, counter, flat, mug

@@ -12,12 +12,12 @@ from helios_core.errors import Conflict, DeadlineExceeded, HeliosError
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Tilt
 from helios_core.topics import ACT, GET_STATE, LEASE
-from helios_planner.robot import driving
-from helios_planner.robot.driving import MOST_IN_VAIN, RECENT, Driver, Line
+from helios_planner.robot import rpc
+from helios_planner.robot.rpc import MOST_IN_VAIN, RECENT, Driver, Line
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed, TimeIsUp
-from helios_planner.tasks.hold import Hold
-from helios_planner.tasks.journal import Entry, Journal, TaskBus
+from helios_planner.tasks.run_control import Hold, Journal, TaskBus
+from helios_planner.tasks.store import Entry
 
 Trouble = Callable[[int], HeliosError | None]  # by the action's number, when it is first asked for
 
@@ -54,7 +54,7 @@ class Robot:
 
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(driving, "RETRY_S", 0.001)
+    monkeypatch.setattr(rpc, "RETRY_S", 0.001)
 
 
 WAITED: list[str | None] = []  # for what, newest last; None: it came
@@ -105,7 +105,7 @@ def test_a_lease_that_ran_out_in_a_pause_is_renewed_without_a_word(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock = [0.0]
-    monkeypatch.setattr(driving.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(rpc.time, "monotonic", lambda: clock[0])
     robot = Robot(lambda _: None)
     act, paused = robot._act, [3]
 

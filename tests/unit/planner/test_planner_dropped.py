@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helios_core.robot import Action, ActionResult, Forward, Pick, Place, Turn
-from helios_planner.ground.grid import GroundMap
-from helios_planner.ground.stand import OTHER_SIDE_M
+from helios_planner.motion_planning.base_placement import OTHER_SIDE_M
+from helios_planner.motion_planning.costmap import GroundMap
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
 from planner_flat import coffee_table, counter, flat, mug

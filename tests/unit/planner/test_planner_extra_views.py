@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 from helios_core.types import ObjectInstance
-from helios_planner.decisions.decide import ViewOption, act_or_look
-from helios_planner.ground.grid import Pose2
-from helios_planner.language.instruction import parse
-from helios_planner.moving.legs import Outcome
-from helios_planner.robot.body import WhatIf
-from helios_planner.searching.look import BestView, Looking
+from helios_planner.decisions.acceptance import act_or_look
+from helios_planner.decisions.decision import ViewOption
+from helios_planner.instruction.parser import parse
+from helios_planner.motion_planning.costmap import Pose2
+from helios_planner.navigation.base_controller import Outcome
+from helios_planner.robot.interface import WhatIf
+from helios_planner.search.view_selection import BestView, Looking
 from helios_planner.settings import Settings
-from helios_planner.tasks.flow import Mission
+from helios_planner.tasks.mission import Mission
 from planner_flat import coffee_table, counter, flat
 from planner_rig import TABLE_XY, Looks, Rig, instance
 from planner_things import Thing

@@ -7,14 +7,14 @@ import math
 import pytest
 from helios_core.agent_presets import AgentName
 from helios_core.types import ObjectInstance
-from helios_planner.ground.gaze import GazePoint
-from helios_planner.ground.grid import Pose2
-from helios_planner.language.instruction import parse
-from helios_planner.moving.legs import Legs
-from helios_planner.searching.look import Looking
+from helios_planner.instruction.parser import parse
+from helios_planner.motion_planning.base_placement import GazePoint
+from helios_planner.motion_planning.costmap import Pose2
+from helios_planner.navigation.base_controller import Legs
+from helios_planner.search.view_selection import Looking
 from helios_planner.settings import Settings
 from helios_planner.task import TaskFailed
-from helios_planner.tasks.flow import Mission
+from helios_planner.tasks.mission import Mission
 from planner_flat import coffee_table, counter, flat, mug
 from planner_things import Box
 from planner_world import FakeWorld

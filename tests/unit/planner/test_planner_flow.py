@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from helios_planner.decisions.decide import Do
-from helios_planner.ground.grid import Pose2
-from helios_planner.language.instruction import parse
+from helios_planner.decisions.decision import Do
+from helios_planner.instruction.parser import parse
+from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed
-from helios_planner.tasks.flow import Mission
+from helios_planner.tasks.mission import Mission
 from planner_flat import MOVE, coffee_table, counter, flat, mug
 from planner_things import Box
 from planner_world import FakeWorld

@@ -12,7 +12,7 @@ from helios_core.errors import Unavailable
 from helios_core.topics import CANCEL, PAUSE, RESUME, TASK
 from helios_planner import service
 from helios_planner.task import State
-from helios_planner.tasks.book import NOT_KEPT
+from helios_planner.tasks.registry import NOT_KEPT
 from planner_bus import ended, submit, task
 from planner_disk import refuse, refusing
 from planner_flat import GO, flat_with_mug

@@ -9,10 +9,20 @@ import pytest
 from helios_core.geometry import Pinhole
 from helios_core.robot import Forward, Turn
 from helios_core.types import ObjectInstance, RobotDescription
-from helios_planner.ground.blind_ring import blind_m
-from helios_planner.ground.gaze import GazeRules, gaze_points
-from helios_planner.ground.grid import GroundMap, Pose2, unknown_near
-from helios_planner.ground.motion import (
+from helios_planner.motion_planning.base_placement import (
+    AheadRules,
+    GazeRules,
+    PlaceRules,
+    edge_spot,
+    gaze_points,
+    highest_ahead,
+    place_spots,
+    stand_for,
+    top_at_m,
+)
+from helios_planner.motion_planning.costmap import GroundMap, Pose2, blind_m, unknown_near
+from helios_planner.motion_planning.lattice_planner import Capsule, pose_reach
+from helios_planner.motion_planning.path_planner import (
     MotionRules,
     Reach,
     free_ahead_m,
@@ -20,18 +30,8 @@ from helios_planner.ground.motion import (
     reach,
     straightened,
 )
-from helios_planner.ground.poses import Capsule, pose_reach
-from helios_planner.ground.stand import (
-    AheadRules,
-    PlaceRules,
-    edge_spot,
-    highest_ahead,
-    place_spots,
-    stand_for,
-    top_at_m,
-)
-from helios_planner.moving.on_the_spot import near_ground_unknown
-from helios_planner.searching.patrol import next_place
+from helios_planner.navigation.base_controller import near_ground_unknown
+from helios_planner.search.base import next_place
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 

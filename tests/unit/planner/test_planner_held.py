@@ -9,11 +9,11 @@ import pytest
 from helios_core import proto as pb
 from helios_core.robot import Action, ActionResult, Pick, Place
 from helios_core.topics import CANCEL
-from helios_planner.language.instruction import parse
+from helios_planner.instruction.parser import parse
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
-from helios_planner.tasks.flow import Mission
-from helios_planner.tasks.recovery import LastAction
+from helios_planner.tasks.mission import Mission
+from helios_planner.tasks.run_control import LastAction
 from planner_bus import ended, submit, task
 from planner_flat import MOVE, flat_with_mug
 from planner_house import House

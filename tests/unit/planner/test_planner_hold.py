@@ -10,8 +10,8 @@ import pytest
 from helios_core import proto as pb
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import ACT
-from helios_planner.tasks.hold import Hold
-from helios_planner.tasks.journal import Entry, Journal, TaskBus
+from helios_planner.tasks.run_control import Hold, Journal, TaskBus
+from helios_planner.tasks.store import Entry
 
 from tests.support import wait_until
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from helios_core.errors import InvalidInput
 from helios_core.name_rules import closest
-from helios_planner.language.instruction import parse
+from helios_planner.instruction.parser import parse
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

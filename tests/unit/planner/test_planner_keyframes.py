@@ -14,15 +14,14 @@ from helios_core.keyframe_acks import AckBook
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Action, ActionResult, Observe, Turn
 from helios_core.topics import ACT, MAP2D_ACK, OBJECTMAP_ACK
-from helios_planner.robot import bus_body
-from helios_planner.robot.bus_body import BusBody, Listener
-from helios_planner.robot.driving import Line
+from helios_planner.robot import client
+from helios_planner.robot.client import BusBody, Listener
+from helios_planner.robot.rpc import Line
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
-from helios_planner.tasks import recovery
-from helios_planner.tasks.journal import Entry, Journal
-from helios_planner.tasks.recovery import last_action
-from helios_planner.tasks.store import Store
+from helios_planner.tasks import run_control
+from helios_planner.tasks.run_control import Journal, last_action
+from helios_planner.tasks.store import Entry, Store
 from planner_flat import flat
 from planner_peers import Peers
 
@@ -32,7 +31,7 @@ IMPATIENT = Settings(ack_timeout_s=0.1, away_s=0.1)
 
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bus_body, "ACK_PATIENCE_S", 0.05)
+    monkeypatch.setattr(client, "ACK_PATIENCE_S", 0.05)
 
 
 class Scene:
@@ -124,7 +123,7 @@ def test_a_long_pause_does_not_count_against_settling_the_last_action(
 ) -> None:
     """A task that is on hold when it is taken up, until its lease has run out meanwhile."""
     peers, clock = Peers(hub := MemoryHub(), flat()), [0.0]
-    monkeypatch.setattr(recovery.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(run_control.time, "monotonic", lambda: clock[0])
     late = Settings(away_s=20.0)
     line = Line(MemoryBus(hub), late, threading.Event(), lambda _: None)
     asked: list[pb.ActionRequest] = []

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import pytest
 from helios_core.robot import Tilt
-from helios_planner.ground.grid import Pose2
-from helios_planner.moving import legs as legs_module
-from helios_planner.moving.legs import Legs, Outcome
-from helios_planner.moving.pose_legs import legs_of
+from helios_planner.motion_planning.costmap import Pose2
+from helios_planner.navigation import base_controller as legs_module
+from helios_planner.navigation.base_controller import Legs, Outcome, legs_of
 from helios_planner.settings import Settings
 from planner_eye import CELL_M
 from planner_flat import flat

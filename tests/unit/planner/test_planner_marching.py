@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import skfmm
 from helios_core.errors import InvalidInput
-from helios_planner.ground import fm2
+from helios_planner.motion_planning import path_planner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -55,7 +55,7 @@ def test_marching_matches_the_exact_heap() -> None:
         speed = np.asarray(cv2.GaussianBlur(speed, (9, 9), 0), np.float32)
         speed[ground.occupancy > 0] = 0
         source = (int(np.argwhere(speed > 0)[17, 0]), int(np.argwhere(speed > 0)[17, 1]))
-        fast = fm2.arrival_time(speed, np.array([source]))
+        fast = path_planner.arrival_time(speed, np.array([source]))
         exact = heap_marching(speed, source)
         assert (np.isfinite(fast) == np.isfinite(exact)).all()
         known = np.isfinite(exact) & (exact > 5)
@@ -69,7 +69,7 @@ def test_nothing_reachable_is_called_unreachable(seed: int) -> None:
     ground = random_ground(seed)
     speed = np.where(ground.occupancy > 0, 0, 1).astype(np.float32)
     source = np.argwhere(speed > 0)[:1]
-    arrival = fm2.arrival_time(speed, source)
+    arrival = path_planner.arrival_time(speed, source)
     _, labels = cv2.connectedComponents((speed > 0).astype(np.uint8), connectivity=4)
     same = labels == labels[tuple(source[0])]
     assert (np.isfinite(arrival) == same).all()
@@ -79,8 +79,8 @@ def test_a_descent_never_cuts_a_corner() -> None:
     speed = np.zeros((12, 12), np.float32)
     speed[1:-1, 1:-1] = 1
     speed[5, 1:9] = 0
-    arrival = fm2.arrival_time(speed, np.array([[1, 1]]))
-    path = fm2.descend(arrival, (9, 1)).astype(float) + 0.5
+    arrival = path_planner.arrival_time(speed, np.array([[1, 1]]))
+    path = path_planner.descend(arrival, (9, 1)).astype(float) + 0.5
     assert least_crossed(speed, path) > 0
     assert np.isinf(arrival[5, 4])
 
@@ -95,9 +95,9 @@ def least_crossed(field: NDArray[np.float32], path: NDArray[np.float64]) -> floa
 
 def test_a_front_is_kept_from_the_border() -> None:
     with pytest.raises(InvalidInput, match="border"):
-        fm2.arrival_time(np.ones((8, 8), np.float32), np.array([[4, 4]]))
+        path_planner.arrival_time(np.ones((8, 8), np.float32), np.array([[4, 4]]))
     with pytest.raises(InvalidInput, match="source"):
-        fm2.arrival_time(np.zeros((8, 8), np.float32), np.array([[0, 4]]))
+        path_planner.arrival_time(np.zeros((8, 8), np.float32), np.array([[0, 4]]))
 
 
 def time_along(speed: NDArray[np.float32], path: NDArray[np.float64]) -> float:
@@ -124,9 +124,9 @@ def test_a_path_takes_at_most_five_percent_longer_than_the_optimum_of_the_same_f
         return
     source, start = ((int(r), int(c)) for r, c in ground.cells_of(np.array(places)))
     distance = cv2.distanceTransform((ground.occupancy == 0).astype(np.uint8), cv2.DIST_L2, 5)
-    speed = fm2.speed_field((distance * CELL_M).astype(np.float32), 0.35, 0.3, 0.3)
-    arrival = fm2.arrival_time(speed, np.array([source]))
-    path = fm2.descend(arrival, start).astype(float) + 0.5
+    speed = path_planner.speed_field((distance * CELL_M).astype(np.float32), 0.35, 0.3, 0.3)
+    arrival = path_planner.arrival_time(speed, np.array([source]))
+    path = path_planner.descend(arrival, start).astype(float) + 0.5
     if len(path) == 0:
         return
     fine, k = np.kron(speed, np.ones((5, 5), np.float32)), 5

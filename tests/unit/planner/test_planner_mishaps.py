@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helios_core.robot import Action, ActionResult, Forward, Turn
-from helios_planner.ground.grid import Pose2
-from helios_planner.moving.legs import Legs, Outcome
-from helios_planner.moving.mishaps import MOST_BLOCKS, MOST_JUMPS, MOST_WEDGED
+from helios_planner.motion_planning.costmap import Pose2
+from helios_planner.navigation.base_controller import Legs, Outcome
+from helios_planner.navigation.motion_monitor import MOST_BLOCKS, MOST_JUMPS, MOST_WEDGED
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
 from planner_eye import ROBOT

@@ -8,16 +8,16 @@ import math
 import numpy as np
 import pytest
 from helios_core.robot import Action, ActionResult, Forward
-from helios_planner.decisions.decide import Do
-from helios_planner.decisions.frontier_rules import NEAREST_BY_WAY
-from helios_planner.ground.borders import borders_of
-from helios_planner.ground.grid import GroundMap, Pose2
-from helios_planner.language.instruction import parse
-from helios_planner.moving.point_goal import spacious, state_of, walled
+from helios_planner.decisions.decision import Do
+from helios_planner.decisions.global_search import NEAREST_BY_WAY
+from helios_planner.instruction.parser import parse
+from helios_planner.motion_planning.costmap import GroundMap, Pose2
+from helios_planner.motion_planning.unknown_borders import borders_of
+from helios_planner.navigation.point_goal import spacious, state_of, walled
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskCancelled, TaskFailed, TimeIsUp
-from helios_planner.tasks.moves import MoveMission
-from helios_planner.tasks.recovery import LastAction
+from helios_planner.tasks.move_mission import MoveMission
+from helios_planner.tasks.run_control import LastAction
 from hypothesis import given
 from hypothesis import strategies as st
 from planner_flat import flat

@@ -7,8 +7,8 @@ import math
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
-from helios_planner.language.instruction import Kind, parse
-from helios_planner.tasks.context import in_vocabulary
+from helios_planner.instruction.parser import Kind, parse
+from helios_planner.tasks.search_context import in_vocabulary
 from hypothesis import given
 from hypothesis import strategies as st
 from planner_phrasings import ONLY_MOVES, POINTS, rows

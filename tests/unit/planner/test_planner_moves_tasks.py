@@ -12,8 +12,8 @@ from helios_core.errors import InvalidInput
 from helios_core.memory_bus import MemoryBus
 from helios_core.robot import Forward
 from helios_core.topics import CANCEL, DECISIONS, PAUSE, RESUME
+from helios_planner.tasks.messages import task_from_proto, task_to_proto
 from helios_planner.tasks.store import Store
-from helios_planner.tasks.telling import task_from_proto, task_to_proto
 from planner_bus import Start, ended, submit, task
 from planner_flat import flat
 from planner_house import House

@@ -17,14 +17,14 @@ from helios_core.topics import DECISIONS
 from helios_core.types import ObjectInstance
 from helios_examples.left_first import left_first
 from helios_planner.agents import agent_named
-from helios_planner.decisions.decide import Decision, Do, FrontierOption, ReceptacleOption
-from helios_planner.decisions.own_rule import Places, by_own_rule
-from helios_planner.language.instruction import parse
+from helios_planner.decisions.decision import Decision, Do, FrontierOption, ReceptacleOption
+from helios_planner.decisions.plugin_rule import Places, by_own_rule
+from helios_planner.instruction.parser import parse
 from helios_planner.plugins import exploring_by
 from helios_planner.service import PlannerService
 from helios_planner.settings import Settings
 from helios_planner.task import TaskFailed
-from helios_planner.tasks.flow import Mission
+from helios_planner.tasks.mission import Mission
 from hypothesis import given
 from hypothesis import strategies as st
 from planner_bus import Start, ended, submit

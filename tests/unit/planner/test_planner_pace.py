@@ -6,9 +6,9 @@ import itertools
 
 from helios_core import proto as pb
 from helios_core.topics import TASK
-from helios_planner.language.instruction import Kind
+from helios_planner.instruction.parser import Kind
 from helios_planner.task import Phase
-from helios_planner.tasks.pace import LEAST_STEPS, MOST_PROGRESS, Pace
+from helios_planner.tasks.progress import LEAST_STEPS, MOST_PROGRESS, Pace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from planner_bus import Start, ended, submit

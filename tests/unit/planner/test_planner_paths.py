@@ -8,9 +8,8 @@ import math
 import numpy as np
 import pytest
 from helios_core.robot import Forward, Turn
-from helios_planner.ground.collision import least_clearance_m
-from helios_planner.ground.grid import GroundMap, Pose2
-from helios_planner.ground.motion import (
+from helios_planner.motion_planning.costmap import GroundMap, Pose2, least_clearance_m
+from helios_planner.motion_planning.path_planner import (
     WIDE_ENOUGH_M,
     MotionRules,
     Reach,

@@ -9,17 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 from helios_planner.decisions import global_search
-from helios_planner.decisions.decide import Do
-from helios_planner.decisions.recompute import recompute
-from helios_planner.decisions.remembered import MOST_WRITTEN, Remembered
-from helios_planner.decisions.standards import ANY_SCORE, Rule, paper, patient
-from helios_planner.language.instruction import parse
-from helios_planner.searching.object_search import ObjectSearch
-from helios_planner.searching.receptacle_search import ReceptacleSearch
-from helios_planner.searching.scored_search import ScoredSearch
+from helios_planner.decisions.acceptance import Rule, paper, patient
+from helios_planner.decisions.counterfactual import recompute
+from helios_planner.decisions.decision import ANY_SCORE, Do
+from helios_planner.instruction.parser import parse
+from helios_planner.search.object_search import ObjectSearch
+from helios_planner.search.scored_search import (
+    MOST_WRITTEN,
+    ReceptacleSearch,
+    Remembered,
+    ScoredSearch,
+)
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
-from helios_planner.tasks.flow import Mission
+from helios_planner.tasks.mission import Mission
 from hypothesis import given
 from hypothesis import strategies as st
 from planner_flat import MOVE, coffee_table, counter, flat, mug

@@ -8,17 +8,17 @@ import math
 import numpy as np
 import pytest
 from helios_core.robot import Turn
-from helios_planner.decisions.standards import paper
-from helios_planner.ground.grid import GroundMap, Pose2
-from helios_planner.ground.motion import MotionRules, reach
-from helios_planner.handling.skills import Skills
-from helios_planner.language.instruction import parse
-from helios_planner.moving.legs import Legs
-from helios_planner.searching.patrol import Patrol, next_place
-from helios_planner.searching.receptacle_search import ReceptacleSearch
+from helios_planner.decisions.acceptance import paper
+from helios_planner.instruction.parser import parse
+from helios_planner.manipulation import Skills
+from helios_planner.motion_planning.costmap import GroundMap, Pose2
+from helios_planner.motion_planning.path_planner import MotionRules, reach
+from helios_planner.navigation.base_controller import Legs
+from helios_planner.search.base import Patrol, next_place
+from helios_planner.search.scored_search import ReceptacleSearch
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
-from helios_planner.tasks.flow import Mission
+from helios_planner.tasks.mission import Mission
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from planner_flat import MOVE, coffee_table, counter, flat, mug

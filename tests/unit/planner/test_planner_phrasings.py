@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from helios_core.errors import InvalidInput
-from helios_planner.language.instruction import NotRead, parse
+from helios_planner.instruction.parser import NotRead, parse
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from planner_phrasings import FINDS, GOES, MOVES, REFUSED, rows

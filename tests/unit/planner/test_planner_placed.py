@@ -9,11 +9,11 @@ import pytest
 from helios_core.errors import Unavailable
 from helios_core.robot import Action, ActionResult, Place
 from helios_core.types import ObjectInstance
-from helios_planner.handling.placed import Seen, seen_after
-from helios_planner.language.instruction import parse
+from helios_planner.instruction.parser import parse
+from helios_planner.manipulation import Seen, seen_after
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
-from helios_planner.tasks.flow import Mission
+from helios_planner.tasks.mission import Mission
 from planner_flat import coffee_table, counter, flat, mug
 
 
@@ -101,7 +101,7 @@ def test_a_task_that_ends_before_it_could_look_does_not_say_that_nothing_was_pla
         raise Unavailable("the object map is away")
 
     whole = mission()
-    monkeypatch.setattr("helios_planner.tasks.flow.look_after", away)
+    monkeypatch.setattr("helios_planner.tasks.mission.look_after", away)
     with pytest.raises(Unavailable):
         whole.run()
     assert whole.seen_at_goal is False

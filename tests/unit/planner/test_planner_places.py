@@ -8,23 +8,25 @@ import numpy as np
 import pytest
 from helios_core.robot import ActionResult, Place
 from helios_core.types import ObjectInstance
-from helios_planner.ground.gaze import eye_of, in_sight, tilt_towards
-from helios_planner.ground.grid import GroundMap, Pose2
-from helios_planner.ground.motion import MotionRules, reach
-from helios_planner.ground.stand import (
+from helios_planner.instruction.parser import parse
+from helios_planner.manipulation import Done, Skills
+from helios_planner.motion_planning.base_placement import (
     OTHER_SIDE_M,
     AheadRules,
     PlaceRules,
     Spot,
+    eye_of,
     highest_ahead,
+    in_sight,
     place_spots,
     stand_for,
+    tilt_towards,
     top_at_m,
 )
-from helios_planner.handling.skills import Done, Skills
-from helios_planner.language.instruction import parse
+from helios_planner.motion_planning.costmap import GroundMap, Pose2
+from helios_planner.motion_planning.path_planner import MotionRules, reach
 from helios_planner.settings import PlaceRule, Settings
-from helios_planner.tasks.flow import Mission
+from helios_planner.tasks.mission import Mission
 from planner_eye import CELL_M, ROBOT
 from planner_flat import coffee_table, counter, flat, mug
 from planner_things import Box, Thing

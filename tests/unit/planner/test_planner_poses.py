@@ -9,11 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helios_core.robot import Action, ActionResult, Forward, Turn
-from helios_planner.ground.grid import GroundMap, Pose2
-from helios_planner.ground.motion import MotionRules, reach
-from helios_planner.ground.poses import Capsule, PoseReach, pose_reach
-from helios_planner.moving.legs import Legs, Outcome
-from helios_planner.moving.pose_legs import PoseLegs, legs_of
+from helios_planner.motion_planning.costmap import GroundMap, Pose2
+from helios_planner.motion_planning.lattice_planner import Capsule, PoseReach, pose_reach
+from helios_planner.motion_planning.path_planner import MotionRules, reach
+from helios_planner.navigation.base_controller import Legs, Outcome, PoseLegs, legs_of
 from helios_planner.settings import Settings
 from hypothesis import example, given, settings
 from hypothesis import strategies as st

@@ -11,7 +11,7 @@ import pytest
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.topics import CANCEL, LIST_TASKS, SUBMIT, TASK
-from helios_planner.language.instruction import parse
+from helios_planner.instruction.parser import parse
 from helios_planner.service import PlannerService
 from helios_planner.task import State, Task
 from planner_bus import Start, ended, submit, task

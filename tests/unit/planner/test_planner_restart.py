@@ -6,12 +6,12 @@ import json
 
 import pytest
 from helios_core.robot import Action, ActionResult, Pick, Place, Turn
-from helios_planner.decisions.decide import Decision, Do
-from helios_planner.language.instruction import parse
+from helios_planner.decisions.decision import Decision, Do
+from helios_planner.instruction.parser import parse
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskCancelled, TaskFailed
-from helios_planner.tasks.flow import Mission
-from helios_planner.tasks.recovery import LastAction
+from helios_planner.tasks.mission import Mission
+from helios_planner.tasks.run_control import LastAction
 from planner_flat import MOVE, coffee_table, counter, flat, mug
 from planner_world import FakeWorld
 

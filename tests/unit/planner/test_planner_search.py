@@ -8,14 +8,14 @@ from typing import cast
 
 import numpy as np
 import pytest
-from helios_planner.decisions.decide import Do, FrontierOption
-from helios_planner.decisions.objective import ChosenFrontier
-from helios_planner.decisions.standards import paper
-from helios_planner.ground.grid import Pose2
-from helios_planner.moving.legs import Outcome
-from helios_planner.robot.body import Frontier
-from helios_planner.searching.explore import MOST_OF_ONE, MOST_WAITS
-from helios_planner.searching.receptacle_search import ReceptacleSearch
+from helios_planner.decisions.acceptance import paper
+from helios_planner.decisions.decision import Do, FrontierOption
+from helios_planner.decisions.global_search import ChosenFrontier
+from helios_planner.motion_planning.costmap import Pose2
+from helios_planner.navigation.base_controller import Outcome
+from helios_planner.robot.interface import Frontier
+from helios_planner.search.base import MOST_OF_ONE, MOST_WAITS
+from helios_planner.search.scored_search import ReceptacleSearch
 from planner_flat import coffee_table
 from planner_rig import TABLE_XY, Looks, Rig, instance
 from planner_things import Thing

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import re
 
-from helios_planner.decisions.candidate import Candidate
-from helios_planner.decisions.sentences import act, less, look, search_on
+from helios_planner.decisions.decision import Candidate
+from helios_planner.decisions.explanations import act, less, look, search_on
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 

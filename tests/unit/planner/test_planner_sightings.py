@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from helios_core.geometry import Pinhole, camera_on_base, project, se2_to_se3
 from helios_core.types import Detection, Frame, FrameId, Observation
-from helios_planner.robot.sightings import Sighting, sighting_of, sightings_of
-from helios_planner.searching.belief import TrustingBelief
+from helios_planner.robot.detections import Sighting, sighting_of, sightings_of
+from helios_planner.search.candidate_beliefs import TrustingBelief
 from helios_planner.settings import Settings
 from hypothesis import given
 from hypothesis import strategies as st

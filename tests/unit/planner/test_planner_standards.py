@@ -3,15 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from helios_planner.decisions.standards import (
-    ANY_SCORE,
-    PATIENCE,
-    Rule,
-    Standard,
-    in_the_end,
-    paper,
-    patient,
-)
+from helios_planner.decisions.acceptance import PATIENCE, Rule, Standard, in_the_end, paper, patient
+from helios_planner.decisions.decision import ANY_SCORE
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 from helios_core import proto as pb
 from helios_planner.task import State
-from helios_planner.tasks.journal import Entry
-from helios_planner.tasks.store import Store
-from helios_planner.tasks.telling import task_from_proto, task_to_proto
+from helios_planner.tasks.messages import task_from_proto, task_to_proto
+from helios_planner.tasks.store import Entry, Store
 from planner_disk import refuse
 from planner_tasks import a_task
 

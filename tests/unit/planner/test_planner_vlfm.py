@@ -6,18 +6,17 @@ import numpy as np
 import pytest
 from helios_core.agent_presets import AgentName
 from helios_planner.agents import AGENTS
-from helios_planner.decisions.decide import Do, FrontierOption
-from helios_planner.decisions.frontier_rules import kept
-from helios_planner.decisions.objective import ChosenFrontier
-from helios_planner.ground.grid import Pose2
-from helios_planner.language.instruction import parse
-from helios_planner.robot.body import Frontier
-from helios_planner.robot.sightings import Sighting, lies_at_side, sighting_of
-from helios_planner.searching.explorers import Pursuit
-from helios_planner.searching.vlfm_belief import UnfilteredBelief, VlfmBelief
+from helios_planner.decisions.decision import Do, FrontierOption
+from helios_planner.decisions.global_search import ChosenFrontier, kept
+from helios_planner.instruction.parser import parse
+from helios_planner.motion_planning.costmap import Pose2
+from helios_planner.robot.detections import Sighting, lies_at_side, sighting_of
+from helios_planner.robot.interface import Frontier
+from helios_planner.search.baselines import UnfilteredBelief, VlfmBelief
+from helios_planner.search.frontier_exploration import Pursuit
 from helios_planner.settings import Settings
 from helios_planner.task import Phase, TaskFailed
-from helios_planner.tasks.flow import Mission
+from helios_planner.tasks.mission import Mission
 from planner_flat import coffee_table, counter, flat, mug
 from planner_things import Thing
 from planner_world import FakeWorld

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
-from helios_planner.language.instruction import parse
-from helios_planner.tasks.context import in_vocabulary
+from helios_planner.instruction.parser import parse
+from helios_planner.tasks.search_context import in_vocabulary
 
 NAMES = ("mug", "bowl", "orange", "pan", "coffee_table", "sofa", "bed")
 

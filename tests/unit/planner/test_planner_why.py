@@ -8,26 +8,28 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_core.types import ObjectInstance
-from helios_planner.decisions.decide import (
+from helios_planner.decisions.acceptance import act_or_look, best_view
+from helios_planner.decisions.counterfactual import SETTINGS, as_kept, changes_of, recompute
+from helios_planner.decisions.decision import (
     Decision,
     Do,
     FrontierOption,
     ReceptacleOption,
     ViewOption,
-    act_or_look,
-    best_view,
 )
-from helios_planner.decisions.frontier_rules import drawn, highest_value, nearest
-from helios_planner.decisions.global_search import by_objective, receptacles_first
-from helios_planner.decisions.objective import (
+from helios_planner.decisions.global_search import (
     ChosenFrontier,
     FirstSeen,
     SearchMemory,
+    by_objective,
+    drawn,
     frontier_scale,
+    highest_value,
+    nearest,
+    receptacles_first,
 )
-from helios_planner.decisions.recompute import SETTINGS, as_kept, changes_of, recompute
 from helios_planner.settings import Settings
-from helios_planner.tasks.telling import decision_from_proto, decision_to_proto
+from helios_planner.tasks.messages import decision_from_proto, decision_to_proto
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from planner_tasks import a_task

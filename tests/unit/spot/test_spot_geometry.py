@@ -20,8 +20,8 @@ from helios_core.geometry import (
 )
 from helios_core.robot import Forward, Turn
 from helios_core.types import RobotDescription
-from helios_planner.ground.gaze import GazePoint, tilt_towards
-from helios_planner.ground.grid import Pose2
+from helios_planner.motion_planning.base_placement import GazePoint, tilt_towards
+from helios_planner.motion_planning.costmap import Pose2
 from helios_spot.arm import (
     ARM_M,
     FINGERTIPS_M,

@@ -1,0 +1,186 @@
+"""A kept decision taken again under other settings: "would it have gone there with alpha_d 0.01?"
+
+A pure function over what was kept, by the very functions that decided. Thresholds of the class
+score (cs_a, cs_g, cs_b) are kept with a decision too: a higher one drops candidates, of a lower one
+nobody knows what it would have let in, so that the answer is not certain.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from helios_core.errors import InvalidInput
+from helios_core.types import ObjectInstance
+
+from helios_planner.decisions.acceptance import act_or_look
+from helios_planner.decisions.decision import (
+    ANY_SCORE,
+    Candidate,
+    Decision,
+    Do,
+    FrontierOption,
+    ReceptacleOption,
+    ViewOption,
+)
+from helios_planner.decisions.global_search import (
+    BY_OBJECTIVE,
+    RECEPTACLES_FIRST,
+    as_memory,
+    by_objective,
+    receptacles_first,
+)
+from helios_planner.settings import Settings
+
+# Which settings a rule reads: its own name of each, and that of the setting.
+_GLOBAL = {"alpha_d": "alpha_d", "class_threshold": "cs_a"}
+_PICK = {"threshold": "tau_g", "tau_inc": "tau_inc", "class_threshold": "cs_g"}
+_PLACE = {"threshold": "tau_b", "tau_inc": "tau_inc", "class_threshold": "cs_b"}
+_READS: dict[str, dict[str, str]] = {
+    BY_OBJECTIVE: _GLOBAL, RECEPTACLES_FIRST: _GLOBAL,
+    "pick (eq. 7, 11)": _PICK, "stop (eq. 7, 11)": _PICK, "place (eq. 7, 11)": _PLACE,
+}  # fmt: skip
+_TAU = "tau"  # of Table 3, as a kept decision has it
+MOST = 1e6  # of any setting that is tried
+SETTINGS = ("alpha_d", "tau_g", "tau_b", "tau_inc", "cs_a", "cs_g", "cs_b")
+
+
+@dataclass(frozen=True)
+class Recomputed:
+    """flips: another would have been chosen, or something else done. certain: False where it would
+    depend on what was not asked for at that time."""
+
+    decision: Decision
+    flips: bool
+    certain: bool
+
+
+def changes_of(texts: Mapping[str, str]) -> dict[str, float]:
+    """Settings as they are typed, "alpha_d" -> "0.01". Raises InvalidInput."""
+    changes = {}
+    for name, text in texts.items():
+        if name not in SETTINGS:
+            raise InvalidInput(
+                f"decisions cannot be recomputed under another {name!r}; choose among "
+                f"{', '.join(SETTINGS)}"
+            )
+        try:
+            changes[name] = float(text)
+        except ValueError:
+            changes[name] = math.nan
+        if not 0 <= changes[name] <= MOST:
+            raise InvalidInput(f"{name} is {text!r:.80}; wanted a number from 0 to {MOST:.0f}")
+    return changes
+
+
+def as_kept(decision: Decision, settings: Settings) -> Decision:
+    """The decision with what else must be known to take it again: the class score that let its
+    candidates in, and the τ of which its threshold was a share."""
+    reads = _READS.get(decision.rule, {})
+    more = {
+        name: float(getattr(settings, reads[own]))
+        for name, own in (("class_threshold", "class_threshold"), (_TAU, "threshold"))
+        if own in reads
+    }
+    return replace(decision, settings=decision.settings | more)
+
+
+def _own_value(decision: Decision, own: str, value: float) -> float:
+    """What a rule makes of a setting. An agent that is patient wants more than τ at first, and in
+    the end is content with less: its share stays."""
+    then, tau = decision.settings.get(own, value), decision.settings.get(_TAU, 0.0)
+    if own != "threshold" or tau <= 0 or then == tau:
+        return value
+    return then if value == tau else value * then / tau
+
+
+def recompute(decision: Decision, changes: Mapping[str, float]) -> Recomputed:
+    """The decision under its own settings but for `changes` (name of a setting -> value)."""
+    reads = _READS.get(decision.rule)
+    if reads is None:  # no setting enters: detector trusted, frontier by value, best view
+        return Recomputed(decision, flips=False, certain=True)
+    used = decision.settings | {
+        own: _own_value(decision, own, changes[setting]) for own, setting in reads.items()
+        if setting in changes and not (own == "threshold" and decision.settings[own] == ANY_SCORE)
+    }  # fmt: skip
+    before, after = decision.settings.get("class_threshold"), used.get("class_threshold")
+    lowered = after is not None and after != before and (before is None or after < before)
+    unseen = any(  # it would have been seen first at another time
+        c.kind == "first_seen" and c.terms["class_score"] < (after or 0.0) for c in decision.memory
+    )
+    kept = tuple(
+        c for c in decision.candidates
+        if after is None or c.terms.get("class_score", math.inf) >= after
+    )  # fmt: skip
+    if reads is _GLOBAL:
+        again, certain = _global(decision, kept, used), not unseen
+    else:
+        again, certain = _act_or_look(decision, kept, used)
+    again = replace(again, settings=used | again.settings)
+    return Recomputed(again, _flips(decision, again), certain and not lowered)
+
+
+def _flips(before: Decision, after: Decision) -> bool:
+    def what(d: Decision) -> tuple[Do, object]:
+        return d.do, None if d.winner is None else (d.chosen.kind, d.chosen.id)
+
+    return what(before) != what(after)
+
+
+def _global(
+    decision: Decision, candidates: Sequence[Candidate], used: Mapping[str, float]
+) -> Decision:
+    receptacles = [
+        ReceptacleOption(
+            _instance(c), c.terms["class_score"], c.terms["information_gain"],
+            c.terms["distance_m"],
+        )
+        for c in candidates if c.kind == "receptacle"
+    ]  # fmt: skip
+    frontiers = [
+        FrontierOption(c.id, c.position_m[:2], c.terms["value"], c.terms["distance_m"])
+        for c in candidates if c.kind == "frontier"
+    ]  # fmt: skip
+    rule = by_objective if decision.rule == BY_OBJECTIVE else receptacles_first
+    return rule(receptacles, frontiers, as_memory(decision.memory), used["alpha_d"])
+
+
+def _act_or_look(
+    decision: Decision, candidates: Sequence[Candidate], used: Mapping[str, float]
+) -> tuple[Decision, bool]:
+    """And whether it is certain: what a view would bring was asked for only where the score was
+    below the threshold of that time."""
+    things = [
+        ViewOption(
+            _instance(c), c.terms["score"], c.terms.get("score_after_view"),
+            c.terms["distance_m"], bool(c.terms["in_place"]), c.terms.get("place", 1.0),
+        )
+        for c in candidates
+    ]  # fmt: skip
+    threshold, anywhere = used["threshold"], bool(used["anywhere"])
+    kind = candidates[0].kind if candidates else "object"
+    what = decision.rule.split(" ")[0]
+    again = act_or_look(things, threshold, used["tau_inc"], kind, what, anywhere)
+    unasked = any(
+        decision.settings["threshold"] <= t.total < threshold and (anywhere or t.in_place)
+        for t in things
+    )
+    if again.do is Do.ACT or not unasked:
+        return again, True
+    why = (
+        f"not {what} yet: no score reaches {threshold:.2f}, and what one more view would bring was "
+        "not asked for then"
+    )
+    return replace(again, why=why), False
+
+
+def _instance(c: Candidate) -> ObjectInstance:
+    """As much of an instance as a decision reads."""
+    return ObjectInstance(
+        id=c.id, class_name=c.name, center_m=np.array(c.position_m), size_m=np.zeros(3),
+        score=c.terms.get("score", 0.0), class_score=c.terms["class_score"],
+        uncertainty=c.terms.get("uncertainty", 0.0), views=int(c.terms.get("views", 0)),
+        gaussians=0, probabilities={}, top_m=c.position_m[2], outline_m=np.empty((0, 2)),
+    )  # fmt: skip

@@ -1,0 +1,254 @@
+"""Why, in one sentence each: what is done first, then the sum that decided, then who came second.
+
+A sentence names numbers as the paper does: score is Ψ, class score is S, uncertainty is U.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from helios_core.printable_text import counted
+
+from helios_planner.decisions.decision import ANY_SCORE, Candidate
+
+
+def search_receptacle(candidates: Sequence[Candidate], winner: int, alpha_d: float) -> str:
+    """Eq. 10, first case."""
+    c, t = candidates[winner], candidates[winner].terms
+    return (
+        f"search the {c.name}{_away(c)}: worth {t['total']:.3f} = class score "
+        f"{t['class_score']:.2f} × gain {t['information_gain']:.2f} − {alpha_d:g}/m × "
+        f"{t['distance_m']:.1f} m{_ahead(candidates, winner)}"
+    )
+
+
+def go_to_frontier(candidates: Sequence[Candidate], winner: int, alpha_d: float) -> str:
+    """Eq. 10, second case."""
+    c, t = candidates[winner], candidates[winner].terms
+    return (
+        f"explore {c.name}{_away(c)}: worth {t['total']:.3f} = value {t['value']:.2f} × scale "
+        f"{t['frontier_scale']:.2f} − {alpha_d:g}/m × {t['distance_m']:.1f} m"
+        f"{_ahead(candidates, winner)}"
+    )
+
+
+def nearest_receptacle(candidates: Sequence[Candidate], winner: int) -> str:
+    """Without the objective: receptacles come before frontiers."""
+    c = candidates[winner]
+    places = sum(k.kind == "receptacle" for k in candidates)
+    frontiers = len(candidates) - places
+    return (
+        f"search the {c.name}{_away(c)}: the nearest of {counted(places, 'receptacle')} left, "
+        f"all of which come before {counted(frontiers, 'frontier')}"
+    )
+
+
+def highest_frontier(candidates: Sequence[Candidate], winner: int, layer: str) -> str:
+    """Of who trusts, and of VLFM's beginning."""
+    c = candidates[winner]
+    return (
+        f"explore {c.name}{_away(c)}: its {layer} value {c.terms['value']:.2f} is the highest"
+        f"{_ahead(candidates, winner, 'value')}"
+    )
+
+
+def kept_frontier(candidates: Sequence[Candidate], winner: int, layer: str, value: float) -> str:
+    """Of VLFM, which keeps to a frontier; value: when it was chosen."""
+    c = candidates[winner]
+    return (
+        f"go on to {c.name}{_away(c)}: its {layer} value was {value:.2f} and is "
+        f"{c.terms['value']:.2f}, so it is kept"
+    )
+
+
+def nearest_frontier(candidates: Sequence[Candidate], winner: int) -> str:
+    """Of the heuristic."""
+    c = candidates[winner]
+    return f"explore {c.name}{_away(c)}: the nearest of {counted(len(candidates), 'frontier')}"
+
+
+def nearest_way(candidates: Sequence[Candidate], winner: int) -> str:
+    """Of who explores for its own sake."""
+    c = candidates[winner]
+    way = f"explore {c.name}: its way is {c.terms['way_m']:.1f} m"
+    rest = sorted(k.terms["way_m"] for k in candidates if k is not c)
+    if not rest:
+        return f"{way}; there is no other"
+    return f"{way}, the shortest of {len(candidates)}; the next one is {rest[0]:.1f} m"
+
+
+def way_ends(goal: str, x_m: float, y_m: float, before_m: float, after_m: float) -> str:
+    """Of who goes to a point over ground that is not known yet."""
+    return (
+        f"go on to {goal} by ({x_m:.2f}, {y_m:.2f}) m, where the known ground ends: {before_m:.1f} "
+        f"m to there, then {after_m:.1f} m that nobody has seen yet"
+    )
+
+
+def drawn_frontier(candidates: Sequence[Candidate], winner: int) -> str:
+    """Of who explores at random."""
+    c = candidates[winner]
+    return f"explore {c.name}{_away(c)}: drawn from {counted(len(candidates), 'frontier')}"
+
+
+def own_rule(candidates: Sequence[Candidate], winner: int, name: str) -> str:
+    """Of a rule that somebody else wrote."""
+    c = candidates[winner]
+    do = f"search the {c.name}" if c.kind == "receptacle" else f"explore {c.name}"
+    return (
+        f"{do}{_away(c)}: the {name} scores it highest, {c.terms['total']:.3g}"
+        f"{_ahead(candidates, winner)}"
+    )
+
+
+def nothing_left(receptacles: bool) -> str:
+    """A search that is over. receptacles: whether these were candidates, too."""
+    if receptacles:
+        return "nothing is left: no receptacle to search and no frontier to explore is in reach"
+    return "nothing is left: no frontier to explore is in reach"
+
+
+def act(what: str, c: Candidate, threshold: float, sure: int) -> str:
+    """Eq. 7 passed."""
+    t = c.terms
+    of = f", the best of {sure} that pass" if sure > 1 else ""
+    n = _digits(lambda r: _value(t, "score", r) >= r(threshold))
+    if threshold == ANY_SCORE:
+        return (
+            f"{what} {_on(what)}the {c.name}{_away(c)} at last: of {counted(sure, 'candidate')} it "
+            f"has the highest score, {_scored(t, 'score')}, and the search has come to its end"
+        )
+    return (
+        f"{what} {_on(what)}the {c.name}{_away(c)}: score {_scored(t, 'score', n)} ≥ "
+        f"{threshold:.{n}f} after {counted(int(t['views']), 'view')} (class score "
+        f"{t['class_score']:.2f}, uncertainty {t['uncertainty']:.2f}){of}"
+    )
+
+
+def look(c: Candidate, threshold: float, tau_inc: float) -> str:
+    """One more view is worth it (below eq. 11)."""
+    t, worth = c.terms, min(threshold, c.terms["total"] + tau_inc)
+    n = _digits(
+        lambda r: (
+            _value(t, "score", r) < r(threshold) and _value(t, "score_after_view", r) >= r(worth)
+        )
+    )
+    return (
+        f"look again at the {c.name}{_away(c)}: score {_scored(t, 'score', n)} < "
+        f"{threshold:.{n}f}, and one more view could bring it to "
+        f"{_scored(t, 'score_after_view', n)} (worth it from {worth:.{n}f})"
+    )
+
+
+def search_on(
+    what: str, candidates: Sequence[Candidate], threshold: float, tau_inc: float, anywhere: bool
+) -> str:
+    """Neither sure enough nor worth a view."""
+    if not candidates:
+        return f"search on: nothing to {what} {_on(what)}has been seen yet"
+    usable = [c for c in candidates if anywhere or c.terms["in_place"]]
+    if not usable:
+        return (
+            f"search on: {counted(len(candidates), 'candidate')} to {what} {_is(len(candidates))} "
+            "remembered, none where it was said to be"
+        )
+    best = max(usable, key=lambda c: c.terms["total"])
+    t, need = best.terms, min(threshold, best.terms["total"] + tau_inc)
+    seen = "score_after_view" in t
+    n = _digits(
+        lambda r: (
+            _value(t, "score", r) < r(threshold)
+            and not (seen and _value(t, "score_after_view", r) >= r(need))
+        )
+    )
+    view = "no view of it is left"
+    if seen:
+        after = _scored(t, "score_after_view", n)
+        view = f"one more view would bring only {after} (worth it from {need:.{n}f})"
+    which = f"the {best.name}" if len(usable) == 1 else f"the best {best.name} of {len(usable)}"
+    return f"search on: {which} has score {_scored(t, 'score', n)} < {threshold:.{n}f}, and {view}"
+
+
+def less(value: float, than: float) -> str:
+    """ "0.42 < 0.50", with so many digits that it is true as it stands there."""
+    n = _digits(lambda r: r(value) < r(than))
+    return f"{value:.{n}f} < {than:.{n}f}"
+
+
+Rounding = Callable[[float], float]
+
+
+def _digits(holds: Callable[[Rounding], bool]) -> int:
+    """Decimals, at least two, with which a comparison holds between the numbers as printed."""
+
+    def to(decimals: int) -> Rounding:
+        return lambda value: float(f"{value:.{decimals}f}")
+
+    return next((n for n in range(2, 16) if holds(to(n))), 2)
+
+
+def _value(terms: Mapping[str, float], name: str, rounded: Rounding) -> float:
+    """What `_scored` prints last."""
+    return rounded(terms[name] * terms.get("place", 1.0))
+
+
+def _scored(terms: Mapping[str, float], name: str, digits: int = 2) -> str:
+    """ "0.42", or "0.84 × place 0.50 = 0.42"."""
+    score = f"{terms[name]:.{digits}f}"
+    if "place" not in terms:
+        return score
+    place = terms["place"]
+    return f"{score} × place {place:.{digits}f} = {terms[name] * place:.{digits}f}"
+
+
+def best_view(name: str, score: float, candidates: Sequence[Candidate], winner: int) -> str:
+    """Which gaze point raises Ψ most (eq. 11); score: Ψ now."""
+    after = candidates[winner].terms["score_after_view"]
+    rest = sorted((c.terms["total"] for k, c in enumerate(candidates) if k != winner), reverse=True)
+    other = f"; the next one to {rest[0]:.2f}" if rest else ""
+    return (
+        f"of {counted(len(candidates), 'view')} left of the {name}, view {winner + 1} would raise "
+        f"its score most, from {score:.2f} to {after:.2f}{other}"
+    )
+
+
+def give_up(what: str, name: str, reason: str) -> str:
+    """What was chosen is left, and why."""
+    doing = {"pick": "picking the", "place": "placing on the", "stop": "stopping at the"}
+    return f"give up {doing[what]} {name}: {reason}"
+
+
+def trusted(candidates: Sequence[Candidate], winner: int) -> str:
+    """Whoever trusts goes to what was reported."""
+    c = candidates[winner]
+    of = f", the nearest of {len(candidates)}" if len(candidates) > 1 else ""
+    return f"go to the {c.name} that the detector reported{_away(c)}{of}"
+
+
+def none_reported(name: str) -> str:
+    """Whoever trusts has nothing to trust yet."""
+    return f"search on: the detector has reported no {name} yet"
+
+
+# --- parts -------------------------------------------------------------------------------------
+def _away(c: Candidate) -> str:
+    return f", {c.terms['distance_m']:.1f} m away" if "distance_m" in c.terms else ""
+
+
+def _ahead(candidates: Sequence[Candidate], winner: int, term: str = "total") -> str:
+    """ "; next the sofa with 0.312, then 4 more"."""
+    rest = [c for k, c in enumerate(candidates) if k != winner]
+    if not rest:
+        return "; there is no other"
+    second = max(rest, key=lambda c: c.terms["total"])
+    the = "" if second.kind == "frontier" else "the "
+    more = f", then {len(rest) - 1} more" if len(rest) > 1 else ""
+    return f"; next {the}{second.name} with {second.terms[term]:.3f}{more}"
+
+
+def _is(n: int) -> str:
+    return "is" if n == 1 else "are"
+
+
+def _on(what: str) -> str:
+    return {"place": "on ", "stop": "at "}.get(what, "")

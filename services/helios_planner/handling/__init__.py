@@ -1,1 +1,0 @@
-"""Pick and place: approach, look once more, act, look at what came of it."""

@@ -1,0 +1,128 @@
+"""A language model that may help with sentences which the grammar does not recognise.
+
+It is asked to say the same in one plain English sentence, and that sentence is read by the same
+grammar: whatever the model answers, nothing gets past `instruction.parse`. Any server that speaks
+OpenAI's chat completions will do, on this machine or elsewhere; without one nothing is missing but
+this help.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+import urllib.error
+import urllib.request
+from dataclasses import dataclass
+from http.client import HTTPException
+
+from helios_core.errors import InvalidInput
+
+from helios_planner.instruction.parser import Instruction, NotRead, parse
+from helios_planner.settings import Settings
+
+LONGEST_ANSWER_BYTES = 65_536
+TASK = """You translate what a person tells a household robot into one plain English sentence.
+Answer with one JSON object and nothing else. Either
+{"sentence": "Move the OBJECT from the START to the GOAL"} (leave out "from the START" if unsaid),
+{"sentence": "Find the OBJECT"}, {"sentence": "Go to the PLACE"}, {"sentence": "Go to X, Y"} for a
+point given in metres, {"sentence": "Explore the home"}, {"sentence": "Come back"}, or
+{"missing": "what is unclear, in a few words"} if the person did not say one object and one place.
+START, GOAL and PLACE are pieces of furniture. Invent nothing."""
+
+
+class NoHelp(Exception):
+    """The model gave nothing that can be used; why, in one clause."""
+
+
+@dataclass(frozen=True)
+class LanguageModel:
+    """One OpenAI-compatible endpoint. url: up to and with `/v1`."""
+
+    url: str
+    model: str
+    key: str
+    timeout_s: float
+
+    def plain_sentence(self, text: str) -> str:
+        """The same in plain English. Raises NoHelp within about `timeout_s`."""
+        body = {
+            "model": self.model,
+            "temperature": 0,
+            "max_tokens": 120,
+            "messages": [
+                {"role": "system", "content": TASK},
+                {"role": "user", "content": text},
+            ],
+        }
+        try:
+            answer = json.loads(self._post(json.dumps(body).encode()))
+            said = answer["choices"][0]["message"]["content"]
+            found = json.loads(said[said.index("{") : said.rindex("}") + 1])
+        except (ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
+            raise NoHelp("its answer is not what was asked for") from error
+        sentence = found.get("sentence")
+        if isinstance(sentence, str) and sentence:
+            return sentence
+        missing = found.get("missing")
+        raise NoHelp(f"it says: {missing}" if isinstance(missing, str) else "it has no sentence")
+
+    def _post(self, body: bytes) -> bytes:
+        headers = {"Content-Type": "application/json"}
+        if self.key:
+            headers["Authorization"] = f"Bearer {self.key}"
+        url = f"{self.url.rstrip('/')}/chat/completions"
+        try:
+            request = urllib.request.Request(url, data=body, headers=headers, method="POST")
+        except ValueError as error:
+            raise NoHelp(f"its address {self.url!r} is none") from error
+        opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+        deadline_s = time.monotonic() + self.timeout_s
+        parts: list[bytes] = []
+        try:
+            with opener.open(request, timeout=self.timeout_s) as response:
+                while part := response.read1(8192):
+                    parts.append(part)
+                    if time.monotonic() > deadline_s:
+                        raise TimeoutError
+                    if sum(map(len, parts)) > LONGEST_ANSWER_BYTES:
+                        raise NoHelp("its answer is too long")
+        except urllib.error.HTTPError as error:
+            raise NoHelp(f"it answered {error.code} {error.reason}") from error
+        except (OSError, HTTPException) as error:
+            late = isinstance(error, TimeoutError) or isinstance(
+                getattr(error, "reason", None), TimeoutError
+            )
+            why = f"no answer within {self.timeout_s:g} s" if late else "it cannot be reached"
+            raise NoHelp(why) from error
+        return b"".join(parts)
+
+
+def language_model(settings: Settings) -> LanguageModel | None:
+    """The model that the settings name; None for none."""
+    s = settings
+    key = s.llm_key.get_secret_value()
+    return LanguageModel(s.llm_url, s.llm_model, key, s.llm_timeout_s) if s.llm_url else None
+
+
+def parse_with_help(text: str, model: LanguageModel | None) -> Instruction:
+    """Read by the grammar; what it does not recognise is said plainly by the model and read again.
+
+    Raises InvalidInput as `parse` does, and says why the model did not help.
+    """
+    try:
+        return parse(text)
+    except NotRead as refusal:
+        if model is None:
+            raise
+        try:
+            sentence = model.plain_sentence(text)
+        except NoHelp as why:
+            raise InvalidInput(
+                f"{refusal.message} (the language model {model.model} did not help: {why})"
+            ) from why
+        try:
+            return parse(sentence)
+        except InvalidInput as again:
+            raise InvalidInput(
+                f"{again.message} (read by the language model {model.model} as “{sentence:.120}”)"
+            ) from again

@@ -1,0 +1,176 @@
+"""Sentences that only move the robot: "explore the home", "come back", and those there are none of.
+
+A sentence to a point ("go to 3.2, 4.1") is read with the grammar of the others: `points` finds the
+point in it, `instruction` the verb.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from helios_core.errors import InvalidInput
+
+from helios_planner.instruction import lexicon as w
+from helios_planner.instruction.grammar import noun, without_politeness
+from helios_planner.instruction.lexicon import length_at
+from helios_planner.instruction.parser import short
+
+WHAT_MOVES = (
+    "what moves the robot: “go to 3.2, 4.1” (metres in the world frame), “go to the sofa”, "
+    "“explore the home”, “come back”"
+)
+LONGEST_S = 86_400.0
+
+
+class Move(Enum):
+    """What moves the robot without a thing or a place that has a name."""
+
+    EXPLORE = auto()
+    HOME = auto()
+
+
+@dataclass(frozen=True)
+class ReadMove:
+    """limit_s: how long at most, where it was said."""
+
+    move: Move
+    limit_s: float | None = None
+
+
+def _phrases(text: str) -> frozenset[w.Phrase]:
+    return frozenset(tuple(phrase.split()) for phrase in text.split(","))
+
+
+_EXPLORE = _phrases("explore, exploring, map, scan, survey, discover")
+_LEADING = _phrases("go, go and, go out and, start, begin, keep, continue, drive around and")
+_EVERYTHING = _phrases(
+    "home, house, flat, apartment, place, area, surroundings, environment, floor, building, "
+    "everything, everywhere, around, rooms, all rooms, all the rooms, all, unknown, the unknown"
+)
+_WHOLE = _phrases("whole, entire, complete, full, rest of the, rest of, all of the, all of, all")
+
+_TRAVEL = _phrases("go, come, drive, head, return, get, move, navigate, walk, travel, run, roll")
+_STRAIGHT = _phrases("straight, right, directly, all the way")
+_START = _phrases(
+    "start, starting point, starting position, starting place, starting pose, start point, "
+    "start position, start pose, home, home position, home base, base, beginning, "
+    "where you started, where you began, where you came from, where you were at the start, "
+    "place where you started, point where you started, place you started from, where it started"
+)
+# What people tell robots and this one has no task for.
+_NONE = _phrases(
+    "turn, rotate, spin, dock, undock, charge, recharge, follow, wait, stay, sit, back up, "
+    "step back, reverse, forward, backward, backwards, drive forward, drive backward, "
+    "drive backwards, go forward, go backward, go backwards, move forward, move backward, "
+    "move backwards, move back, go left, go right, move left, move right, come here, come to me, "
+    "come over, come over here, go away, come"
+)
+_ARGUMENTS = _phrases("turn, rotate, spin, dock, undock, charge, recharge, follow, wait, stay, "
+                     "back up, step back, reverse, forward, drive forward, drive backward, "
+                     "drive backwards, go forward, go backward, go backwards, move forward, "
+                     "move backward, move backwards, move back")  # fmt: skip
+
+_SECONDS = {"s": 1.0, "sec": 1.0, "second": 1.0, "min": 60.0, "minute": 60.0, "h": 3600.0,
+            "hour": 3600.0}  # fmt: skip
+_COUNTS = {
+    "a": 1.0, "an": 1.0, "one": 1.0, "two": 2.0, "three": 3.0, "four": 4.0, "five": 5.0,
+    "six": 6.0, "seven": 7.0, "eight": 8.0, "nine": 9.0, "ten": 10.0, "fifteen": 15.0,
+    "twenty": 20.0, "thirty": 30.0, "half an": 0.5, "half a": 0.5,
+}  # fmt: skip
+_DURATION = re.compile(
+    r"\b(?:for|within|at most|up to|no longer than)"
+    r"(?:\s+(?:at most|about|around|up to|the next|the))?\s+"
+    rf"(?P<count>\d+(?:\.\d+)?|{'|'.join(sorted(_COUNTS, key=len, reverse=True))})\s*"
+    r"(?P<unit>seconds?|secs?|s|minutes?|mins?|hours?|h)\b"
+)
+
+
+def read_move(text: str) -> ReadMove | None:
+    """What the sentence moves, None where it is another sentence.
+
+    Raises InvalidInput for what this robot has no task for, and for a part of a home, since rooms
+    are not told apart.
+    """
+    limit_s, rest = _without_duration(text.lower())
+    explored = _explore(_plain(rest), text)
+    if explored:
+        return ReadMove(Move.EXPLORE, limit_s)
+    words = _plain(text)
+    if _is_home(words):
+        return ReadMove(Move.HOME)
+    _refuse_unknown(words, text)
+    return None
+
+
+def _plain(text: str) -> list[str]:
+    return without_politeness(w.tokens(text))
+
+
+def _explore(words: list[str], text: str) -> bool:
+    if (n := length_at(words, 0, _LEADING)) and length_at(words, n, _EXPLORE):
+        words = words[n:]
+    n = length_at(words, 0, _EXPLORE)
+    if not n:
+        return False
+    surely, rest = words[0].startswith("explor"), noun(words[n:])
+    while (k := length_at(rest, 0, _WHOLE)) and k < len(rest):
+        rest = noun(rest[k:])
+    if not words[n:] and not surely:  # "map" alone
+        return False
+    if not rest or tuple(rest) in _EVERYTHING:
+        return True
+    if not surely:
+        return False
+    said = " ".join(rest)
+    if tuple(rest) in w.ROOMS:
+        why = f"“{said}” is a room, and rooms are not told apart"
+    else:
+        why = f"“{said}” is not what can be explored"
+    raise InvalidInput(
+        f"understood “explore” in {short(text)}; {why}; say “explore the home”, or “explore for "
+        "2 minutes”, and submit a task for anything else"
+    )
+
+
+def _is_home(words: list[str]) -> bool:
+    n = length_at(words, 0, _TRAVEL)
+    verb, rest = words[:n], words[n:]
+    rest = rest[length_at(rest, 0, _STRAIGHT) :]
+    back = rest[:1] == ["back"]
+    rest = rest[1:] if back else rest
+    if not rest:  # "move back" is a motion, and no way to a place
+        return verb == ["return"] or (back and verb not in ([], ["move"]))
+    if rest == ["home"]:
+        return True
+    if rest[0] not in ("to", "at") or not (verb or back):
+        return False
+    place = rest[1:]
+    while (k := length_at(place, 0, w.DETERMINERS)) and k < len(place):
+        place = place[k:]
+    return tuple(place) in _START
+
+
+def _refuse_unknown(words: list[str], text: str) -> None:
+    n = length_at(words, 0, _NONE)
+    if n and (n == len(words) or length_at(words, 0, _ARGUMENTS)):
+        raise InvalidInput(
+            f"there is no task for “{' '.join(words[:n])}” ({short(text)}); {WHAT_MOVES}"
+        )
+
+
+def _without_duration(text: str) -> tuple[float | None, str]:
+    """Seconds, where a duration is said, and the text without it."""
+    found = _DURATION.search(text)
+    if found is None:
+        return None, text
+    count = _COUNTS.get(found["count"])
+    number = float(found["count"]) if count is None else count
+    unit = found["unit"]
+    seconds = number * _SECONDS[unit if unit in _SECONDS else unit.removesuffix("s")]
+    if not 0 < seconds <= LONGEST_S:
+        raise InvalidInput(
+            f"{short(text)} names {seconds:g} s; wanted more than 0 s and at most {LONGEST_S:g} s"
+        )
+    return seconds, text[: found.start()] + text[found.end() :]

@@ -1,0 +1,451 @@
+"""From what people type to what the planner does, without a language model.
+
+"Move (object) from the (start receptacle) to the (goal receptacle)" and its relatives: `clauses`
+reads the sentence, `roles` tells what its phrases name, here it is decided what is asked for. What
+cannot be read is refused with what was understood and what is missing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from helios_core.errors import InvalidInput
+
+from helios_planner.instruction import lexicon as w
+from helios_planner.instruction.coordinates import HOW, WORD, Point, Written, confirm, find_point
+from helios_planner.instruction.grammar import (
+    Clause,
+    PlacePhrase,
+    clauses_of,
+    noun,
+    without_politeness,
+)
+from helios_planner.instruction.lexicon import Place, Verb, length_at
+from helios_planner.instruction.move_commands import WHAT_MOVES, Move, read_move
+
+LONGEST = 400
+
+
+class Kind(StrEnum):
+    MOVE = "move"
+    FIND = "find"
+    GO_TO = "go_to"
+    GO_TO_POINT = "go_to_point"
+    EXPLORE = "explore"
+    GO_HOME = "go_home"
+
+    @property
+    def only_moves(self) -> bool:
+        """Whether nothing is looked for: the robot moves, and its map grows."""
+        return self in (Kind.GO_TO_POINT, Kind.EXPLORE, Kind.GO_HOME)
+
+
+@dataclass(frozen=True)
+class Instruction:
+    """kind MOVE has object and goal, start if it was said; FIND an object; GO_TO a goal;
+    GO_TO_POINT a point; EXPLORE and GO_HOME nothing. unused: what was said and does not change the
+    task, such as "in the kitchen". limit_s: how long at most, where it was said."""
+
+    kind: Kind
+    object: str | None = None
+    start: str | None = None
+    goal: str | None = None
+    unused: tuple[str, ...] = ()
+    point: Point | None = None
+    limit_s: float | None = None
+
+
+class NotRead(InvalidInput):
+    """No sentence was recognised; somebody with more language might."""
+
+
+def parse(text: str) -> Instruction:
+    """Read an instruction. Raises InvalidInput: what was understood and what is missing."""
+    if len(text) > LONGEST:
+        raise InvalidInput(
+            f"the instruction has {len(text)} characters; send one sentence of at most {LONGEST}, "
+            f"for example {EXAMPLE}"
+        )
+    if unseen := w.control_character(text):
+        raise InvalidInput(
+            f"the instruction {short(text)} holds the control character {unseen}; send one line of "
+            f"plain text, for example {EXAMPLE}"
+        )
+    words = w.tokens(text)
+    if not words:
+        raise InvalidInput(f"the instruction is empty; send a sentence, for example {EXAMPLE}")
+    if strange := w.strange_letter(text):
+        raise NotRead(
+            f"no verb was understood in {short(text)}: “{strange[0]}” is a letter of another "
+            f"script ({strange[1]}); write in English, for example {EXAMPLE}"
+        )
+    refuse_negation(words, text)
+    refuse_return(words, text)
+    if (point := find_point(text)) and (sent := _sent_to(point, text)):
+        return sent
+    if moved := read_move(text):
+        kind = Kind.EXPLORE if moved.move is Move.EXPLORE else Kind.GO_HOME
+        return Instruction(kind, limit_s=moved.limit_s)
+    clauses = clauses_of(words)
+    if not clauses or w.language_of(words, surely=True):
+        raise NotRead(no_verb(words, text))
+    refuse_conditions(clauses, text)
+    if all(c.verb is Verb.GO for c in clauses):
+        return _go_to(clauses, text)
+    return _move_or_find(clauses, text)
+
+
+def _sent_to(written: Written, text: str) -> Instruction | None:
+    """The robot is sent to a point; None where its numbers mean something else ("2 mugs").
+
+    Raises InvalidInput where a point is named, and something else with it.
+    """
+    clauses = clauses_of(w.tokens(written.text))
+    phrases = [" ".join(noun(c.thing)) for c in clauses if c.verb is Verb.GO]
+    phrases += [p.name for c in clauses for p in c.places if p.kind is not Place.FOR]
+    if not any(WORD in phrase.split() for phrase in phrases):
+        return None
+    point = confirm(written, short(text))
+    refuse_conditions(clauses, text)
+    goes = clauses[0].verb is Verb.GO or (
+        clauses[0].verb_words in ("move", "return") and not noun(clauses[0].thing)
+    )
+    if len(clauses) > 1 or not goes:
+        raise InvalidInput(
+            f"{short(text)} names the point {point}, and only the robot itself can be sent to one; "
+            f"submit a task for anything else: {HOW}"
+        )
+    beside = [phrase for phrase in phrases if phrase and phrase != WORD]
+    if beside:
+        said = ", ".join(f"“{p.replace(WORD, str(point))}”" for p in beside)
+        raise InvalidInput(
+            f"understood the point {point} in {short(text)}, but not {said}; write {HOW}"
+        )
+    return Instruction(Kind.GO_TO_POINT, point=point, unused=tuple(clauses[0].asides))
+
+
+def _move_or_find(clauses: list[Clause], text: str) -> Instruction:
+    roles = Roles.of(clauses, text)
+    moved = any(c.verb in (Verb.PUT, Verb.TAKE) for c in clauses)
+    if not moved and not roles.goals:
+        return _found(roles)
+    if not roles.things and len(clauses) == 1 and len(roles.goals) == 1 and not roles.starts and (
+        clauses[0].verb_words in ("move", "return")
+        and not any(word in w.PRONOUNS for word in clauses[0].thing)  # "move it to the sofa"
+    ):  # fmt: skip
+        return Instruction(Kind.GO_TO, goal=roles.goals[0], unused=tuple(roles.unused))
+    return _moved(roles)
+
+
+def _found(roles: Roles) -> Instruction:
+    if not roles.things:
+        raise InvalidInput(roles.understood(["the object to find"]))
+    thing, start = roles.things[0], roles.starts[0] if roles.starts else None
+    _check_thing(thing, start, None)
+    return Instruction(Kind.FIND, thing, start, unused=tuple(roles.unused))
+
+
+def _moved(roles: Roles) -> Instruction:
+    missing = [] if roles.things else ["the object to move"]
+    if not roles.goals:
+        why = f" ({roles.no_goal})" if roles.no_goal else ""
+        missing.append(f"the place to bring it to{why}")
+    if missing:
+        raise InvalidInput(roles.understood(missing))
+    thing, goal = roles.things[0], roles.goals[0]
+    start = roles.starts[0] if roles.starts else None
+    _check_thing(thing, start, goal)
+    return Instruction(Kind.MOVE, thing, start, goal, tuple(roles.unused))
+
+
+def _check_thing(thing: str, start: str | None, goal: str | None) -> None:
+    if thing in (start, goal):
+        raise InvalidInput(
+            f"understood object “{thing}”, and the same name as a place; missing: a piece of "
+            f"furniture other than the {thing} itself, for example {EXAMPLE}"
+        )
+
+
+def _go_to(clauses: list[Clause], text: str) -> Instruction:
+    places, unused = [], [aside for c in clauses for aside in c.asides]
+    for clause in clauses:
+        named = [p for p in clause.places if p.kind not in (Place.FOR, Place.FROM)]
+        unused += [str(p) for p in clause.places if p.kind is Place.FROM]
+        if noun(clause.thing) and not named:
+            named = [PlacePhrase(Place.TO, "to", tuple(clause.thing))]
+        rooms = [p for p in named if tuple(p.name.split()) in w.ROOMS]
+        if rooms and len(rooms) < len(named):  # "go to the bed in the bedroom"
+            named = [p for p in named if p not in rooms]
+            unused += map(str, rooms)
+        places += named
+    if len(places) > 1:
+        raise InvalidInput(f"{short(text)} names more than one place to go to; name one")
+    name = places[0].name if places else ""
+    if name[:1].isdigit():
+        raise InvalidInput(f"understood “go to” in {short(text)}, but no point; write {HOW}")
+    if not name or name in w.PEOPLE or tuple(name.split()) in w.ROOMS:
+        said = f" (“{name}” is none)" if name else ""
+        raise InvalidInput(
+            f"understood “go to” in {short(text)}; missing: a piece of furniture to go to{said}; "
+            f"{WHAT_MOVES}"
+        )
+    return Instruction(Kind.GO_TO, goal=one_name(name.split(), text), unused=tuple(unused))
+
+
+@dataclass
+class Roles:
+    """Names by the part that they play; of each at most one once all clauses are taken in."""
+
+    text: str
+    things: list[str] = field(default_factory=list)
+    starts: list[str] = field(default_factory=list)
+    goals: list[str] = field(default_factory=list)
+    unused: list[str] = field(default_factory=list)
+    no_goal: str = ""  # why a place that was named is none to put a thing on
+
+    @classmethod
+    def of(cls, clauses: list[Clause], text: str) -> Roles:
+        """Raises InvalidInput for what cannot be done and for several things at once."""
+        roles = cls(text)
+        for number, clause in enumerate(clauses):
+            if clause.verb is Verb.FIND:
+                roles._find(clause)
+            elif clause.verb is Verb.GO:
+                roles._go(clause, number, any(c.verb is Verb.PUT for c in clauses[number + 1 :]))
+            else:
+                roles._move(clause)
+            roles.unused += clause.asides
+        roles._check_counts()
+        return roles
+
+    def understood(self, missing: list[str]) -> str:
+        """What to say of a sentence in which this is missing."""
+        parts = [f"object “{t}”" for t in self.things]
+        parts += [f"from “{s}”" for s in self.starts]
+        parts += [f"to “{g}”" for g in self.goals]
+        understood = ", ".join(parts) or "only the verb"
+        return f"understood {understood}; missing: {' and '.join(missing)}; for example {EXAMPLE}"
+
+    # --- clauses ---
+    def _move(self, clause: Clause) -> None:
+        self._add_thing(clause.thing)
+        on: list[PlacePhrase] = []
+        goals_before = len(self.goals)
+        for place in self._usable(clause):
+            if place.kind is Place.FROM:
+                self._add(self.starts, place)
+            elif place.kind is Place.TO:
+                self._add_goal(place)
+            elif place.kind is Place.ON:
+                on.append(place)
+        no_goal = len(self.goals) == goals_before and not self.no_goal
+        if on and no_goal and (clause.verb is Verb.PUT or self.starts):
+            self._add_goal(on.pop())
+        for place in on:
+            self._add(self.starts, place)
+
+    def _find(self, clause: Clause) -> None:
+        places = self._usable(clause)
+        sought = [p for p in places if p.kind is Place.FOR]
+        if sought:  # "search the desk for the mug"
+            self._add_thing(list(sought[0].words))
+            if noun(clause.thing):
+                phrase = PlacePhrase(Place.ON, "in", tuple(clause.thing))
+                if tuple(phrase.name.split()) in w.ROOMS:
+                    self.unused.append(str(phrase))
+                else:
+                    self._add(self.starts, phrase)
+        else:
+            self._add_thing([t for t in clause.thing if t not in ("is", "are")])
+        for place in places:
+            if place.kind in (Place.ON, Place.FROM):
+                self._add(self.starts, place)
+            elif place.kind is Place.TO:
+                self._add_goal(place)
+
+    def _go(self, clause: Clause, number: int, then_put: bool) -> None:
+        """ "Go to the desk and take the mug": where to take it from. "Take the mug, go to the
+        desk and put it down": where to put it."""
+        if number and then_put and self.things:
+            for place in self._usable(clause, beside=True):
+                self._add_goal(place)
+            return
+        if number:
+            raise InvalidInput(
+                f"{short(self.text)} asks for several things at once; submit a task for each"
+            )
+        for place in self._usable(clause, beside=True):
+            self._add(self.starts, place)
+
+    def _usable(self, clause: Clause, beside: bool = False) -> list[PlacePhrase]:
+        """The places of a clause without rooms; a room narrows a place, and is none itself."""
+        usable = []
+        for at, place in enumerate(clause.places):
+            if self._says_which(clause, at):
+                self.unused.append(str(place))
+                continue
+            if place.kind is Place.BESIDE and not beside:
+                raise InvalidInput(
+                    f"“{place}” cannot be done: a thing is taken from and put on or in a piece of "
+                    f"furniture, not {place.preposition} something; for example {EXAMPLE}"
+                )
+            if tuple(place.name.split()) in w.ROOMS:
+                self.unused.append(str(place))
+                wanted = place.kind is Place.TO or (
+                    place.kind is Place.ON and clause.verb is Verb.PUT
+                )
+                if wanted and not self.goals and len(usable) == 0:
+                    self.no_goal = f"“{place.name}” is a room; name a piece of furniture in it"
+            elif place.kind is Place.FOR and clause.verb is not Verb.FIND:
+                self.unused.append(str(place))
+            else:
+                usable.append(place)
+        if any(p.kind in (Place.TO, Place.ON) for p in usable):
+            self.no_goal = ""
+        return usable
+
+    @staticmethod
+    def _says_which(clause: Clause, at: int) -> bool:
+        """Whether a place beside something says where the place before it is, from which a thing
+        is taken: "from the table next to the sofa"; "on the chair at the desk" says which chair."""
+        place, before = clause.places[at], clause.places[at - 1] if at else None
+        if before is None or not before.name:
+            return False
+        if place.preposition == "at":
+            return before.kind in (Place.ON, Place.TO, Place.FROM)
+        if place.kind is not Place.BESIDE:
+            return False
+        on = before.kind is Place.ON and (
+            clause.verb is not Verb.PUT or any(p.kind is Place.TO for p in clause.places[at:])
+        )
+        return on or before.kind is Place.FROM
+
+    # --- phrases ---
+    def _add_thing(self, words: list[str]) -> None:
+        words = noun(words)
+        while len(words) > 1 and words[0] in w.PEOPLE:
+            words = noun(words[1:])
+        name = " ".join(words)
+        if not name or name in w.PRONOUNS or name in w.PEOPLE:
+            return
+        name = one_name(words, self.text)
+        if name not in self.things:
+            self.things.append(name)
+
+    def _add(self, to: list[str], place: PlacePhrase) -> None:
+        words = place.name.split()
+        if words and place.name not in w.PRONOUNS and place.name not in w.PEOPLE:
+            name = one_name(words, self.text)
+            if name not in to:
+                to.append(name)
+
+    def _add_goal(self, place: PlacePhrase) -> None:
+        if place.name in w.PEOPLE:
+            self.no_goal = f"“{place.name}” is no piece of furniture"
+        self._add(self.goals, place)
+
+    def _check_counts(self) -> None:
+        for role, named in (
+            ("objects", self.things), ("goals", self.goals), ("places to take it from", self.starts)
+        ):  # fmt: skip
+            if len(named) > 1:
+                raise InvalidInput(
+                    f"{short(self.text)} names {len(named)} {role} ({', '.join(named)}): several "
+                    f"things at once; name one, and submit a task for each, for example {EXAMPLE}"
+                )
+
+
+def one_name(words: list[str], text: str) -> str:
+    """The name of one thing. Raises InvalidInput for several of them."""
+    parts: list[list[str]] = [[]]
+    at = 0
+    while at < len(words):
+        n = 1 if words[at] == w.PAUSE else length_at(words, at, w.LISTS)
+        if _between_adjectives(words, at):
+            parts[-1] += [] if words[at] == w.PAUSE else [words[at]]
+            at += 1
+        elif n:
+            parts.append([])
+            at += n
+        else:
+            parts[-1].append(words[at])
+            at += 1
+    names = [" ".join(noun(p)) for p in parts if noun(p)]
+    count = words[0] if words[0].isdigit() and words[0] != "1" else ""
+    if n := length_at(words, 0, w.MANY):
+        count = " ".join(words[:n])
+    if len(names) != 1 or count:
+        raise InvalidInput(
+            f"{short(text)} names several things at once ({', '.join(names)}); give one object "
+            "and one place, and submit a task for each"
+        )
+    return names[0]
+
+
+def _between_adjectives(words: list[str], at: int) -> bool:
+    """Whether a pause or "and" joins what is said of one thing: "the black and white ball"."""
+    if at == 0 or words[at - 1] not in w.ADJECTIVES:
+        return False
+    more = words[at] == "and" and at + 1 < len(words) and words[at + 1] in w.ADJECTIVES
+    return words[at] == w.PAUSE or more
+
+
+EXAMPLE = '"Move the mug from the coffee table to the kitchen counter"'
+
+
+def short(text: str) -> str:
+    """The text in quotation marks, on one line, at most 80 characters of it."""
+    shown = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    return f"“{shown[:80]}…”" if len(shown) > 80 else f"“{shown}”"
+
+
+def refuse_negation(words: list[str], text: str) -> None:
+    """Raises InvalidInput for what is not to be done."""
+    polite = length_at(words, 0, w.POLITE)  # "why don't you bring the mug"
+    for at in range(polite, len(words)):
+        if n := length_at(words, at, w.NEGATIONS):
+            said = " ".join(words[at : at + n])
+            raise InvalidInput(
+                f"{short(text)} says what is not to be done (“{said}”); say what to do, for "
+                f"example {EXAMPLE}"
+            )
+
+
+def refuse_return(words: list[str], text: str) -> None:
+    """Raises InvalidInput for "bring the mug to the sofa and back"."""
+    if words[-2:] == ["and", "back"]:
+        raise InvalidInput(
+            f"{short(text)} asks for several things at once (“and back”); submit a task for each"
+        )
+
+
+def refuse_conditions(clauses: list[Clause], text: str) -> None:
+    """Raises InvalidInput for a phrase such as "the mug if it is dirty"."""
+    for clause in clauses:
+        if clause.condition:
+            raise InvalidInput(_a_condition(clause.condition, text))
+
+
+def _a_condition(said: str, text: str) -> str:
+    return (
+        f"{short(text)} holds a condition (“{said}”), which is not understood; say what to do now, "
+        f"for example {EXAMPLE}"
+    )
+
+
+def no_verb(words: list[str], text: str) -> str:
+    """What to say of a sentence without a verb that is known."""
+    if (bare := without_politeness(words)) and bare[0] in w.HALTS:
+        return (
+            f"{short(text)} is no task: a robot is stopped at once by `helios stop` (HTTP: "
+            "POST /v1/robot/stop), and a task is ended by `helios cancel`"
+        )
+    if n := length_at(words, 0, w.CONDITIONS):  # "if it rains bring the mug"
+        return _a_condition(" ".join(words[:n]), text)
+    language = w.language_of(words)
+    hint = f": it looks like {language}; write in English," if language else ";"
+    return (
+        f"no verb was understood in {short(text)}{hint} start with move, bring, take, put, fetch, "
+        f"grab, find, go to or explore, for example {EXAMPLE}"
+    )

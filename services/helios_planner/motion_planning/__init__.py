@@ -1,0 +1,1 @@
+"""Paths, poses and places to stand. Pure: arrays in, arrays out."""

@@ -1,1 +1,0 @@
-"""Driving, turning and looking over known ground, with the recoveries that moving needs."""

@@ -1,0 +1,1 @@
+"""Driving to a pose, with recovery behaviors."""

@@ -1,0 +1,455 @@
+"""Turning on the spot, pointing the head, and the looks around that both make up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import Enum, auto
+
+import numpy as np
+from helios_core.geometry import wrap_angle
+from helios_core.robot import Forward, Observe, Tilt, Turn
+from helios_core.types import RobotDescription
+from numpy.typing import NDArray
+
+from helios_planner.motion_planning.costmap import BlindRing, GroundMap, Pose2, facing, unknown_near
+from helios_planner.motion_planning.lattice_planner import Capsule, PoseReach, pose_reach
+from helios_planner.motion_planning.path_planner import (
+    MotionRules,
+    Reach,
+    free_ahead_m,
+    next_primitive,
+    reach,
+    straightened,
+)
+from helios_planner.navigation.motion_monitor import NO_MOTION_M, Mishaps
+from helios_planner.robot.interface import Body
+from helios_planner.settings import Settings
+
+
+class OnTheSpot:
+    """Turns a Body where it stands, and looks."""
+
+    def __init__(self, body: Body, settings: Settings) -> None:
+        robot = body.description
+        self.body, self.settings = body, settings
+        self.rules = MotionRules(
+            footprint_m=robot.footprint_radius_m,
+            margin_m=settings.margins_m[0],
+            saturation_m=settings.saturation_m,
+            speck_m2=settings.speck_m2,
+            min_forward_m=robot.min_forward_m,
+            max_forward_m=robot.max_forward_m,
+            min_turn_rad=robot.min_turn_rad,
+            max_turn_rad=robot.max_turn_rad,
+        )
+        self.mishaps = Mishaps(body)
+
+    def turn_to(self, yaw_rad: float) -> None:
+        """Turn on the spot until the heading is within the smallest turn."""
+        for _ in range(16):
+            error = wrap_angle(yaw_rad - self.body.pose().yaw_rad)
+            if abs(error) < self.rules.min_turn_rad:
+                return
+            most = self.rules.max_turn_rad
+            if not self._turn(float(np.clip(error, -most, most))):
+                return
+
+    def _turn(self, angle_rad: float) -> bool:
+        """Turn on the spot; False when that would touch something."""
+        self.mishaps.act(Turn(angle_rad))
+        return True
+
+    def tilt(self, tilt_rad: float) -> bool:
+        """Point the head; whether that took an action."""
+        low, high = self.body.description.tilt_range_rad
+        wanted = float(np.clip(tilt_rad, low, high))
+        if abs(wanted - self.body.tilt_rad()) < math.radians(2):
+            return False
+        self.mishaps.act(Tilt(wanted))
+        return True
+
+    def look_around(self) -> None:
+        """A full turn; the ground next to the robot is looked at on the way."""
+        self._full_turn(down_only=False)
+
+    def turn_around(self, stop: Callable[[], bool]) -> None:
+        """A full turn with the head as while driving, until `stop`."""
+        turns = math.ceil(2 * math.pi / self.rules.max_turn_rad - 1e-6)
+        for _ in range(turns):
+            if stop() or not self._turn(2 * math.pi / turns):
+                return
+
+    def look_down_around(self) -> bool:
+        """Look at the ground next to the robot, all around; False when it is known already."""
+        if not near_ground_unknown(self.body.ground(), self.body.pose(), self.rules.footprint_m):
+            return False
+        self._full_turn(down_only=True)
+        self.tilt(self.settings.travel_tilt_rad)
+        return True
+
+    def _full_turn(self, down_only: bool) -> None:
+        robot = self.body.description
+        turns = math.ceil(2 * math.pi / self.rules.max_turn_rad - 1e-6)
+        step = 2 * math.pi / turns
+        apart = max(1, int(0.85 * robot.camera.hfov_rad / step))  # turns between two looks down
+        travel, down = self.settings.travel_tilt_rad, down_tilt_rad(robot)
+        both = not down_only and down > travel + math.radians(5)
+        if not self.tilt(down if down_only else travel):
+            self.mishaps.act(Observe())
+        for k in range(turns):
+            if both and k % apart == 0:
+                self.tilt(down)
+                self.tilt(travel)
+            if not self._turn(step):
+                return
+
+
+def down_tilt_rad(robot: RobotDescription) -> float:
+    """Tilt at which the ground at the rim is at the image's lower edge."""
+    # A little within the rim: the image's lower edge is straight, the rim is round.
+    rim_m = 0.8 * robot.footprint_radius_m - robot.camera_forward_m
+    rim = math.atan2(robot.camera_height_m, rim_m)
+    return float(np.clip(rim - robot.camera.vfov_rad / 2, *robot.tilt_range_rad))
+
+
+def near_ground_unknown(ground: GroundMap, pose: Pose2, footprint_m: float) -> bool:
+    """Whether more than 2 % of the ground up to 0.7 m beyond a robot's rim was never seen."""
+    reach_m = footprint_m + 0.7
+    ground = ground.padded(pose.x_m, pose.y_m, reach_m + 0.1)
+    row, column = ground.cells_of(np.array([pose.xy]))[0]
+    n = int(reach_m / ground.cell_m)
+    part = ground.occupancy[row - n : row + n + 1, column - n : column + n + 1]
+    return bool((part < 0).mean() > 0.02)
+
+
+MARK_RADIUS_M = 0.08
+ARRIVED_M = 0.12
+WEDGED_M = 0.3  # who cannot get so far away is wedged
+
+
+class Outcome(Enum):
+    """How a drive ended."""
+
+    ARRIVED = auto()
+    INTERRUPTED = auto()
+    UNREACHABLE = auto()
+
+
+@dataclass(frozen=True)
+class Barred:
+    """Where a way leaves the ground that can be reached: its first place beyond (`at`), its last
+    one before (`stand`), and how far it leads before and after that; metres."""
+
+    at: tuple[float, float]
+    stand: tuple[float, float]
+    before_m: float
+    after_m: float
+
+
+def never() -> bool:
+    return False
+
+
+class Legs(OnTheSpot):
+    """Moves a Body over known ground only. Remembers what it felt and could not see."""
+
+    def __init__(self, body: Body, settings: Settings) -> None:
+        super().__init__(body, settings)
+        self.felt: list[tuple[float, float, float]] = []  # x, y, radius: unseen, but met
+        self.blind_ring = BlindRing(body.description, self.rules.footprint_m, settings.blind_m)
+        self._cached: dict[tuple, Reach] = {}
+        self._cleared: list[tuple[float, float]] = []  # unknown ground that was gone to look at
+
+    # --- what can be reached -------------------------------------------------------------------
+    def reach(self, level: int = 0) -> Reach:
+        """Everything reachable now with the margin of that level (0 is the widest)."""
+        ground, robot = self.body.ground(), self.body.pose()
+        key = (ground.version, robot, level, len(self.felt), len(self.blind_ring.discs))
+        if key not in self._cached:
+            if len(self._cached) > 8:
+                self._cached.clear()
+            self._cached[key] = self._reach_on(ground, level)
+        return self._cached[key]
+
+    def _reach_on(self, ground: GroundMap, level: int) -> Reach:
+        rules = replace(self.rules, margin_m=self.settings.margins_m[level])
+        return reach(self._covering(ground), self.body.pose(), rules, *self._discs())
+
+    def _covering(self, ground: GroundMap) -> GroundMap:
+        """A map that also covers the rings taken as free."""
+        for x_m, y_m, radius_m in self.blind_ring.discs:
+            ground = ground.padded(x_m, y_m, radius_m + 0.1)
+        return ground
+
+    def _discs(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What was felt, and what is taken as free: [n, 3] each."""
+        felt, trusted = (
+            np.array(d, float).reshape(-1, 3) for d in (self.felt, self.blind_ring.discs)
+        )
+        return felt, trusted
+
+    @property
+    def levels(self) -> range:
+        return range(len(self.settings.margins_m))
+
+    # --- driving -------------------------------------------------------------------------------
+    def go_to(
+        self,
+        goal: Pose2,
+        purpose: str,
+        stop: Callable[[], bool] = never,
+        slip_m: float = 0.3,
+        face: bool = True,
+    ) -> Outcome:
+        """Drive to a pose, looking after every move; `slip_m`: as near as this is near enough when
+        the very place turns out to be taken."""
+        self.tilt(self.settings.travel_tilt_rad)
+        outcome = self._drive(goal, purpose, stop, slip_m)
+        self.body.tell_plan(np.empty((0, 2)), None, "")
+        if outcome is Outcome.ARRIVED and face:
+            self.turn_to(goal.yaw_rad)
+        return outcome
+
+    def _drive(self, goal: Pose2, purpose: str, stop: Callable[[], bool], slip_m: float) -> Outcome:
+        level, looked, turns = 0, False, 0
+        self._settle_jump()
+        self._get_free()
+        budget = 80 + int(10 * self.body.pose().distance_m(goal.xy))
+        for _ in range(budget):
+            pose = self.body.pose()
+            if pose.distance_m(goal.xy) < ARRIVED_M:
+                return Outcome.ARRIVED
+            reached = self.reach(level)
+            place = reached.nearest(goal.xy, slip_m)
+            if place is None:
+                if level + 1 < len(self.settings.margins_m):
+                    level += 1
+                    continue
+                if not looked and self.look_down_around():
+                    looked, level = True, 0
+                    continue
+                return Outcome.UNREACHABLE
+            corners = straightened(reached.route_to(place), reached)
+            self.body.tell_plan(corners, goal, purpose)
+            rules = replace(self.rules, margin_m=self.settings.margins_m[level])
+            move = next_primitive(corners, reached, rules)
+            if move is None or (isinstance(move, Turn) and turns > 24):
+                if pose.distance_m(place) < ARRIVED_M:
+                    return Outcome.ARRIVED
+                if level + 1 < len(self.settings.margins_m):
+                    level, turns = level + 1, 0
+                    continue
+                if not looked and self.look_down_around():
+                    looked, level, turns = True, 0, 0
+                    continue
+                return Outcome.UNREACHABLE
+            turns = turns + 1 if isinstance(move, Turn) else 0
+            result = self.mishaps.act(move)
+            if isinstance(move, Forward):
+                if self.mishaps.stood_still(move, result):
+                    self._mark_ahead(pose, result.moved_m)
+                    self._get_free()
+                level = 0
+            self._settle_jump()
+            if stop():
+                return Outcome.INTERRUPTED
+        return Outcome.UNREACHABLE
+
+    def ahead(self, distance_m: float) -> bool:
+        """Move straight ahead if every intermediate position is clear; whether it moved."""
+        rules = replace(self.rules, margin_m=self.settings.margins_m[-1])
+        free_m = free_ahead_m(self.reach(self.levels[-1]), distance_m, rules)
+        if free_m < self.rules.min_forward_m:
+            return False
+        return self.mishaps.act(Forward(free_m)).moved_m > NO_MOTION_M
+
+    def back(self) -> bool:
+        """Move straight back, where the robot came from and can do so; whether it moved."""
+        most_m = self.body.description.max_back_m
+        free_m = self.reach(self.levels[-1]).free_back_m(most_m, self.rules)
+        if free_m < self.rules.min_forward_m - 1e-9:
+            return False
+        return self.mishaps.act(Forward(-free_m)).moved_m > NO_MOTION_M
+
+    def _mark_ahead(self, pose: Pose2, moved_m: float) -> None:
+        """Something unseen is in the way: remember it where the rim met it."""
+        self.mishaps.blocked()
+        ahead_m = moved_m + self.rules.footprint_m + MARK_RADIUS_M
+        self.felt.append(
+            (
+                pose.x_m + ahead_m * math.cos(pose.yaw_rad),
+                pose.y_m + ahead_m * math.sin(pose.yaw_rad),
+                MARK_RADIUS_M,
+            )
+        )
+
+    def _wedged(self) -> bool:
+        """Whether the ground that can be reached is hardly more than what it stands on."""
+        reached = self.reach(self.levels[-1])
+        area_m2 = np.isfinite(reached.arrival).sum() * reached.ground.cell_m**2
+        return bool(area_m2 < math.pi * WEDGED_M**2)
+
+    def _get_free(self) -> None:
+        """While wedged: the camera may be blind for the ground at the feet; or what was felt is
+        gone or never was there, so forget it and look all around, then move back, a few times.
+        Raises TaskFailed when that does not help."""
+        if self._wedged():
+            self.look_down_around()
+        if self._wedged():
+            self.blind_ring.trust(self.body.pose())
+        while self._wedged():
+            self.mishaps.wedged_in(self.blind_ring.too_wide())
+            self.felt.clear()
+            self._full_turn(down_only=True)
+            self.tilt(self.settings.travel_tilt_rad)
+            if self._wedged():
+                self.back()
+
+    def _settle_jump(self) -> None:
+        """After a jump of the localisation: what was felt lies elsewhere now; look around, so that
+        the map holds what is seen from the new pose."""
+        while self.mishaps.jumped:
+            self.mishaps.jumped = False
+            self.felt.clear()
+            self.blind_ring.discs.clear()
+            self._cleared.clear()
+            self.look_around()
+
+    # --- unknown ground in the way -------------------------------------------------------------
+    def clear_way(self, target: tuple[float, float], within_m: float) -> bool:
+        """Look at the unknown ground that bars the way to within `within_m` of a place, if it is
+        only unknown ground that does. Whether there was any that was not looked at before."""
+        barred = self.way_ends(self.body.ground(), target, within_m)
+        if barred is None or any(math.dist(barred.at, c) < 0.3 for c in self._cleared):
+            return False
+        self._cleared.append(barred.at)
+        self.look_past(barred)
+        return True
+
+    def way_ends(
+        self, ground: GroundMap, target: tuple[float, float], within_m: float
+    ) -> Barred | None:
+        """Where the shortest way to within `within_m` of a place leaves the ground that can be
+        reached, were all unknown ground of a map free. None where none leads there even so, or
+        where all of it can be reached."""
+        level = self.levels[-1]
+        known = np.where(ground.occupancy < 0, np.int8(0), ground.occupancy)
+        hopeful = self._reach_on(replace(ground, occupancy=known), level)
+        place = hopeful.nearest(target, within_m)
+        if place is None:
+            return None
+        route = hopeful.route_to(place)
+        reachable = np.isfinite(self.reach(level).at(route))
+        if reachable.all() or len(route) < 2:
+            return None
+        first = int(np.argmin(reachable))
+        at = (float(route[first, 0]), float(route[first, 1]))
+        stand = route[max(first - 1, 0)]
+        steps_m = np.hypot(*np.diff(route, axis=0).T)
+        before_m = float(steps_m[: max(first - 1, 0)].sum())
+        return Barred(
+            at, (float(stand[0]), float(stand[1])), before_m, float(steps_m.sum()) - before_m
+        )
+
+    def look_past(self, barred: Barred, stop: Callable[[], bool] = never) -> None:
+        """Go to where the known way ends, and look at the unknown ground beyond, until `stop`."""
+        unknown = unknown_near(self.body.ground(), barred.at, self.rules.footprint_m + 0.2)
+        goal = facing(*barred.stand, unknown)
+        outcome = self.go_to(goal, "look at unknown ground in the way", stop)
+        if outcome is not Outcome.ARRIVED:
+            return
+        pose = self.body.pose()
+        self.turn_to(pose.yaw_rad + pose.bearing_rad(unknown))
+        away_m = self.body.pose().distance_m(unknown)
+        robot = self.body.description
+        ahead_m = max(away_m - robot.camera_forward_m, 0.1)
+        self.tilt(math.atan2(robot.camera_height_m, ahead_m))
+
+
+def legs_of(body: Body, settings: Settings) -> Legs:
+    """The legs that fit the robot's footprint."""
+    box = body.description.footprint_box_m
+    return Legs(body, settings) if box is None else PoseLegs(body, settings, Capsule.around(*box))
+
+
+class PoseLegs(Legs):
+    """See the module."""
+
+    def __init__(self, body: Body, settings: Settings, capsule: Capsule) -> None:
+        super().__init__(body, settings)
+        self.capsule = capsule
+        self.rules = replace(self.rules, footprint_m=capsule.reach_m)
+        self.blind_ring = BlindRing(body.description, capsule.reach_m, settings.blind_m)
+        self._lattice_xy: tuple[float, float] | None = None
+
+    def reach(self, level: int = 0) -> PoseReach:
+        reached = super().reach(level)
+        assert isinstance(reached, PoseReach)
+        return reached
+
+    def _reach_on(self, ground: GroundMap, level: int) -> Reach:
+        rules = replace(self.rules, margin_m=self.settings.margins_m[level])
+        reached = pose_reach(
+            self._covering(ground), self.body.pose(), self.capsule, rules, *self._discs(),
+            lattice_xy=self._lattice_xy,
+        )  # fmt: skip
+        self._lattice_xy = reached.node_xy
+        return reached
+
+    def _new_lattice(self) -> None:
+        """From where it stands: what one lattice misses another may have."""
+        self._lattice_xy = None
+        self._cached.clear()
+
+    def _drive(self, goal: Pose2, purpose: str, stop: Callable[[], bool], slip_m: float) -> Outcome:
+        level, looked = 0, False
+        self._settle_jump()
+        self._get_free()
+        for _ in range(80 + int(20 * self.body.pose().distance_m(goal.xy))):
+            pose = self.body.pose()
+            reached = self.reach(level)
+            end = reached.best_near(goal, slip_m)
+            move = None
+            if end is not None:
+                way = reached.way_to(end)
+                self.body.tell_plan(reached.route_along(way), goal, purpose)
+                if len(way) == 1 and pose.distance_m(goal.xy) < max(slip_m, ARRIVED_M):
+                    return Outcome.ARRIVED
+                move = reached.next_move(way, self.rules)
+            if move is None:
+                if end is not None and pose.distance_m(goal.xy) < ARRIVED_M:
+                    return Outcome.ARRIVED
+                if reached.kept:
+                    self._new_lattice()
+                elif level + 1 < len(self.settings.margins_m):
+                    level += 1
+                elif not looked and self.look_down_around():
+                    looked, level = True, 0
+                else:
+                    return Outcome.UNREACHABLE
+                continue
+            result = self.mishaps.act(move)
+            if isinstance(move, Forward):
+                if self.mishaps.stood_still(move, result):
+                    self._mark_ahead(pose, result.moved_m)
+                    self._get_free()
+                level = 0
+            self._settle_jump()
+            if stop():
+                return Outcome.INTERRUPTED
+        return Outcome.UNREACHABLE
+
+    def ahead(self, distance_m: float) -> bool:
+        free_m = self.reach(self.levels[-1]).free_ahead_m(distance_m, self.rules)
+        if free_m < self.rules.min_forward_m:
+            return False
+        return self.mishaps.act(Forward(free_m)).moved_m > NO_MOTION_M
+
+    def _turn(self, angle_rad: float) -> bool:
+        free_rad = self.reach(self.levels[-1]).free_turn_rad(angle_rad)
+        if abs(free_rad) < self.rules.min_turn_rad:
+            return False
+        self.mishaps.act(Turn(free_rad))
+        return abs(free_rad) >= abs(angle_rad) - 1e-6

@@ -1,0 +1,101 @@
+"""What goes wrong with motions: felt, told, counted. Each has a limit, then the task fails.
+
+- No motion when told to move: the legs mark what was felt and go another way; MOST_BLOCKS.
+- Wedged, no way leads out: forget what was felt, look around; MOST_WEDGED.
+- The localisation jumped, the pose changed by more than the robot moved: likewise; MOST_JUMPS.
+- What was carried is held no more: `Dropped`, it is searched and picked again; setting `falls`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from helios_core.geometry import wrap_angle
+from helios_core.robot import Action, ActionResult, Forward, Observe, Place, Turn
+
+from helios_planner.motion_planning.costmap import Pose2
+from helios_planner.robot.interface import Body
+from helios_planner.task import Cause, TaskFailed
+
+NO_MOTION_M = 0.05  # a move forward that gave less met something
+MOST_BLOCKS = 12  # motions without motion in one task before the robot counts as stuck
+MOST_WEDGED = 3  # times in one task that it may be wedged
+MOST_JUMPS = 3  # jumps of the localisation in one task
+JUMP_M, JUMP_RAD = 0.5, math.radians(40)  # beyond what the robot says it has moved
+
+
+class Dropped(Exception):
+    """What was carried is held no more; `point_m` is where the base stood (x, y)."""
+
+    def __init__(self, point_m: tuple[float, float], reason: str) -> None:
+        super().__init__(reason)
+        self.point_m, self.reason = point_m, reason
+
+
+class Mishaps:
+    """Does the actions of one task and counts what went wrong. `jumped` is set by a jump of the
+    localisation and cleared by who has dealt with it; `carrying` by who picked something up."""
+
+    def __init__(self, body: Body) -> None:
+        self.body = body
+        self.jumped = self.carrying = False
+        self.blocks = self.wedged = self.jumps = 0
+
+    def act(self, action: Action) -> ActionResult:
+        """Do it. Raises TaskFailed at a limit, and Dropped when what was carried fell."""
+        before = self.body.pose()
+        result = self.body.act(action)
+        after = self.body.pose()
+        self._see_jump(before, after, result)
+        if isinstance(action, Turn) and not self.jumped and not self.body.cut_short:
+            turned = abs(wrap_angle(after.yaw_rad - before.yaw_rad))
+            if max(turned, abs(result.turned_rad)) < 0.5 * abs(action.angle_rad):
+                self.blocked()
+        if self.carrying and not isinstance(action, Place) and not self._still_held():
+            self.carrying = False
+            raise Dropped(after.xy, "it is held no more")
+        return result
+
+    def _still_held(self) -> bool:
+        """A gripper's word is asked for twice before what is carried counts as fallen."""
+        if not self.body.held():
+            self.body.act(Observe())
+        return bool(self.body.held())
+
+    def stood_still(self, move: Forward, result: ActionResult) -> bool:
+        """Whether a move met something unseen; stop-now and jumps say nothing of that."""
+        still = result.moved_m < min(NO_MOTION_M, 0.5 * move.distance_m)
+        return (still and not self.body.cut_short and not self.jumped) or result.collided
+
+    def blocked(self) -> None:
+        """Count a motion that gave none."""
+        self.blocks += 1
+        if self.blocks > MOST_BLOCKS:
+            raise TaskFailed(
+                Cause.STUCK, f"the robot was told to move {self.blocks} times and did not"
+            )
+
+    def wedged_in(self, advice: str = "") -> None:
+        """Count that no way led out. advice: what may help, for the sentence at the limit."""
+        self.wedged += 1
+        if self.wedged > MOST_WEDGED:
+            x_m, y_m = self.body.pose().xy
+            raise TaskFailed(
+                Cause.STUCK,
+                f"the robot is wedged at ({x_m:.2f}, {y_m:.2f}) m: no way leads out of where it "
+                f"stands, after {MOST_WEDGED} looks around" + (advice and f"; {advice}"),
+            )
+
+    def _see_jump(self, before: Pose2, after: Pose2, result: ActionResult) -> None:
+        moved_m = before.distance_m(after.xy) - result.moved_m
+        turned = abs(wrap_angle(after.yaw_rad - before.yaw_rad)) - abs(result.turned_rad)
+        if moved_m <= JUMP_M and turned <= JUMP_RAD:
+            return
+        self.jumped = True
+        self.jumps += 1
+        if self.jumps > MOST_JUMPS:
+            raise TaskFailed(
+                Cause.SYSTEM_ERROR,
+                f"the robot's localisation jumped {self.jumps} times, the last time by "
+                f"{before.distance_m(after.xy):.1f} m; see what its pose comes from",
+            )

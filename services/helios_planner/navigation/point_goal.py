@@ -1,0 +1,186 @@
+"""Going to a point on the floor, over known ground as far as there is any.
+
+Where no known way leads, the shortest one through unknown ground is taken for free until it is
+seen: the robot drives to where the known ground ends, looks, and plans again. Unknown ground that
+stays unknown when it was looked at counts as a wall from then on, so that another way is tried.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import cv2
+import numpy as np
+from helios_core.geometry import wrap_angle
+
+from helios_planner.motion_planning.costmap import GroundMap, Pose2
+from helios_planner.motion_planning.path_planner import Reach
+from helios_planner.navigation.base_controller import Barred, Legs, Outcome
+from helios_planner.task import Cause, TaskFailed
+
+MOST_AWAY_M = 100.0  # from the robot to the point; the plan's arrays grow with it
+AROUND_M = 1.5  # of unknown ground around what is known that a way may lead through
+WALL_M = 0.3  # radius in which unknown ground that stays so counts as a wall
+MOST_STAGES = 60  # times that a way ends at unknown ground, for one point
+MOST_TRIES = 3  # drives over known ground that come to nothing
+FACED_RAD = math.radians(10)  # a heading this near to the wanted one is it
+
+XY = tuple[float, float]
+
+
+class PointGoal:
+    """Takes the robot to one point. `on_stage` is told where the known way ends, each time.
+
+    `walls` are places (x, y) of unknown ground that stayed unknown; they must outlive a restart.
+    """
+
+    def __init__(
+        self, legs: Legs, xy_m: XY, within_m: float, on_stage: Callable[[Barred], None]
+    ) -> None:
+        """within_m: where the robot cannot stand on the point, the nearest place will do that is no
+        further from it."""
+        self._legs, self.xy_m, self._within_m = legs, xy_m, within_m
+        self._on_stage = on_stage
+        self.walls: list[XY] = []
+
+    def memory(self) -> dict[str, Any]:
+        """As JSON, for `recall`."""
+        return {"walls": [list(wall) for wall in self.walls]}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        self.walls = [(x, y) for x, y in memory["walls"]]
+
+    def drive(self, yaw_rad: float | None, purpose: str) -> float:
+        """Go there and face that way; the distance that is left (m). Raises TaskFailed: why the
+        point is out of reach, and which place near it is not."""
+        legs = self._legs
+        away_m = legs.body.pose().distance_m(self.xy_m)
+        if away_m > MOST_AWAY_M:
+            raise TaskFailed(
+                Cause.UNREACHABLE,
+                f"{told(self.xy_m)} is {away_m:.0f} m away; the robot is sent {MOST_AWAY_M:.0f} m "
+                "at most",
+            )
+        tries = stages = 0
+        while tries < MOST_TRIES and stages < MOST_STAGES:
+            if self._near() is not None:
+                tries += 1
+                goal, slip_m = self._goal(yaw_rad), self._within_m
+                if legs.go_to(goal, purpose, slip_m=slip_m, face=False) is Outcome.ARRIVED:
+                    self._face(yaw_rad)
+                    return legs.body.pose().distance_m(self.xy_m)
+                continue
+            stages += 1
+            if not self._stage():
+                break
+        raise TaskFailed(Cause.UNREACHABLE, self._why_not())
+
+    def _goal(self, yaw_rad: float | None) -> Pose2:
+        """Any heading: that of the way there."""
+        pose = self._legs.body.pose()
+        on_the_way = pose.yaw_rad + pose.bearing_rad(self.xy_m)
+        return Pose2(*self.xy_m, on_the_way if yaw_rad is None else yaw_rad)
+
+    def _near(self) -> Reach | None:
+        """With the widest margin that leads there over known ground."""
+        reaches = (self._legs.reach(level) for level in self._legs.levels)
+        return next((r for r in reaches if r.nearest(self.xy_m, self._within_m) is not None), None)
+
+    def _stage(self) -> bool:
+        """Look at the unknown ground where the known way ends; False when no way is left."""
+        legs = self._legs
+        ground = walled(spacious(legs.body.ground(), self.xy_m), self.walls)
+        barred = legs.way_ends(ground, self.xy_m, self._within_m)
+        if barred is None:
+            return False
+        self._on_stage(barred)
+        legs.look_past(barred, lambda: self._near() is not None)
+        if self._near() is None and not self._seen_past(barred) and legs.look_down_around():
+            self._seen_past(barred)
+        if self._near() is None and not self._seen_past(barred):
+            self.walls.append(barred.at)
+        return True
+
+    def _seen_past(self, barred: Barred) -> bool:
+        """Whether the place beyond the known way can be reached by now."""
+        reached = self._legs.reach(self._legs.levels[-1])
+        return bool(np.isfinite(reached.at(np.array([barred.at])))[0])
+
+    def _face(self, yaw_rad: float | None) -> None:
+        if yaw_rad is None:
+            return
+        self._legs.turn_to(yaw_rad)
+        pose = self._legs.body.pose()
+        least = max(FACED_RAD, self._legs.rules.min_turn_rad)
+        if abs(wrap_angle(yaw_rad - pose.yaw_rad)) > least:
+            raise TaskFailed(
+                Cause.UNREACHABLE,
+                f"stands at {told(pose.xy)} and has no room to turn to "
+                f"{math.degrees(yaw_rad):.0f}°; it faces {math.degrees(pose.yaw_rad):.0f}°",
+            )
+
+    def _why_not(self) -> str:
+        """What the point is, and the nearest place that is not."""
+        legs = self._legs
+        said = state_of(legs.body.ground(), self.xy_m, legs.body.description.inner_radius_m)
+        place = nearest_reachable(legs.reach(legs.levels[-1]), self.xy_m)
+        if place is None:
+            return f"{told(self.xy_m)} {said}"
+        return (
+            f"{told(self.xy_m)} {said}; the nearest place that can be reached is {told(place)}, "
+            f"{math.dist(place, self.xy_m):.2f} m from it"
+        )
+
+
+def told(xy_m: XY) -> str:
+    """A point as sentences name it."""
+    return f"({xy_m[0]:.2f}, {xy_m[1]:.2f}) m"
+
+
+def spacious(ground: GroundMap, xy_m: XY) -> GroundMap:
+    """A map that covers the point too, with unknown ground all around."""
+    rows, columns = ground.occupancy.shape
+    x_m, y_m = ground.origin_m
+    for x, y in ((x_m, y_m), (x_m + columns * ground.cell_m, y_m + rows * ground.cell_m), xy_m):
+        ground = ground.padded(x, y, AROUND_M)
+    return ground
+
+
+def walled(ground: GroundMap, walls: Sequence[XY]) -> GroundMap:
+    """A map in which the unknown ground around these places is an obstacle."""
+    near = np.zeros(ground.occupancy.shape, np.uint8)
+    for row, column in ground.cells_of(np.array(walls).reshape(-1, 2)):
+        cv2.circle(near, (int(column), int(row)), round(WALL_M / ground.cell_m), 1, -1)
+    blocked = (near != 0) & (ground.occupancy < 0)
+    return replace(ground, occupancy=np.where(blocked, np.int8(100), ground.occupancy))
+
+
+def state_of(ground: GroundMap, xy_m: XY, footprint_m: float) -> str:
+    """Why a point cannot be stood on, as the end of a sentence that it begins."""
+    cell = ground.cells_of(np.array([xy_m]))
+    known = int(ground.occupancy[cell[0, 0], cell[0, 1]]) if ground.inside(cell)[0] else -1
+    if known > 0:
+        return "is inside an obstacle"
+    occupied = ground.centres_of(np.argwhere(ground.occupancy > 0))
+    if len(occupied):
+        away_m = float(np.hypot(occupied[:, 0] - xy_m[0], occupied[:, 1] - xy_m[1]).min())
+        if away_m < footprint_m:
+            return (
+                f"is {away_m:.2f} m from an obstacle, and the robot needs {footprint_m:.2f} m "
+                "around it"
+            )
+    if known < 0:
+        return "is unknown ground, and no way to it was found"
+    return "is free, but no way that is wide enough leads there"
+
+
+def nearest_reachable(reached: Reach, xy_m: XY) -> XY | None:
+    """The place nearest to a point that can be reached, however far; None where there is none."""
+    centres = reached.ground.centres_of(np.argwhere(np.isfinite(reached.arrival)))
+    if not len(centres):
+        return None
+    x_m, y_m = centres[np.argmin(np.hypot(*(centres - np.asarray(xy_m)).T))]
+    return float(x_m), float(y_m)

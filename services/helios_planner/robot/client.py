@@ -1,0 +1,339 @@
+"""The robot and its maps over the bus: the `Body` that a real task has."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.codec import (
+    description_from_proto,
+    frame_id_from_proto,
+    object_from_proto,
+    pinhole_to_proto,
+    result_from_proto,
+    transform_to_proto,
+    vector_to_proto,
+)
+from helios_core.errors import (
+    Conflict,
+    InvalidInput,
+)
+from helios_core.geometry import Matrix
+from helios_core.keyframe_acks import AckBook
+from helios_core.map_snapshot import decode_snapshot
+from helios_core.printable_text import counted
+from helios_core.robot import Action, ActionResult, Observe
+from helios_core.topics import (
+    OBJECTS,
+    RETIRE,
+    SNAPSHOT,
+    WHAT_IF,
+)
+from helios_core.types import FrameId, ObjectInstance, RobotState
+from numpy.typing import NDArray
+
+from helios_planner.decisions.decision import Decision
+from helios_planner.motion_planning.costmap import GroundMap, Pose2
+from helios_planner.robot.detections import PART, Inbox, Sighting
+from helios_planner.robot.detector_status import DetectorStatus
+from helios_planner.robot.interface import Body, Frontier, WhatIf
+from helios_planner.robot.rpc import RETRY_S, Driver, Line, system_error
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, Phase, TaskFailed
+
+log = logging.getLogger(__name__)
+
+ACK_PATIENCE_S = 6.0  # then the keyframe is taken anew: a service that restarted has lost it
+
+
+class Listener(Protocol):
+    """Who is told how a task goes."""
+
+    def on_phase(self, phase: Phase, seeking: str, message: str) -> None: ...
+    def on_decision(self, decision: Decision, frame: FrameId | None) -> None: ...
+    def on_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None: ...
+    def on_steps(self, steps: int) -> None: ...
+    def on_picks(self, picks: int) -> None: ...
+    def on_paused(self, why: str) -> None: ...
+    def on_resumed(self) -> None: ...
+    def on_wait(self, what: str | None) -> None: ...
+
+
+class BusBody(Body):
+    """One task's hold on the robot. Used from one thread; `cancelled` may be set from any."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        settings: Settings,
+        description: pb.RobotDescription,
+        acks: AckBook,
+        task_id: str,
+        context_id: str,
+        max_steps: int,
+        listener: Listener,
+        cancelled: threading.Event,
+        parts: Sequence[str],
+    ) -> None:
+        """parts: of a keyframe that must be answered before the next action (`acks.PARTS`)."""
+        self._settings, self._acks, self._parts = settings, acks, parts
+        self._inbox = Inbox(bus, acks, context_id) if PART in parts else None
+        self._detector = DetectorStatus(bus)
+        self._line = Line(bus, settings, cancelled, listener.on_wait)
+        self._driver = Driver(self._line, settings, task_id, self._on_pause)
+        self.description = description_from_proto(description)
+        self._context_id, self._max_steps, self._listener = context_id, max_steps, listener
+        self.steps, self.collisions = 0, 0
+        self._frame: FrameId | None = None
+        self._state: RobotState | None = None
+        self._ground: GroundMap | None = None
+        self._frontiers: tuple[Frontier, ...] = ()
+        self._start: tuple[float, float] | None = None
+        self._objects: dict[str, list[ObjectInstance]] = {}
+        self._fresh = False  # whether the map is the one after the last action
+
+    def begin(self) -> None:
+        """Get the lease, and look until every map answers under this task's search context."""
+        deadline = time.monotonic() + self._settings.ack_timeout_s + self._settings.away_s
+        while True:
+            _, answers, missing = self._do(Observe(), ACK_PATIENCE_S)
+            foreign = [
+                part for part, ack in answers.items()
+                if not ack.accepted or (part != "occupancy" and ack.context_id != self._context_id)
+            ]  # fmt: skip
+            if not missing and not foreign:
+                self._line.waits_for("")
+                self._detector.note_from_now()
+                return
+            whom, why = self._whom((*missing, *foreign))
+            self._line.waits_for(f"{whom}: {why}" if why else f"{whom} to take up the search")
+            if time.monotonic() > deadline:
+                reasons = [answers[p].reason for p in foreign if answers[p].reason]
+                reasons += [why] if why else []
+                raise TaskFailed(
+                    Cause.SYSTEM_ERROR,
+                    f"{whom} did not take up the search"
+                    + (f": {'; '.join(reasons)}" if reasons else "; see `helios status`"),
+                )
+            self._line.rest(RETRY_S)
+
+    def end(self) -> None:
+        """Listen no more, and give the robot back."""
+        self._driver.release()
+        self._detector.close()
+        if self._inbox is not None:
+            self._inbox.close()
+
+    # --- acting --------------------------------------------------------------------------------
+    def act(self, action: Action) -> ActionResult:
+        """See Body. A keyframe that a map lost, by a restart for example, is taken anew."""
+        result, _, missing = self._do(action, ACK_PATIENCE_S)
+        cut_short = self.cut_short
+        deadline = time.monotonic() + self._settings.ack_timeout_s
+        while missing:
+            whom, why = self._whom(missing)
+            what = f"to answer keyframe {self._frame}"
+            self._line.waits_for(f"{whom}: {why}" if why else f"{whom} {what}")
+            if time.monotonic() > deadline:
+                waited = ACK_PATIENCE_S + self._settings.ack_timeout_s
+                raise TaskFailed(
+                    Cause.SYSTEM_ERROR,
+                    f"{whom} did not answer keyframe {self._frame} within {waited:.0f} s"
+                    + (f": {why}" if why else "; see `helios status`"),
+                )
+            log.warning("keyframe %s lacks %s; looking again", self._frame, ", ".join(missing))
+            _, _, missing = self._do(Observe(), ACK_PATIENCE_S)
+        self.cut_short = cut_short  # of the action, not of looking anew
+        self._line.waits_for("")
+        return result
+
+    def _do(
+        self, action: Action, ack_s: float
+    ) -> tuple[ActionResult, dict[str, pb.Ack], list[str]]:
+        if self.steps >= self._max_steps:
+            used = "is" if self._max_steps == 1 else "are"
+            said = (
+                f"the task's {counted(self._max_steps, 'step')} {used} used up"
+                f"{self.detector_trouble()}"
+            )
+            raise TaskFailed(Cause.STEP_BUDGET, said)
+        reply = self._driver.do(action)
+        self.steps += 1
+        self._listener.on_steps(self.steps)
+        self._fresh = False
+        self._objects.clear()
+        self._state = None
+        result = result_from_proto(reply)
+        self.collisions += int(result.collided)
+        self.cut_short = not result.succeeded and self._driver.wait_while_stopped()
+        if not reply.HasField("keyframe"):
+            raise TaskFailed(Cause.SYSTEM_ERROR, "the robot sent no keyframe after an action")
+        frame = frame_id_from_proto(reply.keyframe)
+        if self._frame is not None and frame.epoch != self._frame.epoch:
+            raise TaskFailed(
+                Cause.SYSTEM_ERROR,
+                "the robot restarted or its localisation jumped; submit the task again",
+            )
+        self._frame = frame
+        missing = self._acks.wait(frame, self._parts, ack_s, self._line.cancelled)
+        self._line.check()
+        answers = {p: a for p, a in self._acks.answers(frame).items() if p in self._parts}
+        return result, answers, missing
+
+    def _whom(self, parts: Sequence[str]) -> tuple[str, str]:
+        """(who has not answered these parts, why where the detector said so)."""
+        trouble = self._detector.trouble
+        blamed = [p for p in parts if trouble and p in BY_DETECTOR]
+        names = [PARTS[p] for p in parts if p not in blamed]
+        return _listed([*names, *(["the detector"] if blamed else [])]), trouble if blamed else ""
+
+    # --- knowing -------------------------------------------------------------------------------
+    def detector_trouble(self) -> str:
+        noted = self._detector.noted
+        return f"; meanwhile the detector was degraded: {noted}" if noted else ""
+
+    def budget_used(self) -> float:
+        return min(self.steps / max(self._max_steps, 1), 1.0)
+
+    def pose(self) -> Pose2:
+        return Pose2.of(self._now().T_world_base)
+
+    def tilt_rad(self) -> float:
+        return self._now().tilt_rad
+
+    def held(self) -> str:
+        return self._now().held
+
+    def ground(self) -> GroundMap:
+        self._refresh()
+        assert self._ground is not None
+        return self._ground
+
+    def frontiers(self) -> Sequence[Frontier]:
+        self._refresh()
+        return self._frontiers
+
+    def start(self) -> tuple[float, float] | None:
+        self._refresh()
+        return self._start
+
+    def objects(self, class_name: str) -> Sequence[ObjectInstance]:
+        if class_name not in self._objects:
+            reply = self._line.call(OBJECTS, pb.ObjectsRequest(class_names=[class_name]))
+            self._objects[class_name] = [object_from_proto(o) for o in reply.objects]
+        return self._objects[class_name]
+
+    def sightings(self) -> Sequence[Sighting]:
+        assert self._inbox is not None, "this task does not listen to the detector"
+        return self._inbox.sightings()
+
+    def what_if(
+        self,
+        id: int,
+        class_name: str,
+        T_world_cam: Sequence[Matrix],
+        joint: bool,
+        other_share: float = 0.0,
+    ) -> WhatIf:
+        request = pb.WhatIfRequest(
+            object_id=id,
+            class_name=class_name,
+            T_world_cam=[transform_to_proto(T) for T in T_world_cam],
+            camera=pinhole_to_proto(self.description.camera),
+            joint=joint,
+            other_share=other_share or None,  # unset: as the object map is set
+        )
+        try:
+            reply = self._line.call(WHAT_IF, request, refusals=(InvalidInput, Conflict))
+        except (InvalidInput, Conflict) as error:
+            log.warning("no expectation for %s %d: %s", class_name, id, error.message)
+            return WhatIf((), ())
+        return WhatIf(tuple(reply.score), tuple(reply.information_gain))
+
+    def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
+        request = pb.RetireRequest(
+            object_id=id, point_m=vector_to_proto(point_m), radius_m=0.15, reason=reason
+        )
+        try:
+            self._line.call(RETIRE, request, refusals=(InvalidInput, Conflict))
+        except (InvalidInput, Conflict) as error:
+            log.warning("object %d was not retired: %s", id, error.message)
+        self._objects.clear()
+
+    def _now(self) -> RobotState:
+        if self._state is None:
+            self._state = self._driver.state()
+        return self._state
+
+    def _refresh(self) -> None:
+        if self._fresh:
+            return
+        known = self._ground.version if self._ground is not None else 0
+        reply = self._snapshot(known)
+        if not reply.unchanged and not reply.width * reply.height:
+            # map2d was started again and has no map yet: a new keyframe gives it one.
+            self.act(Observe())
+            reply = self._snapshot(0)
+        if not reply.unchanged or self._ground is None:
+            try:
+                view = decode_snapshot(reply)
+            except InvalidInput as error:
+                raise system_error(error) from error
+            if not view.occupancy.size:
+                raise TaskFailed(
+                    Cause.SYSTEM_ERROR,
+                    "map2d has no map, though it took up the newest keyframe; see `helios status` "
+                    "and its log, logs/map2d.log in the state folder",
+                )
+            self._ground = GroundMap(
+                view.occupancy, view.top_m, view.cell_m, view.origin_m, view.version
+            )
+            if len(view.trajectory_m):
+                self._start = float(view.trajectory_m[0, 0]), float(view.trajectory_m[0, 1])
+            self._frontiers = tuple(
+                Frontier(f.id, (f.x_m, f.y_m), f.size_m, dict(f.values)) for f in view.frontiers
+            )
+        self._fresh = True
+
+    def _snapshot(self, known: int) -> pb.MapSnapshot:
+        """The newest map; without arrays where it is the version `known`."""
+        return self._line.call(SNAPSHOT, pb.SnapshotRequest(layers=False, if_newer=known))
+
+    def _on_pause(self, why: str | None) -> None:
+        if why is None:
+            self._listener.on_resumed()
+        else:
+            self._listener.on_paused(why)
+
+    # --- telling -------------------------------------------------------------------------------
+    def tell_phase(self, phase: Phase, seeking: str, message: str) -> None:
+        self._listener.on_phase(phase, seeking, message)
+
+    def tell_decision(self, decision: Decision) -> None:
+        self._listener.on_decision(decision, self._frame)
+
+    def tell_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None:
+        self._listener.on_plan(route_m, goal, purpose)
+
+    def tell_picks(self, picks: int) -> None:
+        self._listener.on_picks(picks)
+
+
+def _listed(services: Sequence[str]) -> str:
+    return " and ".join(dict.fromkeys(services))
+
+
+# Who answers each part of a keyframe; all but the occupancy come by way of the detector.
+PARTS = {
+    "detections": "detector",
+    "occupancy": "map2d",
+    "value": "map2d (or the detector before it)",
+    "objects": "objectmap (or the detector before it)",
+}
+BY_DETECTOR = frozenset(PARTS) - {"occupancy"}  # not answered while the detector answers nothing

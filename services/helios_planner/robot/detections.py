@@ -1,0 +1,155 @@
+"""What the detector reports, as things in the world: masks lifted with the frame's depth."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.codec import observation_from_proto
+from helios_core.errors import HeliosError
+from helios_core.geometry import Matrix, Pinhole
+from helios_core.keyframe_acks import AckBook
+from helios_core.topics import OBSERVATION
+from helios_core.types import Detection, Observation
+from numpy.typing import NDArray
+
+MIN_POINTS = 8  # below it a mask has no depth worth the name
+TRIMMED = 0.02  # share of the points beyond each side of the box: edges belong to what is behind
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """One detection in the world: what of the thing was seen in one frame. Metres, world."""
+
+    class_name: str
+    confidence: float  # the detector's, 0 to 1
+    center_m: NDArray[np.float64]  # [3] middle of the box of its points
+    size_m: NDArray[np.float64]  # [3]
+    outline_m: NDArray[np.float64]  # [n, 2] hull of its points on the ground
+    nearest_m: float  # from the camera to the nearest of its points
+    at_side: bool  # whole in the left or right third of the image, and at its edge
+
+    @property
+    def top_m(self) -> float:
+        """Height of its highest point."""
+        return float(self.center_m[2] + self.size_m[2] / 2)
+
+
+def sightings_of(observation: Observation) -> list[Sighting]:
+    """Every detection that has depth, in the detector's order."""
+    frame = observation.frame
+    found = []
+    for detection in observation.detections:
+        points = mask_points_m(detection, frame.depth_m, frame.camera, frame.T_world_cam)
+        if len(points) >= MIN_POINTS:
+            left, _, right, _ = detection.box_xyxy
+            found.append(
+                sighting_of(
+                    detection.class_name, detection.score, points, frame.T_world_cam[:3, 3],
+                    lies_at_side(left, right, frame.camera.width),
+                )
+            )  # fmt: skip
+    return found
+
+
+def mask_points_m(
+    detection: Detection, depth_m: NDArray[np.float32], camera: Pinhole, T_world_cam: Matrix
+) -> NDArray[np.float64]:
+    """World points [n, 3] under a mask; its rim, where depth mixes with what is behind, is left
+    out where enough remains."""
+    x0, y0, x1, y1 = detection.box_xyxy
+    mask = detection.mask[y0:y1, x0:x1]
+    inner = cv2.erode(
+        mask.astype(np.uint8),
+        np.ones((3, 3), np.uint8),
+        borderType=cv2.BORDER_CONSTANT,
+        borderValue=(0.0,),
+    )
+    for part in (inner != 0, mask):
+        v, u = np.nonzero(part & (depth_m[y0:y1, x0:x1] > 0))
+        if len(v) >= MIN_POINTS:
+            break
+    else:
+        return np.empty((0, 3))
+    z = depth_m[y0 + v, x0 + u].astype(np.float64)
+    x = (u + x0 - camera.cx) / camera.fx * z
+    y = (v + y0 - camera.cy) / camera.fy * z
+    return np.stack([x, y, z], -1) @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
+
+
+def lies_at_side(left_px: int, right_px: int, width_px: int) -> bool:
+    """Whether columns [left, right) lie within the left or right third of an image and come within
+    5 % of its edge: so little was seen of the thing that VLFM doubts it."""
+    third, margin = width_px // 3, int(0.05 * width_px)
+    if right_px <= third:
+        return left_px <= margin
+    return left_px >= 2 * third and right_px >= int(0.95 * width_px)
+
+
+def sighting_of(
+    class_name: str,
+    confidence: float,
+    points_m: NDArray[np.float64],
+    eye_m: NDArray[np.float64],
+    at_side: bool,
+) -> Sighting:
+    """A sighting of points [n, 3], n >= 1, from a point [3]: their box without the outermost few,
+    and their hull."""
+    low, high = np.quantile(points_m, [TRIMMED, 1 - TRIMMED], axis=0)
+    within = ((points_m >= low) & (points_m <= high)).all(axis=1)
+    kept = points_m[within] if within.sum() >= 3 else points_m
+    away_m = np.linalg.norm(kept - eye_m, axis=1)
+    hull = cv2.convexHull(kept[:, :2].astype(np.float32))
+    return Sighting(
+        class_name=class_name,
+        confidence=confidence,
+        center_m=(low + high) / 2,
+        size_m=high - low,
+        outline_m=np.asarray(hull, np.float64).reshape(-1, 2),
+        nearest_m=float(away_m.min()),
+        at_side=at_side,
+    )
+
+
+log = logging.getLogger(__name__)
+
+PART = "detections"
+
+
+class Inbox:
+    """Collects sightings and answers each keyframe in the book. Thread-safe."""
+
+    def __init__(self, bus: Bus, acks: AckBook, context_id: str) -> None:
+        self._acks, self._context_id = acks, context_id
+        self._lock = threading.Lock()
+        self._sightings: list[Sighting] = []
+        self._registration = bus.subscribe(OBSERVATION, self._on_observation)
+
+    def sightings(self) -> list[Sighting]:
+        """All of this task, in the order of their coming."""
+        with self._lock:
+            return list(self._sightings)
+
+    def close(self) -> None:
+        self._registration.close()
+
+    def _on_observation(self, message: pb.Observation) -> None:
+        ack = pb.Ack(
+            service="planner", part=PART, id=message.frame.id, context_id=message.context_id,
+            accepted=True,
+        )  # fmt: skip
+        if message.context_id == self._context_id:
+            try:
+                found = sightings_of(observation_from_proto(message))
+            except HeliosError as error:
+                log.warning("observation %d refused: %s", message.frame.id.seq, error.message)
+                ack.accepted, ack.reason = False, error.message
+            else:
+                with self._lock:
+                    self._sightings += found
+        self._acks.add(ack)

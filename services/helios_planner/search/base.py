@@ -1,0 +1,356 @@
+"""What every search shares: its loop, frontiers, candidates that must wait, second rounds."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from helios_core.types import ObjectInstance
+
+from helios_planner.decisions.acceptance import give_up
+from helios_planner.decisions.decision import Decision, Do, FrontierOption
+from helios_planner.motion_planning.costmap import Pose2, facing
+from helios_planner.motion_planning.path_planner import Reach
+from helios_planner.navigation.base_controller import Legs, Outcome
+from helios_planner.robot.interface import Body, Frontier
+from helios_planner.search.candidate_beliefs import Belief
+from helios_planner.search.view_selection import Looking, Places
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, Phase, TaskFailed
+
+PICK_LAYER, PLACE_LAYER = "pick", "place"  # value layers: where the object, where the goal may be
+MOST_DOUBTS = 4  # of one thing in one search
+# Times in one search that something, or one and the same thing, turns out to be out of reach.
+MOST_WAITS, MOST_OF_ONE = 8, 3
+
+
+@dataclass
+class Kit:
+    """What the searches of one task work with."""
+
+    body: Body
+    settings: Settings
+    legs: Legs
+    looking: Looking
+    belief: Belief
+    rng: np.random.Generator
+    given_up: list[tuple[float, float]] = field(default_factory=list)  # frontiers that stayed
+
+
+class Search(ABC):
+    """Looks for one class until there is one to act on. What an agent adds: how it decides about
+    what it knows of, and where it explores."""
+
+    def __init__(self, kit: Kit, phase: Phase, name: str, refused_m: float) -> None:
+        """refused_m: how near to a refused candidate nothing is tried again."""
+        self.kit, self.phase, self.name = kit, phase, name
+        self.body, self.settings = kit.body, kit.settings
+        self.legs, self.looking, self.belief = kit.legs, kit.looking, kit.belief
+        self.refused = Places(refused_m)  # for good
+        self.waiting = Places(kit.settings.same_place_m)  # until more ground is known
+        self.rounds = kit.settings.rounds  # times that everything is searched
+        self._waited_at: list[tuple[float, float]] = []  # middles of what was out of reach, in m
+        self._doubts: dict[int, int] = {}  # by instance: how often it did not hold up
+        self._round = self._first_round = 0
+        self._patrol = Patrol(self.legs, kit.settings.patrol_m)
+        self._acted_from: Pose2 | None = None
+        self._first = -1.0, ""  # what is said first, while this share of the steps is used
+        self._left_at = 0  # version of the map when a candidate was last found out of reach
+
+    @abstractmethod
+    def decide(self) -> Decision:
+        """About what is known: act on one, or search on."""
+
+    @abstractmethod
+    def explore(self) -> bool:
+        """One step to learn of more; False when nothing is left."""
+
+    def conclude(self) -> Decision:
+        """Decide and tell: act on one, or search on."""
+        decision = self.decide()
+        if not isinstance(decision, Decision):  # a search of somebody else's
+            raise TypeError(
+                f"decide() gave a value of type {type(decision).__name__}; wanted a Decision, as "
+                "act_on_best gives it"
+            )
+        if decision.candidates:
+            self.body.tell_decision(decision)
+            self.tell(decision.why)
+        return decision
+
+    @property
+    def threshold(self) -> float:
+        """The score from which something is acted on now."""
+        return self.settings.tau_g
+
+    def holds_up(self, near: ObjectInstance | None) -> bool:
+        """Whether what was chosen is acted on as it is believed from near; None: no longer."""
+        return near is not None
+
+    def why_not(self, near: ObjectInstance | None) -> str:
+        """What speaks against that which does not hold up from near."""
+        if near is None:
+            return "from near it is no longer believed to be there"
+        return f"from near it does not look like a {self.name}"
+
+    def settle_at_last(self, after: float) -> None:
+        """In the end, and after that share of the task's steps, the likeliest will do; from 1 on it
+        never does. To who has no threshold it always does."""
+        return
+
+    def settled_for(self, thing: ObjectInstance) -> bool:
+        """Whether this was chosen only because it has come to that."""
+        return False
+
+    @property
+    def at_last(self) -> bool:
+        """Whether it has come to that: no time is left to clear ways."""
+        return False
+
+    def settle_for_less(self) -> bool:
+        """With nothing left to explore: drop a condition, if there is one to drop."""
+        return False
+
+    def find(self) -> ObjectInstance:
+        """Look until there is one to act on. Raises TaskFailed when nothing is left."""
+        first, self._first_round = self._first_round, 0
+        for round_number in range(first, self.rounds):
+            self._round = round_number
+            if round_number > first:
+                self.next_round()
+            while True:
+                decision = self.conclude()
+                if decision.do is Do.ACT:
+                    self._acted_from = self.body.pose()
+                    return self.chosen(decision)
+                more = self.explore() or self.clear_way() or self.patrol()
+                if not self.end_waiting() and not more and not self.settle_for_less():
+                    break
+        raise self._not_found()
+
+    def memory(self) -> dict[str, Any]:
+        """What must not be forgotten over a restart, as JSON, for `recall`."""
+        return {
+            "round": self._round, "waited_at": self._waited_at, "patrol": self._patrol.seen_from,
+            "refused": self.refused.memory(), "waiting": self.waiting.memory(),
+            "doubts": list(self._doubts.items()),
+        }  # fmt: skip
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        self._round = self._first_round = int(memory["round"])
+        self._waited_at = [(x, y) for x, y in memory.get("waited_at", [])]
+        self._patrol.seen_from = [(x, y) for x, y in memory["patrol"]]
+        self._doubts = {int(id): int(n) for id, n in memory.get("doubts", [])}
+        self.refused.recall(memory["refused"])
+        self.waiting.recall(memory["waiting"])
+
+    def _not_found(self) -> TaskFailed:
+        if self.phase is Phase.FIND_OBJECT:
+            cause, where = Cause.OBJECT_NOT_FOUND, "every frontier and every candidate place"
+        else:
+            cause, where = Cause.RECEPTACLE_NOT_FOUND, "every frontier"
+        said = f"no {self.name} was found: {where} was searched{self.body.detector_trouble()}"
+        return TaskFailed(cause, said)
+
+    def tell(self, message: str) -> None:
+        used, first = self._first
+        said_first = [first] if used == self.body.budget_used() else []
+        self.body.tell_phase(self.phase, self.name, "; ".join([*said_first, message]))
+
+    def say_first(self, why: str) -> None:
+        """Why it searches again: said before all that it tells until the robot acts."""
+        self._first = self.body.budget_used(), why
+
+    def give_up(self, what: str, thing: ObjectInstance, reason: str) -> None:
+        """Keep and tell why what was chosen is left; `what` was to be done with it."""
+        kind = "object" if self.phase is Phase.FIND_OBJECT else "receptacle"
+        decision = give_up(what, thing, kind, reason)
+        self.body.tell_decision(decision)
+        self.tell(decision.why)
+        self.say_first(decision.why)
+
+    # --- candidates ----------------------------------------------------------------------------
+    def leave(self, candidate: ObjectInstance, out_of_reach: bool) -> None:
+        """Leave a candidate for good, or, out of reach, until more ground is known."""
+        if not out_of_reach:
+            self.refused.add(candidate)
+            return
+        middle = _xy(candidate)
+        if self.body.pose() != self._acted_from:
+            self._waited_at.append(middle)
+        same_m = self.settings.same_place_m
+        of_one = sum(math.dist(middle, m) < same_m for m in self._waited_at)
+        if of_one > MOST_OF_ONE or len(self._waited_at) > MOST_WAITS:
+            self.refused.add(candidate)
+        elif self.at_last or not self.legs.clear_way(middle, self._near_enough_m(candidate)):
+            self.waiting.add(candidate)
+            self._left_at = self.body.ground().version
+
+    def doubt(self, candidate: ObjectInstance) -> None:
+        """It did not hold up from near: its views decide whether it comes back, a few times."""
+        self._doubts[candidate.id] = self._doubts.get(candidate.id, 0) + 1
+        if self._doubts[candidate.id] >= MOST_DOUBTS:
+            self.refused.add(candidate)
+
+    def end_waiting(self) -> bool:
+        """Candidates that were out of reach may be tried again; whether that may help."""
+        waited = bool(self.waiting.points)
+        self.waiting.clear()
+        return waited and self.body.ground().version != self._left_at
+
+    def _near_enough_m(self, candidate: ObjectInstance) -> float:
+        """So far from its middle some part of it is in reach."""
+        reach_m = self.body.description.reach_m - self.settings.reach_spare_m
+        return reach_m + float(min(candidate.size_m[:2])) / 2
+
+    def open(self, candidate: ObjectInstance) -> bool:
+        """Whether a candidate is neither refused nor waiting."""
+        return candidate not in self.refused and candidate not in self.waiting
+
+    def chosen(self, decision: Decision) -> ObjectInstance:
+        """The instance that a decision chose."""
+        for o in self.belief.known(self.name):
+            if o.id == decision.chosen.id:
+                return o
+        raise TaskFailed(
+            Cause.SYSTEM_ERROR,
+            f"{self.name} {decision.chosen.id} was lost between two questions",
+        )
+
+    # --- frontiers -----------------------------------------------------------------------------
+    def frontier_options(self, layer: str) -> list[FrontierOption]:
+        """Frontiers that can be driven near to, with the widest margin that leads to any."""
+        pose = self.body.pose()
+        frontiers = self._open_frontiers()
+        for level in self.legs.levels:
+            reached = self.legs.reach(level)
+            options = [
+                FrontierOption(
+                    f.id, f.xy_m, f.values.get(layer, 0.0), pose.distance_m(f.xy_m),
+                    pose.bearing_rad(f.xy_m),
+                )
+                for f in frontiers
+                if reached.nearest(f.xy_m, self.settings.frontier_reach_m) is not None
+            ]  # fmt: skip
+            if options:
+                return options
+        return []
+
+    def _open_frontiers(self) -> Sequence[Frontier]:
+        same = self.settings.same_place_m
+        return [
+            f for f in self.body.frontiers()
+            if all(math.dist(f.xy_m, g) > same for g in self.kit.given_up)
+        ]  # fmt: skip
+
+    def _frontier_at(self, xy_m: tuple[float, float]) -> bool:
+        same = self.settings.same_place_m
+        return any(math.dist(f.xy_m, xy_m) <= same for f in self.body.frontiers())
+
+    def visit_frontier(self, xy_m: tuple[float, float], found: Callable[[], bool]) -> None:
+        """Drive near and look at it, until it is no frontier or something was found; what is
+        still a frontier then is given up."""
+        near = None
+        for level in self.legs.levels:
+            near = self.legs.reach(level).nearest(xy_m, self.settings.frontier_reach_m)
+            if near is not None:
+                break
+        if near is not None:
+            outcome = self.legs.go_to(
+                facing(*near, xy_m), f"explore for the {self.name}",
+                lambda: not self._frontier_at(xy_m) or found(),
+            )  # fmt: skip
+            if outcome is Outcome.INTERRUPTED:
+                return
+            if self._frontier_at(xy_m):
+                pose = self.body.pose()
+                self.legs.turn_to(pose.yaw_rad + pose.bearing_rad(xy_m))
+            if self._frontier_at(xy_m):
+                self.legs.look_down_around()
+        if self._frontier_at(xy_m):
+            self.kit.given_up.append(xy_m)
+
+    def clear_way(self) -> bool:
+        """With no frontier in reach: look at unknown ground that bars the way to one, or to a
+        candidate that waits. Whether there was any."""
+        pose = self.body.pose()
+        targets = sorted((f.xy_m for f in self._open_frontiers()), key=pose.distance_m)
+        targets += [(float(p[0]), float(p[1])) for p in self.waiting.points]
+        return any(self.legs.clear_way(t, self.settings.frontier_reach_m) for t in targets)
+
+    def patrol(self) -> bool:
+        """After the first round, with nothing left to explore: look around from one more place.
+        Whether there was any."""
+        if self._round == 0:
+            return False
+
+        def found() -> bool:
+            return self.decide().do is not Do.SEARCH_ON
+
+        return self._patrol.step(f"look for the {self.name} from another side", found)
+
+    def next_round(self) -> None:
+        """Everything was searched: once more, since a detector may miss what it saw."""
+        self.kit.given_up.clear()
+        self.looking.forget()
+        self.legs.look_around()
+        self._patrol.begin()
+
+
+def _xy(candidate: ObjectInstance) -> tuple[float, float]:
+    return float(candidate.center_m[0]), float(candidate.center_m[1])
+
+
+GRID_M = 0.2  # between the places that are considered
+
+
+class Patrol:
+    """Goes to the nearest place that is `apart_m` from all places where it has looked around."""
+
+    def __init__(self, legs: Legs, apart_m: float) -> None:
+        self._legs, self._apart_m = legs, apart_m
+        self.seen_from: list[tuple[float, float]] = []  # x, y in m
+
+    def begin(self) -> None:
+        """Anew, from where the robot has just looked around."""
+        self.seen_from = [self._legs.body.pose().xy]
+
+    def step(self, purpose: str, found: Callable[[], bool]) -> bool:
+        """Go to one more place and look around there, until `found`; False when none is left."""
+        place = next_place(self._legs.reach(), self.seen_from, self._apart_m)
+        if place is None:
+            return False
+        pose = self._legs.body.pose()
+        goal = Pose2(*place, pose.yaw_rad)
+        outcome = self._legs.go_to(goal, purpose, found, face=False)
+        if outcome is Outcome.INTERRUPTED:
+            return True
+        self.seen_from.append(place)
+        if outcome is Outcome.ARRIVED:
+            self._legs.turn_around(found)
+        return True
+
+
+def next_place(
+    reached: Reach, seen_from: Sequence[tuple[float, float]], apart_m: float
+) -> tuple[float, float] | None:
+    """The place with the shortest way that is `apart_m` or more from all of these; None where there
+    is none. Places are world x, y in m."""
+    stride = max(1, round(GRID_M / reached.ground.cell_m))
+    arrival = reached.arrival[::stride, ::stride]
+    cells = np.argwhere(np.isfinite(arrival))
+    if not len(cells):
+        return None
+    xy = reached.ground.centres_of(cells * stride)
+    far = np.ones(len(xy), bool)
+    for x_m, y_m in seen_from:
+        far &= np.hypot(xy[:, 0] - x_m, xy[:, 1] - y_m) >= apart_m
+    if not far.any():
+        return None
+    way = np.where(far, arrival[cells[:, 0], cells[:, 1]], np.inf)
+    k = int(np.argmin(way))
+    return float(xy[k, 0]), float(xy[k, 1])

@@ -1,0 +1,177 @@
+"""The search of an agent that trusts its detector: explore until it reports the thing, then act.
+
+Paper, section 4, trusting agent: no 3D map, no gaze points, no objective. Nothing here asks the
+object map.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from helios_core.types import ObjectInstance
+
+from helios_planner.decisions import explanations
+from helios_planner.decisions.acceptance import Candidate, best_of, paper, position_of
+from helios_planner.decisions.decision import Decision, Do
+from helios_planner.motion_planning.base_placement import (
+    eye_of,
+    near_outline,
+    nearest_to,
+    outline_of,
+)
+from helios_planner.robot.detections import Sighting
+from helios_planner.search.base import PICK_LAYER, PLACE_LAYER, Kit, Search
+from helios_planner.search.candidate_beliefs import SAME_THING_M, TrustingBelief
+from helios_planner.search.frontier_exploration import Explorer, Pursuit
+from helios_planner.search.scored_search import ScoredSearch
+from helios_planner.task import Phase
+
+
+class TrustingSearch(Search):
+    """Acts on the nearest thing that the detector has reported and that has not failed yet. Goal
+    receptacles that it reported while the object was sought count too."""
+
+    def __init__(
+        self,
+        kit: Kit,
+        phase: Phase,
+        name: str,
+        explorer: Callable[[Search, str], Explorer],
+        not_at: np.ndarray | None = None,
+    ) -> None:
+        """not_at: where the object was taken from, when start and goal are of one class."""
+        super().__init__(kit, phase, name, SAME_THING_M)
+        self._not_at = not_at
+        layer = PICK_LAYER if phase is Phase.FIND_OBJECT else PLACE_LAYER
+        self._explorer = explorer(self, layer)
+
+    def reported(self) -> list[ObjectInstance]:
+        return [
+            thing for thing in self.belief.known(self.name)
+            if self.open(thing)
+            and (self._not_at is None or not near_outline(thing, self._not_at, 0.2))
+        ]  # fmt: skip
+
+    def decide(self) -> Decision:
+        pose = self.body.pose()
+        kind = "object" if self.phase is Phase.FIND_OBJECT else "receptacle"
+        candidates = []
+        for thing in self.reported():
+            away_m = pose.distance_m(thing.center_m)
+            terms = {"views": float(thing.views), "distance_m": away_m, "total": -away_m}
+            candidates.append(
+                Candidate(kind, thing.class_name, position_of(thing), terms, thing.id)
+            )
+        rule = "trust the detector"
+        if not candidates:
+            return Decision(rule, Do.SEARCH_ON, (), None, explanations.none_reported(self.name))
+        k = best_of(candidates)
+        why = explanations.trusted(candidates, k)
+        return Decision(rule, Do.ACT, tuple(candidates), k, why)
+
+    def explore(self) -> bool:
+        return self._explorer.step(lambda: bool(self.reported()))
+
+    def memory(self) -> dict[str, Any]:
+        return super().memory() | {"explorer": self._explorer.memory()}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        super().recall(memory)
+        self._explorer.recall(memory["explorer"])
+
+
+class StopSearch(ScoredSearch):
+    """Explores as VLFM does until something may be what is sought, by its class score; then goes to
+    gaze points around it, and stops there only where its score is high enough."""
+
+    kind, what = "object", "stop"
+
+    def __init__(self, kit: Kit, name: str) -> None:
+        within = paper(kit.settings.tau_g, False)
+        super().__init__(kit, Phase.FIND_OBJECT, name, within, refused_m=0.15)
+        self._explorer = Pursuit(self, PICK_LAYER)
+
+    def candidates(self) -> list[ObjectInstance]:
+        return [
+            o for o in self.body.objects(self.name)
+            if o.class_score >= self.settings.cs_g and self.open(o)
+        ]  # fmt: skip
+
+    def explore(self) -> bool:
+        return self.until_candidates(self._explorer)
+
+    def memory(self) -> dict[str, Any]:
+        return super().memory() | {"explorer": self._explorer.memory()}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        super().recall(memory)
+        self._explorer.recall(memory["explorer"])
+
+
+RANGE_M = 5.0  # of VLFM's camera
+FAR_SHARE, NEAR_SHARE = 0.95, 0.5  # of the range: tentative beyond, and dropped within
+TOO_NEAR_M = 1.0
+TENTATIVE = 1.0  # its uncertainty, so that its score is 0
+
+
+class VlfmBelief(TrustingBelief):
+    """See the module."""
+
+    doubts_sides: ClassVar[bool] = True
+
+    def known(self, class_name: str) -> Sequence[ObjectInstance]:
+        """What was seen well; if there is nothing, what is tentative."""
+        super().known(class_name)  # reads what came
+        self._things = [t for t in self._things if not (_tentative(t) and self._disproved(t))]
+        things = [t for t in self._things if t.class_name == class_name]
+        return [t for t in things if not _tentative(t)] or things
+
+    def from_near(
+        self, thing: ObjectInstance, class_name: str, within_m: float
+    ) -> ObjectInstance | None:
+        return nearest_to(thing.center_m, self.known(class_name), within_m)
+
+    def holds(self, thing: ObjectInstance) -> bool:
+        """Also False where another one was seen well meanwhile."""
+        return any(t.id == thing.id for t in self.known(thing.class_name))
+
+    @property
+    def _range_m(self) -> float:
+        return min(RANGE_M, self.body.description.max_depth_m)
+
+    def _take_in(self, sighting: Sighting) -> None:
+        if sighting.confidence < self.settings.vlfm_confidence or sighting.nearest_m < TOO_NEAR_M:
+            return
+        well = sighting.nearest_m <= FAR_SHARE * self._range_m
+        well = well and not (self.doubts_sides and sighting.at_side)
+        known = self._known_as(sighting)
+        if well:
+            self._put(sighting, known)
+        elif sighting.nearest_m > NEAR_SHARE * self._range_m and (
+            known is None or _tentative(known)
+        ):
+            self._put(sighting, known, TENTATIVE)
+
+    def _disproved(self, thing: ObjectInstance) -> bool:
+        """Whether the camera is turned to any of it from near: it would have been seen well."""
+        robot, pose = self.body.description, self.body.pose()
+        eye = (*eye_of(pose, robot), robot.camera_height_m)
+        points = np.vstack([outline_of(thing), thing.center_m[:2]])
+        return any(
+            abs(pose.bearing_rad(xy)) <= robot.camera.hfov_rad / 2
+            and math.dist(eye, (*xy, thing.center_m[2])) <= NEAR_SHARE * self._range_m
+            for xy in points
+        )
+
+
+class UnfilteredBelief(VlfmBelief):
+    """Without the doubt about what is at the side of an image (Table 2)."""
+
+    doubts_sides = False
+
+
+def _tentative(thing: ObjectInstance) -> bool:
+    return thing.uncertainty >= TENTATIVE

@@ -1,0 +1,159 @@
+"""What an agent takes for true of things: the object map's scores, or what the detector says."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+from helios_core import proto as pb
+from helios_core.codec import object_from_proto, object_to_proto
+from helios_core.types import ObjectInstance
+
+from helios_planner.motion_planning.base_placement import nearest_to
+from helios_planner.robot.detections import Sighting
+from helios_planner.robot.interface import Body
+from helios_planner.settings import Settings
+
+SAME_THING_M = 0.3  # two detections of a class nearer than this are of one thing
+
+
+class Belief(ABC):
+    """Things by class, and what is said of one when the robot stands before it."""
+
+    answered: ClassVar[tuple[str, ...]]  # parts of a keyframe that must be there to decide
+
+    def __init__(self, body: Body, settings: Settings) -> None:
+        self.body, self.settings = body, settings
+
+    @abstractmethod
+    def known(self, class_name: str) -> Sequence[ObjectInstance]:
+        """Everything that may be of a class."""
+
+    @abstractmethod
+    def from_near(
+        self, thing: ObjectInstance, class_name: str, within_m: float
+    ) -> ObjectInstance | None:
+        """The thing as it is believed now; None where it is no longer believed to be there."""
+
+    def holds(self, thing: ObjectInstance) -> bool:
+        """Whether it is worth to go on to it; who weighs views does so when it stands there."""
+        return True
+
+    @abstractmethod
+    def taken(self, thing: ObjectInstance) -> None:
+        """It was picked up: it is no longer where it was."""
+
+    @abstractmethod
+    def memory(self) -> list[str]:
+        """What is believed here and nowhere else, as JSON, for `recall`."""
+
+    @abstractmethod
+    def recall(self, memory: Sequence[str]) -> None:
+        """Believe again what `memory` told."""
+
+
+class MapBelief(Belief):
+    """The object map, with scores over all views (HELIOS)."""
+
+    answered = ("occupancy", "value", "objects")
+
+    def known(self, class_name: str) -> Sequence[ObjectInstance]:
+        return self.body.objects(class_name)
+
+    def from_near(
+        self, thing: ObjectInstance, class_name: str, within_m: float
+    ) -> ObjectInstance | None:
+        """The same instance within `within_m`; where it is gone, what lies in its place now."""
+        known = self.body.objects(class_name)
+        same = [o for o in known if o.id == thing.id]
+        within_m = within_m if same else min(within_m, SAME_THING_M)
+        return nearest_to(thing.center_m, same or known, within_m)
+
+    def taken(self, thing: ObjectInstance) -> None:
+        self.body.retire(thing.id, np.asarray(thing.center_m), "picked up")
+
+    def memory(self) -> list[str]:
+        return []
+
+    def recall(self, memory: Sequence[str]) -> None:
+        """The object map remembers by itself."""
+
+
+class TrustingBelief(Belief):
+    """Every detection is true and stays so: no map, no doubt. A later detection at the same place
+    says where the thing is more exactly."""
+
+    answered = ("occupancy", "value", "detections")
+
+    def __init__(self, body: Body, settings: Settings) -> None:
+        super().__init__(body, settings)
+        self._things: list[ObjectInstance] = []
+        self._read = self._ids = 0
+
+    def known(self, class_name: str) -> Sequence[ObjectInstance]:
+        sightings = self.body.sightings()
+        for sighting in sightings[self._read :]:
+            self._take_in(sighting)
+        self._read = len(sightings)
+        return [t for t in self._things if t.class_name == class_name]
+
+    def from_near(
+        self, thing: ObjectInstance, class_name: str, within_m: float
+    ) -> ObjectInstance | None:
+        return nearest_to(thing.center_m, self.known(class_name), within_m) or thing
+
+    def taken(self, thing: ObjectInstance) -> None:
+        self._things = [t for t in self._things if t.id != thing.id]
+
+    def memory(self) -> list[str]:
+        return [object_to_proto(t).SerializeToString().hex() for t in self._things]
+
+    def recall(self, memory: Sequence[str]) -> None:
+        kept = (pb.ObjectInstance.FromString(bytes.fromhex(text)) for text in memory)
+        self._things = [object_from_proto(thing) for thing in kept]
+        self._ids = max((t.id for t in self._things), default=0)
+
+    def _take_in(self, sighting: Sighting) -> None:
+        self._put(sighting, self._known_as(sighting))
+
+    def _known_as(self, sighting: Sighting) -> ObjectInstance | None:
+        """What it is a sighting of, if that was reported before."""
+        same = [
+            t for t in self._things
+            if t.class_name == sighting.class_name
+            and math.dist(t.center_m[:2], sighting.center_m[:2]) < SAME_THING_M
+        ]  # fmt: skip
+        return min(same, key=lambda t: math.dist(t.center_m, sighting.center_m), default=None)
+
+    def _put(
+        self, sighting: Sighting, known: ObjectInstance | None, uncertainty: float = 0.0
+    ) -> None:
+        """Believe it, in the place of what was known."""
+        if known is None:
+            self._ids += 1
+            self._things.append(trusted(self._ids, sighting, 1, uncertainty))
+        else:
+            k = next(k for k, t in enumerate(self._things) if t.id == known.id)
+            self._things[k] = trusted(known.id, sighting, known.views + 1, uncertainty)
+
+
+def trusted(id: int, sighting: Sighting, views: int, uncertainty: float = 0.0) -> ObjectInstance:
+    """A sighting as an instance, beyond doubt unless an uncertainty is given."""
+    return ObjectInstance(
+        id=id,
+        class_name=sighting.class_name,
+        center_m=sighting.center_m,
+        size_m=sighting.size_m,
+        score=1.0 - uncertainty,
+        class_score=1.0,
+        uncertainty=uncertainty,
+        views=views,
+        gaussians=0,
+        probabilities={sighting.class_name: 1.0},
+        top_m=sighting.top_m,
+        outline_m=sighting.outline_m,
+        detection_rate=1.0,
+    )

@@ -1,0 +1,181 @@
+"""Exploring for its own sake: to the nearest border of the known floor, until none is left."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from helios_core.printable_text import counted
+
+from helios_planner.decisions.decision import Decision, Do
+from helios_planner.decisions.global_search import WayOption, nearest_by_way
+from helios_planner.motion_planning.costmap import facing
+from helios_planner.motion_planning.path_planner import Reach
+from helios_planner.motion_planning.unknown_borders import Border, borders_of, floor_m2
+from helios_planner.navigation.base_controller import Legs, Outcome
+from helios_planner.navigation.point_goal import told
+from helios_planner.settings import Settings
+from helios_planner.task import Phase
+
+NAMED = 3  # places that the closing sentence names
+
+XY = tuple[float, float]
+
+
+class Exploration:
+    """Of one task. `given_up`: middles of borders that stayed when they were looked at."""
+
+    def __init__(self, legs: Legs, settings: Settings) -> None:
+        self._legs, self._body, self._settings = legs, legs.body, settings
+        self.given_up: list[XY] = []
+        self._ids: list[XY] = []  # of the borders that were chosen from, in the order of coming
+        self._before_m2: float | None = None  # of floor that was known at the beginning
+        self._now_m2 = 0.0
+        self._left: list[XY] = []  # borders that there still are
+        self._cached: tuple[int, list[Border]] = (-1, [])
+
+    def memory(self) -> dict[str, Any]:
+        """As JSON, for `recall`."""
+        return {
+            "borders_given_up": [list(xy) for xy in self.given_up],
+            "borders": [list(xy) for xy in self._ids],
+            "before_m2": self._before_m2,
+        }
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        self.given_up = [(x, y) for x, y in memory["borders_given_up"]]
+        self._ids = [(x, y) for x, y in memory["borders"]]
+        self._before_m2 = memory["before_m2"]
+
+    def run(self) -> None:
+        """Until no border is left that can be reached and was not looked at."""
+        self._note()
+        while self._step():
+            self._note()
+
+    def said(self) -> str:
+        """What has come of it, so far."""
+        new_m2 = max(0.0, self._now_m2 - (self._before_m2 or 0.0))  # what is known may shrink
+        return f"{self._now_m2:.1f} m² of floor are known, {new_m2:.1f} m² of them new"
+
+    def said_at_end(self) -> str:
+        """With what could not be looked at."""
+        if not self._left:
+            return f"{self.said()}; nothing reachable is unknown"
+        named = ", ".join(told(xy).removesuffix(" m") for xy in self._left[:NAMED])
+        more = len(self._left) - NAMED
+        rest = f" and {more} more" if more > 0 else ""
+        return (
+            f"{self.said()}; nothing else that can be reached is unknown; could not see past "
+            f"{named} m{rest}"
+        )
+
+    def said_left(self) -> str:
+        """Of one that is cut short."""
+        n = len(self._left)
+        return f"{counted(n, 'place')} {'is' if n == 1 else 'are'} left to look at"
+
+    def begin(self) -> bool:
+        """Note what is known before the first look; whether there is any border."""
+        self._note()
+        return bool(self._left)
+
+    # --- one border ----------------------------------------------------------------------------
+    def _note(self) -> None:
+        ground = self._body.ground()
+        self._now_m2 = floor_m2(ground)
+        if self._before_m2 is None:
+            self._before_m2 = self._now_m2
+        self._left = [b.xy_m for b in self._borders()]
+
+    def _step(self) -> bool:
+        decision = nearest_by_way(self._options())
+        self._body.tell_decision(decision)
+        if decision.do is Do.NOTHING_LEFT:
+            return self._clear_way()
+        self._tell(decision)
+        self._visit(decision.chosen.position_m[:2])
+        return True
+
+    def _tell(self, decision: Decision) -> None:
+        message = f"{decision.why}; {self.said()}"
+        self._body.tell_phase(Phase.EXPLORE, "unknown floor", message)
+
+    def _borders(self) -> list[Border]:
+        ground, s = self._body.ground(), self._settings
+        if self._cached[0] != ground.version:
+            self._cached = ground.version, borders_of(ground, s.border_m, s.speck_m2)
+        return self._cached[1]
+
+    def _open(self) -> list[Border]:
+        same_m = self._settings.same_place_m
+        return [
+            b for b in self._borders()
+            if all(math.dist(b.xy_m, g) > same_m for g in self.given_up)
+        ]  # fmt: skip
+
+    def _options(self) -> list[WayOption]:
+        """With the widest margin that leads near to any."""
+        borders = self._open()
+        for level in self._legs.levels:
+            reached = self._legs.reach(level)
+            options = [o for b in borders if (o := self._option(b, reached)) is not None]
+            if options:
+                return options
+        return []
+
+    def _option(self, border: Border, reached: Reach) -> WayOption | None:
+        place = reached.nearest(border.xy_m, self._settings.frontier_reach_m)
+        if place is None:
+            return None
+        way_m = _way_m(reached, place) + math.dist(place, border.xy_m)
+        distance_m = self._body.pose().distance_m(border.xy_m)
+        return WayOption(self._id(border.xy_m), border.xy_m, border.size_m, way_m, distance_m)
+
+    def _id(self, xy_m: XY) -> int:
+        """The number of a border, from 1; one where another was has its number."""
+        for k, known in enumerate(self._ids, start=1):
+            if math.dist(known, xy_m) <= self._settings.same_place_m / 2:
+                return k
+        self._ids.append(xy_m)
+        return len(self._ids)
+
+    def _there(self, xy_m: XY) -> bool:
+        same_m = self._settings.same_place_m
+        return any(math.dist(b.xy_m, xy_m) <= same_m for b in self._borders())
+
+    def _visit(self, xy_m: XY) -> None:
+        """Drive near and look, until it is no border; what still is one then is given up."""
+        legs, near = self._legs, self._place_near(xy_m)
+        if near is not None:
+            goal = facing(*near, xy_m)
+            outcome = legs.go_to(goal, "explore", lambda: not self._there(xy_m))
+            if outcome is Outcome.INTERRUPTED:
+                return
+            if self._there(xy_m):
+                pose = self._body.pose()
+                legs.turn_to(pose.yaw_rad + pose.bearing_rad(xy_m))
+            if self._there(xy_m):
+                legs.look_down_around()
+        if self._there(xy_m):
+            self.given_up.append(xy_m)
+
+    def _place_near(self, xy_m: XY) -> XY | None:
+        reaches = (self._legs.reach(level) for level in self._legs.levels)
+        within_m = self._settings.frontier_reach_m
+        return next((p for r in reaches if (p := r.nearest(xy_m, within_m)) is not None), None)
+
+    def _clear_way(self) -> bool:
+        """With no border in reach: look at unknown ground that bars the way to one. Whether there
+        was any."""
+        pose, within_m = self._body.pose(), self._settings.frontier_reach_m
+        targets: Sequence[XY] = sorted((b.xy_m for b in self._open()), key=pose.distance_m)
+        return any(self._legs.clear_way(xy_m, within_m) for xy_m in targets)
+
+
+def _way_m(reached: Reach, place: XY) -> float:
+    """Length of the way there, in metres at full speed: narrow stretches count more."""
+    ((row, column),) = reached.ground.cells_of(np.array([place]))
+    return float(reached.arrival[row, column]) * reached.ground.cell_m

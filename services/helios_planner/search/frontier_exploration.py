@@ -1,0 +1,102 @@
+"""How frontiers are explored: by a rule that chooses one and stays with it until it was seen, or
+as VLFM does, which asks again after every move."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+
+from helios_planner.decisions.decision import Decision, Do
+from helios_planner.decisions.global_search import (
+    KEPT_M,
+    KEPT_VALUE,
+    ChosenFrontier,
+    FrontierRule,
+    kept,
+)
+from helios_planner.search.base import Search
+
+
+class Explorer(ABC):
+    """Of one search, in one value layer."""
+
+    def __init__(self, search: Search, layer: str) -> None:
+        self.search, self.layer = search, layer
+
+    @abstractmethod
+    def step(self, found: Callable[[], bool]) -> bool:
+        """Explore one frontier, until `found`; False when none is left."""
+
+    @abstractmethod
+    def memory(self) -> list[float]:
+        """What must not be forgotten over a restart, for `recall`."""
+
+    @abstractmethod
+    def recall(self, memory: Sequence[float]) -> None:
+        """What `memory` told."""
+
+    def _visit(self, decision: Decision, found: Callable[[], bool]) -> bool:
+        """Do what was decided, and tell it."""
+        self.search.body.tell_decision(decision)
+        if decision.do is Do.NOTHING_LEFT:
+            return False
+        self.search.tell(decision.why)
+        self.search.visit_frontier(decision.chosen.position_m[:2], found)
+        return True
+
+
+class ByRule(Explorer):
+    """A frontier is visited to its end."""
+
+    def __init__(self, search: Search, layer: str, rule: FrontierRule) -> None:
+        super().__init__(search, layer)
+        self._rule = rule
+
+    def step(self, found: Callable[[], bool]) -> bool:
+        options = self.search.frontier_options(self.layer)
+        return self._visit(self._rule(options, self.layer, self.search.kit.rng), found)
+
+    def memory(self) -> list[float]:
+        return []
+
+    def recall(self, memory: Sequence[float]) -> None:
+        """It goes by what is there now."""
+
+
+class Pursuit(Explorer):
+    """VLFM: the frontier of the highest value, left for another as soon as its value falls."""
+
+    def __init__(self, search: Search, layer: str) -> None:
+        super().__init__(search, layer)
+        self.last: ChosenFrontier | None = None
+
+    def step(self, found: Callable[[], bool]) -> bool:
+        decision = kept(self.search.frontier_options(self.layer), self.layer, self.last)
+        if decision.winner is not None:
+            chosen = decision.chosen
+            self.last = ChosenFrontier(chosen.position_m[:2], chosen.terms["value"])
+        return self._visit(decision, lambda: found() or self._fell())
+
+    def memory(self) -> list[float]:
+        return [] if self.last is None else [*self.last.xy_m, self.last.value_when_chosen]
+
+    def recall(self, memory: Sequence[float]) -> None:
+        if memory:
+            x_m, y_m, value = memory
+            self.last = ChosenFrontier((x_m, y_m), value)
+
+    def _fell(self) -> bool:
+        """Whether the frontier gone to is worth less than after the last move. Where it still is
+        one, it is followed: frontiers move as ground is seen."""
+        assert self.last is not None
+        last = self.last
+        near = [f for f in self.search.body.frontiers() if math.dist(f.xy_m, last.xy_m) <= KEPT_M]
+        if not near:
+            return False
+        same = min(near, key=lambda f: math.dist(f.xy_m, last.xy_m))
+        value = same.values.get(self.layer, 0.0)
+        if value + KEPT_VALUE <= last.value_when_chosen:
+            return True
+        self.last = ChosenFrontier(same.xy_m, value)
+        return False

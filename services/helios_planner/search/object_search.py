@@ -1,0 +1,163 @@
+"""Finding the object (flow 1 and 2): global search, local search, extra views."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from helios_core.types import ObjectInstance
+
+from helios_planner.decisions.acceptance import Rule
+from helios_planner.decisions.decision import Decision, Do, FrontierOption, ReceptacleOption
+from helios_planner.decisions.global_search import (
+    ChosenFrontier,
+    FirstSeen,
+    SearchMemory,
+    SearchRule,
+    normalised_gain,
+)
+from helios_planner.motion_planning.base_placement import near_outline
+from helios_planner.navigation.base_controller import Outcome
+from helios_planner.search.base import PICK_LAYER, Kit
+from helios_planner.search.scored_search import ScoredSearch
+from helios_planner.search.view_selection import Places
+from helios_planner.task import Phase
+
+ON_M = 0.15  # this near to a receptacle's outline is on it
+SOMEWHERE = 0.05  # score of a start receptacle that may be anywhere and was not seen
+EXPECTED = 0.4  # score of one that is still to be found, while none is as sure
+
+
+def is_on_any(thing: ObjectInstance, starts: Sequence[ObjectInstance]) -> bool:
+    """On or near anything that may be a start receptacle, however little it is believed."""
+    return any(near_outline(start, thing.center_m, ON_M) for start in starts)
+
+
+def place(thing: ObjectInstance, starts: Sequence[ObjectInstance]) -> float:
+    """Ψ of the start receptacle that a thing is on, beside that of the likeliest one which is known
+    or to be expected; (0, 1]. Beyond the paper: (0.05 + Ψ_here) / (0.05 + max(0.4, max Ψ))."""
+    likeliest = max([EXPECTED, *(start.score for start in starts)])
+    here = [max(s.score, 0.0) for s in starts if near_outline(s, thing.center_m, ON_M)]
+    return (SOMEWHERE + max(here, default=0.0)) / (SOMEWHERE + likeliest)
+
+
+class ObjectSearch(ScoredSearch):
+    """Remembers over a task what was visited, chosen and first seen.
+
+    Where the instruction names a start receptacle, what lies elsewhere is remembered, and acted on
+    only when there is nothing left to search.
+    """
+
+    kind, what = "object", "pick"
+
+    def __init__(
+        self, kit: Kit, name: str, start: str | None, rule: SearchRule, standards: Rule
+    ) -> None:
+        within = standards(kit.settings.tau_g, start is not None)
+        super().__init__(kit, Phase.FIND_OBJECT, name, within, refused_m=0.15)
+        self.start, self._rule = start, rule
+        self.seen = SearchMemory()
+        self.visited = Places(kit.settings.same_place_m)
+        self._last_seen: tuple = ()
+
+    def memory(self) -> dict[str, Any]:
+        return super().memory() | {
+            "visited": self.visited.memory(), "objective": self.seen.as_json(),
+        }  # fmt: skip
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        super().recall(memory)
+        self.visited.recall(memory["visited"])
+        self.seen = SearchMemory.of_json(memory["objective"])
+
+    def end_waiting(self) -> bool:
+        self._last_seen = ()
+        return super().end_waiting()
+
+    def next_round(self) -> None:
+        self.visited.clear()
+        super().next_round()
+
+    # --- the object ----------------------------------------------------------------------------
+    def candidates(self) -> list[ObjectInstance]:
+        return [
+            o for o in self.body.objects(self.name)
+            if o.class_score >= self.settings.cs_g and self.open(o)
+        ]  # fmt: skip
+
+    def in_place(self, candidate: ObjectInstance) -> bool:
+        return self.start is None or is_on_any(candidate, self.body.objects(self.start))
+
+    def place_of(self, candidate: ObjectInstance) -> float:
+        return 1.0 if self.start is None else place(candidate, self.body.objects(self.start))
+
+    def settle_for_less(self) -> bool:
+        self._last_seen = ()
+        return super().settle_for_less()
+
+    def _something_to_do(self) -> bool:
+        """Whether the search is to be interrupted for a candidate object."""
+        found = self.body.objects(self.name)
+        seen = tuple((o.id, o.views, round(o.score, 3)) for o in found)
+        if not seen or self._last_seen == seen:
+            return False
+        self._last_seen = seen
+        return self.decide().do in (Do.ACT, Do.LOOK)
+
+    # --- where it may be -----------------------------------------------------------------------
+    def explore(self) -> bool:
+        """One step of the global search."""
+        options = self._receptacle_options()
+        frontiers = self.frontier_options(PICK_LAYER)
+        decision = self.next_place(options, frontiers)
+        self.body.tell_decision(decision)
+        if decision.do is Do.NOTHING_LEFT:
+            return False
+        self.tell(decision.why)
+        chosen = decision.chosen
+        if decision.do is Do.GO_TO_FRONTIER:
+            xy = chosen.position_m[:2]
+            self.seen.chosen.append(ChosenFrontier(xy, chosen.terms["value"]))
+            self.visit_frontier(xy, self._something_to_do)
+        else:
+            self._local_search(next(o.instance for o in options if o.instance.id == chosen.id))
+        return True
+
+    def _receptacles(self) -> list[ObjectInstance]:
+        if not self.start:
+            return []
+        return [o for o in self.body.objects(self.start) if o.class_score >= self.settings.cs_a]
+
+    def _receptacle_options(self) -> list[ReceptacleOption]:
+        pose = self.body.pose()
+        options = []
+        for r in self._receptacles():
+            if r in self.visited:
+                continue
+            gain = self.looking.information_gain_nats(r, r.class_name)
+            if gain is None:
+                continue
+            normalised = normalised_gain(gain, r.gaussians, self.settings.gain_norm)
+            centre = (float(r.center_m[0]), float(r.center_m[1]))
+            self.seen.note(r.id, FirstSeen(r.class_score, normalised, centre))
+            away_m, bearing_rad = pose.distance_m(centre), pose.bearing_rad(centre)
+            option = ReceptacleOption(r, r.class_score, normalised, away_m, bearing_rad)
+            options.append(option)
+        return options
+
+    def next_place(
+        self, receptacles: Sequence[ReceptacleOption], frontiers: Sequence[FrontierOption]
+    ) -> Decision:
+        """Where to search next; either list may be empty."""
+        return self._rule(receptacles, frontiers, self.seen, self.settings.alpha_d)
+
+    def _local_search(self, receptacle: ObjectInstance) -> None:
+        """All gaze points of a receptacle, nearest first; then it is visited."""
+        purpose = f"look for the {self.name} on the {receptacle.class_name}"
+        while points := self.looking.around(receptacle):
+            outcome = self.looking.go_and_look(
+                receptacle, points[0], purpose, self._something_to_do
+            )
+            if outcome is Outcome.INTERRUPTED or self._something_to_do():
+                return
+        self.visited.add(receptacle)

@@ -1,0 +1,60 @@
+"""The searches of HELIOS with a rule of somebody else's for where to go next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from helios_planner.decisions.acceptance import paper
+from helios_planner.decisions.decision import Decision, FrontierOption, ReceptacleOption
+from helios_planner.decisions.global_search import by_objective
+from helios_planner.decisions.plugin_rule import ExplorationRule, by_own_rule
+from helios_planner.search.base import PICK_LAYER, PLACE_LAYER, Kit, Search
+from helios_planner.search.frontier_exploration import Explorer
+from helios_planner.search.object_search import ObjectSearch
+from helios_planner.search.scored_search import ReceptacleSearch
+
+
+class ByOwnRule(Explorer):
+    """The frontier that the rule scores highest, visited to its end."""
+
+    def __init__(self, search: Search, layer: str, rule: ExplorationRule) -> None:
+        super().__init__(search, layer)
+        self._rule = rule
+
+    def step(self, found: Callable[[], bool]) -> bool:
+        frontiers = self.search.frontier_options(self.layer)
+        rng = self.search.kit.rng
+        decision = by_own_rule(self._rule, (), frontiers, self.search.name, self.layer, rng)
+        return self._visit(decision, found)
+
+    def memory(self) -> list[float]:
+        return []
+
+    def recall(self, memory: Sequence[float]) -> None:
+        """It goes by what is there now."""
+
+
+class OwnObjectSearch(ObjectSearch):
+    """Candidate receptacles and frontiers by the rule's scores."""
+
+    def __init__(self, kit: Kit, name: str, start: str | None, rule: ExplorationRule) -> None:
+        super().__init__(kit, name, start, by_objective, paper)
+        self._own_rule = rule
+
+    def next_place(
+        self, receptacles: Sequence[ReceptacleOption], frontiers: Sequence[FrontierOption]
+    ) -> Decision:
+        rng = self.kit.rng
+        return by_own_rule(self._own_rule, receptacles, frontiers, self.name, PICK_LAYER, rng)
+
+
+class OwnReceptacleSearch(ReceptacleSearch):
+    """Frontiers by the rule's scores, until the goal is known."""
+
+    def __init__(
+        self, kit: Kit, name: str, not_at: np.ndarray | None, rule: ExplorationRule
+    ) -> None:
+        super().__init__(kit, name, not_at, paper)
+        self._explorer = ByOwnRule(self, PLACE_LAYER, rule)

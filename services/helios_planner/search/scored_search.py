@@ -1,0 +1,250 @@
+"""Searches by score: candidates of the object map, extra views where one would help (eq. 7, 11)."""
+
+from __future__ import annotations
+
+import heapq
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from helios_core import proto as pb
+from helios_core.codec import object_from_proto, object_to_proto
+from helios_core.types import ObjectInstance
+
+from helios_planner.decisions.acceptance import Rule, Standard, Standards, act_or_look, in_the_end
+from helios_planner.decisions.decision import Decision, Do
+from helios_planner.decisions.explanations import less
+from helios_planner.decisions.global_search import highest_value
+from helios_planner.motion_planning.base_placement import near_outline
+from helios_planner.search.base import PLACE_LAYER, Kit, Search
+from helios_planner.search.frontier_exploration import ByRule, Explorer
+from helios_planner.search.view_selection import BestView
+from helios_planner.task import Phase
+
+
+class ScoredSearch(Search):
+    """Acts on a candidate with Psi >= the threshold that holds by now."""
+
+    kind: str  # of what is sought, in decisions
+    what: str  # is done with it
+
+    def __init__(
+        self, kit: Kit, phase: Phase, name: str, standards: Standards, refused_m: float
+    ) -> None:
+        super().__init__(kit, phase, name, refused_m)
+        self._standards, self._since = standards, kit.body.budget_used()
+        self._step = 0  # of the standards
+        self._acted = standards.steps[0]  # what the newest decision was taken by
+        self._views: dict[int, BestView | None] = {}
+        self._remembered = Remembered()
+        self._from_memory = False  # whether what the newest decision is about is believed no more
+
+    @abstractmethod
+    def candidates(self) -> list[ObjectInstance]:
+        """What may be what is sought, by its class score."""
+
+    def until_candidates(self, explorer: Explorer) -> bool:
+        """Explore a step, or until there is a new candidate or one that may be acted on."""
+        before = {o.id for o in self.candidates()}
+
+        def found() -> bool:
+            now = self.candidates()
+            return any(o.score >= self.threshold or o.id not in before for o in now)
+
+        return explorer.step(found)
+
+    def in_place(self, candidate: ObjectInstance) -> bool:
+        """Whether it is where it was said to be."""
+        return True
+
+    def place_of(self, candidate: ObjectInstance) -> float:
+        """How likely it is where it was said to be, beside the likeliest place; (0, 1]."""
+        return 1.0
+
+    @property
+    def threshold(self) -> float:
+        """The score from which something is acted on now."""
+        return self._standard.score
+
+    @property
+    def anywhere(self) -> bool:
+        """Whether what is not in its place may be acted on now."""
+        return self._standard.anywhere
+
+    @property
+    def _standard(self) -> Standard:
+        due = self._standards.least_at(self.body.budget_used(), self._since)
+        self._step = max(self._step, due)
+        return self._standards.steps[self._step]
+
+    def _place(self, candidate: ObjectInstance) -> float:
+        return self.place_of(candidate) if self._standards.by_place else 1.0
+
+    def holds_up(self, near: ObjectInstance | None) -> bool:
+        """Views from near may take from its score what one more could bring back, tau_inc: large
+        things are seen in parts from there. Who acted above the threshold asks for no more than it,
+        and who goes back to what was believed once asks for nothing.
+        """
+        if self._from_memory or near is None:
+            return self._from_memory
+        least = replace(self._acted, score=self._least_near)
+        return any(o.id == near.id for o in self.candidates()) and self._meets(near, least)
+
+    def why_not(self, near: ObjectInstance | None) -> str:
+        if near is None:
+            return super().why_not(near)
+        score, least = near.score * self._place(near), self._least_near
+        if score < least:
+            return f"from near its score is {less(score, least)}"
+        if not (self._acted.anywhere or self.in_place(near)):
+            return "from near it is not where it was said to be"
+        return super().why_not(near)
+
+    @property
+    def _least_near(self) -> float:
+        """The score that what was chosen must have from near."""
+        threshold = self._standards.steps[self._standards.firm - 1].score
+        return min(self._acted.score, threshold) - self.settings.tau_inc
+
+    @property
+    def at_last(self) -> bool:
+        """Whether the newest decision was taken because it had come to that."""
+        return self._standards.at_last is not None and self._acted is self._standards.steps[-1]
+
+    def _meets(self, thing: ObjectInstance, standard: Standard) -> bool:
+        sure = thing.score * self._place(thing) >= standard.score
+        return sure and (standard.anywhere or self.in_place(thing))
+
+    def settle_at_last(self, after: float) -> None:
+        if after < 1:
+            self._standards = in_the_end(self._standards, after)
+
+    def settled_for(self, thing: ObjectInstance) -> bool:
+        doubtful = self._from_memory or not self._meets(thing, self._standards.steps[-2])
+        return self.at_last and doubtful
+
+    def settle_for_less(self) -> bool:
+        again = self._round + 1 < self.settings.rounds  # first everything is searched once more
+        last = self._standards.firm if again else len(self._standards.steps)
+        if self._step >= last - 1:
+            return False
+        self._step += 1
+        return True
+
+    def memory(self) -> dict[str, Any]:
+        return super().memory() | {
+            "standard": self._step, "since": self._since, "remembered": self._remembered.memory(),
+        }  # fmt: skip
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        super().recall(memory)
+        self._step, self._since = int(memory["standard"]), float(memory["since"])
+        self._acted = self._standards.steps[self._step]
+        self._remembered.recall(memory.get("remembered", []))
+
+    def decide(self) -> Decision:
+        """Act on one, look at one again, or search on."""
+        options = []
+        self._views.clear()
+        things = self.candidates()
+        self._remembered.note(things)
+        self._acted = self._standard
+        known_once = None if things or not self.at_last else self._remembered.best(self.open)
+        self._from_memory = known_once is not None
+        for thing in [known_once] if known_once else things:
+            in_place = self.in_place(thing)
+            worth = in_place or self.anywhere
+            place = self._place(thing)
+            option, self._views[thing.id] = self.looking.option(
+                thing, self.name, self.threshold / place, in_place=in_place, ask=worth
+            )
+            options.append(replace(option, place=place))
+        return act_or_look(
+            options, self.threshold, self.settings.tau_inc, self.kind, self.what, self.anywhere
+        )
+
+    def chosen(self, decision: Decision) -> ObjectInstance:
+        known_once = self._remembered.get(decision.chosen.id) if self._from_memory else None
+        return known_once or super().chosen(decision)
+
+    def conclude(self) -> Decision:
+        """Looks at candidates again for as long as that is decided."""
+        while (decision := super().conclude()).do is Do.LOOK:
+            self._look_again(decision)
+        return decision
+
+    def _look_again(self, decision: Decision) -> None:
+        """Go to the best view of the chosen candidate, unless one becomes sure on the way."""
+        view = self._views[decision.chosen.id]
+        assert view is not None
+
+        def sure() -> bool:
+            return any(self._meets(o, self._standard) for o in self.candidates())
+
+        purpose = f"another view of the {self.name}"
+        self.looking.go_and_look(self.chosen(decision), view.gaze, purpose, sure)
+
+
+class ReceptacleSearch(ScoredSearch):
+    """What was learnt while the object was sought is used from the first moment."""
+
+    kind, what = "receptacle", "place"
+
+    def __init__(self, kit: Kit, name: str, not_at: np.ndarray | None, standards: Rule) -> None:
+        """not_at: where the object was taken from, when start and goal are of one class."""
+        s = kit.settings
+        within = standards(s.tau_b, False)
+        super().__init__(kit, Phase.FIND_RECEPTACLE, name, within, s.same_place_m)
+        self._not_at = not_at
+        self._explorer: Explorer = ByRule(self, PLACE_LAYER, highest_value)
+
+    def explore(self) -> bool:
+        return self.until_candidates(self._explorer)
+
+    def holds_up(self, near: ObjectInstance | None) -> bool:
+        """At last there is no time for another, whatever this one looks like from near."""
+        return self.at_last or super().holds_up(near)
+
+    def candidates(self) -> list[ObjectInstance]:
+        return [
+            o for o in self.body.objects(self.name)
+            if o.class_score >= self.settings.cs_b
+            and self.open(o)
+            and (self._not_at is None or not near_outline(o, self._not_at, 0.2))
+        ]  # fmt: skip
+
+
+MOST_WRITTEN = 16
+
+
+class Remembered:
+    """Candidates as they were when they were believed last, by id."""
+
+    def __init__(self) -> None:
+        self._things: dict[int, ObjectInstance] = {}
+
+    def note(self, candidates: Iterable[ObjectInstance]) -> None:
+        """Of one that is known already, what is believed now."""
+        self._things |= {c.id: c for c in candidates}
+
+    def get(self, id: int) -> ObjectInstance | None:
+        return self._things.get(id)
+
+    def best(self, allowed: Callable[[ObjectInstance], bool]) -> ObjectInstance | None:
+        """The one with the largest class score times views; None where none is allowed."""
+        return max(filter(allowed, self._things.values()), key=_spoken_for, default=None)
+
+    def memory(self) -> list[str]:
+        """As JSON, for `recall`: the best ones, since it is written down before every action."""
+        best = heapq.nlargest(MOST_WRITTEN, self._things.values(), key=_spoken_for)
+        return [object_to_proto(c).SerializeToString().hex() for c in best]
+
+    def recall(self, memory: Sequence[str]) -> None:
+        self.note(object_from_proto(pb.ObjectInstance.FromString(bytes.fromhex(m))) for m in memory)
+
+
+def _spoken_for(c: ObjectInstance) -> tuple[float, int]:
+    """How much the views said for it; of equals the older one."""
+    return c.class_score * c.views, -c.id

@@ -1,0 +1,198 @@
+"""Looking at candidates: gaze points that are left, what a view would bring, going there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from helios_core.geometry import wrap_angle
+from helios_core.types import ObjectInstance
+from numpy.typing import NDArray
+
+from helios_planner.decisions.acceptance import best_view
+from helios_planner.decisions.decision import ViewOption
+from helios_planner.motion_planning.base_placement import GazePoint, GazeRules, gaze_points
+from helios_planner.motion_planning.costmap import Pose2
+from helios_planner.navigation.base_controller import Legs, Outcome, never
+from helios_planner.robot.interface import Body
+from helios_planner.settings import Settings
+
+
+@dataclass
+class Places:
+    """A set of things, known by id and by where they are (ids change when instances merge)."""
+
+    same_m: float
+    ids: set[int] = field(default_factory=set)
+    points: list[NDArray[np.float64]] = field(default_factory=list)
+
+    def add(self, instance: ObjectInstance) -> None:
+        self.ids.add(instance.id)
+        self.points.append(np.asarray(instance.center_m[:2], float))
+
+    def __contains__(self, instance: ObjectInstance) -> bool:
+        return instance.id in self.ids or any(
+            math.dist(p, instance.center_m[:2]) < self.same_m for p in self.points
+        )
+
+    def clear(self) -> None:
+        self.ids.clear()
+        self.points.clear()
+
+    def memory(self) -> dict[str, Any]:
+        """As JSON, for `recall`."""
+        return {"ids": sorted(self.ids), "points": [p.tolist() for p in self.points]}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        self.ids = set(memory["ids"])
+        self.points = [np.asarray(p, float) for p in memory["points"]]
+
+
+@dataclass(frozen=True)
+class BestView:
+    """The view that would raise a candidate's score most."""
+
+    gaze: GazePoint
+    score: float
+
+
+class Looking:
+    """Knows from where each candidate was looked at on purpose."""
+
+    def __init__(
+        self, body: Body, legs: Legs, settings: Settings, other_share: float = 0.0
+    ) -> None:
+        """other_share: of what a local search may see, what speaks for something else."""
+        self.body, self.legs, self.settings = body, legs, settings
+        self._other_share = other_share
+        s = settings
+        self._thing_rules = GazeRules(s.view_distances_m, s.view_spacing_m, s.block_height_m)
+        self._place_rules = GazeRules(s.gaze_distances_m, s.gaze_spacing_m, s.block_height_m)
+        self._stop_rules = GazeRules(s.stop_distances_m, s.view_spacing_m, s.block_height_m)
+        self._looked: list[tuple[NDArray[np.float64], Pose2]] = []  # candidate's middle, from where
+        self._views: dict[tuple, BestView | None] = {}
+        self._gains: dict[tuple, float] = {}
+
+    # --- gaze points ---------------------------------------------------------------------------
+    def around(self, receptacle: ObjectInstance) -> list[GazePoint]:
+        """Gaze points of a local search that are left, nearest first."""
+        return self._left(receptacle, self._place_rules, 0.6 * self.settings.gaze_spacing_m)
+
+    def views_of(self, thing: ObjectInstance) -> list[GazePoint]:
+        """Gaze points for an extra view that are left, nearest first."""
+        return self._left(thing, self._thing_rules, 0.6 * self.settings.view_spacing_m)
+
+    def stops_at(self, thing: ObjectInstance) -> list[GazePoint]:
+        """Where to stop before what was sought, nearest first; looked from already or not."""
+        return self._points(thing, self._stop_rules)
+
+    def _left(self, candidate: ObjectInstance, rules: GazeRules, apart_m: float) -> list[GazePoint]:
+        done = self._done(candidate)
+        return [
+            g for g in self._points(candidate, rules)
+            if all(d.distance_m(g.pose.xy) >= apart_m for d in done)
+        ]  # fmt: skip
+
+    def _points(self, candidate: ObjectInstance, rules: GazeRules) -> list[GazePoint]:
+        """With the widest margin that leads to any."""
+        for level in self.legs.levels:
+            points = gaze_points(candidate, self.legs.reach(level), self.body.description, rules)
+            if points:
+                return points
+        return []
+
+    def _done(self, candidate: ObjectInstance) -> list[Pose2]:
+        return [
+            pose for middle, pose in self._looked
+            if math.dist(middle, candidate.center_m[:2]) < self.settings.same_place_m
+        ]  # fmt: skip
+
+    def times(self, candidate: ObjectInstance) -> int:
+        """How often it was looked at on purpose."""
+        return len(self._done(candidate))
+
+    def forget(self) -> None:
+        """Every gaze point may be gone to again."""
+        self._looked.clear()
+
+    def memory(self) -> list[list[float]]:
+        """As JSON, for `recall`: middles and poses [x, y, x, y, yaw]."""
+        return [[*map(float, m), p.x_m, p.y_m, p.yaw_rad] for m, p in self._looked]
+
+    def recall(self, memory: Sequence[Sequence[float]]) -> None:
+        self._looked = [(np.array([mx, my]), Pose2(x, y, yaw)) for mx, my, x, y, yaw in memory]
+
+    # --- what views would bring ----------------------------------------------------------------
+    def information_gain_nats(self, receptacle: ObjectInstance, class_name: str) -> float | None:
+        """Expected gain of a local search (eq. 12); None where it cannot be gone to yet."""
+        points = self.around(receptacle)[: self.settings.gaze_poses]
+        if not points:
+            return None
+        key = (receptacle.id, receptacle.views, receptacle.gaussians, len(points))
+        if key not in self._gains:
+            poses = [g.T_world_cam(self.body.description) for g in points]
+            answer = self.body.what_if(
+                receptacle.id, class_name, poses, joint=True, other_share=self._other_share
+            )
+            self._gains[key] = answer.gains_nats[0] if answer.gains_nats else 0.0
+        return self._gains[key]
+
+    def best_view(self, thing: ObjectInstance, class_name: str) -> BestView | None:
+        """The extra view with the best Psi' (eq. 11); None where none is left."""
+        if self.times(thing) >= self.settings.extra_views:
+            return None
+        points = self.views_of(thing)[: self.settings.gaze_poses]
+        if not points:
+            return None
+        key = (thing.id, thing.views, thing.gaussians, tuple(g.pose for g in points))
+        if key not in self._views:
+            poses = [g.T_world_cam(self.body.description) for g in points]
+            answer = self.body.what_if(thing.id, class_name, poses, joint=False)
+            scores = list(answer.scores)
+            if len(scores) != len(points):
+                self._views[key] = None
+            else:
+                k = int(np.argmax(scores))
+                self._views[key] = BestView(points[k], float(scores[k]))
+                self.body.tell_decision(best_view(thing, scores, [g.pose.xy for g in points]))
+        return self._views[key]
+
+    def option(
+        self,
+        thing: ObjectInstance,
+        class_name: str,
+        threshold: float,
+        in_place: bool,
+        ask: bool,
+    ) -> tuple[ViewOption, BestView | None]:
+        """A candidate with its terms; with `ask`, what one more view would bring, if it matters."""
+        matters = ask and thing.score < threshold
+        view = self.best_view(thing, class_name) if matters else None
+        distance_m = self.body.pose().distance_m(thing.center_m)
+        score = view.score if view else None
+        return ViewOption(thing, thing.score, score, distance_m, in_place), view
+
+    # --- going to look -------------------------------------------------------------------------
+    def go_and_look(
+        self,
+        candidate: ObjectInstance,
+        gaze: GazePoint,
+        purpose: str,
+        stop: Callable[[], bool] = never,
+    ) -> Outcome:
+        """Drive to a gaze point, face the candidate, tilt the head. Reached or not, it counts as
+        looked from there, so that the same view is not asked for again; interrupted, it does not.
+        """
+        outcome = self.legs.go_to(gaze.pose, purpose, stop)
+        if outcome is Outcome.INTERRUPTED:
+            return outcome
+        middle = np.asarray(candidate.center_m[:2], float)
+        self._looked.append((middle, gaze.pose))
+        if outcome is Outcome.ARRIVED:
+            pose = self.body.pose()
+            self.legs.turn_to(wrap_angle(pose.yaw_rad + pose.bearing_rad(middle)))
+            self.legs.tilt(gaze.tilt_rad)
+        return outcome

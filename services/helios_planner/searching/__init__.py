@@ -1,1 +1,0 @@
-"""Finding a thing or a receptacle: global search, local search, extra views (section 3.2)."""

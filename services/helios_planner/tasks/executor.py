@@ -1,0 +1,155 @@
+"""One task from its start, or from where a planner that died left it, to its end."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Sequence
+from dataclasses import replace
+
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.codec import context_to_proto
+from helios_core.errors import HeliosError
+from helios_core.keyframe_acks import AckBook
+from helios_core.topics import CONTEXT, VOCABULARY
+
+from helios_planner.agents import agent_named
+from helios_planner.robot.client import BusBody
+from helios_planner.robot.rpc import Line
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, State, Task, TaskCancelled, TaskFailed, TimeIsUp
+from helios_planner.tasks.mission import Mission
+from helios_planner.tasks.move_mission import MoveMission
+from helios_planner.tasks.registry import TaskBook, TaskVoice
+from helios_planner.tasks.run_control import Hold, Journal, TaskBus, last_action
+from helios_planner.tasks.search_context import check_able, in_vocabulary, search_context
+from helios_planner.tasks.store import Entry, Store
+
+log = logging.getLogger(__name__)
+
+
+class TaskRun:
+    """One life of a task. `cancelled` ends it within an action, `hold` pauses it."""
+
+    def __init__(
+        self, bus: Bus, settings: Settings, robot: pb.RobotDescription, acks: AckBook,
+        store: Store, book: TaskBook, task: Task, cancelled: threading.Event, hold: Hold,
+    ) -> None:  # fmt: skip
+        self._settings, self._robot, self._acks = settings, robot, acks
+        self._book, self._task, self._cancelled = book, task, cancelled
+        kept = store.entry(task.id)
+        self._again = kept is not None
+        entry = Entry() if kept is None else replace(kept, life=kept.life + 1)
+        self._journal = Journal(store, task.id, entry)
+        self._voice = TaskVoice(book, task, settings, store.last_number(task.id) + 1)
+        self._bus = TaskBus(bus, self._journal, hold, self._voice, settings.keep_within_s)
+
+    def run(self) -> None:
+        """Until it has ended, or was cancelled because the planner ends; that is the book's."""
+        body: BusBody | None = None
+        mission: Mission | MoveMission | None = None
+        try:
+            if not self._task.instruction.kind.only_moves:
+                self._named()
+            check_able(self._task.instruction, self._robot)
+            context = search_context(self._task.context_id, self._task.instruction, self._settings)
+            self._bus.publish(CONTEXT, context_to_proto(context))
+            body = self._body(context.id)
+            mission = self._mission(body)
+            if self._again:
+                self._take_up(mission)
+            self._journal.memory = mission.memory
+            self._journal.note()
+            body.begin()
+            message = mission.run() + _contacts(body)
+            self._end(mission, State.SUCCEEDED, message)
+        except TaskCancelled:
+            self._end(mission, State.CANCELLED, f"cancelled; {self._left(body)}")
+        except TaskFailed as failure:
+            by_robot = failure.cause is not Cause.SYSTEM_ERROR and body is not None
+            message = failure.message
+            if isinstance(failure, TimeIsUp) and body is not None:
+                message += body.detector_trouble()
+            message += _contacts(body) if by_robot else ""
+            if by_robot and (held := self._held(body)):
+                message += f"; {held}"
+            self._end(mission, State.FAILED, message, failure.cause)
+        except HeliosError as error:
+            self._end(mission, State.FAILED, error.message, Cause.SYSTEM_ERROR)
+        finally:
+            if body is not None:
+                body.end()
+
+    def _end(
+        self,
+        mission: Mission | MoveMission | None,
+        state: State,
+        message: str,
+        cause: Cause | None = None,
+    ) -> None:
+        seen = mission and mission.seen_at_goal
+        self._book.end(self._task.id, state, message, cause, seen_at_goal=seen)
+
+    def _left(self, body: BusBody | None) -> str:
+        """How the robot is left by a task that does not go on."""
+        if not self._journal.settled:
+            return "the robot has not answered its last action and may still be at it"
+        held = self._held(body)
+        return f"the robot stands; {held}" if held else "the robot stands"
+
+    def _held(self, body: BusBody | None) -> str:
+        """What the robot still holds; empty for nothing, and where it is not asked."""
+        if body is None or not self._journal.settled:
+            return ""
+        try:
+            thing = body.held()
+        except (TaskCancelled, TaskFailed):
+            return ""
+        return f"it holds a {thing} (“put the {thing} on the …” sets it down)" if thing else ""
+
+    def _line(self) -> Line:
+        return Line(self._bus, self._settings, self._cancelled, self._voice.on_wait)
+
+    def _body(self, context_id: str) -> BusBody:
+        """Each life has its own ids of actions, so that none is taken for an earlier one."""
+        life = self._journal.entry.life
+        body = BusBody(
+            self._bus, self._settings, self._robot, self._acks,
+            f"{self._task.id}.{life}" if life else self._task.id, context_id,
+            self._task.max_steps, self._voice, self._cancelled,
+            self._parts(),
+        )  # fmt: skip
+        body.steps = self._task.steps
+        return body
+
+    def _mission(self, body: BusBody) -> Mission | MoveMission:
+        instruction = self._task.instruction
+        if instruction.kind.only_moves:
+            return MoveMission(body, instruction, self._settings)
+        return Mission(body, instruction, self._settings, self._task.agent)
+
+    def _parts(self) -> Sequence[str]:
+        """Of a keyframe that must be answered before the next action: who only moves needs no
+        detector."""
+        if self._task.instruction.kind.only_moves:
+            return ("occupancy",)
+        return agent_named(self._task.agent).belief.answered
+
+    def _take_up(self, mission: Mission | MoveMission) -> None:
+        """Settle the action in flight, and remember what was known."""
+        log.info("task %s is taken up again, life %d", self._task.id, self._journal.entry.life)
+        last = last_action(self._line(), self._settings, self._journal, lambda: self._bus.held_s)
+        if self._journal.entry.memory:
+            mission.recall(self._journal.entry.memory, last)
+
+    def _named(self) -> None:
+        """The task in the detector's names; waits for a detector that is away."""
+        named = in_vocabulary(self._task.instruction, self._line().call(VOCABULARY, pb.Empty()))
+        self._task = self._book.change(self._task.id, instruction=named)
+
+
+def _contacts(body: BusBody | None) -> str:
+    if body is None or not body.collisions:
+        return ""
+    return f" (with {body.collisions} contact{'' if body.collisions == 1 else 's'} on the way)"

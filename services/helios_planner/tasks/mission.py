@@ -1,0 +1,313 @@
+"""The flow of a task (paper section 3.2, appendix 6.1): find, pick, find, place, over a `Body`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from helios_core.robot import Pick, Place
+from helios_core.types import ObjectInstance
+
+from helios_planner.agents import agent_named
+from helios_planner.decisions.explanations import less
+from helios_planner.instruction.parser import Instruction, Kind
+from helios_planner.manipulation import Done, Seen, Skills, look_after
+from helios_planner.motion_planning.base_placement import GazePoint, nearest_to
+from helios_planner.navigation.base_controller import Outcome, legs_of
+from helios_planner.navigation.motion_monitor import Dropped
+from helios_planner.robot.interface import Body
+from helios_planner.search.base import Kit, Search
+from helios_planner.search.scored_search import ScoredSearch
+from helios_planner.search.view_selection import Looking
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, Phase, TaskFailed
+from helios_planner.tasks.run_control import LastAction
+
+
+class Mission:
+    """One task from beginning to end; `run` returns the sentence of its success."""
+
+    def __init__(
+        self, body: Body, instruction: Instruction, settings: Settings, agent: str = ""
+    ) -> None:
+        """agent: a name of `agents.AGENTS`; empty for that of the settings."""
+        self.body, self.instruction, self.settings = body, instruction, settings
+        self.agent = agent_named(agent or settings.agent)
+        legs = legs_of(body, settings)
+        belief = self.agent.belief(body, settings)
+        self.kit = Kit(
+            body, settings, legs, Looking(body, legs, settings, self.agent.other_share), belief,
+            np.random.default_rng(settings.agent_seed),
+        )  # fmt: skip
+        attempts = settings.picks_per_object if self.agent.retries else 1
+        self.skills = Skills(body, legs, settings, belief, attempts)
+        self.looked_around = self.placed = False
+        self.seen_at_goal: bool | None = (
+            None  # of what was placed; None: nothing was that it knows of
+        )
+        self.target_m: np.ndarray | None = None  # what is being picked
+        self.picked_at_m: np.ndarray | None = None
+        self.unsure: dict[Phase, str] = {}  # what is to be said of what was settled for
+        self._fell = ""  # why the next search is for what was held already
+        self.search: Search | None = None  # the one that goes on
+        self._recalled: Mapping[str, Any] | None = None  # of the search that went on
+
+    def run(self) -> str:
+        """Raises TaskFailed and TaskCancelled."""
+        i = self.instruction
+        if i.kind is Kind.MOVE and self.picked_at_m is None and not self.placed:
+            self._take_over(i.object or "")
+        if not self.looked_around:
+            phase = Phase.FIND_RECEPTACLE if i.kind is Kind.GO_TO else Phase.FIND_OBJECT
+            self.body.tell_phase(phase, i.object or i.goal or "", "looking around")
+            self.kit.legs.look_around()
+            self.looked_around = True
+        if i.kind is Kind.GO_TO:
+            assert i.goal
+            self._go_to(i.goal)
+            return f"stands at the {i.goal}"
+        assert i.object
+        if i.kind is Kind.FIND:
+            search = self.agent.seek_object(self.kit, i.object, i.start)
+            if isinstance(search, ScoredSearch):
+                search.what = "stop"  # in its sentences
+            return self._show(self._begun(search))
+        assert i.goal
+        if self.placed:  # while nobody was there to look
+            self.seen_at_goal = False
+        while not self.placed:
+            try:
+                if self.picked_at_m is None:
+                    self.picked_at_m = self._pick(i.object, i.start)
+                self._place(i.goal, self.picked_at_m if i.goal == i.start else None)
+                self.placed = True
+            except Dropped as fall:
+                self.skills.count_fall(fall, i.object)
+                self.picked_at_m = None
+                self._fell = f"the {i.object} fell: {fall}"
+        seen = "it is seen there" if self.seen_at_goal else "it was not seen there yet"
+        return "; ".join([f"put the {i.object} on the {i.goal}", seen, *self.unsure.values()])
+
+    def _take_over(self, name: str) -> None:
+        """What an earlier task left in the gripper: what is asked for is only to be placed, and
+        anything else is in the way. Raises TaskFailed."""
+        held = self.body.held()
+        if held and held != name:
+            message = f"the gripper is not free for the {name}: a {held} is in it"
+            raise TaskFailed(Cause.PICK_FAILED, message)
+        if held:
+            self.picked_at_m = np.array([*self.body.pose().xy, 0.0])
+            self.kit.legs.mishaps.carrying = True
+
+    def _begun(self, search: Search) -> Search:
+        """The search that goes on from now; one that was cut off remembers what it knew."""
+        recalled, self._recalled = self._recalled, None
+        if recalled is not None and recalled["phase"] == search.phase:
+            search.recall(recalled)
+        self.search = search
+        if self._fell:
+            search.say_first(self._fell)
+            self._fell = ""
+        search.tell(f"looking for the {search.name}")
+        return search
+
+    # --- over a restart ------------------------------------------------------------------------
+    def memory(self) -> dict[str, Any]:
+        """What must not be forgotten when the planner dies, as JSON, for `recall`."""
+        search = self.search
+        return {
+            "looked_around": self.looked_around,
+            "target_m": _listed(self.target_m),
+            "picked_at_m": _listed(self.picked_at_m),
+            "picks": self.skills.picks,
+            "falls": self.skills.falls,
+            "unsure": list(self.unsure.items()),
+            "last_reason": self.skills.last_reason,
+            "felt": [list(f) for f in self.kit.legs.felt],
+            "trusted": [list(disc) for disc in self.kit.legs.blind_ring.discs],
+            "given_up": [list(f) for f in self.kit.given_up],
+            "looked": self.kit.looking.memory(),
+            "belief": self.kit.belief.memory(),
+            "draws": self.kit.rng.bit_generator.state,
+            "search": None if search is None else search.memory() | {"phase": search.phase},
+        }
+
+    def recall(self, memory: Mapping[str, Any], last: LastAction) -> None:
+        """Go on from there; `last`: what came of the newest action. Raises TaskFailed."""
+        self.looked_around = memory["looked_around"]
+        self.target_m = _array(memory["target_m"])
+        self.picked_at_m = _array(memory["picked_at_m"])
+        self.skills.picks, self.skills.falls = memory["picks"], memory["falls"]
+        self.skills.last_reason = memory["last_reason"]
+        self.unsure = {Phase(phase): said for phase, said in memory["unsure"]}
+        self.kit.legs.felt[:] = [(x, y, r) for x, y, r in memory["felt"]]
+        self.kit.legs.blind_ring.discs[:] = [(x, y, r) for x, y, r in memory["trusted"]]
+        self.kit.given_up[:] = [(x, y) for x, y in memory["given_up"]]
+        self.kit.looking.recall(memory["looked"])
+        self.kit.belief.recall(memory["belief"])
+        self.kit.rng.bit_generator.state = memory["draws"]
+        self._recalled = memory["search"]
+        name = self.instruction.object or ""
+        if isinstance(last.action, Pick) and self.picked_at_m is None:
+            if last.succeeded or (last.succeeded is None and last.held):
+                self._was_picked(name)
+            elif last.reason:
+                self.skills.last_reason = last.reason
+        elif self.picked_at_m is not None and not last.held:
+            self.placed = isinstance(last.action, Place) and last.succeeded is not False
+            if not self.placed:
+                fall = Dropped(self.body.pose().xy, last.reason or "the planner was away")
+                self.skills.count_fall(fall, name)
+                self.picked_at_m = self._recalled = None
+        self.kit.legs.mishaps.carrying = self.picked_at_m is not None and not self.placed
+
+    def _was_picked(self, name: str) -> None:
+        """It was picked while nobody was there to see it."""
+        assert self.target_m is not None
+        self.picked_at_m, self._recalled = self.target_m, None
+        thing = nearest_to(self.target_m, self.kit.belief.known(name), 0.3)
+        if thing is not None:
+            self.kit.belief.taken(thing)
+
+    def _pick(self, name: str, start: str | None) -> np.ndarray:
+        """Until something is held; where it was."""
+        search = self.agent.seek_object(self.kit, name, start)
+        search.settle_at_last(self.settings.pick_at_last)
+        self._begun(search)
+        while True:
+            try:
+                found = search.find()
+            except TaskFailed as failure:
+                if failure.cause is Cause.OBJECT_NOT_FOUND and self.skills.picks:
+                    reason = self.skills.last_reason or "it was not held afterwards"
+                    message = f"{self.skills.picks} picks of a {search.name} failed: {reason}"
+                    raise TaskFailed(Cause.PICK_FAILED, message) from failure
+                raise
+            self.target_m = np.asarray(found.center_m)
+            self._note_if_unsure(search, found)
+            self.body.tell_phase(Phase.PICK, search.name, f"going to pick the {search.name}")
+            done = self.skills.pick(found, search.name, search.holds_up)
+            if done is Done.SUCCEEDED:
+                return np.asarray(found.center_m)
+            self._give_up(search, "pick", found, done)
+
+    def _place(self, goal: str, not_at: np.ndarray | None) -> None:
+        """Until it is put down; and whether it is seen there then."""
+        search = self.agent.seek_receptacle(self.kit, goal, not_at)
+        search.settle_at_last(self.settings.place_at_last)
+        search.rounds = self.settings.rounds_held
+        self._begun(search)
+        while True:
+            try:
+                found = search.find()
+            except TaskFailed as failure:
+                if failure.cause is Cause.RECEPTACLE_NOT_FOUND and search.refused.points:
+                    reason = self.skills.last_reason or "no place on it was in reach"
+                    message = f"placing on the {goal} failed: {reason}"
+                    raise TaskFailed(Cause.PLACE_MISSED, message) from failure
+                raise
+            self._note_if_unsure(search, found)
+            self.body.tell_phase(Phase.PLACE, goal, f"going to place on the {goal}")
+            name = self.instruction.object or ""
+            before = list(self.kit.belief.known(name))
+            done = self.skills.place(found, goal, search.holds_up)
+            if done is Done.SUCCEEDED:
+                self.seen_at_goal = False  # until it is seen
+                receptacle = self.skills.placed_on or found
+                self.seen_at_goal = self._seen(name, receptacle, before)
+                return
+            self._give_up(search, "place", found, done)
+
+    def _note_if_unsure(self, search: Search, found: ObjectInstance) -> None:
+        """Before it is acted on, so that a planner that dies in the act still tells it."""
+        self.unsure.pop(search.phase, None)
+        if search.settled_for(found):
+            said = f"no surer {search.name} was found than this one ({found.score:.2f})"
+            self.unsure[search.phase] = said
+
+    def _give_up(self, search: Search, what: str, found: ObjectInstance, done: Done) -> None:
+        """Leave what did not work, or doubt it, and tell why."""
+        reason = self.skills.last_reason or "it did not work"
+        if done is Done.DOUBTED:
+            reason = search.why_not(self.skills.near)
+        elif done is Done.OUT_OF_REACH:
+            reason = "no way leads to where it is in reach"
+        search.give_up(what, found, reason)
+        if done is Done.DOUBTED:
+            search.doubt(found)
+        else:
+            search.leave(found, done is Done.OUT_OF_REACH)
+
+    def _seen(
+        self, name: str, receptacle: ObjectInstance, before: Sequence[ObjectInstance]
+    ) -> bool:
+        """The robot says that it placed it; is it seen there? Raises TaskFailed where it is seen
+        elsewhere."""
+        least, surface_m = self.settings.cs_g, self.skills.surface_m
+        seen, thing = look_after(
+            self.body, receptacle, before, lambda: self.kit.belief.known(name), least, surface_m
+        )
+        if seen is Seen.BESIDE_IT and thing is not None:
+            x, y, z = thing.center_m
+            raise TaskFailed(
+                Cause.ROLLED_OFF,
+                f"the {name} was placed on the {receptacle.class_name} and is seen beside it, at "
+                f"({x:.2f}, {y:.2f}, {z:.2f}) m",
+            )
+        return seen is Seen.ON_IT
+
+    def _go_to(self, goal: str) -> None:
+        search = self.agent.seek_receptacle(self.kit, goal, None)
+        if isinstance(search, ScoredSearch):
+            search.what = "stop"  # in its sentences
+        search = self._begun(search)
+        looking, pose = self.kit.looking, self.body.pose
+        while True:
+            found = search.find()
+            points = looking.around(found) or looking.views_of(found)
+            for gaze in points:
+                if looking.go_and_look(found, gaze, f"go to the {goal}") is Outcome.ARRIVED:
+                    return
+            if not points and pose().distance_m(found.center_m) < self.settings.frontier_reach_m:
+                return
+            search.leave(found, out_of_reach=True)
+
+    def _show(self, search: Search) -> str:
+        """Find a thing and stop before it, or as near as a way leads; it must still be believed
+        from there."""
+        looking, near_m = self.kit.looking, max(self.settings.stop_distances_m)
+        while True:
+            used = self.body.budget_used()
+            found = search.find()
+            stood = self._stand(found, looking.stops_at(found))
+            if stood is Outcome.UNREACHABLE:
+                x, y, _ = (float(v) for v in found.center_m)
+                if self.kit.legs.clear_way((x, y), near_m):
+                    continue
+                self._stand(found, looking.views_of(found))
+            seen = self.kit.belief.from_near(found, search.name, 0.3)
+            if seen is not None and seen.score >= search.threshold:
+                x, y, z = seen.center_m
+                return f"found the {search.name} at ({x:.2f}, {y:.2f}, {z:.2f}) m"
+            worse = seen and f"from near its score is {less(seen.score, search.threshold)}"
+            search.give_up("stop", found, worse or search.why_not(None))
+            if self.body.budget_used() == used:  # nothing was done, and nothing else would be
+                search.leave(found, out_of_reach=stood is Outcome.UNREACHABLE)
+
+    def _stand(self, found: ObjectInstance, points: Sequence[GazePoint]) -> Outcome:
+        """Go to the first of these that can be got to, for as long as it is worth to."""
+        go, purpose = self.kit.looking.go_and_look, f"show the {found.class_name}"
+        for gaze in points:
+            outcome = go(found, gaze, purpose, lambda: not self.kit.belief.holds(found))
+            if outcome is not Outcome.UNREACHABLE:
+                return outcome
+        return Outcome.UNREACHABLE
+
+
+def _listed(point_m: np.ndarray | None) -> list[float] | None:
+    return None if point_m is None else [float(v) for v in point_m]
+
+
+def _array(point_m: Sequence[float] | None) -> np.ndarray | None:
+    return None if point_m is None else np.asarray(point_m, float)

@@ -1,0 +1,119 @@
+"""The flow of a task that only moves the robot: to a point, home, or all over the home."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from helios_planner.decisions import explanations
+from helios_planner.decisions.acceptance import Candidate
+from helios_planner.decisions.decision import Decision, Do
+from helios_planner.instruction.parser import Instruction, Kind
+from helios_planner.navigation.base_controller import Barred, legs_of
+from helios_planner.navigation.point_goal import PointGoal, told
+from helios_planner.robot.interface import Body
+from helios_planner.search.exploration import Exploration
+from helios_planner.settings import Settings
+from helios_planner.task import Cause, Phase, TaskFailed, TimeIsUp
+from helios_planner.tasks.run_control import LastAction
+
+HOME_WITHIN_M = 0.5  # the robot may have begun where it is too narrow to go
+WAY_RULE = "way through unknown ground"
+
+
+class MoveMission:
+    """One such task from beginning to end; `run` returns the sentence of its success."""
+
+    seen_at_goal: bool | None = None  # nothing is placed
+
+    def __init__(self, body: Body, instruction: Instruction, settings: Settings) -> None:
+        self.body, self.instruction, self.settings = body, instruction, settings
+        self.legs = legs_of(body, settings)
+        self.looked_around = False
+        self.exploration = Exploration(self.legs, settings)
+        self.point_goal: PointGoal | None = None
+        self._recalled: Mapping[str, Any] = {"walls": []}
+
+    def run(self) -> str:
+        """Raises TaskFailed and TaskCancelled."""
+        match self.instruction.kind:
+            case Kind.EXPLORE:
+                return self._explore()
+            case Kind.GO_HOME:
+                return self._go_home()
+            case _:
+                point = self.instruction.point
+                assert point is not None
+                s = self.settings
+                return self._go((point.x_m, point.y_m), point.yaw_rad, s.go_within_m, "the goal")
+
+    # --- over a restart ------------------------------------------------------------------------
+    def memory(self) -> dict[str, Any]:
+        """What must not be forgotten when the planner dies, as JSON, for `recall`."""
+        going = self._recalled if self.point_goal is None else self.point_goal.memory()
+        return {
+            "looked_around": self.looked_around,
+            "felt": [list(f) for f in self.legs.felt],
+            "trusted": [list(disc) for disc in self.legs.blind_ring.discs],
+            "exploration": self.exploration.memory(),
+            "going": dict(going),
+        }
+
+    def recall(self, memory: Mapping[str, Any], last: LastAction) -> None:
+        """Go on from there. What came of the newest action shows in where the robot stands."""
+        self.looked_around = memory["looked_around"]
+        self.legs.felt[:] = [(x, y, r) for x, y, r in memory["felt"]]
+        self.legs.blind_ring.discs[:] = [(x, y, r) for x, y, r in memory["trusted"]]
+        self.exploration.recall(memory["exploration"])
+        self._recalled = memory["going"]
+
+    # --- going ---------------------------------------------------------------------------------
+    def _go_home(self) -> str:
+        start = self.body.start()
+        if start is None:
+            raise TaskFailed(
+                Cause.UNREACHABLE, "the 2D map does not know yet where the robot started"
+            )
+        return self._go(start, None, HOME_WITHIN_M, "where it started")
+
+    def _go(self, xy_m: tuple[float, float], yaw_rad: float | None, within_m: float, what: str,
+            ) -> str:  # fmt: skip
+        self._tell(f"going to {told(xy_m)}", xy_m)
+        goal = PointGoal(self.legs, xy_m, within_m, lambda barred: self._on_stage(xy_m, barred))
+        goal.recall(self._recalled)
+        self.point_goal = goal
+        left_m = goal.drive(yaw_rad, f"go to {told(xy_m)}")
+        pose = self.body.pose()
+        facing = "" if yaw_rad is None else f", facing {math.degrees(pose.yaw_rad):.0f}°"
+        return f"stands at {told(pose.xy)}{facing}, {left_m:.2f} m from {what}"
+
+    def _on_stage(self, xy_m: tuple[float, float], barred: Barred) -> None:
+        why = explanations.way_ends(told(xy_m), *barred.stand, barred.before_m, barred.after_m)
+        terms = {
+            "way_m": barred.before_m, "unknown_m": barred.after_m,
+            "total": -(barred.before_m + barred.after_m),
+        }  # fmt: skip
+        candidate = Candidate("frontier", "end of the known way", (*barred.stand, 0.0), terms)
+        self.body.tell_decision(Decision(WAY_RULE, Do.GO_TO_FRONTIER, (candidate,), 0, why))
+        self._tell(why, xy_m)
+
+    def _tell(self, message: str, xy_m: tuple[float, float]) -> None:
+        self.body.tell_phase(Phase.GO, told(xy_m), message)
+
+    # --- exploring -----------------------------------------------------------------------------
+    def _explore(self) -> str:
+        """The end of its time is the end of an exploration, and no failure."""
+        exploration = self.exploration
+        try:
+            if not self.looked_around:
+                self.body.tell_phase(Phase.EXPLORE, "unknown floor", "looking around")
+                if exploration.begin():
+                    self.legs.look_around()
+                self.looked_around = True
+            exploration.run()
+        except TimeIsUp as end:
+            return f"{exploration.said()}; {end.message}, {exploration.said_left()}"
+        except TaskFailed as failure:
+            raise TaskFailed(failure.cause, f"{failure.message}; {exploration.said()}") from failure
+        return exploration.said_at_end()

@@ -1,0 +1,382 @@
+"""The tasks as they are: kept, changed, told, ended, and read again after a restart."""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+import time
+from typing import Protocol
+
+import numpy as np
+from helios_core import proto as pb
+from helios_core.bus import Bus
+from helios_core.errors import HeliosError, InvalidInput, Unavailable
+from helios_core.health import Health
+from helios_core.topics import DECISION, PLAN, TASK, M, Topic
+from helios_core.types import FrameId
+from numpy.typing import NDArray
+
+from helios_planner.decisions.counterfactual import as_kept
+from helios_planner.decisions.decision import Decision
+from helios_planner.instruction.parser import Instruction
+from helios_planner.motion_planning.costmap import Pose2
+from helios_planner.settings import Settings
+from helios_planner.task import HELD, Cause, Phase, State, Task
+from helios_planner.tasks.messages import (
+    decision_to_proto,
+    plan_to_proto,
+    task_from_proto,
+    task_to_proto,
+)
+from helios_planner.tasks.progress import Pace
+from helios_planner.tasks.store import Store
+
+log = logging.getLogger(__name__)
+
+UNDER_WAY = (State.RUNNING, State.PAUSED)
+UNPROVEN = (
+    "ended at a time when it could not write down how its tasks went, so it is not known how far "
+    "this one came; the robot goes on with nothing by itself: see what it holds, and submit the "
+    "task again"
+)
+NOT_KEPT = "this could not be kept: a planner that is restarted will not know it"
+
+
+class TaskBook:
+    """Thread-safe; no lock is held while the bus is used. While `closing` is set, a cancelled task
+    is one that the planner left, and `close` ends it.
+
+    A task is told as ended when that is kept. Where it cannot be kept, its message says so, and
+    `mend` tells it as ended later: once it is kept, or when that has not come for `keep_within_s`.
+    """
+
+    def __init__(self, bus: Bus, settings: Settings, health: Health, store: Store) -> None:
+        self._bus, self._settings, self._health, self._store = bus, settings, health, store
+        self._lock, self._writing = threading.Lock(), threading.Lock()
+        self._tasks: dict[str, Task] = {}
+        self._cancelled: set[str] = set()  # running tasks that are to end, but have not yet
+        self._ends: dict[str, Task] = {}  # how tasks have ended of which that is not kept yet
+        self._unkept: set[str] = set()  # tasks that the store does not have as they are
+        self.closing = threading.Event()
+
+    def restore(self) -> list[str]:
+        """Read what was kept; the tasks to do, first what ran when the planner died a moment
+        ago. Where that is longer ago, or the planner was stopped, the robot begins nothing by
+        itself: what is queued waits to be resumed. The same where nothing proves that all was
+        kept; and of several that ran only the newest may."""
+        away_s = time.time() - self._store.alive_s()
+        just_left = away_s <= self._settings.resume_within_s
+        told = filter(None, map(_readable, self._store.tasks()))
+        self._tasks = {task.id: task for task in told}
+        newest = max((t.started_s for t in self._tasks.values()), default=0.0)
+        again, queued = [], []
+        for task in list(self._tasks.values()):
+            if task.state is State.QUEUED:
+                queued.append(task.id)
+                if not ((just_left and self._store.proven) or task.on_hold):
+                    self.change(task.id, on_hold=True, message=f"was queued before; {HELD}")
+            elif task.state not in UNDER_WAY:
+                continue
+            elif not just_left:
+                self._leave(task.id, "was away for too long while the task ran; submit it again")
+            elif not self._store.proven or task.started_s < newest or not self._resumable(task.id):
+                self._leave(task.id, UNPROVEN)
+            else:
+                again.append(task.id)
+                state = State.PAUSED if task.on_hold else State.RUNNING
+                self.change(task.id, state=state, message="the planner was restarted")
+        self.mend()
+        return [*again, *queued]
+
+    def _resumable(self, id: str) -> bool:
+        try:
+            self._store.entry(id)
+        except ValueError as error:
+            log.error("the journal of task %s cannot be read: %s", id, error)
+            return False
+        return True
+
+    def pulse(self) -> None:
+        """The planner is alive now."""
+        self._store.pulse(time.time())
+
+    def mend(self) -> None:
+        """Write what could not be written, and tell the ends that waited for it."""
+        with self._writing:
+            with self._lock:
+                ends = dict(self._ends)
+                asked = frozenset(self._unkept)
+                rest = [t for id in asked - ends.keys() if (t := self._to_keep(id))]
+            rest = [t.with_(message=t.message.removesuffix(f"; {NOT_KEPT}")) for t in rest]
+            kept = self._store.mend(
+                [task_to_proto(t) for t in rest if not t.state.ended],
+                [task_to_proto(t) for t in (*ends.values(), *rest) if t.state.ended],
+            )
+            told: dict[str, Task] = {}
+            if kept:
+                with self._lock:
+                    self._unkept -= asked
+                    known = self._tasks
+                    told = {t.id: t for t in rest if t.id in known and known[t.id].state.ended}
+                    self._tasks |= told
+        if kept:
+            for task in told.values():
+                self.publish(TASK, task_to_proto(task))
+            for task in ends.values():
+                self._tell_end(task)
+        elif self._store.fault_s > self._settings.keep_within_s:
+            for task in ends.values():
+                self._tell_end(task.with_(message=f"{task.message}; {NOT_KEPT}"))
+
+    def close(self) -> None:
+        """End what is still under way, and the store."""
+        for id in [task.id for task in self.tasks() if task.state in UNDER_WAY]:
+            with self._lock:
+                ended = self._ends.get(id)
+            if ended is not None:
+                self._tell_end(ended.with_(message=f"{ended.message}; {NOT_KEPT}"))
+            else:
+                self._leave(id, "was stopped while the task ran; submit it again")
+        self._store.pulse(0.0)
+        self._store.close()
+
+    def _leave(self, id: str, why: str) -> None:
+        """End a task that the planner does not go on with: the next one would say the same."""
+        self.end(id, State.FAILED, f"the planner {why}", Cause.SYSTEM_ERROR)
+        with self._lock:
+            waits = self._ends.get(id)
+        if waits is not None:
+            self._tell_end(waits)
+
+    # --- one task ------------------------------------------------------------------------------
+    def tasks(self) -> list[Task]:
+        """All, oldest first."""
+        with self._lock:
+            return sorted(self._tasks.values(), key=lambda t: t.created_s)
+
+    def known(self, id: str) -> Task:
+        """Raises InvalidInput for one that there is not."""
+        with self._lock:
+            task = self._tasks.get(id)
+        if task is None:
+            raise InvalidInput(f"there is no task {id[:40]!r}; list them with GET /v1/tasks")
+        return task
+
+    def check_keeping(self) -> None:
+        """Raises Unavailable while tasks cannot be kept."""
+        if self._store.fault:
+            raise self._not_taken()
+
+    def _not_taken(self) -> Unavailable:
+        return Unavailable(f"no task is taken now: {self._store.fault}; then submit it again")
+
+    def add(self, task: Task) -> pb.Task:
+        """A new one, kept before it is told; of those that ended long ago the oldest is forgotten.
+        Raises Unavailable where it cannot be kept."""
+        told = task_to_proto(task)
+        if not self._store.put(told, safe=True):
+            raise self._not_taken()
+        with self._lock:
+            self._tasks[task.id] = task
+            ended = sorted((t.created_s, t.id) for t in self._tasks.values() if t.state.ended)
+            gone = [id for _, id in ended[: -self._settings.keep_tasks]]
+            for id in gone:
+                del self._tasks[id]
+                self._unkept.discard(id)
+        for id in gone:
+            self._store.forget(id)
+        self.publish(TASK, told)
+        return told
+
+    def change(self, id: str, **changes: object) -> Task:
+        """The task with these fields; one that has ended stays as it ended."""
+        with self._lock:
+            if self._tasks[id].state.ended:
+                return self._tasks[id]
+            task = self._tasks[id] = self._tasks[id].with_(**changes)
+        self._keep(id, safe="on_hold" in changes)
+        self.publish(TASK, task_to_proto(task))
+        return task
+
+    def cancel(self, id: str) -> None:
+        """A running task is to end. It is kept at once, so that a planner which dies before the
+        task obeys does not go on against it."""
+        with self._lock:
+            self._cancelled.add(id)
+        self._keep(id, safe=True)
+
+    def end(
+        self, id: str, state: State, message: str, cause: Cause | None = None, **more: object
+    ) -> None:
+        """more: other fields of the task, known at its end. What has ended stays as it ended."""
+        if state is State.CANCELLED and self.closing.is_set():
+            return
+        if state is State.SUCCEEDED:
+            more["progress"] = 1.0
+        with self._lock:
+            if self._tasks[id].state.ended or id in self._ends:
+                return
+            task = self._tasks[id].with_(
+                state=state, message=message, cause=cause, ended_s=time.time(), eta_s=None, **more
+            )
+            self._ends[id] = task
+        with self._writing:
+            kept = self._store.finish(task_to_proto(task))
+        if kept:
+            self._tell_end(task)
+            return
+        with self._lock:
+            if id not in self._ends:  # it was told meanwhile
+                return
+            waits = f"{message}; told as {state} once that is kept: {self._store.fault}"
+            present = self._tasks[id] = self._tasks[id].with_(message=waits, eta_s=None)
+            self._unkept.add(id)
+        self.publish(TASK, task_to_proto(present))
+
+    def has_ended(self, id: str) -> bool:
+        """Whether a task goes on no more, also where that is not told yet."""
+        with self._lock:
+            return id in self._ends or self._tasks[id].state.ended
+
+    def _tell_end(self, task: Task) -> None:
+        with self._lock:
+            if self._ends.pop(task.id, None) is None:
+                return
+            self._tasks[task.id] = task
+            self._cancelled.discard(task.id)
+        self.publish(TASK, task_to_proto(task))
+        self._health.count(f"tasks_{task.state}")
+        log.info("task %s %s: %s", task.id, task.state, task.message)
+
+    # --- telling -------------------------------------------------------------------------------
+    def _keep(self, id: str, safe: bool = False) -> None:
+        with self._writing:  # what is written last is what is newest
+            with self._lock:
+                task = self._to_keep(id)
+            if task is None:
+                return
+            kept = self._store.put(task_to_proto(task), safe)
+            with self._lock:
+                (self._unkept.discard if kept else self._unkept.add)(id)
+
+    def _to_keep(self, id: str) -> Task | None:
+        """A task as the next planner is to know it. The lock is held."""
+        task = self._ends.get(id) or self._tasks.get(id)
+        if task is not None and id in self._cancelled and not task.state.ended:
+            task = task.with_(state=State.CANCELLED, message="cancelled", ended_s=time.time())
+        return task
+
+    def keep(self, decision: pb.Decision) -> None:
+        """Store a decision and tell it."""
+        self._store.add(decision)
+        self.publish(DECISION, decision)
+
+    def publish(self, topic: Topic[M], message: M) -> None:
+        try:
+            self._bus.publish(topic, message)
+        except HeliosError as error:
+            log.warning("%s was not told: %s", topic.name, error.message)
+
+
+def _readable(stored: pb.Task) -> Task | None:
+    """A task as it was kept; None for one that this planner cannot read."""
+    try:
+        return task_from_proto(stored)
+    except ValueError as error:
+        log.error("task %s cannot be read (%s): it is left out", stored.id, error)
+        return None
+
+
+def waiting_words(instruction: Instruction, robot_known: bool, reserved: str = "") -> str:
+    """What a queued task says of itself; reserved: why none is begun now."""
+    words = f"waits for its turn: {reserved}" if reserved else "waits for its turn"
+    if not robot_known:
+        words += "; the bridge has not described the robot yet"
+    if instruction.unused:
+        words += f"; not used: {', '.join(f'“{u}”' for u in instruction.unused)}"
+    return words
+
+
+PLACES = ("frontier", "receptacle")  # candidates that are places to go to and look
+
+
+class Desk(Protocol):
+    """Where tasks and decisions are kept and told from."""
+
+    def known(self, id: str) -> Task: ...
+    def change(self, id: str, **changes: object) -> Task: ...
+    def keep(self, decision: pb.Decision) -> None: ...
+    def publish(self, topic: Topic[M], message: M) -> None: ...
+
+
+class TaskVoice:
+    """Tells how one task goes; called from the worker alone."""
+
+    def __init__(self, desk: Desk, task: Task, settings: Settings, first_decision: int = 0) -> None:
+        self._desk, self._id, self._settings = desk, task.id, settings
+        self._pace = Pace(task.instruction.kind, task.max_steps, task.steps, task.progress)
+        limit_s = task.time_limit_s
+        self._ends_s = task.started_s + limit_s if limit_s else math.inf
+        self._decisions = first_decision
+        self._before: str | None = None  # what was told before it had to wait
+
+    def on_phase(self, phase: Phase, seeking: str, message: str) -> None:
+        self._pace.on_phase(phase)
+        self._desk.change(
+            self._id, phase=phase, seeking=seeking, message=message, eta_s=self._eta_s()
+        )
+
+    def on_steps(self, steps: int) -> None:
+        self._pace.on_step(steps, time.monotonic())
+        self._desk.change(
+            self._id, steps=steps, progress=self._pace.progress, eta_s=self._eta_s()
+        )  # fmt: skip
+
+    def on_picks(self, picks: int) -> None:
+        self._desk.change(self._id, picks=picks)
+
+    def on_paused(self, why: str) -> None:
+        message = f"the robot is stopped ({why}); clear the stop or cancel the task"
+        self._rest(state=State.PAUSED, message=message)
+
+    def on_resumed(self) -> None:
+        self._desk.change(self._id, state=State.RUNNING, message="goes on")
+
+    def on_wait(self, what: str | None) -> None:
+        """Somebody is away; None: they are there again, and it goes on with what it did."""
+        if self._before is None:
+            self._before = self._desk.known(self._id).message
+        message = self._before if what is None else f"waits for {what}"
+        self._rest(message=message)
+        if what is None:
+            self._before = None
+
+    def on_hold(self, paused: bool) -> None:
+        """Somebody paused the task, or lets it go on."""
+        if paused:
+            self._rest(state=State.PAUSED, message=HELD)
+        else:
+            self.on_resumed()
+
+    def on_decision(self, decision: Decision, frame: FrameId | None) -> None:
+        task = self._desk.known(self._id)
+        kept = as_kept(decision, self._settings)
+        places = sum(c.kind in PLACES for c in decision.candidates)
+        if places:
+            self._pace.on_choice(places)
+        told = decision_to_proto(kept, task, self._decisions, frame, time.time())
+        self._decisions += 1
+        self._desk.keep(told)
+
+    def on_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None:
+        self._pace.on_way(float(np.hypot(*np.diff(route_m, axis=0).T).sum()) if len(route_m) else 0)
+        self._desk.publish(PLAN, plan_to_proto(self._id, route_m, goal, purpose))
+
+    def _rest(self, **changes: object) -> None:
+        """It stands, and nobody knows for how long."""
+        self._pace.on_rest()
+        self._desk.change(self._id, eta_s=None, **changes)
+
+    def _eta_s(self) -> tuple[float, float] | None:
+        return self._pace.eta_s(self._ends_s - time.time())
