@@ -15,14 +15,14 @@ import typer
 
 from helios_client.arguments import EVERYWHERE, leading
 from helios_client.commands.assets import app as assets_app
-from helios_client.commands.hangup import HungUp
-from helios_client.commands.judge import app as judge_app
+from helios_client.commands.evaluation import app as judge_app
+from helios_client.commands.hangup_signal import HungUp
 from helios_client.commands.map import app as map_app
 from helios_client.commands.map import objects_app
-from helios_client.commands.moves import app as moves_app
-from helios_client.commands.options import say
+from helios_client.commands.movement import app as moves_app
 from helios_client.commands.robot import app as robot_app
 from helios_client.commands.run import app as run_app
+from helios_client.commands.shared_options import say
 from helios_client.commands.tasks import app as tasks_app
 from helios_client.commands.why import app as why_app
 from helios_client.interrupts import NUMBERS, Bursts, ignore_interrupts
@@ -130,7 +130,7 @@ def _tell(error: Exception) -> int:
     from helios_core.errors import HeliosError
 
     from helios_client.http.errors import WrongRequest
-    from helios_client.wrong_use import WrongUse
+    from helios_client.usage_errors import WrongUse
 
     if not isinstance(error, HeliosError):
         raise error

@@ -20,13 +20,7 @@ import httpx
 from helios_core.errors import DeadlineExceeded, Unavailable
 from numpy.typing import NDArray
 
-from helios_client.http import calls
-from helios_client.http.connection import EVENT_RETRY_S, POLL_S, SILENCE_S, Connection
-from helios_client.http.errors import lost, refused
-from helios_client.http.events import EventParser
-from helios_client.http.teleop import Teleop
-from helios_client.http.waiting import Waiting
-from helios_client.tasks import (
+from helios_client.answer_types import (
     Decision,
     DriveAnswer,
     Event,
@@ -43,6 +37,12 @@ from helios_client.tasks import (
     Task,
     Vocabulary,
 )
+from helios_client.http import requests
+from helios_client.http.connection import EVENT_RETRY_S, POLL_S, SILENCE_S, Connection
+from helios_client.http.errors import lost, refused
+from helios_client.http.server_sent_events import EventParser
+from helios_client.http.task_polling import Waiting
+from helios_client.http.teleop import Teleop
 
 T = TypeVar("T")
 
@@ -75,43 +75,43 @@ class Helios:
         """Queue a task, with a budget of steps and seconds. Of the queued ones a higher priority
         (-100 to 100) is begun first. `settings`: of the planner, for this task alone, such as
         alpha_d. Raises InvalidInput when the instruction cannot be understood."""
-        return self._do(calls.submit(
+        return self._do(requests.submit(
             instruction, max_steps, agent, time_limit_s, priority, settings
         ))  # fmt: skip
 
     def go(self, x_m: float, y_m: float, yaw_rad: float | None = None) -> Task:
         """Queue a task that drives to a point (world frame, metres) and faces that way there
         (radians, counter-clockwise from the x axis; None: whichever way it comes)."""
-        return self._do(calls.go(x_m, y_m, yaw_rad))
+        return self._do(requests.go(x_m, y_m, yaw_rad))
 
     def explore(self, time_limit_s: float | None = None) -> Task:
         """Queue a task that explores until nothing that can be reached is unknown, or its time is
         up: it succeeds either way."""
-        return self._do(calls.explore(time_limit_s))
+        return self._do(requests.explore(time_limit_s))
 
     def home(self) -> Task:
         """Queue a task that drives back to where the robot started in this world."""
-        return self._do(calls.home())
+        return self._do(requests.home())
 
     def task(self, id: str) -> Task:
         """How a task is."""
-        return self._do(calls.task(id))
+        return self._do(requests.task(id))
 
     def tasks(self, state: str | None = None, limit: int | None = None) -> tuple[Task, ...]:
         """Tasks, newest first: all, or those in a state."""
-        return self._do(calls.tasks(state, limit))
+        return self._do(requests.tasks(state, limit))
 
     def cancel(self, id: str) -> Task:
         """Ask a task to end."""
-        return self._do(calls.cancel(id))
+        return self._do(requests.cancel(id))
 
     def pause(self, id: str) -> Task:
         """Begin no further action of a task until `resume`."""
-        return self._do(calls.pause(id))
+        return self._do(requests.pause(id))
 
     def resume(self, id: str) -> Task:
         """Go on with a paused task."""
-        return self._do(calls.resume(id))
+        return self._do(requests.resume(id))
 
     def wait(
         self,
@@ -142,53 +142,53 @@ class Helios:
     def decisions(self, id: str, changes: Sequence[str] = ()) -> tuple[Decision, ...]:
         """Why the task went as it did, oldest first; with changes such as "alpha_d=0.01" also what
         it would have been under these settings, as `recomputed`."""
-        return self._do(calls.decisions(id, changes))
+        return self._do(requests.decisions(id, changes))
 
     def vocabulary(self) -> Vocabulary:
         """What can be asked for: any name, or those of the detector."""
-        return self._do(calls.vocabulary())
+        return self._do(requests.vocabulary())
 
     def suggestions(self, limit: int = 3) -> Suggestions:
         """What was seen in this home, and at most `limit` tasks to try there."""
-        return self._do(calls.suggestions(limit))
+        return self._do(requests.suggestions(limit))
 
     # --- maps and robot -----------------------------------------------------------------------
     def objects(
         self, class_name: str | None = None, min_score: float | None = None
     ) -> tuple[FoundObject, ...]:
         """The instances of the object map: all, or of a class, or from a score Ψ on."""
-        return self._do(calls.objects(class_name, min_score))
+        return self._do(requests.objects(class_name, min_score))
 
     def object(self, id: int) -> FoundObject:
         """One instance of the object map."""
-        return self._do(calls.found_object(id))
+        return self._do(requests.found_object(id))
 
     def seen(self, prompt: str, limit: int = 5) -> Seen:
         """Where something was seen: believed objects of that name, and at most `limit` past views
         that fit the words, with pictures."""
-        return self._do(calls.seen(prompt, limit))
+        return self._do(requests.seen(prompt, limit))
 
     def object_views(self, id: int, limit: int = 5) -> tuple[SeenView, ...]:
         """Pictures that an object is in, from different sides, best first."""
-        return self._do(calls.object_views(id, limit))
+        return self._do(requests.object_views(id, limit))
 
     def save_map(self) -> bytes:
         """Both maps as one file (ZIP): all that they need to go on."""
-        return self._do(calls.save_map())
+        return self._do(requests.save_map())
 
     def load_map(self, data: bytes) -> LoadedMaps:
         """Both maps from `save_map`, in the place of the present ones: both, or neither. Raises
         InvalidInput for another file, Conflict while a task is under way."""
-        return self._do(calls.load_map(data))
+        return self._do(requests.load_map(data))
 
     def reset_map(self, only: Literal["objects", "occupancy"] | None = None) -> ResetMaps:
         """Forget both maps, or one; what is kept on the disk, too. A new one begins with the next
         action. Raises Conflict while a task is under way."""
-        return self._do(calls.reset_map(only))
+        return self._do(requests.reset_map(only))
 
     def map_info(self) -> MapInfo:
         """The 2D map's size, place and layers."""
-        return self._do(calls.map_info())
+        return self._do(requests.map_info())
 
     def occupancy(self) -> dict[str, NDArray]:
         """The arrays of `/v1/map/occupancy.npz`, by name. Of a shape [rows, columns], row 0 the
@@ -197,50 +197,50 @@ class Helios:
         0: none). `origin_m` [2] is the corner of the cell [0, 0] and `cell_m` its size, in metres
         of the world; `trajectory_m` [n, 2]; `robot_pose` [3] x (m), y (m), yaw (rad); `version`;
         of each frontier `frontier_id`, `_center_m` [n, 2], `_size_m`, `_reachable`."""
-        return self._do(calls.arrays("occupancy"))
+        return self._do(requests.arrays("occupancy"))
 
     def value_layer(self, layer: str) -> dict[str, NDArray]:
         """The arrays of one value layer, `pick` or `place`: `value` float32, which has no
         unit, and `explored`, cell by cell as those of `occupancy`; `origin_m`, `cell_m`,
         `robot_pose`, `version`."""
-        return self._do(calls.arrays(f"value/{layer}"))
+        return self._do(requests.arrays(f"value/{layer}"))
 
     def picture(self, what: str = "occupancy") -> bytes:
         """PNG of the map: `occupancy` or `value/<layer>`."""
-        return self._do(calls.map_file(what, "png"))
+        return self._do(requests.map_file(what, "png"))
 
     def map_file(self, what: str, ending: str) -> bytes:
         """The map as it travels: `occupancy` or `value/<layer>`, as `png` or `npz`."""
-        return self._do(calls.map_file(what, ending))
+        return self._do(requests.map_file(what, ending))
 
     def ros_map(self) -> dict[str, bytes]:
         """`map.pgm` and `map.yaml`, as ROS's map_server reads them."""
-        return self._do(calls.ros_map())
+        return self._do(requests.ros_map())
 
     def frontiers(self) -> list[Frontier]:
         """The borders of what was seen since the search began."""
-        return self._do(calls.frontiers())
+        return self._do(requests.frontiers())
 
     def camera(self) -> bytes:
         """JPEG of what the robot sees now."""
-        return self._do(calls.camera())
+        return self._do(requests.camera())
 
     def robot(self) -> RobotAnswer:
         """How the robot is, and what it is."""
-        return self._do(calls.robot())
+        return self._do(requests.robot())
 
     def stop_robot(self, reason: str = "asked for by the Python SDK") -> RobotAnswer:
         """Stop now; the robot stays stopped until `clear_stop`."""
-        return self._do(calls.stop_robot(reason))
+        return self._do(requests.stop_robot(reason))
 
     def clear_stop(self) -> RobotAnswer:
         """Allow the robot to move again."""
-        return self._do(calls.clear_stop())
+        return self._do(requests.clear_stop())
 
     def drive(self, forward_m: float = 0.0, turn_rad: float = 0.0) -> DriveAnswer:
         """One short move: at most 0.5 m ahead (below 0: back), or 0.6 rad on the spot (above 0:
         left). Raises Conflict while a task or somebody else has the robot, or it is stopped."""
-        return self._do(calls.drive(forward_m, turn_rad))
+        return self._do(requests.drive(forward_m, turn_rad))
 
     def teleop(self) -> Teleop:
         """Drive by hand: `with helios.teleop() as drive: drive(forward=0.5, for_s=2)`. Raises
@@ -250,11 +250,11 @@ class Helios:
     # --- the whole ----------------------------------------------------------------------------
     def status(self) -> Status:
         """How every service is."""
-        return self._do(calls.status())
+        return self._do(requests.status())
 
     def settings(self, service: str) -> dict[str, Any]:
         """The settings that a running service has, by name."""
-        return self._do(calls.service_settings(service))
+        return self._do(requests.service_settings(service))
 
     def ready(self) -> bool:
         """Whether a task submitted now would start; False where nobody answers."""
@@ -309,7 +309,7 @@ class Helios:
         self.close()
 
     # --- transport ----------------------------------------------------------------------------
-    def _do(self, call: calls.Call[T]) -> T:
+    def _do(self, call: requests.Call[T]) -> T:
         try:
             response = self._http.request(**self._to.request(call))
         except httpx.TransportError as error:

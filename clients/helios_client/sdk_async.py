@@ -18,13 +18,7 @@ import httpx
 from helios_core.errors import DeadlineExceeded, Unavailable
 from numpy.typing import NDArray
 
-from helios_client.http import calls
-from helios_client.http.connection import EVENT_RETRY_S, POLL_S, SILENCE_S, Connection
-from helios_client.http.errors import lost, refused
-from helios_client.http.events import EventParser
-from helios_client.http.teleop import AsyncTeleop
-from helios_client.http.waiting import Waiting
-from helios_client.tasks import (
+from helios_client.answer_types import (
     Decision,
     DriveAnswer,
     Event,
@@ -41,6 +35,12 @@ from helios_client.tasks import (
     Task,
     Vocabulary,
 )
+from helios_client.http import requests
+from helios_client.http.connection import EVENT_RETRY_S, POLL_S, SILENCE_S, Connection
+from helios_client.http.errors import lost, refused
+from helios_client.http.server_sent_events import EventParser
+from helios_client.http.task_polling import Waiting
+from helios_client.http.teleop import AsyncTeleop
 
 T = TypeVar("T")
 
@@ -70,43 +70,43 @@ class AsyncHelios:
         settings: Mapping[str, str | float] | None = None,
     ) -> Task:
         """Queue a task. Raises InvalidInput when the instruction cannot be understood."""
-        return await self._do(calls.submit(
+        return await self._do(requests.submit(
             instruction, max_steps, agent, time_limit_s, priority, settings
         ))  # fmt: skip
 
     async def go(self, x_m: float, y_m: float, yaw_rad: float | None = None) -> Task:
         """Queue a task that drives to a point (world frame, metres) and faces that way there
         (radians, counter-clockwise from the x axis; None: whichever way it comes)."""
-        return await self._do(calls.go(x_m, y_m, yaw_rad))
+        return await self._do(requests.go(x_m, y_m, yaw_rad))
 
     async def explore(self, time_limit_s: float | None = None) -> Task:
         """Queue a task that explores until nothing that can be reached is unknown, or its time is
         up: it succeeds either way."""
-        return await self._do(calls.explore(time_limit_s))
+        return await self._do(requests.explore(time_limit_s))
 
     async def home(self) -> Task:
         """Queue a task that drives back to where the robot started in this world."""
-        return await self._do(calls.home())
+        return await self._do(requests.home())
 
     async def task(self, id: str) -> Task:
         """How a task is."""
-        return await self._do(calls.task(id))
+        return await self._do(requests.task(id))
 
     async def tasks(self, state: str | None = None, limit: int | None = None) -> tuple[Task, ...]:
         """Tasks, newest first: all, or those in a state."""
-        return await self._do(calls.tasks(state, limit))
+        return await self._do(requests.tasks(state, limit))
 
     async def cancel(self, id: str) -> Task:
         """Ask a task to end."""
-        return await self._do(calls.cancel(id))
+        return await self._do(requests.cancel(id))
 
     async def pause(self, id: str) -> Task:
         """Begin no further action of a task until `resume`."""
-        return await self._do(calls.pause(id))
+        return await self._do(requests.pause(id))
 
     async def resume(self, id: str) -> Task:
         """Go on with a paused task."""
-        return await self._do(calls.resume(id))
+        return await self._do(requests.resume(id))
 
     async def wait(
         self, id: str, timeout_s: float, on_update: Callable[[Task], None] | None = None
@@ -129,95 +129,95 @@ class AsyncHelios:
 
     async def decisions(self, id: str, changes: Sequence[str] = ()) -> tuple[Decision, ...]:
         """Why the task went as it did, oldest first."""
-        return await self._do(calls.decisions(id, changes))
+        return await self._do(requests.decisions(id, changes))
 
     async def vocabulary(self) -> Vocabulary:
         """What can be asked for: any name, or those of the detector."""
-        return await self._do(calls.vocabulary())
+        return await self._do(requests.vocabulary())
 
     async def suggestions(self, limit: int = 3) -> Suggestions:
         """What was seen in this home, and at most `limit` tasks to try there."""
-        return await self._do(calls.suggestions(limit))
+        return await self._do(requests.suggestions(limit))
 
     # --- maps and robot -----------------------------------------------------------------------
     async def objects(
         self, class_name: str | None = None, min_score: float | None = None
     ) -> tuple[FoundObject, ...]:
         """The instances of the object map: all, or of a class, or from a score Ψ on."""
-        return await self._do(calls.objects(class_name, min_score))
+        return await self._do(requests.objects(class_name, min_score))
 
     async def object(self, id: int) -> FoundObject:
         """One instance of the object map."""
-        return await self._do(calls.found_object(id))
+        return await self._do(requests.found_object(id))
 
     async def seen(self, prompt: str, limit: int = 5) -> Seen:
         """Where something was seen: believed objects, and at most `limit` past views."""
-        return await self._do(calls.seen(prompt, limit))
+        return await self._do(requests.seen(prompt, limit))
 
     async def object_views(self, id: int, limit: int = 5) -> tuple[SeenView, ...]:
         """Pictures that an object is in, from different sides, best first."""
-        return await self._do(calls.object_views(id, limit))
+        return await self._do(requests.object_views(id, limit))
 
     async def save_map(self) -> bytes:
         """Both maps as one file (ZIP): all that they need to go on."""
-        return await self._do(calls.save_map())
+        return await self._do(requests.save_map())
 
     async def load_map(self, data: bytes) -> LoadedMaps:
         """Both maps from `save_map`, in the place of the present ones: both, or neither."""
-        return await self._do(calls.load_map(data))
+        return await self._do(requests.load_map(data))
 
     async def reset_map(self, only: Literal["objects", "occupancy"] | None = None) -> ResetMaps:
         """Forget both maps, or one; see `Helios.reset_map`."""
-        return await self._do(calls.reset_map(only))
+        return await self._do(requests.reset_map(only))
 
     async def map_info(self) -> MapInfo:
         """The 2D map's size, place and layers."""
-        return await self._do(calls.map_info())
+        return await self._do(requests.map_info())
 
     async def occupancy(self) -> dict[str, NDArray]:
         """The arrays of the 2D map by name; shapes and units stand at `Helios.occupancy`."""
-        return await self._do(calls.arrays("occupancy"))
+        return await self._do(requests.arrays("occupancy"))
 
     async def value_layer(self, layer: str) -> dict[str, NDArray]:
         """The arrays of one value layer by name; see `Helios.value_layer`."""
-        return await self._do(calls.arrays(f"value/{layer}"))
+        return await self._do(requests.arrays(f"value/{layer}"))
 
     async def picture(self, what: str = "occupancy") -> bytes:
         """PNG of the map: `occupancy` or `value/<layer>`."""
-        return await self._do(calls.map_file(what, "png"))
+        return await self._do(requests.map_file(what, "png"))
 
     async def map_file(self, what: str, ending: str) -> bytes:
         """The map as it travels: `occupancy` or `value/<layer>`, as `png` or `npz`."""
-        return await self._do(calls.map_file(what, ending))
+        return await self._do(requests.map_file(what, ending))
 
     async def ros_map(self) -> dict[str, bytes]:
         """`map.pgm` and `map.yaml`, as ROS's map_server reads them."""
-        return await self._do(calls.ros_map())
+        return await self._do(requests.ros_map())
 
     async def frontiers(self) -> list[Frontier]:
         """The borders of what was seen since the search began."""
-        return await self._do(calls.frontiers())
+        return await self._do(requests.frontiers())
 
     async def camera(self) -> bytes:
         """JPEG of what the robot sees now."""
-        return await self._do(calls.camera())
+        return await self._do(requests.camera())
 
     async def robot(self) -> RobotAnswer:
         """How the robot is, and what it is."""
-        return await self._do(calls.robot())
+        return await self._do(requests.robot())
 
     async def stop_robot(self, reason: str = "asked for by the Python SDK") -> RobotAnswer:
         """Stop now; the robot stays stopped until `clear_stop`."""
-        return await self._do(calls.stop_robot(reason))
+        return await self._do(requests.stop_robot(reason))
 
     async def clear_stop(self) -> RobotAnswer:
         """Allow the robot to move again."""
-        return await self._do(calls.clear_stop())
+        return await self._do(requests.clear_stop())
 
     async def drive(self, forward_m: float = 0.0, turn_rad: float = 0.0) -> DriveAnswer:
         """One short move: at most 0.5 m ahead (below 0: back), or 0.6 rad on the spot (above 0:
         left). Raises Conflict while a task or somebody else has the robot, or it is stopped."""
-        return await self._do(calls.drive(forward_m, turn_rad))
+        return await self._do(requests.drive(forward_m, turn_rad))
 
     def teleop(self) -> AsyncTeleop:
         """Drive by hand: `async with helios.teleop() as drive: await drive(forward=0.5, for_s=2)`.
@@ -227,11 +227,11 @@ class AsyncHelios:
     # --- the whole ----------------------------------------------------------------------------
     async def status(self) -> Status:
         """How every service is."""
-        return await self._do(calls.status())
+        return await self._do(requests.status())
 
     async def settings(self, service: str) -> dict[str, Any]:
         """The settings that a running service has, by name."""
-        return await self._do(calls.service_settings(service))
+        return await self._do(requests.service_settings(service))
 
     async def ready(self) -> bool:
         """Whether a task submitted now would start; False where nobody answers."""
@@ -282,7 +282,7 @@ class AsyncHelios:
         await self.close()
 
     # --- transport ----------------------------------------------------------------------------
-    async def _do(self, call: calls.Call[T]) -> T:
+    async def _do(self, call: requests.Call[T]) -> T:
         try:
             response = await self._http.request(**self._to.request(call))
         except httpx.TransportError as error:

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 from helios_client.screen import Screen
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 from helios_core.errors import InvalidInput
 
 from helios_eval import folder as run_folder

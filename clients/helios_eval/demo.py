@@ -17,11 +17,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from helios_client.answer_types import Task
 from helios_client.commands.task_view import run_task
 from helios_client.sdk import Helios
-from helios_client.supervision.stack import free_port
+from helios_client.supervision.service_specs import free_port
 from helios_client.supervision.up import check_port
-from helios_client.tasks import Task
 from helios_core import proto as pb
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, Unavailable

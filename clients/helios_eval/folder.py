@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 from helios_core.errors import Conflict, Unavailable
 
 LOCK = "run.lock"

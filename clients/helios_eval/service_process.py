@@ -6,8 +6,8 @@ import sys
 import time
 from pathlib import Path
 
-from helios_client.supervision.processes import Child, ProcessSpec
-from helios_client.supervision.stack import free_port
+from helios_client.supervision.child_process import Child, ProcessSpec
+from helios_client.supervision.service_specs import free_port
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import Unavailable

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from helios_client.commands.keys import add_key
+from helios_client.commands.api_keys import add_key
 from helios_core import proto as pb
 from helios_core.errors import Unavailable
 from helios_core.topics import DECISION, ROBOT_DESCRIPTION

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
-from helios_client.commands.keys import add_key
+from helios_client.commands.api_keys import add_key
 from playwright.sync_api import Browser, Page, expect
 
 from tests.browser import DEADLINE_MS, WEBGL, beside

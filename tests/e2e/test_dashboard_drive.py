@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from helios_client.commands.keys import add_key
+from helios_client.commands.api_keys import add_key
 from helios_core.topics import ROBOT_DESCRIPTION
 from playwright.sync_api import Browser, Page, expect
 

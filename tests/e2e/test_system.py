@@ -14,9 +14,9 @@ from pathlib import Path
 import httpx
 import psutil
 import pytest
+from helios_client.answer_types import ServiceAnswer
 from helios_client.commands.status import find_status
 from helios_client.sdk import Helios
-from helios_client.tasks import ServiceAnswer
 from helios_core import proto as pb
 from helios_core.topics import TRUTH_EPISODE, TRUTH_METRICS, WORLD_STATE
 from helios_core.zenoh_bus import ZenohBus

@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from helios_client.supervision.stack import Stack
-from helios_client.supervision.variables import unread
+from helios_client.supervision.service_specs import Stack
+from helios_client.supervision.unknown_variables import unread
 
 from tests.helios_up import started
 from tests.support import ENDS_WITHIN_S, free_port, wait_until

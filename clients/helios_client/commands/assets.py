@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from helios_client.commands.options import console
+from helios_client.commands.shared_options import console
 
 app = typer.Typer(
     name="assets",

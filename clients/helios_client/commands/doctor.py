@@ -16,7 +16,7 @@ from helios_core import plugins
 from helios_core.errors import InvalidInput
 
 from helios_client.supervision import state_file
-from helios_client.supervision.stack import port_trouble
+from helios_client.supervision.service_specs import port_trouble
 from helios_client.version import helios_version
 
 MIN_PYTHON = (3, 11)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 
 from helios_client.http.address import STANDARD_PORTS, split_url
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 
 
 def port_here(url: str, elsewhere: str) -> int:

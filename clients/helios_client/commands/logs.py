@@ -15,9 +15,9 @@ from helios_core.name_rules import same_name
 from helios_core.settings_spelling import nearest
 
 from helios_client.commands.here import port_here
-from helios_client.commands.options import chosen_address
+from helios_client.commands.shared_options import chosen_address
 from helios_client.supervision import state_file
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 
 FOLLOW_S = 0.2
 ENDING = ".log"

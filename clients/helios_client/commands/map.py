@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from helios_client.commands.options import At, Json, console, flat, print_json
+from helios_client.commands.shared_options import At, Json, console, flat, print_json
 
 objects_app = typer.Typer()
 app = typer.Typer(
@@ -28,7 +28,7 @@ def objects(
     as_json: Json = False,
 ) -> None:
     """List what is believed to be where, the surest first."""
-    from helios_client.commands.lists import object_table
+    from helios_client.commands.tables import object_table
 
     with at.connect() as helios:
         found = sorted(helios.objects(class_name, min_score), key=lambda o: -o.score)
@@ -51,8 +51,8 @@ def seen(
     as_json: Json = False,
 ) -> None:
     """Where something was seen, with pictures. Believed objects of that name, and past views."""
-    from helios_client.commands.lists import seen_tables
     from helios_client.commands.map_files import write_views
+    from helios_client.commands.tables import seen_tables
 
     with at.connect() as helios:
         found = helios.seen(prompt, limit)
@@ -151,7 +151,7 @@ def export(
 ) -> None:
     """Write the 2D map as pictures (PNG) and arrays (NPZ), or for ROS."""
     from helios_client.commands.map_files import export_map, export_ros
-    from helios_client.wrong_use import WrongUse
+    from helios_client.usage_errors import WrongUse
 
     if ros and only is not None:
         raise WrongUse("a map for ROS holds the occupancy alone; leave --only or --ros away")

@@ -11,9 +11,9 @@ from helios_core import atomic_file
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.name_rules import plain
 
+from helios_client.answer_types import SeenView
 from helios_client.sdk import Helios
-from helios_client.tasks import SeenView
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 
 OCCUPANCY = "occupancy"
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from helios_client.commands.options import (
+from helios_client.commands.shared_options import (
     At,
     Json,
     State,
@@ -82,7 +82,7 @@ def camera(
 ) -> None:
     """Write what the robot sees now as a JPEG. With boxes around what it detects."""
     from helios_client.commands.map_files import check_folder_of, write_file
-    from helios_client.wrong_use import WrongUse
+    from helios_client.usage_errors import WrongUse
 
     if file.suffix.lower() not in ("", ".jpg", ".jpeg"):
         raise WrongUse(f"the picture is a JPEG, and {file} is not named so; name it .jpg")
@@ -130,7 +130,7 @@ def key(
     file: Annotated[Path, typer.Option(help="of the keys' hashes")] = Path("keys.toml"),
 ) -> None:
     """Make an API key, shown once. HELIOS_GATEWAY_KEYS=FILE helios up asks for keys."""
-    from helios_client.commands.keys import add_key
+    from helios_client.commands.api_keys import add_key
 
     print(add_key(file, name, scope))
 

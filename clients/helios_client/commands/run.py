@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from helios_client.commands.options import Port, State, TypedPort, Url, console
+from helios_client.commands.shared_options import Port, State, TypedPort, Url, console
 
 app = typer.Typer()
 
@@ -70,14 +70,14 @@ def up(
     from helios_core.errors import InvalidInput
     from helios_core.name_rules import robot_name
 
-    from helios_client.replaying.words import check_source, default_detector
-    from helios_client.supervision import flags, state_file
-    from helios_client.supervision.stack import Stack, free_port
+    from helios_client.replay.messages import check_source, default_detector
+    from helios_client.supervision import flag_checks, state_file
+    from helios_client.supervision.service_specs import Stack, free_port
     from helios_client.supervision.up import Screen
     from helios_client.supervision.up import up as run_up
-    from helios_client.wrong_use import WrongUse
+    from helios_client.usage_errors import WrongUse
 
-    robot = flags.check_robot(robot)
+    robot = flag_checks.check_robot(robot)
     try:
         robot_name(name)
     except InvalidInput as error:
@@ -90,12 +90,12 @@ def up(
         raise WrongUse("--source goes with --robot replay, and only with it")
     if detector is None:
         detector = default_detector(robot, source)
-    detector = flags.check_detector(detector)
+    detector = flag_checks.check_detector(detector)
     if scorer is not None:
-        scorer = flags.check_scorer(scorer)
+        scorer = flag_checks.check_scorer(scorer)
     if agent is not None:
-        agent = flags.check_agent(agent)
-    preset, furniture = flags.check_home(robot, preset, furniture)
+        agent = flag_checks.check_agent(agent)
+    preset, furniture = flag_checks.check_home(robot, preset, furniture)
     if source is not None:
         check_source(source)
     state_dir = state or state_file.default_state_dir(port)
@@ -127,8 +127,8 @@ def record(
     url: Url = None,
 ) -> None:
     """Record every topic of a running robot into MCAP. Until Ctrl-C."""
-    from helios_client.commands.options import chosen_address
     from helios_client.commands.record import record as run_record
+    from helios_client.commands.shared_options import chosen_address
     from helios_client.http.address import PORT
 
     address = None
@@ -175,10 +175,10 @@ def replay(
     from helios_client.interrupts import noted_interrupts
 
     with noted_interrupts() as interrupts:
-        from helios_client.replaying.replay import Pace, ReplayJob
-        from helios_client.replaying.replay import replay as run_replay
-        from helios_client.replaying.words import check_source, what_to_seek
-        from helios_client.supervision.flags import check_detector
+        from helios_client.replay.messages import check_source, what_to_seek
+        from helios_client.replay.run import Pace, ReplayJob
+        from helios_client.replay.run import replay as run_replay
+        from helios_client.supervision.flag_checks import check_detector
 
         screen = console()
         check_source(dataset)

@@ -13,12 +13,12 @@ from rich.markup import escape
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
-from helios_client.commands.hangup import hangup_raises
-from helios_client.commands.lists import TASK_COLORS
+from helios_client.answer_types import Status, Task
+from helios_client.commands.hangup_signal import hangup_raises
+from helios_client.commands.tables import TASK_COLORS
 from helios_client.http.connection import POLL_S
 from helios_client.sdk import Helios
 from helios_client.supervision import state_file
-from helios_client.tasks import Status, Task
 
 STARTING_S = 60.0
 CANCEL_S = 30.0  # longest time until a cancel is heard, and longest wait for the task to end

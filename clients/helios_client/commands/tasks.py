@@ -7,13 +7,21 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from helios_client.commands.options import At, Json, console, flat, named_values, print_json, say
+from helios_client.commands.shared_options import (
+    At,
+    Json,
+    console,
+    flat,
+    named_values,
+    print_json,
+    say,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from helios_client.answer_types import Suggestions, Task
     from helios_client.sdk import Helios
-    from helios_client.tasks import Suggestions, Task
 
 app = typer.Typer()
 
@@ -114,7 +122,7 @@ def watch(
 
     Ctrl-C ends the watching, not the task.
     """
-    from helios_client.commands.lists import task_by_name
+    from helios_client.commands.tables import task_by_name
     from helios_client.commands.task_view import watch_task
 
     with at.connect() as helios:
@@ -145,7 +153,7 @@ def tasks(
     as_json: Json = False,
 ) -> None:
     """List tasks, newest first."""
-    from helios_client.commands.lists import task_table
+    from helios_client.commands.tables import task_table
 
     with at.connect() as helios:
         found = helios.tasks(state, limit)
@@ -194,8 +202,8 @@ def cancel(
     as_json: Json = False,
 ) -> None:
     """Ask a task to end, or all of them; the robot comes to rest."""
-    from helios_client.commands.lists import task_by_name
-    from helios_client.wrong_use import WrongUse
+    from helios_client.commands.tables import task_by_name
+    from helios_client.usage_errors import WrongUse
 
     if (id is None) is not everything:
         raise WrongUse("name one task, or --all; list them with helios tasks")
@@ -230,7 +238,7 @@ def _cancel_all(helios: Helios) -> list[Task]:
 @flat
 def pause(id: TaskId, at: At, as_json: Json = False) -> None:
     """Let a task wait, a running one where it is, until helios resume."""
-    from helios_client.commands.lists import task_by_name
+    from helios_client.commands.tables import task_by_name
 
     with at.connect() as helios:
         task = helios.pause(task_by_name(helios, id).id)
@@ -241,7 +249,7 @@ def pause(id: TaskId, at: At, as_json: Json = False) -> None:
 @flat
 def resume(id: TaskId, at: At, as_json: Json = False) -> None:
     """Go on with a paused task."""
-    from helios_client.commands.lists import task_by_name
+    from helios_client.commands.tables import task_by_name
 
     with at.connect() as helios:
         task = helios.resume(task_by_name(helios, id).id)
@@ -256,7 +264,7 @@ def _print_task(task: Task, as_json: bool) -> None:
 
 
 def _print_here(found: Suggestions, as_json: bool) -> None:
-    from helios_client.commands.lists import seen_name_table
+    from helios_client.commands.tables import seen_name_table
 
     if as_json:
         print_json(found)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from helios_client.commands.options import At, Json, console, flat, named_values, print_json
+from helios_client.commands.shared_options import At, Json, console, flat, named_values, print_json
 
 app = typer.Typer()
 
@@ -34,8 +34,8 @@ def why(
     as_json: Json = False,
 ) -> None:
     """Why a task did what it did. Every decision, its candidates, and one sentence."""
-    from helios_client.commands.lists import task_by_name
-    from helios_client.commands.why_view import flips, report
+    from helios_client.commands.decision_view import flips, report
+    from helios_client.commands.tables import task_by_name
 
     named_values(changes or ())  # refused before anybody is asked
     with at.connect() as helios:

@@ -10,7 +10,7 @@ import httpx
 from helios_core.errors import InvalidInput
 
 from helios_client.http.address import base_url as full_url
-from helios_client.http.calls import Call, event_query
+from helios_client.http.requests import Call, event_query
 
 POLL_S = 0.3
 SILENCE_S = 30.0  # a gateway is restarted within seconds

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
-from helios_client.supervision.processes import Child, Ending, ProcessSpec
+from helios_client.supervision.child_process import Child, Ending, ProcessSpec
 
 RESTART_DELAYS_S = (0.0, 0.5, 1.0, 2.0, 4.0, 5.0)
 STEADY_S = 20.0  # after running this long, the next restart comes at once again

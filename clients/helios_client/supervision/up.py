@@ -18,13 +18,13 @@ from rich.markup import escape
 
 from helios_client.screen import Screen as TextScreen
 from helios_client.supervision import state_file
-from helios_client.supervision.board import Board, ServiceRow, as_json, is_ready
-from helios_client.supervision.link import Link
-from helios_client.supervision.processes import Ending
-from helios_client.supervision.stack import Stack, port_trouble
+from helios_client.supervision.bus_link import Link
+from helios_client.supervision.child_process import Ending
+from helios_client.supervision.service_specs import Stack, port_trouble
+from helios_client.supervision.service_table import Board, ServiceRow, as_json, is_ready
 from helios_client.supervision.supervisor import ProcessInfo, State, Supervisor
-from helios_client.supervision.variables import unread
-from helios_client.wrong_use import WrongUse
+from helios_client.supervision.unknown_variables import unread
+from helios_client.usage_errors import WrongUse
 
 CHECK_PERIOD_S = 0.05
 WRITE_PERIOD_S = 2.0

@@ -8,7 +8,7 @@ import threading
 import time
 
 import zmq
-from helios_client.supervision.stack import free_port
+from helios_client.supervision.service_specs import free_port
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import frame_to_proto

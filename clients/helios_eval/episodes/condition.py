@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import get_args
 
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 from helios_core.errors import InvalidInput
 from helios_core.name_rules import same_name
 from helios_sim.sensor import SENSORS

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from functools import cache, lru_cache
 
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 from helios_core.errors import HeliosError
 from helios_core.name_rules import same_name
 from helios_sim.assets import Dressing, realistic

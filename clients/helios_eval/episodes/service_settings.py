@@ -9,7 +9,7 @@ import difflib
 from collections.abc import Iterable, Mapping
 from typing import Any, cast
 
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 from helios_core.agent_presets import settings_for
 from helios_core.settings import ServiceSettings
 from helios_detector.settings import Settings as DetectorSettings

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 from helios_core.agent_presets import AGENT_NAMES
 from helios_core.errors import InvalidInput
 from helios_core.name_rules import same_name

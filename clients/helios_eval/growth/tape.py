@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 from helios_core import proto as pb
 from helios_core.codec import context_from_proto, observation_from_proto, state_from_proto
 from helios_core.topics import CONTEXT, OBSERVATION, ROBOT_STATE

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numba
 import numpy as np
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError
 from helios_core.types import ObjectInstance, Role

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 from helios_core.types import ObjectInstance, Role, SearchContext
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings

@@ -28,8 +28,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from helios_client.replaying.watch_list import watch_list
-from helios_client.wrong_use import WrongUse
+from helios_client.replay.class_thresholds import watch_list
+from helios_client.usage_errors import WrongUse
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.types import Role, SearchContext

@@ -36,7 +36,7 @@ def video(
     ] = None,
 ) -> None:
     """Play one episode and film it. Camera, maps and decisions side by side."""
-    from helios_client.wrong_use import WrongUse
+    from helios_client.usage_errors import WrongUse
     from rich.console import Console
 
     from helios_eval.episodes.condition import checked

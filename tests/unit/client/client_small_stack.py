@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from helios_client.supervision.processes import ProcessSpec
-from helios_client.supervision.stack import Stack, free_port
+from helios_client.supervision.child_process import ProcessSpec
+from helios_client.supervision.service_specs import Stack, free_port
 from helios_client.supervision.up import Screen, up
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError

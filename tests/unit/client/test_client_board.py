@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from helios_client.supervision.board import SILENT_S, Board, ServiceRow, as_json, is_ready
-from helios_client.supervision.link import supervisor_status
+from helios_client.supervision.bus_link import supervisor_status
+from helios_client.supervision.service_table import SILENT_S, Board, ServiceRow, as_json, is_ready
 from helios_client.supervision.supervisor import ProcessInfo, State
 from helios_core import proto as pb
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from helios_client.cli import run
 from helios_client.commands.doctor import examine
-from helios_client.supervision.stack import Stack
+from helios_client.supervision.service_specs import Stack
 from helios_client.version import helios_version
 
 from tests.support import free_port

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 from helios_client import cli
-from helios_client.supervision import flags
-from helios_client.supervision.stack import Stack
-from helios_client.wrong_use import WrongUse
+from helios_client.supervision import flag_checks
+from helios_client.supervision.service_specs import Stack
+from helios_client.usage_errors import WrongUse
 
 from tests.support import free_port
 
@@ -24,31 +24,31 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_what_there_may_be_passes_and_nothing_of_a_plug_in_is_run() -> None:
-    for robot in (*flags.ROBOTS, "mine_of_a_test:Robot"):
-        flags.check_robot(robot)
+    for robot in (*flag_checks.ROBOTS, "mine_of_a_test:Robot"):
+        flag_checks.check_robot(robot)
     for detector in (
         "simulated", "ground-truth", "recorded", "onnx:nano.onnx", "transformers:a/b", "paint",
         "mine_of_a_test:Detector", "mine_of_a_test:Detector:0.5",
     ):  # fmt: skip
-        flags.check_detector(detector)
+        flag_checks.check_detector(detector)
     for scorer in ("lexical", "minilm", "transformers:a/b", "mine_of_a_test:Scorer"):
-        flags.check_scorer(scorer)
+        flag_checks.check_scorer(scorer)
     for agent in ("helios", "vlfm", "mine_of_a_test:agent"):
-        flags.check_agent(agent)
-    flags.check_home("sim", "ovmm-v1", None)
-    flags.check_home("mine_of_a_test:Robot", "anything", "realistic")
+        flag_checks.check_agent(agent)
+    flag_checks.check_home("sim", "ovmm-v1", None)
+    flag_checks.check_home("mine_of_a_test:Robot", "anything", "realistic")
     assert "mine_of_a_test" not in sys.modules
 
 
 def test_names_are_taken_in_any_case_and_told_as_they_are_known() -> None:
-    assert [flags.check_robot(name) for name in ("SIM", "Spot")] == ["sim", "spot"]
-    assert flags.check_agent("VLFM_Helios_Stop") == "vlfm-helios-stop"
-    assert flags.check_detector("Ground Truth") == "ground-truth"
-    assert flags.check_detector("Paint") == "paint"  # of an installed package
-    assert flags.check_scorer("MiniLM") == "minilm"
-    assert flags.check_home("sim", "OVMM-V1", "Parametric") == ("ovmm-v1", "parametric")
+    assert [flag_checks.check_robot(name) for name in ("SIM", "Spot")] == ["sim", "spot"]
+    assert flag_checks.check_agent("VLFM_Helios_Stop") == "vlfm-helios-stop"
+    assert flag_checks.check_detector("Ground Truth") == "ground-truth"
+    assert flag_checks.check_detector("Paint") == "paint"  # of an installed package
+    assert flag_checks.check_scorer("MiniLM") == "minilm"
+    assert flag_checks.check_home("sim", "OVMM-V1", "Parametric") == ("ovmm-v1", "parametric")
     for own in ("mine_of_a_test:Robot", "mine_of_a_test:ROBOT"):
-        assert flags.check_robot(own) == own
+        assert flag_checks.check_robot(own) == own
 
 
 @pytest.mark.parametrize(
@@ -100,4 +100,4 @@ def test_the_scorer_is_passed_on_and_only_where_it_was_named() -> None:
 
 def test_an_entry_point_is_named_with_those_there_are() -> None:
     with pytest.raises(WrongUse, match=r"recorded, paint, onnx:FILE, transformers:ID, or package"):
-        flags.check_detector("oracle")
+        flag_checks.check_detector("oracle")

@@ -9,8 +9,8 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from helios_client.commands.keys import add_key
-from helios_client.wrong_use import WrongUse
+from helios_client.commands.api_keys import add_key
+from helios_client.usage_errors import WrongUse
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from hypothesis import given
 from hypothesis import strategies as st

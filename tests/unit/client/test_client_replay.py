@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helios_client.replaying.results import Results, collect, stage_medians_ms
-from helios_client.replaying.tally import PARTS, Tally
-from helios_client.supervision.board import Board
+from helios_client.replay.frame_answers import PARTS, Tally
+from helios_client.replay.results import Results, collect, stage_medians_ms
+from helios_client.supervision.service_table import Board
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.map_snapshot import decode_snapshot

@@ -8,15 +8,15 @@ from typing import cast
 
 import pytest
 from helios_client.interrupts import Interrupts
-from helios_client.replaying import replay as module
-from helios_client.replaying.examine import Examined
-from helios_client.replaying.replay import ReplayJob
-from helios_client.replaying.results import unreadable_frames
-from helios_client.replaying.tally import PARTS, Tally
-from helios_client.replaying.watch import Watch, waits_for
-from helios_client.supervision.board import Board, ServiceRow
+from helios_client.replay import run as module
+from helios_client.replay.frame_answers import PARTS, Tally
+from helios_client.replay.input_checks import Examined
+from helios_client.replay.progress import Watch, waits_for
+from helios_client.replay.results import unreadable_frames
+from helios_client.replay.run import ReplayJob
+from helios_client.supervision.service_table import Board, ServiceRow
 from helios_client.supervision.supervisor import ProcessInfo, State, Supervisor
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 from helios_core import proto as pb
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from rich.console import Console
@@ -94,7 +94,7 @@ def test_a_replay_that_starts_and_ends_is_over(tmp_path: Path) -> None:
 def test_a_model_may_take_its_time_to_load_but_one_that_is_not_there_ends_the_replay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("helios_client.replaying.watch.TROUBLE_S", 0.0)
+    monkeypatch.setattr("helios_client.replay.progress.TROUBLE_S", 0.0)
     loading = status("detector", "waiting", "loading onnx:a")
     with pytest.raises(DeadlineExceeded, match="loading onnx:a"):
         play(job(tmp_path, start_s=0.3), board_of(loading), Tally())

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from helios_client.replaying.words import default_detector, what_to_seek
-from helios_client.supervision.board import ServiceRow, is_ready
-from helios_client.supervision.stack import RECORDED, Stack
-from helios_client.wrong_use import WrongUse
+from helios_client.replay.messages import default_detector, what_to_seek
+from helios_client.supervision.service_specs import RECORDED, Stack
+from helios_client.supervision.service_table import ServiceRow, is_ready
+from helios_client.usage_errors import WrongUse
 
 TAPE, FOLDER = Path("tour.mcap"), Path("folder")
 

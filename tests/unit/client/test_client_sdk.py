@@ -11,12 +11,12 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
+from helios_client.answer_types import Decision, Event, FoundObject, Task
 from helios_client.http.address import base_url
 from helios_client.http.errors import WrongRequest
-from helios_client.http.events import EventParser
+from helios_client.http.server_sent_events import EventParser
 from helios_client.sdk import Helios
 from helios_client.sdk_async import AsyncHelios
-from helios_client.tasks import Decision, Event, FoundObject, Task
 from helios_core.errors import (
     Conflict,
     DeadlineExceeded,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from helios_client.supervision.stack import Stack
+from helios_client.supervision.service_specs import Stack
 from helios_core.agent_presets import AGENT_SETTINGS
 
 

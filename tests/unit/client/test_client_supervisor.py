@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from helios_client.supervision.processes import ProcessSpec
+from helios_client.supervision.child_process import ProcessSpec
 from helios_client.supervision.supervisor import STEADY_S, State, Supervisor, restart_delay_s
 
 from tests.support import wait_until
@@ -247,7 +247,7 @@ def test_a_process_ends_with_its_supervisor_however_early(bench: Bench) -> None:
     program = (
         "import os, sys, time\n"
         "from pathlib import Path\n"
-        "from helios_client.supervision.processes import Child, ProcessSpec\n"
+        "from helios_client.supervision.child_process import Child, ProcessSpec\n"
         f"spec = ProcessSpec('p', (sys.executable, '-c', {STAY!r}))\n"
         "print(Child(spec, Path(sys.argv[1])).pid, flush=True)\n"
         "os.kill(os.getpid(), 9)"

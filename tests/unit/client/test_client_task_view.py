@@ -8,10 +8,10 @@ from typing import Any, NoReturn
 
 import httpx
 import pytest
+from helios_client.answer_types import Task
 from helios_client.commands import task_view as module
 from helios_client.commands.task_view import panel, run_task
 from helios_client.sdk import Helios
-from helios_client.tasks import Task
 from helios_core.errors import Unavailable
 from rich.console import Console
 

@@ -15,7 +15,7 @@ from typing import Any
 import psutil
 import pytest
 from helios_client.supervision import state_file
-from helios_client.supervision.stack import Stack
+from helios_client.supervision.service_specs import Stack
 from helios_client.supervision.up import Screen
 from helios_client.supervision.up import up as run_up
 from helios_core.errors import Conflict

@@ -11,9 +11,9 @@ import threading
 from typing import NoReturn
 
 import pytest
+from helios_client.answer_types import Task
 from helios_client.cli import run
 from helios_client.commands.task_view import panel, time_left
-from helios_client.tasks import Task
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console

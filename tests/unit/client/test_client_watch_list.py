@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from helios_client.replaying.watch_list import DEFAULT_THRESHOLD, watch_list
-from helios_client.wrong_use import WrongUse
+from helios_client.replay.class_thresholds import DEFAULT_THRESHOLD, watch_list
+from helios_client.usage_errors import WrongUse
 from helios_core.types import Role
 from hypothesis import given
 from hypothesis import strategies as st

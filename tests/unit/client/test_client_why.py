@@ -11,9 +11,9 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
+from helios_client.answer_types import Decision, Task
 from helios_client.cli import run
-from helios_client.commands.why_view import report
-from helios_client.tasks import Decision, Task
+from helios_client.commands.decision_view import report
 from rich.console import Console
 
 TASK: dict[str, Any] = {

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from eval_constructed_records import record
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 from helios_core.errors import Conflict, InvalidInput, Unavailable
 from helios_eval import folder
 from helios_eval.episodes import record as records

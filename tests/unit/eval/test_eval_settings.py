@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 from helios_core.agent_presets import AGENT_SETTINGS
 from helios_eval.episodes import homes, service_settings, spec
 from helios_eval.episodes.condition import checked

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 from helios_core.types import ObjectInstance, Role
 from helios_eval.episodes.beliefs import Role as BeliefRole
 from helios_eval.episodes.beliefs import judged

@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 from helios_core.types import Detection, Frame, Role, SearchContext
 from helios_detector.model_interfaces import DetectorBackend, Findings
 from helios_eval.studies import real_frames

@@ -5,7 +5,7 @@ import io
 import cv2
 import pytest
 from helios_client import cli
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 from helios_core.topics import CONTEXT
 from helios_eval import command
 from helios_eval.episodes.house import House

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 from helios_bridge.pushed_frames import LONGEST_TURN_S
-from helios_client.commands.keys import add_key
+from helios_client.commands.api_keys import add_key
 from helios_core import proto as pb
 from helios_core.codec import frame_from_proto
 from helios_core.geometry import se2_to_se3

@@ -10,7 +10,7 @@ import httpx
 import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
-from helios_client.commands.keys import add_key
+from helios_client.commands.api_keys import add_key
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_gateway.api_keys import Keys, Scope

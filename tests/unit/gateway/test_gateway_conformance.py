@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import schemathesis
-from helios_client.commands.keys import add_key
+from helios_client.commands.api_keys import add_key
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_gateway.bus_listener import Live
 from helios_gateway.robot_registry import Fleet, Served

@@ -11,7 +11,7 @@ from typing import NoReturn
 
 import pytest
 from fastapi.testclient import TestClient
-from helios_client.commands.keys import add_key
+from helios_client.commands.api_keys import add_key
 from helios_core import proto as pb
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.memory_bus import MemoryBus, MemoryHub

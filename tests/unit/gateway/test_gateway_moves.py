@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from fastapi.testclient import TestClient
-from helios_client.commands.keys import add_key
+from helios_client.commands.api_keys import add_key
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_gateway.api_move_models import GoRequest
 from helios_gateway.bus_listener import Live

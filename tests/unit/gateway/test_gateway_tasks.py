@@ -7,7 +7,7 @@ import math
 
 import pytest
 from fastapi.testclient import TestClient
-from helios_client.tasks import Task
+from helios_client.answer_types import Task
 from helios_core import proto as pb
 from helios_core.errors import Internal
 from helios_core.memory_bus import MemoryBus, MemoryHub

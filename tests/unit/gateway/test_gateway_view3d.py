@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import zstandard
 from fastapi.testclient import TestClient
-from helios_client.commands.keys import add_key
+from helios_client.commands.api_keys import add_key
 from helios_core.errors import Internal
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_gateway import viewer_scene

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
-from helios_client.commands.keys import add_key
+from helios_client.commands.api_keys import add_key
 from helios_core import proto as pb
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import LEASE, ROBOT_DESCRIPTION

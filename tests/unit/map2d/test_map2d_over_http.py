@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import numpy as np
 from fastapi.testclient import TestClient
-from helios_client.http.calls import arrays
+from helios_client.http.requests import arrays
 from helios_core import proto as pb
 from helios_core.health import Health
 from helios_core.topics import RESERVE

@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from helios_client.replaying.examine import examine
-from helios_client.replaying.replay import Pace, ReplayJob
+from helios_client.replay.input_checks import examine
+from helios_client.replay.run import Pace, ReplayJob
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.health import Health

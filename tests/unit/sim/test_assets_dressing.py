@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 import pytest
 from helios_client.cli import run
-from helios_client.supervision.stack import Stack
+from helios_client.supervision.service_specs import Stack
 from helios_core.errors import Unavailable
 from helios_sim.assets import Dressing, realistic
 from helios_sim.assets.bake import bake

@@ -11,7 +11,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from helios_client.supervision import leash as leash_module
+from helios_client.supervision import parent_watch as leash_module
 
 TAIL_BYTES = 4096
 KEEP_LOG_BYTES = 8_000_000  # a larger log is put aside at the next start

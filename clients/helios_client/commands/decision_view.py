@@ -12,9 +12,9 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from helios_client.commands.lists import TASK_COLORS
-from helios_client.commands.why_candidates import INDENT, Candidates
-from helios_client.tasks import Decision, Task
+from helios_client.answer_types import Decision, Task
+from helios_client.commands.candidate_table import INDENT, Candidates
+from helios_client.commands.tables import TASK_COLORS
 
 
 def flips(decisions: Iterable[Decision]) -> list[Decision]:

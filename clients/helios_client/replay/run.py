@@ -18,14 +18,14 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from helios_client.interrupts import Interrupts
-from helios_client.replaying.examine import examine
-from helios_client.replaying.results import Results, collect, unreadable_frames
-from helios_client.replaying.tally import Tally
-from helios_client.replaying.watch import Watch
-from helios_client.supervision.board import Board
-from helios_client.supervision.stack import Stack, free_port
+from helios_client.replay.frame_answers import Tally
+from helios_client.replay.input_checks import examine
+from helios_client.replay.progress import Watch
+from helios_client.replay.results import Results, collect, unreadable_frames
+from helios_client.supervision.service_specs import Stack, free_port
+from helios_client.supervision.service_table import Board
 from helios_client.supervision.supervisor import Supervisor
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 
 CHECK_PERIOD_S = 0.05
 FLUSH_S = 1.5  # services report every second: their figures of the last frame

@@ -13,8 +13,8 @@ from helios_core.errors import HeliosError, InvalidInput
 from helios_core.name_rules import same_name
 from helios_core.settings_spelling import nearest
 
-from helios_client.supervision.stack import RECORDED
-from helios_client.wrong_use import WrongUse
+from helios_client.supervision.service_specs import RECORDED
+from helios_client.usage_errors import WrongUse
 
 ROBOTS = ("sim", "replay", "spot", "bus", "push")
 _DETECTORS = ("simulated", "ground-truth", RECORDED)

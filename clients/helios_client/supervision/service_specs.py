@@ -9,7 +9,7 @@ from pathlib import Path
 
 from helios_core.agent_presets import settings_for
 
-from helios_client.supervision.processes import ProcessSpec
+from helios_client.supervision.child_process import ProcessSpec
 
 LOOPBACK = "127.0.0.1"
 RECORDED = "recorded"  # the detector that finds what was found when it was recorded

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 
 if TYPE_CHECKING:
-    from helios_client.replaying.replay import ReplayJob
+    from helios_client.replay.run import ReplayJob
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from helios_client.commands.options import Json, Port, print_json
+from helios_client.commands.shared_options import Json, Port, print_json
 
 app = typer.Typer()
 
@@ -28,7 +28,7 @@ def bench(
             f"the benchmarks cannot be loaded ({error}); pip install 'helios-ovmm[bench]'"
         ) from error
     if only is not None and only not in ROWS:
-        from helios_client.wrong_use import WrongUse
+        from helios_client.usage_errors import WrongUse
 
         raise WrongUse(f"no row is called {only!r}; wanted one of {', '.join(ROWS)}")
     run_bench(only, json_path)

@@ -17,8 +17,7 @@ import numpy as np
 from helios_core.errors import Internal
 from numpy.typing import NDArray
 
-from helios_client.http.errors import refused
-from helios_client.tasks import (
+from helios_client.answer_types import (
     Decision,
     DriveAnswer,
     FoundObject,
@@ -34,6 +33,7 @@ from helios_client.tasks import (
     Task,
     Vocabulary,
 )
+from helios_client.http.errors import refused
 
 T = TypeVar("T")
 

@@ -6,7 +6,7 @@ import time
 
 from helios_core.errors import DeadlineExceeded
 
-from helios_client.tasks import Task
+from helios_client.answer_types import Task
 
 
 class Waiting:

@@ -10,7 +10,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from helios_client.tasks import Decision
+from helios_client.answer_types import Decision
 
 INDENT = 15  # of what belongs to a sentence
 _ORDER = (  # what a term is made of stands before it

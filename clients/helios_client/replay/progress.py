@@ -10,15 +10,15 @@ from helios_core.errors import DeadlineExceeded, Unavailable
 from rich.console import Console
 from rich.markup import escape
 
-from helios_client.replaying.results import figure
-from helios_client.replaying.tally import Tally
-from helios_client.supervision.board import Board, ServiceRow
+from helios_client.replay.frame_answers import Tally
+from helios_client.replay.results import figure
+from helios_client.supervision.service_table import Board, ServiceRow
 from helios_client.supervision.supervisor import ProcessInfo
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 
 if TYPE_CHECKING:
-    from helios_client.replaying.examine import Examined
-    from helios_client.replaying.replay import ReplayJob
+    from helios_client.replay.input_checks import Examined
+    from helios_client.replay.run import ReplayJob
 
 
 SAY_WAITING_S = 5.0  # whoever is not ready then is named on the screen

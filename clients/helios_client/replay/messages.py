@@ -6,9 +6,9 @@ from pathlib import Path
 
 from helios_core.types import SearchContext
 
-from helios_client.replaying.watch_list import watch_list
-from helios_client.supervision.stack import RECORDED
-from helios_client.wrong_use import WrongUse
+from helios_client.replay.class_thresholds import watch_list
+from helios_client.supervision.service_specs import RECORDED
+from helios_client.usage_errors import WrongUse
 
 
 def check_source(source: Path) -> None:

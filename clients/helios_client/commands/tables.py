@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from rich.markup import escape
 from rich.table import Table
 
+from helios_client.answer_types import FoundObject, Seen, SeenName, Task
 from helios_client.screen import plain_table
 from helios_client.sdk import Helios
-from helios_client.tasks import FoundObject, Seen, SeenName, Task
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 
 TASK_COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "running": "cyan"}
 

@@ -11,7 +11,7 @@ from helios_core.bus import Bus
 from helios_core.errors import HeliosError, Unavailable
 from helios_core.topics import SUPERVISOR
 
-from helios_client.supervision.board import Board
+from helios_client.supervision.service_table import Board
 from helios_client.supervision.supervisor import ProcessInfo
 
 log = logging.getLogger(__name__)

@@ -8,7 +8,7 @@ import uuid
 from helios_core.name_rules import plain
 from helios_core.types import Role, SearchClass, SearchContext
 
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 
 DEFAULT_THRESHOLD = 0.25
 

@@ -19,8 +19,8 @@ from helios_core.topics import OBJECTS, PICTURE, SNAPSHOT
 from rich.markup import escape
 from rich.table import Table
 
-from helios_client.replaying.tally import Tally
-from helios_client.supervision.board import Board
+from helios_client.replay.frame_answers import Tally
+from helios_client.supervision.service_table import Board
 
 ASK_WITHIN_S = 20.0
 PICTURE_PX = 1024

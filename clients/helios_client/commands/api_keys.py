@@ -15,7 +15,7 @@ from pathlib import Path
 from helios_core.atomic_file import refusal, write_file
 from helios_core.errors import Conflict, InvalidInput
 
-from helios_client.wrong_use import WrongUse
+from helios_client.usage_errors import WrongUse
 
 BYTES = 32
 

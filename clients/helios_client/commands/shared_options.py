@@ -43,7 +43,7 @@ Url = Annotated[
 def chosen_address(port: int | None, url: str | None) -> tuple[int | None, str]:
     """What `http.address.chosen` makes of the typed options. Raises WrongUse."""
     from helios_client.http.address import chosen
-    from helios_client.wrong_use import WrongUse
+    from helios_client.usage_errors import WrongUse
 
     try:
         return chosen(port, url, os.environ)
@@ -136,7 +136,7 @@ def flat(command: Callable[..., None]) -> Callable[..., None]:
 
 def named_values(texts: Sequence[str]) -> dict[str, str]:
     """`["alpha_d=0.01"]` as a mapping. Raises WrongUse."""
-    from helios_client.wrong_use import WrongUse
+    from helios_client.usage_errors import WrongUse
 
     out = {}
     for text in texts:

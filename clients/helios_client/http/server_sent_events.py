@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from helios_client.tasks import Event
+from helios_client.answer_types import Event
 
 
 class EventParser:

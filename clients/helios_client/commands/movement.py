@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from helios_client.commands.options import At, Json, flat
+from helios_client.commands.shared_options import At, Json, flat
 from helios_client.commands.tasks import NoWait, Timeout, submit_and_watch
 
 app = typer.Typer()
@@ -38,7 +38,7 @@ def go(
     The yaw is in degrees here, in radians over HTTP. Where the point is out of reach it says why,
     and names the nearest place that is not.
     """
-    from helios_client.wrong_use import WrongUse
+    from helios_client.usage_errors import WrongUse
 
     for name, value in (("X", x), ("Y", y), ("YAW", yaw or 0.0)):
         if not math.isfinite(value):

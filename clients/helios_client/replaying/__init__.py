@@ -1,1 +1,0 @@
-"""`helios replay`: a data set through the services, and what came of it."""
