@@ -8,7 +8,7 @@ import argparse
 from pathlib import Path
 
 # First, for it tells MuJoCo how to draw without a display.
-from helios_sim.home.gallery import Image, overview  # isort: skip
+from helios_sim.home.home_pictures import Image, overview  # isort: skip
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.home.catalogs import CATALOGS
 from helios_sim.home.class_sheets import class_sheet

@@ -27,7 +27,7 @@ from helios_core.topics import (
 )
 from helios_core.types import RobotDescription, RobotState
 
-from helios_sim.captures import capture_from_proto
+from helios_sim.capture_messages import capture_from_proto
 
 CALL_TIMEOUT_S = 10.0
 ACT_TIMEOUT_S = 60.0

@@ -11,7 +11,7 @@ import numpy as np
 from helios_core.geometry import Matrix, se2_to_se3
 from numpy.typing import NDArray
 
-from helios_sim.home.assembly import GROUP_COLLISION
+from helios_sim.home.mujoco_model import GROUP_COLLISION
 from helios_sim.robot_model import CAMERA_HEIGHT_M, CARRY_BASE_M, GRIPPER_BASE_M, RobotIndex
 
 REST_LINEAR_M_S, REST_ANGULAR_RAD_S = 0.005, 0.05

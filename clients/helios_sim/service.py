@@ -31,13 +31,17 @@ from helios_core.topics import (
 )
 
 from helios_sim.assets import realistic
-from helios_sim.captures import capture_to_proto
-from helios_sim.episode import episode_of
+from helios_sim.capture_messages import capture_to_proto
+from helios_sim.episode_tracker import episode_of
+from helios_sim.ground_truth_messages import (
+    episode_to_proto,
+    metrics_to_proto,
+    segmentation_to_proto,
+)
 from helios_sim.home import PRESETS, generate_home
-from helios_sim.sensor import SENSORS
+from helios_sim.sensor_noise import SENSORS
 from helios_sim.settings import Settings
-from helios_sim.thread import WorldThread
-from helios_sim.truth_messages import episode_to_proto, metrics_to_proto, segmentation_to_proto
+from helios_sim.simulation_thread import WorldThread
 from helios_sim.world import World
 
 log = logging.getLogger(__name__)

@@ -8,7 +8,7 @@ from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field, field_validator
 
 from helios_sim.home import PRESETS
-from helios_sim.sensor import SENSORS
+from helios_sim.sensor_noise import SENSORS
 
 
 class Settings(ServiceSettings):

@@ -27,12 +27,14 @@ from helios_core.robot import (
 from helios_core.types import RobotDescription, RobotState
 from numpy.typing import NDArray
 
-from helios_sim.deeds import Deeds, Outcome
-from helios_sim.episode import Tracker
-from helios_sim.events import Event
+from helios_sim.action_executor import Deeds, Outcome
+from helios_sim.action_limits import refusal
+from helios_sim.episode_events import Event
+from helios_sim.episode_tracker import Tracker
+from helios_sim.ground_truth import Segmentation, TrueThing
 from helios_sim.home import Episode, Home
-from helios_sim.limits import refusal
-from helios_sim.metrics import Progress
+from helios_sim.object_states import things_now
+from helios_sim.ovmm_metrics import Progress
 from helios_sim.robot_model import (
     MAX_DEPTH_M,
     START_TILT_RAD,
@@ -41,10 +43,8 @@ from helios_sim.robot_model import (
     description,
     pinhole,
 )
-from helios_sim.senses import Senses
-from helios_sim.sensor import SENSORS, SensorRealism
-from helios_sim.things import things_now
-from helios_sim.truth import Segmentation, TrueThing
+from helios_sim.robot_sensors import Senses
+from helios_sim.sensor_noise import SENSORS, SensorRealism
 
 _REMEMBERED_ACTIONS = 1024
 _START_SETTLE_S = 1.0

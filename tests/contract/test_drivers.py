@@ -30,10 +30,10 @@ from helios_core.zenoh_bus import ZenohBus
 from helios_examples.room_robot import CAMERA, RoomRobot
 from helios_replay.driver import ReplayDriver
 from helios_sim.driver import SimDriver
-from helios_sim.episode import episode_of
+from helios_sim.episode_tracker import episode_of
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.service import WorldService
-from helios_sim.thread import WorldThread
+from helios_sim.simulation_thread import WorldThread
 from helios_sim.world import World
 
 from tests.bare_robot.processes import bare_robot, generate_messages

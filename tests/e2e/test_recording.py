@@ -42,7 +42,7 @@ from helios_replay import ReplayDriver
 from helios_replay.answers import RecordedDetector
 from helios_replay.opening import open_source
 from helios_sim.home import PRESETS, generate_home
-from helios_sim.thread import WorldThread
+from helios_sim.simulation_thread import WorldThread
 
 from tests.helios_up import Up, helios_up
 from tests.support import ENDS_WITHIN_S, LOOPBACK, wait_until

@@ -32,7 +32,7 @@ def bake(
     cache: Cache = None,
 ) -> None:
     """Turn the furniture package into small models. In the cache; some minutes, once."""
-    from helios_sim.assets.bake import bake as run_bake
+    from helios_sim.assets.asset_baking import bake as run_bake
     from rich.progress import Progress
 
     with Progress(console=console(stderr=True), transient=True) as bar:
@@ -53,8 +53,8 @@ def show(
     as_json: Annotated[bool, typer.Option("--json", help="print JSON only")] = False,
 ) -> None:
     """List what is baked: class, model, size, author and licence."""
-    from helios_sim.assets import pack as packs
-    from helios_sim.assets.report import rows_of
+    from helios_sim.assets import asset_pack as packs
+    from helios_sim.assets.asset_report import rows_of
     from rich.table import Table
 
     pack = packs.read(cache)

@@ -74,10 +74,10 @@ def check_home(robot: str, preset: str, furniture: str | None) -> tuple[str, str
             raise WrongUse(_none_called("preset", preset, tuple(PRESETS), ""))
         preset = known
     if furniture == "realistic":
-        from helios_sim.assets import pack
+        from helios_sim.assets import asset_pack
 
         try:
-            pack.read_index(pack.default_cache() / "current")
+            asset_pack.read_index(asset_pack.default_cache() / "current")
         except HeliosError as error:
             raise WrongUse(f"--furniture realistic: {error.message}") from error
     return preset, furniture

@@ -9,7 +9,7 @@ from typing import get_args
 from helios_client.usage_errors import WrongUse
 from helios_core.errors import InvalidInput
 from helios_core.name_rules import same_name
-from helios_sim.sensor import SENSORS
+from helios_sim.sensor_noise import SENSORS
 
 from helios_eval.episodes import homes, service_settings, spec
 from helios_eval.episodes.record import Benchmark, Noise, Semantics, Setting

@@ -12,7 +12,7 @@ from helios_client.usage_errors import WrongUse
 from helios_core.errors import HeliosError
 from helios_core.name_rules import same_name
 from helios_sim.assets import Dressing, realistic
-from helios_sim.assets.pack import NAME
+from helios_sim.assets.asset_pack import NAME
 from helios_sim.home import PRESETS, Home, HomePreset, generate_home
 
 _JOINT = "+"

@@ -35,8 +35,8 @@ from helios_objectmap.service import ObjectMapService
 from helios_objectmap.settings import ObjectMapSettings
 from helios_planner.service import PlannerService
 from helios_planner.settings import Settings as PlannerSettings
-from helios_sim.thread import WorldThread
-from helios_sim.truth import Segmentation
+from helios_sim.ground_truth import Segmentation
+from helios_sim.simulation_thread import WorldThread
 
 from helios_eval import kernels
 from helios_eval.episodes.record import Noise, Setting

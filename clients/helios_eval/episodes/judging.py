@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from helios_sim.episode import episode_of, objectnav_episode_of
+from helios_sim.episode_tracker import episode_of, objectnav_episode_of
+from helios_sim.failure_causes import Said, failure_cause, objectnav_cause
 from helios_sim.home import Episode, Home
-from helios_sim.judge import Said, failure_cause, objectnav_cause
 from helios_sim.robot_model import description
 from helios_sim.world import World
 

@@ -11,12 +11,12 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from helios_core.map_snapshot import FREE, OCCUPIED
 from helios_core.types import ObjectInstance
-from helios_sim.events import PickTried
+from helios_sim.episode_events import PickTried
+from helios_sim.failure_causes import STEP_BUDGET, Said
+from helios_sim.ground_truth_solver import Oracle
 from helios_sim.home import Home
-from helios_sim.judge import STEP_BUDGET, Said
-from helios_sim.oracle import Oracle
-from helios_sim.sensor import SENSORS
-from helios_sim.thread import WorldThread
+from helios_sim.sensor_noise import SENSORS
+from helios_sim.simulation_thread import WorldThread
 from numpy.typing import NDArray
 
 from helios_eval.episodes import homes

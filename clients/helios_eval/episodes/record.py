@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Literal
 
 from helios_core.errors import InvalidInput
-from helios_sim.objectnav import spl
+from helios_sim.objectnav_metrics import spl
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 EPISODES = "episodes.jsonl"
@@ -70,7 +70,7 @@ def key_of(
 
 
 class EpisodeRecord(_Frozen):
-    """One episode. Metrics as in `helios_sim.metrics`, by the simulator's truth."""
+    """One episode. Metrics as in `helios_sim.ovmm_metrics`, by the simulator's truth."""
 
     # --- which one ---
     benchmark: Benchmark

@@ -7,7 +7,7 @@ from typing import Any
 
 from helios_core.health import Health
 from helios_core.robot import Action, ActionResult, Capture
-from helios_sim.truth import Segmentation
+from helios_sim.ground_truth import Segmentation
 from helios_sim.world import World
 
 

@@ -18,8 +18,8 @@ from helios_core.types import Frame, FrameId, Observation, Role, SearchClass, Se
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 from helios_detector.simulator_truth import Truth
 from helios_objectmap.camera import View, offset
+from helios_sim.ground_truth_solver import Oracle
 from helios_sim.home import Home
-from helios_sim.oracle import Oracle
 from helios_sim.world import World
 from numpy.typing import NDArray
 

@@ -33,10 +33,10 @@ from helios_planner.navigation.base_controller import Legs
 from helios_planner.search.candidate_beliefs import MapBelief
 from helios_planner.settings import PlaceRule, Settings
 from helios_planner.task import TaskFailed
-from helios_sim.episode import reachable
-from helios_sim.events import PlaceTried
+from helios_sim.episode_events import PlaceTried
+from helios_sim.episode_tracker import reachable
 from helios_sim.home import Episode, Home
-from helios_sim.home.types import Receptacle
+from helios_sim.home.home_types import Receptacle
 from helios_sim.world import World
 from numpy.typing import NDArray
 

@@ -29,7 +29,7 @@ from helios_core.types import Role, SearchClass, SearchContext
 from helios_detector.model_interfaces import DetectorBackend, DetectorOptions
 from helios_detector.model_loading import open_detector
 from helios_sim.assets import realistic
-from helios_sim.assets.pack import Model
+from helios_sim.assets.asset_pack import Model
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.home.catalogs import CATALOGS
 

@@ -9,7 +9,7 @@ import cv2
 import matplotlib as mpl
 import numpy as np
 from helios_core.atomic_file import replacing, write_file
-from helios_sim.assets.pack import Model
+from helios_sim.assets.asset_pack import Model
 from numpy.typing import NDArray
 
 from helios_eval.studies.realism_judging import Judged, Row

@@ -16,12 +16,12 @@ import numpy as np
 from helios_core.geometry import Matrix, Pinhole, project
 from helios_core.types import Frame, FrameId
 from helios_sim.assets import Dressing
-from helios_sim.assets.pack import Model
+from helios_sim.assets.asset_pack import Model
 from helios_sim.home import Home
-from helios_sim.home.types import Fixture, Receptacle, SceneObject, Shape
-from helios_sim.render import Painter
+from helios_sim.home.home_types import Fixture, Receptacle, SceneObject, Shape
+from helios_sim.renderer import Painter
 from helios_sim.robot_model import CAMERA_HEIGHT_M, FOVY_DEG, MAX_DEPTH_M, camera_pose, pinhole
-from helios_sim.senses import DRAWN_GROUPS
+from helios_sim.robot_sensors import DRAWN_GROUPS
 from numpy.typing import NDArray
 
 THING_DISTANCES_M = (0.9, 1.5)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from helios_sim.judge import Said
+from helios_sim.failure_causes import Said
 
 from helios_eval.episodes.judging import verdict
 from helios_eval.episodes.play import LONGEST_S, housed

@@ -4,7 +4,7 @@
 the extra `assets`; using a baked pack does not.
 """
 
-from helios_sim.assets.dressing import Dressing, realistic
-from helios_sim.assets.pack import Pack
+from helios_sim.assets.asset_pack import Pack
+from helios_sim.assets.home_furnishing import Dressing, realistic
 
 __all__ = ["Dressing", "Pack", "realistic"]

@@ -3,10 +3,9 @@
 `generate_home(seed, PRESETS["demo-v1"])` gives a `Home`; `Home.spec()` the model without a robot.
 """
 
-from helios_sim.home.generate import generate_home
-from helios_sim.home.home import Home
-from helios_sim.home.presets import PRESETS, HomePreset
-from helios_sim.home.types import (
+from helios_sim.home.generated_home import Home
+from helios_sim.home.home_generator import generate_home
+from helios_sim.home.home_types import (
     Doorway,
     Episode,
     Fixture,
@@ -15,6 +14,7 @@ from helios_sim.home.types import (
     SceneObject,
     Surface,
 )
+from helios_sim.home.presets import PRESETS, HomePreset
 
 __all__ = [
     "PRESETS",

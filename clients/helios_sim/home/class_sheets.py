@@ -15,12 +15,12 @@ import cv2
 import mujoco
 import numpy as np
 
-from helios_sim.home.assembly import GROUP_FURNITURE, ModelBuilder
 from helios_sim.home.catalogs import CATALOGS
-from helios_sim.home.gallery import Image, grid, write_picture
-from helios_sim.home.palette import draw_palette
-from helios_sim.home.types import Shape
-from helios_sim.home.variety import Maker
+from helios_sim.home.color_palette import draw_palette
+from helios_sim.home.home_pictures import Image, grid, write_picture
+from helios_sim.home.home_types import Shape
+from helios_sim.home.mujoco_model import GROUP_FURNITURE, ModelBuilder
+from helios_sim.home.shape_variation import Maker
 
 _TILE_PX = (300, 130)  # width, height
 _EACH = 4

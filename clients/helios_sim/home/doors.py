@@ -5,11 +5,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from helios_sim.home import plan
-from helios_sim.home.builder import ShapeBuilder
-from helios_sim.home.palette import STEEL, Palette, darker
-from helios_sim.home.places import Pose
-from helios_sim.home.types import Doorway, Room, Shape
+from helios_sim.home import floor_plans
+from helios_sim.home.color_palette import STEEL, Palette, darker
+from helios_sim.home.home_types import Doorway, Room, Shape
+from helios_sim.home.shape_builder import ShapeBuilder
+from helios_sim.home.wall_placement import Pose
 
 THICK_M = 0.04
 _BESIDE_M = 0.045  # hinge beside the opening, and before the face of the frame
@@ -19,7 +19,7 @@ _NARROWER_M = 0.02
 
 def door_leaf(rng: np.random.Generator, palette: Palette, width_m: float = 0.9) -> Shape:
     """A leaf of that width with panels and handles; its origin is under its middle."""
-    width, height = width_m - _NARROWER_M, plan.DOOR_HEIGHT_M - 0.02
+    width, height = width_m - _NARROWER_M, floor_plans.DOOR_HEIGHT_M - 0.02
     coat = palette.paint(rng) if rng.random() < 0.6 else palette.wood(rng)
     b = ShapeBuilder()
     b.box((0, 0, height / 2 + 0.01), (width, THICK_M - 0.008, height), coat)
@@ -51,7 +51,7 @@ def open_poses(
         s, t, wide = ways[k]
         angle = math.radians(float(rng.uniform(158, 172) if wide else rng.uniform(92, 112)))
         along = s * (door.width_m / 2 + _BESIDE_M)
-        across = t * (plan.WALL_HALF_M + _BEFORE_M)
+        across = t * (floor_plans.WALL_HALF_M + _BEFORE_M)
         # In the frame of the wall: u along it, v across it.
         du, dv = -s * math.cos(angle), t * math.sin(angle)
         half = width_m / 2

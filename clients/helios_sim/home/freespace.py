@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_sim.home import plan
-from helios_sim.home.types import Doorway, Fixture, Receptacle, Room
+from helios_sim.home import floor_plans
+from helios_sim.home.home_types import Doorway, Fixture, Receptacle, Room
 
 CELL_M = 0.05
 
@@ -34,7 +34,7 @@ def obstacles(
     """Walls and the footprints of all that stands in a robot's way."""
     found = [
         Obstacle(*piece.center_xy, *piece.half_extent_xy, 0.0)
-        for piece in plan.wall_pieces(rooms, doorways)
+        for piece in floor_plans.wall_pieces(rooms, doorways)
         if piece.z0_m == 0.0
     ]
     found += [footprint(item) for item in receptacles]
@@ -47,7 +47,7 @@ def footprint(item: Receptacle | Fixture) -> Obstacle:
     return Obstacle(item.x, item.y, item.size_m[0] / 2, item.size_m[1] / 2, item.yaw_rad)
 
 
-def grid_shape(bounds: plan.Rect, cell_m: float) -> tuple[int, int]:
+def grid_shape(bounds: floor_plans.Rect, cell_m: float) -> tuple[int, int]:
     """(rows, columns) that cover the bounds."""
     rows = math.ceil((bounds[3] - bounds[1]) / cell_m - 1e-9)
     columns = math.ceil((bounds[2] - bounds[0]) / cell_m - 1e-9)
@@ -55,7 +55,7 @@ def grid_shape(bounds: plan.Rect, cell_m: float) -> tuple[int, int]:
 
 
 def cell_centers(
-    bounds: plan.Rect, cell_m: float
+    bounds: floor_plans.Rect, cell_m: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """x [columns] and y [rows] of the cells' middles."""
     rows, columns = grid_shape(bounds, cell_m)
@@ -65,7 +65,7 @@ def cell_centers(
 
 
 def clearance_m(
-    bounds: plan.Rect, blocked: Sequence[Obstacle], cell_m: float
+    bounds: floor_plans.Rect, blocked: Sequence[Obstacle], cell_m: float
 ) -> NDArray[np.float64]:
     """Distance from each cell's middle [rows, columns] to the nearest obstacle; 0 inside one."""
     clearance = np.full(grid_shape(bounds, cell_m), np.inf)
@@ -74,7 +74,7 @@ def clearance_m(
     return clearance
 
 
-def distance_m(bounds: plan.Rect, obstacle: Obstacle, cell_m: float) -> NDArray[np.float64]:
+def distance_m(bounds: floor_plans.Rect, obstacle: Obstacle, cell_m: float) -> NDArray[np.float64]:
     """Distance from each cell's middle [rows, columns] to one obstacle."""
     x, y = cell_centers(bounds, cell_m)
     dx, dy = x[None, :] - obstacle.x, y[:, None] - obstacle.y
@@ -95,7 +95,7 @@ def largest_region(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return labels == best
 
 
-def room_mask(room: Room, bounds: plan.Rect, cell_m: float) -> NDArray[np.bool_]:
+def room_mask(room: Room, bounds: floor_plans.Rect, cell_m: float) -> NDArray[np.bool_]:
     """Cells whose middle is in the room."""
     x, y = cell_centers(bounds, cell_m)
     inside_x = (x >= room.x0) & (x < room.x1)
@@ -111,7 +111,7 @@ def distance_to_cells_m(cells: NDArray[np.bool_], cell_m: float) -> NDArray[np.f
     return (pixels * cell_m).astype(np.float32)
 
 
-def cell_of(x: float, y: float, bounds: plan.Rect, cell_m: float) -> tuple[int, int]:
+def cell_of(x: float, y: float, bounds: floor_plans.Rect, cell_m: float) -> tuple[int, int]:
     """(row, column) of a point, clipped to the grid."""
     rows, columns = grid_shape(bounds, cell_m)
     row, column = int((y - bounds[1]) / cell_m), int((x - bounds[0]) / cell_m)

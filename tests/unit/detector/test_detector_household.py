@@ -10,7 +10,7 @@ from helios_detector.model_interfaces import DetectorOptions
 from helios_detector.model_loading import open_detector
 from helios_planner.instruction.parser import parse
 from helios_planner.tasks.search_context import in_vocabulary
-from helios_sim.episode import episode_of
+from helios_sim.episode_tracker import episode_of
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.home.catalogs import CATALOGS
 

@@ -15,7 +15,7 @@ from helios_eval.episodes.beliefs import Role as BeliefRole
 from helios_eval.episodes.beliefs import judged
 from helios_eval.studies.map_study import Outcome, arm_of, main, pick, row, tell
 from helios_eval.studies.map_walk import Walk, believed, walk
-from helios_sim.truth import TrueThing
+from helios_sim.ground_truth import TrueThing
 
 LOW: dict[Role, float] = dict.fromkeys(
     (Role.OBJECT, Role.START_RECEPTACLE, Role.GOAL_RECEPTACLE), 0.2

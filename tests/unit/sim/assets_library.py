@@ -9,7 +9,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from helios_sim.assets.choice import Choice
+from helios_sim.assets.model_selection import Choice
 
 LICENCE = "This file is under http://creativecommons.org/licenses/by/3.0/ for all"
 CHOICES = (

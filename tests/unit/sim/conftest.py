@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import pytest
-from helios_sim.episode import episode_of
+from helios_sim.episode_tracker import episode_of
 from helios_sim.home import PRESETS, Home, generate_home
 from helios_sim.world import World
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from helios_client.cli import run
 from helios_core.errors import InvalidInput, Unavailable
-from helios_sim.assets import library as libraries
-from helios_sim.assets import pack as packs
-from helios_sim.assets.bake import Baked, bake
-from helios_sim.assets.boxes import levelled, merged_boxes
-from helios_sim.assets.flats import largest_rectangle
-from helios_sim.assets.obj import Part, load_parts
-from helios_sim.assets.pack import Model
-from helios_sim.assets.refine import refined, with_normals
-from helios_sim.assets.sampling import face_normals, sample
+from helios_sim.assets import asset_pack as packs
+from helios_sim.assets import sweethome_library as libraries
+from helios_sim.assets.asset_baking import Baked, bake
+from helios_sim.assets.asset_pack import Model
+from helios_sim.assets.collision_boxes import levelled, merged_boxes
+from helios_sim.assets.flat_surfaces import largest_rectangle
+from helios_sim.assets.mesh_simplification import refined, with_normals
+from helios_sim.assets.obj_reader import Part, load_parts
+from helios_sim.assets.surface_sampling import face_normals, sample
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp

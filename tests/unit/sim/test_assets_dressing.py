@@ -16,14 +16,14 @@ from helios_client.cli import run
 from helios_client.supervision.service_specs import Stack
 from helios_core.errors import Unavailable
 from helios_sim.assets import Dressing, realistic
-from helios_sim.assets.bake import bake
-from helios_sim.assets.dressing import FURNITURE_SCALE, furniture_scale, thing_scale
-from helios_sim.assets.pack import Model
-from helios_sim.episode import episode_of
+from helios_sim.assets.asset_baking import bake
+from helios_sim.assets.asset_pack import Model
+from helios_sim.assets.home_furnishing import FURNITURE_SCALE, furniture_scale, thing_scale
+from helios_sim.episode_tracker import episode_of
 from helios_sim.home import PRESETS, Home, generate_home
 from helios_sim.home.catalogs import CATALOGS
-from helios_sim.home.palette import draw_palette
-from helios_sim.home.types import Receptacle, Shape, Solid, Surface
+from helios_sim.home.color_palette import draw_palette
+from helios_sim.home.home_types import Receptacle, Shape, Solid, Surface
 from helios_sim.settings import Settings
 from helios_sim.world import World
 from pydantic import ValidationError

@@ -7,8 +7,8 @@ import math
 import mujoco
 import numpy as np
 from helios_core.robot import Tilt, Turn
-from helios_sim.culling import Frustum
-from helios_sim.senses import DRAWN_GROUPS
+from helios_sim.frustum_culling import Frustum
+from helios_sim.robot_sensors import DRAWN_GROUPS
 from helios_sim.world import World
 
 MODEL = """

@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 import pytest
-from helios_sim.ground import Ground, clearance_m
-from helios_sim.objectnav import spl
+from helios_sim.navigable_area import Ground, clearance_m
+from helios_sim.objectnav_metrics import spl
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -6,7 +6,7 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 
 import pytest
 from helios_sim.home import PRESETS, generate_home
-from helios_sim.home.gallery import Pictures, room_views
+from helios_sim.home.home_pictures import Pictures, room_views
 
 
 def test_a_home_is_drawn_in_many_colours_from_above_and_within() -> None:

@@ -8,12 +8,12 @@ from collections import Counter
 import mujoco
 import numpy as np
 import pytest
-from helios_sim.episode import episode_of, ground_of, targets_of
-from helios_sim.home import PRESETS, Home, generate_home, settle
+from helios_sim.episode_tracker import episode_of, ground_of, targets_of
+from helios_sim.home import PRESETS, Home, generate_home, physics_settling
 from helios_sim.home import freespace as fs
 from helios_sim.home.catalog_ovmm import OVMM, OVMM_CLASS
-from helios_sim.home.furnish import surface_points
-from helios_sim.home.generate import HIDDEN_SHARE
+from helios_sim.home.furniture_placement import surface_points
+from helios_sim.home.home_generator import HIDDEN_SHARE
 
 OVMM_V1 = PRESETS["ovmm-v1"]
 SEEDS = tuple(range(8))
@@ -134,7 +134,7 @@ def test_look_alikes_stand_side_by_side_and_some_things_are_hidden(
                 pairs += any({a.class_name, b.class_name} <= set(g) for g in OVMM.look_alikes)
     assert pairs >= 1
     free, _ = home.free_space(OVMM_V1.passage_radius_m, CELL_M)
-    hidden = settle.hidden_shares(home, fs.largest_region(free)) >= HIDDEN_SHARE
+    hidden = physics_settling.hidden_shares(home, fs.largest_region(free)) >= HIDDEN_SHARE
     assert hidden.sum() >= 3
 
 

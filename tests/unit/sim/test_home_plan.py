@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from helios_sim.home import PRESETS, freespace, plan
+from helios_sim.home import PRESETS, floor_plans, freespace
 from helios_sim.home.freespace import Obstacle
-from helios_sim.home.types import Doorway, Room
+from helios_sim.home.home_types import Doorway, Room
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,12 +15,12 @@ DEMO = PRESETS["demo-v1"]
 @given(st.integers(0, 2000))
 @settings(max_examples=60, deadline=None)
 def test_rooms_tile_the_home_and_doorways_join_them(seed: int) -> None:
-    drawn = plan.draw_plan(np.random.default_rng(seed), DEMO)
+    drawn = floor_plans.draw_plan(np.random.default_rng(seed), DEMO)
     if drawn is None:
         return
     rooms, doorways = drawn
-    x0, y0, x1, y1 = plan.bounds_of(rooms)
-    wall = 2 * plan.WALL_HALF_M
+    x0, y0, x1, y1 = floor_plans.bounds_of(rooms)
+    wall = 2 * floor_plans.WALL_HALF_M
     area = (x1 - x0 - wall) * (y1 - y0 - wall)
     assert math.isclose(sum(room.area_m2 for room in rooms), area, rel_tol=1e-9)
     joined = {0}
@@ -38,11 +38,11 @@ def test_rooms_tile_the_home_and_doorways_join_them(seed: int) -> None:
 def test_a_doorway_leaves_its_width_open_and_a_header_above() -> None:
     rooms = (Room(0, "kitchen", 0, 0, 4, 3), Room(1, "office", 4, 0, 7, 3))
     door = Doorway(4.0, 1.5, 1.2, 0, (0, 1))
-    middle = [piece for piece in plan.wall_pieces(rooms, (door,)) if piece.at_m == 4.0]
+    middle = [piece for piece in floor_plans.wall_pieces(rooms, (door,)) if piece.at_m == 4.0]
     standing = sorted((p.lo_m, p.hi_m) for p in middle if p.z0_m == 0.0)
     assert [round(v, 6) for pair in standing for v in pair] == [-0.06, 0.9, 2.1, 3.06]
     (header,) = (p for p in middle if p.z0_m > 0)
-    assert (header.lo_m, header.hi_m, header.z0_m) == (0.9, 2.1, plan.DOOR_HEIGHT_M)
+    assert (header.lo_m, header.hi_m, header.z0_m) == (0.9, 2.1, floor_plans.DOOR_HEIGHT_M)
 
 
 def distance_by_hand(x: float, y: float, rect: Obstacle) -> float:

@@ -5,12 +5,12 @@ import itertools
 import mujoco
 import numpy as np
 import pytest
-from helios_sim.home import meshes, textures, utility
-from helios_sim.home.assembly import ModelBuilder
+from helios_sim.home import mesh_primitives, other_furniture_shapes, textures
 from helios_sim.home.catalog import FIXTURES, OBJECTS, RECEPTACLES
 from helios_sim.home.catalog_ovmm import OVMM
-from helios_sim.home.palette import draw_palette
-from helios_sim.home.types import Mesh, Shape
+from helios_sim.home.color_palette import draw_palette
+from helios_sim.home.home_types import Mesh, Shape
+from helios_sim.home.mujoco_model import ModelBuilder
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -50,7 +50,7 @@ def volume(mesh: Mesh) -> float:
 def test_a_rounded_box_fills_its_size(
     x: float, y: float, z: float, bevel: float, segments: int
 ) -> None:
-    mesh = meshes.box((x, y, z), bevel, segments)
+    mesh = mesh_primitives.box((x, y, z), bevel, segments)
     extent = mesh.vertices.max(0) - mesh.vertices.min(0)
     np.testing.assert_allclose(extent, [x, y, z], rtol=1e-5)
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-5)
@@ -59,19 +59,21 @@ def test_a_rounded_box_fills_its_size(
 
 
 def test_a_lathed_rectangle_is_a_cylinder() -> None:
-    mesh = meshes.lathe([(0, 0), (0.5, 0), (0.5, 2), (0, 2)], sides=128)
+    mesh = mesh_primitives.lathe([(0, 0), (0.5, 0), (0.5, 2), (0, 2)], sides=128)
     # A prism of 128 sides lacks 0.04 % of the cylinder.
     assert volume(mesh) == pytest.approx(np.pi * 0.25 * 2, rel=1e-3)
     assert faces_look_outwards(mesh)
 
 
 def test_an_ellipsoid_has_its_volume() -> None:
-    mesh = meshes.ellipsoid((0.3, 0.2, 0.1), sides=64, rings=32)
+    mesh = mesh_primitives.ellipsoid((0.3, 0.2, 0.1), sides=64, rings=32)
     assert volume(mesh) == pytest.approx(4 / 3 * np.pi * 0.006, rel=1e-2)
 
 
 def test_a_tube_looks_outwards() -> None:
-    assert faces_look_outwards(meshes.tube(meshes.arc((0, 0, 0), 0.1, 0, np.pi), 0.01))
+    assert faces_look_outwards(
+        mesh_primitives.tube(mesh_primitives.arc((0, 0, 0), 0.1, 0, np.pi), 0.01)
+    )
 
 
 @pytest.mark.parametrize("name", sorted(MAKERS))
@@ -134,7 +136,7 @@ def test_there_is_as_much_room_above_a_surface_as_it_says(name: str) -> None:
 
 
 def test_legs_of_chairs_and_stools_collide_and_the_space_between_them_is_empty() -> None:
-    for make in (utility.chair, utility.stool):
+    for make in (other_furniture_shapes.chair, other_furniture_shapes.stool):
         rng = np.random.default_rng(1)
         shape = make(rng, draw_palette(rng))
         builder = ModelBuilder(visuals=False)

@@ -5,19 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from helios_sim import judge
-from helios_sim.events import Collided, Event, PickTried, PlaceTried
-from helios_sim.judge import CAUSES, Said, failure_cause, objectnav_cause
-from helios_sim.metrics import Progress
+from helios_sim import failure_causes
+from helios_sim.episode_events import Collided, Event, PickTried, PlaceTried
+from helios_sim.failure_causes import CAUSES, Said, failure_cause, objectnav_cause
+from helios_sim.ovmm_metrics import Progress
 from hypothesis import given
 from hypothesis import strategies as st
 
 MAX = 1250
 GAVE_UP = Said("failed", "object not found", "nothing left to explore")
 DONE = Said("succeeded")
-STUCK = Said("failed", judge.STUCK)
-SPENT = Said("failed", judge.STEP_BUDGET)
-BROKEN = Said("failed", judge.SYSTEM_ERROR)
+STUCK = Said("failed", failure_causes.STUCK)
+SPENT = Said("failed", failure_causes.STEP_BUDGET)
+BROKEN = Said("failed", failure_causes.SYSTEM_ERROR)
 GONE = Said("running")
 
 NOTHING = Progress(steps=80, path_m=20.0)
@@ -45,45 +45,45 @@ BUMP = Collided(5, ("walls",))
         (PLACED, [GRASP], BROKEN, ""),
         (PLACED, [GRASP], STUCK, ""),
         # A collision is to blame where all else went well, whatever the agent says.
-        (BUMPED, [BUMP, GRASP], DONE, judge.COLLISION),
-        (BUMPED, [BUMP, GRASP], BROKEN, judge.COLLISION),
-        (replace(FOUND, collisions=3), [BUMP], GAVE_UP, judge.OBJECT_NOT_FOUND),
+        (BUMPED, [BUMP, GRASP], DONE, failure_causes.COLLISION),
+        (BUMPED, [BUMP, GRASP], BROKEN, failure_causes.COLLISION),
+        (replace(FOUND, collisions=3), [BUMP], GAVE_UP, failure_causes.OBJECT_NOT_FOUND),
         # Broken: it says so, or never came to an end.
-        (NOTHING, [], BROKEN, judge.SYSTEM_ERROR),
-        (AT_GOAL, [GRASP, ROLLED], BROKEN, judge.SYSTEM_ERROR),
-        (PICKED, [GRASP], GONE, judge.SYSTEM_ERROR),
-        (replace(NOTHING, steps=MAX), [], GONE, judge.OBJECT_NOT_FOUND),
+        (NOTHING, [], BROKEN, failure_causes.SYSTEM_ERROR),
+        (AT_GOAL, [GRASP, ROLLED], BROKEN, failure_causes.SYSTEM_ERROR),
+        (PICKED, [GRASP], GONE, failure_causes.SYSTEM_ERROR),
+        (replace(NOTHING, steps=MAX), [], GONE, failure_causes.OBJECT_NOT_FOUND),
         # The wrong thing, held, brought or put down.
-        (NOTHING, [WRONG], DONE, judge.WRONG_OBJECT),
-        (FOUND, [WRONG, replace(ROLLED, candidate=False)], DONE, judge.WRONG_OBJECT),
-        (FOUND, [WRONG], STUCK, judge.WRONG_OBJECT),
-        (PICKED, [GRASP, BESIDE, replace(WRONG, step=75)], DONE, judge.WRONG_OBJECT),
+        (NOTHING, [WRONG], DONE, failure_causes.WRONG_OBJECT),
+        (FOUND, [WRONG, replace(ROLLED, candidate=False)], DONE, failure_causes.WRONG_OBJECT),
+        (FOUND, [WRONG], STUCK, failure_causes.WRONG_OBJECT),
+        (PICKED, [GRASP, BESIDE, replace(WRONG, step=75)], DONE, failure_causes.WRONG_OBJECT),
         # The right thing, let go.
-        (AT_GOAL, [GRASP, ROLLED], DONE, judge.ROLLED_OFF),
-        (PICKED, [GRASP, ROLLED], DONE, judge.ROLLED_OFF),
-        (AT_GOAL, [WRONG, replace(GRASP, step=60), BESIDE], DONE, judge.PLACE_MISSED),
-        (AT_GOAL, [GRASP, REFUSED], SPENT, judge.PLACE_MISSED),
-        (PICKED, [GRASP, BESIDE], DONE, judge.RECEPTACLE_NOT_FOUND),
-        (AT_GOAL, [GRASP, ROLLED, replace(VAIN, step=75)], GAVE_UP, judge.ROLLED_OFF),
-        (AT_GOAL, [GRASP, ROLLED, replace(REFUSED, step=75)], GAVE_UP, judge.ROLLED_OFF),
+        (AT_GOAL, [GRASP, ROLLED], DONE, failure_causes.ROLLED_OFF),
+        (PICKED, [GRASP, ROLLED], DONE, failure_causes.ROLLED_OFF),
+        (AT_GOAL, [WRONG, replace(GRASP, step=60), BESIDE], DONE, failure_causes.PLACE_MISSED),
+        (AT_GOAL, [GRASP, REFUSED], SPENT, failure_causes.PLACE_MISSED),
+        (PICKED, [GRASP, BESIDE], DONE, failure_causes.RECEPTACLE_NOT_FOUND),
+        (AT_GOAL, [GRASP, ROLLED, replace(VAIN, step=75)], GAVE_UP, failure_causes.ROLLED_OFF),
+        (AT_GOAL, [GRASP, ROLLED, replace(REFUSED, step=75)], GAVE_UP, failure_causes.ROLLED_OFF),
         # What was let go and grasped again is held: what came before counts no more.
-        (AT_GOAL, [GRASP, ROLLED, replace(GRASP, step=75)], SPENT, judge.STEP_BUDGET),
+        (AT_GOAL, [GRASP, ROLLED, replace(GRASP, step=75)], SPENT, failure_causes.STEP_BUDGET),
         # Nothing was grasped.
-        (FOUND, [VAIN], GAVE_UP, judge.PICK_FAILED),
-        (FOUND, [VAIN, VAIN_AT_THE_END], SPENT, judge.PICK_FAILED),
-        (NOTHING, [VAIN_AT_THE_END], GAVE_UP, judge.WRONG_OBJECT),
-        (NOTHING, [VAIN_AT_NOTHING], GAVE_UP, judge.OBJECT_NOT_FOUND),
-        (NOTHING, [], GAVE_UP, judge.OBJECT_NOT_FOUND),
-        (FOUND, [], GAVE_UP, judge.OBJECT_NOT_FOUND),
+        (FOUND, [VAIN], GAVE_UP, failure_causes.PICK_FAILED),
+        (FOUND, [VAIN, VAIN_AT_THE_END], SPENT, failure_causes.PICK_FAILED),
+        (NOTHING, [VAIN_AT_THE_END], GAVE_UP, failure_causes.WRONG_OBJECT),
+        (NOTHING, [VAIN_AT_NOTHING], GAVE_UP, failure_causes.OBJECT_NOT_FOUND),
+        (NOTHING, [], GAVE_UP, failure_causes.OBJECT_NOT_FOUND),
+        (FOUND, [], GAVE_UP, failure_causes.OBJECT_NOT_FOUND),
         # Stuck and spent.
-        (NOTHING, [], STUCK, judge.STUCK),
-        (PICKED, [GRASP], STUCK, judge.STUCK),
-        (NOTHING, [], SPENT, judge.OBJECT_NOT_FOUND),
-        (FOUND, [], SPENT, judge.STEP_BUDGET),
-        (replace(FOUND, steps=MAX), [], Said("cancelled"), judge.STEP_BUDGET),
-        (PICKED, [GRASP], SPENT, judge.RECEPTACLE_NOT_FOUND),
-        (AT_GOAL, [GRASP], SPENT, judge.STEP_BUDGET),
-        (AT_GOAL, [GRASP], GAVE_UP, judge.RECEPTACLE_NOT_FOUND),
+        (NOTHING, [], STUCK, failure_causes.STUCK),
+        (PICKED, [GRASP], STUCK, failure_causes.STUCK),
+        (NOTHING, [], SPENT, failure_causes.OBJECT_NOT_FOUND),
+        (FOUND, [], SPENT, failure_causes.STEP_BUDGET),
+        (replace(FOUND, steps=MAX), [], Said("cancelled"), failure_causes.STEP_BUDGET),
+        (PICKED, [GRASP], SPENT, failure_causes.RECEPTACLE_NOT_FOUND),
+        (AT_GOAL, [GRASP], SPENT, failure_causes.STEP_BUDGET),
+        (AT_GOAL, [GRASP], GAVE_UP, failure_causes.RECEPTACLE_NOT_FOUND),
     ],
 )
 def test_the_cause_is(progress: Progress, events: list[Event], said: Said, cause: str):
@@ -109,7 +109,11 @@ def test_every_failure_has_one_cause_of_the_list(
 def test_words_of_the_agent_about_the_rest_change_nothing(
     progress: Progress, events: list[Event], word: str
 ):
-    others = [c for c in CAUSES if c not in (judge.STUCK, judge.STEP_BUDGET, judge.SYSTEM_ERROR)]
+    others = [
+        c
+        for c in CAUSES
+        if c not in (failure_causes.STUCK, failure_causes.STEP_BUDGET, failure_causes.SYSTEM_ERROR)
+    ]
     causes = {failure_cause(progress, events, Said("failed", c, word), MAX) for c in others}
     assert len(causes) == 1
 
@@ -118,13 +122,13 @@ def test_words_of_the_agent_about_the_rest_change_nothing(
     ("success", "steps", "said", "cause"),
     [
         (True, 100, DONE, ""),
-        (False, 100, DONE, judge.WRONG_OBJECT),
-        (False, 100, STUCK, judge.STUCK),
-        (False, 100, GAVE_UP, judge.OBJECT_NOT_FOUND),
-        (False, 500, SPENT, judge.OBJECT_NOT_FOUND),
-        (False, 500, GONE, judge.OBJECT_NOT_FOUND),
-        (False, 100, GONE, judge.SYSTEM_ERROR),
-        (False, 100, BROKEN, judge.SYSTEM_ERROR),
+        (False, 100, DONE, failure_causes.WRONG_OBJECT),
+        (False, 100, STUCK, failure_causes.STUCK),
+        (False, 100, GAVE_UP, failure_causes.OBJECT_NOT_FOUND),
+        (False, 500, SPENT, failure_causes.OBJECT_NOT_FOUND),
+        (False, 500, GONE, failure_causes.OBJECT_NOT_FOUND),
+        (False, 100, GONE, failure_causes.SYSTEM_ERROR),
+        (False, 100, BROKEN, failure_causes.SYSTEM_ERROR),
     ],
 )
 def test_the_cause_of_a_failed_object_navigation(success: bool, steps: int, said: Said, cause: str):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 from helios_core.robot import Action, Forward, Observe, Pick, Place, Tilt, Turn
-from helios_sim.limits import refusal
+from helios_sim.action_limits import refusal
 from helios_sim.robot_model import description
 
 ROBOT = description()

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from helios_sim.ground import Ground
-from helios_sim.metrics import (
+from helios_sim.navigable_area import Ground
+from helios_sim.ovmm_metrics import (
     Progress,
     Released,
     Step,

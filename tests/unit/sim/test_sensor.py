@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 from helios_core.geometry import Pinhole, invert, se2_to_se3
-from helios_sim.drift import Drift, moved
-from helios_sim.sensor import (
+from helios_sim.odometry_drift import Drift, moved
+from helios_sim.sensor_noise import (
     SENSORS,
     SensorRealism,
     incidence_cos,

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from helios_sim.episode import Tracker, episode_of
-from helios_sim.events import PlaceTried
+from helios_sim.episode_events import PlaceTried
+from helios_sim.episode_tracker import Tracker, episode_of
 from helios_sim.home import Home
-from helios_sim.metrics import Released
+from helios_sim.ovmm_metrics import Released
 from helios_sim.robot_model import BASE_BODY
 
 

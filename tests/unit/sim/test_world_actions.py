@@ -9,9 +9,9 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_core.geometry import wrap_angle, yaw_of
 from helios_core.robot import Forward, Observe, Pick, Place, Tilt, Turn
-from helios_sim.episode import reachable
+from helios_sim.episode_tracker import reachable
+from helios_sim.ground_truth_solver import Oracle
 from helios_sim.home import Home
-from helios_sim.oracle import Oracle
 from helios_sim.world import World
 
 

@@ -14,7 +14,7 @@ from helios_core.errors import Unavailable
 from helios_core.robot import Observe
 from helios_core.types import RobotState
 from helios_sim.home import Home
-from helios_sim.thread import WorldThread
+from helios_sim.simulation_thread import WorldThread
 from helios_sim.world import World
 
 from tests.support import ENDS_WITHIN_S

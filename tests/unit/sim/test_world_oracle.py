@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from helios_sim.episode import episode_of
+from helios_sim.episode_tracker import episode_of
+from helios_sim.ground_truth_solver import Oracle
 from helios_sim.home import PRESETS, generate_home
-from helios_sim.oracle import Oracle
 from helios_sim.world import World
 
 

@@ -10,11 +10,11 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_core.geometry import camera_on_base, lift_pixels, project
 from helios_core.robot import Observe, Tilt, Turn
+from helios_sim.ground_truth_solver import Oracle
 from helios_sim.home import Home
-from helios_sim.home.plan import WALL_HALF_M
-from helios_sim.oracle import Oracle
-from helios_sim.past import REMEMBERED_CAPTURES
-from helios_sim.render import metric_depth
+from helios_sim.home.floor_plans import WALL_HALF_M
+from helios_sim.past_frame_truth import REMEMBERED_CAPTURES
+from helios_sim.renderer import metric_depth
 from helios_sim.robot_model import CAMERA_HEIGHT_M, MAX_DEPTH_M
 from helios_sim.world import World
 from hypothesis import given

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from helios_core.geometry import camera_on_base
 from helios_core.robot import Forward, Pick, Turn
-from helios_sim.episode import episode_of
+from helios_sim.episode_tracker import episode_of
+from helios_sim.ground_truth_solver import Oracle
 from helios_sim.home import Home
-from helios_sim.oracle import Oracle
 from helios_sim.robot_model import CAMERA_HEIGHT_M
-from helios_sim.sensor import SENSORS, SensorRealism
+from helios_sim.sensor_noise import SENSORS, SensorRealism
 from helios_sim.world import World
 
 

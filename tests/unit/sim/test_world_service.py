@@ -18,12 +18,12 @@ from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Forward, Observe, Turn
 from helios_core.topics import TRUTH_EPISODE, TRUTH_METRICS, TRUTH_SEGMENTATION
 from helios_core.zenoh_bus import ZenohBus
-from helios_sim.captures import capture_from_proto
+from helios_sim.capture_messages import capture_from_proto
 from helios_sim.driver import SimDriver
-from helios_sim.episode import episode_of
+from helios_sim.episode_tracker import episode_of
 from helios_sim.home import Home
 from helios_sim.service import WorldService
-from helios_sim.thread import WorldThread
+from helios_sim.simulation_thread import WorldThread
 from helios_sim.world import World
 
 from tests.support import ENDS_WITHIN_S, free_port, wait_until
@@ -112,7 +112,7 @@ def test_the_driver_knows_nothing_of_the_world():
         "print([m for m in sys.modules if m == 'mujoco' or m.startswith('helios_sim.')])"
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert said.stdout.strip() == "['helios_sim.captures', 'helios_sim.driver']"
+    assert said.stdout.strip() == "['helios_sim.capture_messages', 'helios_sim.driver']"
 
 
 def test_the_process_serves_and_ends_on_sigterm():

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 from helios_core.robot import Forward, Observe, Pick, Place, Turn
-from helios_sim.episode import objectnav_episode_of
-from helios_sim.events import PickTried, PlaceTried
+from helios_sim.episode_events import PickTried, PlaceTried
+from helios_sim.episode_tracker import objectnav_episode_of
+from helios_sim.failure_causes import Said, failure_cause
+from helios_sim.ground_truth_solver import Oracle
 from helios_sim.home import Home
-from helios_sim.judge import Said, failure_cause
-from helios_sim.objectnav import MIN_SHORTEST_M
-from helios_sim.oracle import Oracle
-from helios_sim.things import upright_box
+from helios_sim.object_states import upright_box
+from helios_sim.objectnav_metrics import MIN_SHORTEST_M
 from helios_sim.world import World
 
 

@@ -1,0 +1,153 @@
+"""What a robot does in a world: each action carried out in the physics, with what truly came of it.
+
+Points of actions are in the frame that the robot believes in; `Senses` knows where they truly are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import mujoco
+from helios_core.geometry import wrap_angle
+from helios_core.robot import Action, ActionResult, Forward, Observe, Pick, Place, Tilt, Turn
+
+from helios_sim.base_motion import Base, Drive
+from helios_sim.episode_tracker import Tracker
+from helios_sim.gripper import Graspable, Gripper
+from helios_sim.home import Home
+from helios_sim.manipulation import CannotDo, Manipulation
+from helios_sim.ovmm_metrics import Released
+from helios_sim.robot_model import RobotIndex
+from helios_sim.robot_sensors import Senses
+
+_PAUSE_S = 0.1
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What an action came to, with the truth that the robot is not told."""
+
+    result: ActionResult
+    touched: frozenset[str] = frozenset()  # bodies that are no movable things
+    released: Released | None = None
+
+
+class Deeds:
+    """The robot's body at work. `on` says on which body each movable thing was put."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        robot: RobotIndex,
+        home: Home,
+        senses: Senses,
+        tracker: Tracker,
+    ) -> None:
+        """tracker: is told of picks and places."""
+        self._model, self._data, self._robot = model, data, robot
+        self._senses, self._tracker = senses, tracker
+        things = [Graspable.of(model, thing.name, thing.size_m) for thing in home.objects]
+        movable = frozenset(thing.body for thing in things)
+        self._names = [model.body(body).name for body in range(model.nbody)]
+        self._receptacles = frozenset(item.name for item in home.receptacles)
+        self._gripper = Gripper(model, data, robot, movable)
+        self._base = Base(model, data, robot, movable, self._gripper.step)
+        self._manipulation = Manipulation(data, self._gripper, things, senses.bodies_in_view)
+        self.on = {thing.name: thing.receptacle for thing in home.objects}
+        self.held_as = ""  # class that it was asked to pick
+
+    @property
+    def held_name(self) -> str:
+        """Body that the gripper holds; empty: none."""
+        return self._gripper.held.name if self._gripper.held else ""
+
+    def touching(self) -> frozenset[str]:
+        """Bodies that the robot touches now and should not."""
+        return self._named(self._base.touching())
+
+    def do(self, action: Action, stop_asked: Callable[[], str | None]) -> Outcome:
+        """Carry one action out. stop_asked: why a drive has to end at once; None if it need not."""
+        match action:
+            case Forward(distance_m):
+                return self._driven(self._base.forward(distance_m, _asked(stop_asked)), stop_asked)
+            case Turn(angle_rad):
+                return self._driven(self._base.turn(angle_rad, _asked(stop_asked)), stop_asked)
+            case Tilt(angle_rad):
+                self._data.qpos[self._robot.tilt_qpos] = angle_rad
+                self._data.qvel[self._robot.tilt_dof] = 0.0
+                self._pause()
+                return Outcome(ActionResult(True))
+            case Pick(point, class_name):
+                return self._pick(point, class_name)
+            case Place(point):
+                return self._place(point)
+            case Observe():
+                self._pause()
+                return Outcome(ActionResult(True))
+
+    def _driven(self, drive: Drive, stop_asked: Callable[[], str | None]) -> Outcome:
+        mujoco.mj_forward(self._model, self._data)
+        done = f"after {drive.moved_m:.2f} m and {math.degrees(drive.turned_rad):.0f}°"
+        if drive.stopped:
+            reason = f"stopped {done}: {stop_asked() or 'stop-now'}"
+        elif not drive.arrived:
+            reason = f"blocked {done}; look, and go another way"
+        else:
+            reason = ""
+        turned_rad = wrap_angle(drive.turned_rad)
+        result = ActionResult(drive.arrived, reason, drive.moved_m, turned_rad)
+        return Outcome(result, self._named(drive.touched))
+
+    def _pick(self, believed_m: Point, class_name: str) -> Outcome:
+        self._pause()
+        point = self._senses.true_point_m(believed_m)
+        near = self._manipulation.within_grasp(point)
+        try:
+            thing = self._manipulation.pick(point, _told(believed_m))
+        except CannotDo as why:
+            self._tracker.pick_tried(class_name, near, "", str(why))
+            return Outcome(ActionResult(False, str(why)))
+        self._tracker.pick_tried(class_name, near, thing.name, "")
+        self.held_as = class_name
+        self.on[thing.name] = ""
+        self._pause()
+        return Outcome(ActionResult(True))
+
+    def _place(self, believed_m: Point) -> Outcome:
+        self._pause()
+        point = self._senses.true_point_m(believed_m)
+        try:
+            thing, rest = self._manipulation.place(point, _told(believed_m))
+        except CannotDo as why:
+            self._tracker.place_tried(self.held_name, None, str(why))
+            return Outcome(ActionResult(False, str(why)))
+        self.held_as = ""
+        on = {self._names[body]: z for body, z in rest.on.items()}
+        # Of several bodies, furniture before other things.
+        self.on[thing.name] = min(on, key=lambda it: (it not in self._receptacles, it), default="")
+        released = Released(thing.name, rest.at_rest, on, rest.height_m, self._named(rest.met))
+        self._tracker.place_tried(thing.name, released, "")
+        return Outcome(ActionResult(True), released=released)
+
+    def _named(self, bodies: Iterable[int]) -> frozenset[str]:
+        return frozenset(self._names[body] for body in bodies)
+
+    def _pause(self) -> None:
+        """Let the physics run for a moment, then bring all poses to its last instant."""
+        for _ in range(math.ceil(_PAUSE_S / self._model.opt.timestep)):
+            self._gripper.step()
+        self._gripper.follow()
+        mujoco.mj_forward(self._model, self._data)
+
+
+def _asked(stop_asked: Callable[[], str | None]) -> Callable[[], bool]:
+    return lambda: stop_asked() is not None
+
+
+def _told(point: Point) -> str:
+    return f"({point[0]:.2f}, {point[1]:.2f}, {point[2]:.2f})"

@@ -1,0 +1,290 @@
+"""Clutters the benchmark's homes: doubles, look-alikes beside them, things behind others.
+
+Everything stays within reach of a free stand, and each receptacle keeps room for one more thing.
+Whether a thing rests and can be seen is found out by the physics (`settle.py`), which may send the
+scatterer to place others instead.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helios_sim.home import freespace
+from helios_sim.home.furniture_placement import Furnisher, surface_points
+from helios_sim.home.home_types import Receptacle, SceneObject, Shape, Surface, Vec3
+
+_EDGE_M = 0.012
+_APART_M = 0.015
+_SPARE_RADIUS_M = 0.12
+_REACH_SLACK_M = 0.06
+_DROP_M = 0.002
+_TRIES = 16
+_LIKELY = 0.75  # share of things that stand where they do by custom
+_LOOK_ALIKE, _BEHIND = 0.5, 0.6  # shares of later things
+_CROWD = 5  # things at most on one surface
+_HIDDEN = 4  # things set behind taller ones
+_TALL_M, _AROUND_M = 0.13, 2.5
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class _Disc:
+    level: int  # index of the surface
+    x: float
+    y: float
+    radius: float
+    name: str
+
+
+class Scatter:
+    """Objects placed so far and where more fit."""
+
+    def __init__(self, furnisher: Furnisher) -> None:
+        self._f, self._rng = furnisher, furnisher.rng
+        passable = furnisher.passable()
+        self._reach = {
+            room.index: furnisher.reach_map(room.index, passable) for room in furnisher.rooms
+        }
+        x_of, y_of = freespace.cell_centers(furnisher.bounds, freespace.CELL_M)
+        self._floor: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+        for room in furnisher.rooms:
+            mask = freespace.room_mask(room, furnisher.bounds, freespace.CELL_M)
+            rows, columns = np.nonzero(passable & mask)
+            self._floor[room.index] = (x_of[columns], y_of[rows])
+        self._hosts = {host.name: host for host in furnisher.receptacles}
+        self._discs: dict[str, list[_Disc]] = {name: [] for name in self._hosts}
+        # Some furniture is crowded, some is empty.
+        self._drawn_to = {name: float(self._rng.gamma(0.7)) + 0.02 for name in self._hosts}
+        self._made = self._hidden = 0
+        classes = list(furnisher.catalog.objects)
+        self._order = [classes[int(k)] for k in self._rng.permutation(len(classes))]
+        spread = int(self._rng.integers(1, 4))
+        self._distinct = min(len(classes), furnisher.preset.min_object_classes + spread)
+        self.objects: list[SceneObject] = []
+
+    def top_up(self, count: int) -> None:
+        """Places things until there are `count`: one of each class, then company for them."""
+        for class_name in self._order:
+            if len({thing.class_name for thing in self.objects}) >= self._distinct:
+                break
+            if all(thing.class_name != class_name for thing in self.objects):
+                self._place(class_name)
+        for _ in range(6 * _HIDDEN):
+            if self._hidden >= _HIDDEN or len(self.objects) >= count:
+                break
+            self._hidden += self._hide()
+        for _ in range(6 * count):
+            if len(self.objects) >= count:
+                break
+            anchor = self.objects[int(self._rng.integers(len(self.objects)))]
+            if self._rng.random() < _LOOK_ALIKE:
+                self._beside(self._like(anchor.class_name), anchor)
+            else:
+                self._place(anchor.class_name)
+
+    def keep(self, settled: Sequence[SceneObject]) -> None:
+        """Forgets all things but these, which are where they came to rest."""
+        names = {thing.name for thing in settled}
+        self.objects = list(settled)
+        for host, discs in self._discs.items():
+            self._discs[host] = [disc for disc in discs if disc.name in names]
+
+    def hide_more(self, hidden: NDArray[np.bool_]) -> None:
+        """Takes some doubles away that are not hidden [n], to be placed behind others."""
+        away: list[SceneObject] = []
+        counts = Counter(thing.class_name for thing in self.objects)
+        for thing, is_hidden in reversed(list(zip(self.objects, hidden, strict=True))):
+            if not is_hidden and counts[thing.class_name] > 1 and len(away) < _HIDDEN:
+                counts[thing.class_name] -= 1
+                away.append(thing)
+        self.keep([thing for thing in self.objects if thing not in away])
+        self._hidden = 0
+
+    def _like(self, class_name: str) -> str:
+        """A class that is taken for this one; itself where there is none."""
+        groups = [g for g in self._f.catalog.look_alikes if class_name in g]
+        if not groups:
+            return class_name
+        others = [
+            name for name in groups[int(self._rng.integers(len(groups)))] if name != class_name
+        ]
+        return others[int(self._rng.integers(len(others)))]
+
+    def _place(self, class_name: str) -> bool:
+        make, likely = self._f.catalog.objects[class_name]
+        shape = make(self._rng, self._f.palette)
+        hosts = list(self._hosts.values())
+        usual = [host for host in hosts if host.class_name in likely]
+        if usual and self._rng.random() < _LIKELY:
+            hosts = usual
+        waits = [float(self._rng.exponential()) / self._drawn_to[host.name] for host in hosts]
+        for k in np.argsort(waits)[:8]:
+            host = hosts[int(k)]
+            company = self._discs[host.name]
+            if company and self._rng.random() < _BEHIND:
+                anchor = company[int(self._rng.integers(len(company)))]
+                if self._near(class_name, shape, host, anchor, behind=1):
+                    return True
+            if self._anywhere(class_name, shape, host):
+                return True
+        return False
+
+    def _hide(self) -> bool:
+        """A tall and wide thing before a small one, or a small one behind a tall one."""
+        thing = self.objects[int(self._rng.integers(len(self.objects)))]
+        in_front = bool(self._rng.random() < 0.5)
+        classes = sorted({other.class_name for other in self.objects})
+        host = self._hosts[thing.receptacle]
+        anchor = next(disc for disc in self._discs[host.name] if disc.name == thing.name)
+        for _ in range(5):
+            class_name = classes[int(self._rng.integers(len(classes)))]
+            shape = self._f.catalog.objects[class_name][0](self._rng, self._f.palette)
+            small, screen = (thing, shape) if in_front else (shape, thing)
+            if _hides(screen.size_m, small.size_m):
+                side = -1 if in_front else 1
+                return self._near(class_name, shape, host, anchor, behind=side)
+        return False
+
+    def _away_from_floor(self, host: Receptacle, anchor: _Disc) -> float:
+        """Direction (rad) from the middle of the free floor around a thing to the thing."""
+        x, y = self._floor[host.room]
+        near = np.hypot(x - anchor.x, y - anchor.y) < _AROUND_M
+        if not near.any():
+            return host.yaw_rad + math.pi / 2
+        return math.atan2(anchor.y - float(y[near].mean()), anchor.x - float(x[near].mean()))
+
+    def _beside(self, class_name: str, thing: SceneObject) -> bool:
+        """A thing of that class next to another one."""
+        host = self._hosts[thing.receptacle]
+        anchor = next(disc for disc in self._discs[host.name] if disc.name == thing.name)
+        shape = self._f.catalog.objects[class_name][0](self._rng, self._f.palette)
+        behind = int(self._rng.random() < _BEHIND)
+        return self._near(class_name, shape, host, anchor, behind=behind)
+
+    def _anywhere(self, class_name: str, shape: Shape, host: Receptacle) -> bool:
+        radius = _radius(shape)
+        for _ in range(_TRIES):
+            level = int(self._rng.integers(len(host.surfaces)))
+            surface = host.surfaces[level]
+            reach = [half - radius - _EDGE_M for half in surface.half_extent_xy]
+            if min(reach) < 0:
+                continue
+            u, v = (float(self._rng.uniform(-r, r)) for r in reach)
+            if self._put(class_name, shape, host, level, _world(surface, u, v)):
+                return True
+        return False
+
+    def _near(
+        self, class_name: str, shape: Shape, host: Receptacle, anchor: _Disc, *, behind: int
+    ) -> bool:
+        """Close to another thing; behind: 1 on the side away from the floor, -1 before it."""
+        radius = _radius(shape)
+        surface = host.surfaces[anchor.level]
+        away, spread = self._away_from_floor(host, anchor), 0.35 if behind else math.pi
+        if behind < 0:
+            away += math.pi
+        for _ in range(_TRIES):
+            gap = radius + anchor.radius + float(self._rng.uniform(0.016, 0.035 if behind else 0.2))
+            turn = away + float(self._rng.uniform(-spread, spread))
+            point = anchor.x + gap * math.cos(turn), anchor.y + gap * math.sin(turn)
+            if _to_edge(surface, point) < radius + _EDGE_M:
+                continue
+            if self._put(class_name, shape, host, anchor.level, point):
+                return True
+        return False
+
+    def _put(
+        self, class_name: str, shape: Shape, host: Receptacle, level: int, point: Point
+    ) -> bool:
+        surface, radius = host.surfaces[level], _radius(shape)
+        lo, hi = self._f.preset.surface_height_m
+        fits = lo <= surface.height_m <= hi and shape.size_m[2] < surface.clear_m
+        added = _Disc(level, *point, radius, f"thing_{self._made}")
+        if not fits or not self._free(host, added) or not self._spare_spot(host, added):
+            return False
+        self._made += 1
+        self._discs[host.name].append(added)
+        z = surface.height_m + shape.size_m[2] / 2 + _DROP_M
+        # What has a front (drawn towards -y) looks about where its furniture looks.
+        spread = 0.6 if shape.size_m[0] != shape.size_m[1] else math.pi
+        turned = surface.yaw_rad + float(self._rng.uniform(-spread, spread))
+        yaw = math.remainder(turned, math.tau)
+        self.objects.append(
+            SceneObject(
+                added.name,
+                class_name,
+                host.name,
+                (*point, z),
+                yaw,
+                shape.size_m,
+                shape.color,
+                shape,
+            )
+        )
+        return True
+
+    def _free(self, host: Receptacle, added: _Disc) -> bool:
+        others = [disc for disc in self._discs[host.name] if disc.level == added.level]
+        near = self._within_reach(host, np.array([(added.x, added.y)]))[0]
+        return (
+            len(others) < _CROWD
+            and bool(near)
+            and all(
+                math.hypot(added.x - d.x, added.y - d.y) > added.radius + d.radius + _APART_M
+                for d in others
+            )
+        )
+
+    def _spare_spot(self, host: Receptacle, added: _Disc) -> bool:
+        """Whether one more thing fits within reach on some surface with height to spare."""
+        for level, surface in enumerate(host.surfaces):
+            if surface.clear_m < 0.2:
+                continue
+            points = surface_points(surface)
+            points = points[self._within_reach(host, points)]
+            free = np.ones(len(points), dtype=bool)
+            for disc in (*self._discs[host.name], added):
+                if disc.level == level:
+                    gap = np.hypot(points[:, 0] - disc.x, points[:, 1] - disc.y) - disc.radius
+                    free &= gap > _SPARE_RADIUS_M
+            if free.any():
+                return True
+        return False
+
+    def _within_reach(self, host: Receptacle, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        distances = self._f.distances(points, self._reach[host.room])
+        return distances <= self._f.preset.reach_m - _REACH_SLACK_M
+
+
+def _hides(screen_m: Vec3, small_m: Vec3) -> bool:
+    """Whether a thing of one size can hide most of another."""
+    tall = screen_m[2] >= max(_TALL_M, 1.25 * small_m[2])
+    return tall and 1.3 * min(screen_m[:2]) >= max(small_m[:2])
+
+
+def _world(surface: Surface, u: float, v: float) -> Point:
+    cos, sin = math.cos(surface.yaw_rad), math.sin(surface.yaw_rad)
+    cx, cy = surface.center_xy
+    return cx + cos * u - sin * v, cy + sin * u + cos * v
+
+
+def _to_edge(surface: Surface, point: Point) -> float:
+    """Distance to the nearest edge; negative beyond it."""
+    dx, dy = point[0] - surface.center_xy[0], point[1] - surface.center_xy[1]
+    cos, sin = math.cos(surface.yaw_rad), math.sin(surface.yaw_rad)
+    half_x, half_y = surface.half_extent_xy
+    return min(half_x - abs(cos * dx + sin * dy), half_y - abs(cos * dy - sin * dx))
+
+
+def _radius(shape: Shape) -> float:
+    x, y, _ = shape.size_m
+    return x / 2 if x == y and len(shape.solids) > 0 and _is_round(shape) else math.hypot(x, y) / 2
+
+
+def _is_round(shape: Shape) -> bool:
+    return all(solid.kind in ("cylinder", "sphere") for solid in shape.solids) and not shape.rolls

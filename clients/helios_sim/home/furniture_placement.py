@@ -1,0 +1,257 @@
+"""Puts furniture into rooms: each piece at a fitting place that keeps the home passable."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helios_sim.home import floor_plans, freespace
+from helios_sim.home.catalogs import CATALOGS
+from helios_sim.home.color_palette import Palette
+from helios_sim.home.freespace import CELL_M, Obstacle
+from helios_sim.home.home_types import Doorway, Fixture, Receptacle, Room, Shape, Surface
+from helios_sim.home.presets import HomePreset
+from helios_sim.home.wall_placement import Placed, Pose, Poses
+
+_DOOR_CLEARANCE_M = 0.95
+_LATTICE_M = 0.1
+_REACHABLE_SHARE = 0.2
+
+
+def world_surface(surface: Surface, pose: Pose) -> Surface:
+    """A surface of a shape whose frame stands at `pose`."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    cx, cy = surface.center_xy
+    return replace(
+        surface,
+        center_xy=(pose[0] + cos * cx - sin * cy, pose[1] + sin * cx + cos * cy),
+        yaw_rad=surface.yaw_rad + pose[2],
+    )
+
+
+def surface_points(surface: Surface, inset_m: float = 0.06) -> NDArray[np.float64]:
+    """A lattice of points [n, 2] on a surface (world), `inset_m` off its edges."""
+    axes = []
+    for half in surface.half_extent_xy:
+        reach = max(half - inset_m, 0.0)
+        axes.append(np.linspace(-reach, reach, max(2, round(2 * reach / _LATTICE_M) + 1)))
+    u, v = (grid.ravel() for grid in np.meshgrid(*axes))
+    cos, sin = math.cos(surface.yaw_rad), math.sin(surface.yaw_rad)
+    return np.stack(
+        [surface.center_xy[0] + cos * u - sin * v, surface.center_xy[1] + sin * u + cos * v], axis=1
+    )
+
+
+class Furnisher:
+    """Furniture placed so far, and the free space that is left."""
+
+    def __init__(
+        self,
+        rooms: tuple[Room, ...],
+        doorways: tuple[Doorway, ...],
+        preset: HomePreset,
+        palette: Palette,
+        rng: np.random.Generator,
+    ) -> None:
+        self.rooms, self.doorways, self.preset = rooms, doorways, preset
+        self.palette, self.rng = palette, rng
+        self.catalog = CATALOGS[preset.catalog]
+        self.bounds = floor_plans.bounds_of(rooms)
+        self.receptacles: list[Receptacle] = []
+        self.fixtures: list[Fixture] = []
+        walls = freespace.obstacles(rooms, doorways, (), ())
+        self.clearance = freespace.clearance_m(self.bounds, walls, CELL_M)
+        self._taken: list[list[Obstacle]] = [[] for _ in rooms]
+        self._counts: dict[str, int] = {}
+        self._masks = [freespace.room_mask(room, self.bounds, CELL_M) for room in rooms]
+        self._keep_out = [
+            Obstacle(
+                door.x,
+                door.y,
+                _DOOR_CLEARANCE_M if door.axis == 0 else door.width_m / 2 + 0.08,
+                door.width_m / 2 + 0.08 if door.axis == 0 else _DOOR_CLEARANCE_M,
+                0.0,
+            )
+            for door in doorways
+        ]
+
+    # ---- what can be placed
+
+    def receptacle(
+        self, class_name: str, room: Room, poses: Poses, *, beside: Placed | None = None
+    ) -> Receptacle | None:
+        """A receptacle at the first of the poses that fits; None if none does.
+
+        It may touch the footprint of `beside`.
+        """
+        stem, make = self.catalog.receptacles[class_name]
+        shape = make(self.rng, self.palette)
+        pose = self._first_fit(shape, room, poses, with_surfaces=True, ignore=beside)
+        if pose is None:
+            return None
+        item = Receptacle(
+            self._name(stem),
+            class_name,
+            room.index,
+            *pose,
+            shape.size_m,
+            tuple(world_surface(surface, pose) for surface in shape.surfaces),
+            shape.color,
+            shape,
+        )
+        self.receptacles.append(item)
+        self._occupy(freespace.footprint(item), room)
+        return item
+
+    def fixture(
+        self, class_name: str, room: Room, poses: Poses, *, beside: Placed | None = None
+    ) -> Fixture | None:
+        """Furniture that is no receptacle; it may touch the footprint of `beside`."""
+        shape = self.catalog.fixtures[class_name](self.rng, self.palette)
+        pose = self._first_fit(shape, room, poses, ignore=beside)
+        return None if pose is None else self.hang(class_name, room, pose, shape, blocks=True)
+
+    def hang(
+        self,
+        class_name: str,
+        room: Room,
+        pose: Pose,
+        shape: Shape,
+        *,
+        z_m: float = 0.0,
+        blocks: bool = False,
+    ) -> Fixture:
+        """A fixture at a pose that is known to fit."""
+        item = Fixture(
+            self._name(class_name.replace(" ", "_")),
+            class_name,
+            room.index,
+            *pose,
+            shape.size_m,
+            blocks,
+            shape.color,
+            shape,
+            z_m,
+        )
+        self.fixtures.append(item)
+        if blocks:
+            self._occupy(freespace.footprint(item), room)
+        return item
+
+    def lay(self, class_name: str, room: Room, pose: Pose, shape: Shape) -> None:
+        """A rug or the like, if it fits between the walls."""
+        if _inside(_rect(shape, pose), room):
+            self.hang(class_name, room, pose, shape)
+
+    # ---- where it fits
+
+    def stands_open(self, shape: Shape, room: Room, pose: Pose) -> bool:
+        """Whether a door's leaf can stand there: doorways may be near, other things not."""
+        rect = _rect(shape, pose)
+        free = not any(_overlap(rect, other, 0.03) for other in self._taken[room.index])
+        return _inside(rect, room) and free and self._stays_passable(rect, room, [])
+
+    def passable(self) -> NDArray[np.bool_]:
+        """Cells from which the robot, with its margin, reaches everything."""
+        return freespace.largest_region(self.clearance > self.preset.passage_radius_m)
+
+    def reach_map(self, room: int, passable: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Distance of each cell to the nearest passable cell of that room."""
+        return freespace.distance_to_cells_m(passable & self._masks[room], CELL_M)
+
+    def _first_fit(
+        self,
+        shape: Shape,
+        room: Room,
+        poses: Poses,
+        *,
+        with_surfaces: bool = False,
+        ignore: Placed | None = None,
+    ) -> Pose | None:
+        spared = freespace.footprint(ignore) if ignore else None
+        for pose in poses(shape, room):
+            rect = _rect(shape, pose)
+            if not _inside(rect, room):
+                continue
+            others = [other for other in self._taken[room.index] if other != spared]
+            if any(_overlap(rect, other, 0.03) for other in others):
+                continue
+            if any(_overlap(rect, keep, 0.0) for keep in self._keep_out):
+                continue
+            surfaces = [world_surface(s, pose) for s in shape.surfaces] if with_surfaces else []
+            if self._stays_passable(rect, room, surfaces):
+                return pose
+        return None
+
+    def _stays_passable(self, rect: Obstacle, room: Room, surfaces: list[Surface]) -> bool:
+        clearance = np.minimum(self.clearance, freespace.distance_m(self.bounds, rect, CELL_M))
+        free = clearance > self.preset.passage_radius_m
+        main = freespace.largest_region(free)
+        if int(free.sum()) - int(main.sum()) > 0.5 / CELL_M**2:
+            return False
+        for door in self.doorways:
+            if not main[freespace.cell_of(door.x, door.y, self.bounds, CELL_M)]:
+                return False
+        reach = self.reach_map(room.index, main)
+        groups = [r.surfaces for r in self.receptacles if r.room == room.index]
+        if surfaces:
+            groups.append(tuple(surfaces))
+        return all(self._reachable(group, reach) for group in groups)
+
+    def _reachable(self, surfaces: tuple[Surface, ...], reach: NDArray[np.float32]) -> bool:
+        points = np.concatenate([surface_points(surface) for surface in surfaces])
+        near = self.distances(points, reach) <= self.preset.reach_m - 0.1
+        return int(near.sum()) >= max(2, math.ceil(_REACHABLE_SHARE * len(points)))
+
+    def distances(
+        self, points: NDArray[np.float64], reach: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Values of a reach map at points [n, 2]."""
+        columns = ((points[:, 0] - self.bounds[0]) / CELL_M).astype(int)
+        rows = ((points[:, 1] - self.bounds[1]) / CELL_M).astype(int)
+        return reach[np.clip(rows, 0, reach.shape[0] - 1), np.clip(columns, 0, reach.shape[1] - 1)]
+
+    def _occupy(self, rect: Obstacle, room: Room) -> None:
+        self._taken[room.index].append(rect)
+        np.minimum(
+            self.clearance, freespace.distance_m(self.bounds, rect, CELL_M), out=self.clearance
+        )
+
+    def _name(self, stem: str) -> str:
+        number = self._counts.get(stem, 0)
+        self._counts[stem] = number + 1
+        return f"{stem}_{number}"
+
+
+def _rect(shape: Shape, pose: Pose) -> Obstacle:
+    return Obstacle(pose[0], pose[1], shape.size_m[0] / 2, shape.size_m[1] / 2, pose[2])
+
+
+def _corners(rect: Obstacle, grow: float) -> NDArray[np.float64]:
+    cos, sin = math.cos(rect.yaw_rad), math.sin(rect.yaw_rad)
+    a = np.array([1, 1, -1, -1]) * (rect.half_x + grow)
+    b = np.array([1, -1, -1, 1]) * (rect.half_y + grow)
+    return np.stack([rect.x + cos * a - sin * b, rect.y + sin * a + cos * b], axis=1)
+
+
+def _inside(rect: Obstacle, room: Room) -> bool:
+    points = _corners(rect, 0.0)
+    inset = floor_plans.WALL_HALF_M
+    return bool(
+        points[:, 0].min() >= room.x0 + inset
+        and points[:, 0].max() <= room.x1 - inset
+        and points[:, 1].min() >= room.y0 + inset
+        and points[:, 1].max() <= room.y1 - inset
+    )
+
+
+def _overlap(a: Obstacle, b: Obstacle, gap_m: float) -> bool:
+    """Whether two turned rectangles come closer than about `gap_m` (separating axes)."""
+    ca, cb = _corners(a, gap_m / 2), _corners(b, gap_m / 2)
+    for yaw in (a.yaw_rad, b.yaw_rad):
+        for axis in ((math.cos(yaw), math.sin(yaw)), (-math.sin(yaw), math.cos(yaw))):
+            pa, pb = ca @ np.array(axis), cb @ np.array(axis)
+            if pa.max() <= pb.min() or pb.max() <= pa.min():
+                return False
+    return True

@@ -1,0 +1,177 @@
+"""Draws a home: plan, furniture, things, settling, and the checks that make it solvable."""
+
+import math
+import zlib
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from helios_core.errors import Internal, InvalidInput
+
+from helios_sim.home import (
+    floor_plans,
+    freespace,
+    physics_settling,
+    room_recipes,
+    room_recipes_ovmm,
+)
+from helios_sim.home.catalog import Dressing
+from helios_sim.home.color_palette import Palette, draw_palette, tinted
+from helios_sim.home.distractor_placement import Scatter
+from helios_sim.home.freespace import CELL_M
+from helios_sim.home.furniture_placement import Furnisher
+from helios_sim.home.generated_home import Home
+from helios_sim.home.home_types import Rgb, Room, RoomStyle, SceneObject
+from helios_sim.home.object_placement import Clutter
+from helios_sim.home.presets import HomePreset
+
+_ATTEMPTS = 60
+_ROUNDS = 12
+HIDDEN_SHARE = 0.3  # of the stands around, from which a partly hidden thing cannot be seen
+
+_FLOORS: dict[str, str] = {"kitchen": "tiles", "bathroom": "tiles", "bedroom": "carpet"}
+_FLOORS |= {"laundry room": "tiles", "hallway": "tiles"}
+_FLOOR_COLORS: dict[str, tuple[Rgb, ...]] = {
+    "planks": ((0.72, 0.53, 0.35), (0.58, 0.41, 0.27), (0.80, 0.66, 0.48)),
+    "tiles": ((0.82, 0.81, 0.78), (0.68, 0.71, 0.73), (0.78, 0.71, 0.63)),
+    "carpet": ((0.66, 0.62, 0.56), (0.52, 0.57, 0.63), (0.68, 0.57, 0.52)),
+}
+
+
+def generate_home(seed: int, preset: HomePreset, dressing: Dressing | None = None) -> Home:
+    """The home of a seed. The same seed and preset give the same home in every process.
+
+    A dressing changes the furniture, and the preset's name to "ovmm-v1+…".
+
+    Draws until a home meets the preset's counts, everything stands firm, and every object and
+    receptacle can be seen and reached. InvalidInput for a negative seed; Internal if no draw
+    will do.
+    """
+    if seed < 0:
+        raise InvalidInput(f"seed {seed} came; a seed of 0 or more is wanted")
+    if dressing is not None:
+        preset = replace(preset, name=f"{preset.name}+{dressing.name}")
+    for attempt in range(_ATTEMPTS):
+        rng = np.random.default_rng([zlib.crc32(preset.name.encode()), seed, attempt])
+        home = _draw(rng, seed, preset, dressing)
+        if home is not None:
+            return home
+    raise Internal(
+        f"no home for seed {seed} of preset {preset.name!r} in {_ATTEMPTS} draws; "
+        "take another seed, or loosen the preset's counts"
+    )
+
+
+def _draw(
+    rng: np.random.Generator, seed: int, preset: HomePreset, dressing: Dressing | None
+) -> Home | None:
+    floor_plan = floor_plans.draw_plan(rng, preset)
+    if floor_plan is None:
+        return None
+    rooms, doorways = floor_plan
+    palette = draw_palette(rng)
+    furnisher = Furnisher(rooms, doorways, preset, palette, rng)
+    if dressing is not None:
+        furnisher.catalog = dressing.over(furnisher.catalog)
+    (room_recipes_ovmm if preset.catalog == "ovmm" else room_recipes).furnish_all(furnisher)
+    same_as = furnisher.catalog.ovmm_class
+    classes = {same_as.get(item.class_name, item.class_name) for item in furnisher.receptacles}
+    lo, hi = preset.receptacles
+    if not lo <= len(furnisher.receptacles) <= hi or len(classes) < preset.min_receptacle_classes:
+        return None
+    for room in rooms:
+        room_recipes.decorate(furnisher, room)
+        if preset.catalog == "ovmm":
+            room_recipes_ovmm.hang_more(furnisher, room)
+    if preset.catalog == "ovmm":
+        return _scattered(furnisher, seed)
+    clutter = Clutter(furnisher)
+    clutter.fill()
+    home = _home(furnisher, seed, clutter.objects)
+    if home is None:
+        return None
+    home = replace(
+        home,
+        objects=physics_settling.renumbered(physics_settling.settled(home, furnisher.passable())),
+    )
+    object_classes = {thing.class_name for thing in home.objects}
+    enough = len(home.objects) >= preset.objects[0]
+    return home if enough and len(object_classes) >= preset.min_object_classes else None
+
+
+def _scattered(furnisher: Furnisher, seed: int) -> Home | None:
+    """A home whose things were placed, settled and, where they fell, placed anew.
+
+    So which furniture stands where never depends on the physics, but for a home in which no place
+    for all things is found in `_ROUNDS`; that one is drawn anew.
+    """
+    preset = furnisher.preset
+    count = int(furnisher.rng.integers(preset.objects[0], preset.objects[1] + 1))
+    empty = _home(furnisher, seed, ())
+    if empty is None:
+        return None
+    scatter = Scatter(furnisher)
+    passable = furnisher.passable()
+    for _ in range(_ROUNDS):
+        scatter.top_up(count)
+        home = replace(empty, objects=tuple(scatter.objects))
+        scatter.keep(physics_settling.settled(home, passable))
+        classes = {thing.class_name for thing in scatter.objects}
+        if len(scatter.objects) < count or len(classes) < preset.min_object_classes:
+            continue
+        home = replace(empty, objects=tuple(scatter.objects))
+        hidden = physics_settling.hidden_shares(home, passable) >= HIDDEN_SHARE
+        if int(hidden.sum()) >= preset.hidden_objects:
+            return replace(home, objects=physics_settling.renumbered(home.objects))
+        scatter.hide_more(hidden)
+    return None
+
+
+def _home(furnisher: Furnisher, seed: int, objects: Sequence[SceneObject]) -> Home | None:
+    """The home as it is drawn; None without a place to start from."""
+    start = _start_pose(furnisher)
+    if start is None:
+        return None
+    return Home(
+        seed=seed,
+        preset=furnisher.preset,
+        rooms=furnisher.rooms,
+        doorways=furnisher.doorways,
+        receptacles=tuple(furnisher.receptacles),
+        objects=tuple(objects),
+        fixtures=tuple(furnisher.fixtures),
+        start_pose=start,
+        bounds=furnisher.bounds,
+        styles=tuple(_style(furnisher.rng, room, furnisher.palette) for room in furnisher.rooms),
+    )
+
+
+def _style(rng: np.random.Generator, room: Room, palette: Palette) -> RoomStyle:
+    pattern = _FLOORS.get(room.kind, "planks")
+    colors = _FLOOR_COLORS[pattern]
+    return RoomStyle(
+        palette.wall(rng), pattern, tinted(colors[int(rng.integers(len(colors)))], rng, 0.03)
+    )
+
+
+def _start_pose(furnisher: Furnisher) -> tuple[float, float, float] | None:
+    """A pose with room to turn, looking along the longest free line of eight."""
+    roomy = furnisher.passable() & (furnisher.clearance > furnisher.preset.robot_radius_m + 0.25)
+    rows, columns = np.nonzero(roomy)
+    if len(rows) == 0:
+        return None
+    k = int(furnisher.rng.integers(len(rows)))
+    x_of, y_of = freespace.cell_centers(furnisher.bounds, CELL_M)
+    x, y = float(x_of[columns[k]]), float(y_of[rows[k]])
+    yaws = [turn * math.pi / 4 for turn in range(-3, 5)]
+    return x, y, max(yaws, key=lambda yaw: _free_line_m(furnisher, x, y, yaw))
+
+
+def _free_line_m(furnisher: Furnisher, x: float, y: float, yaw: float) -> float:
+    length = 0.0
+    while length < 12.0:
+        px, py = x + length * math.cos(yaw), y + length * math.sin(yaw)
+        if furnisher.clearance[freespace.cell_of(px, py, furnisher.bounds, CELL_M)] < CELL_M:
+            break
+        length += CELL_M
+    return length

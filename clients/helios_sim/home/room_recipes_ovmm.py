@@ -1,0 +1,211 @@
+"""What the rooms of the benchmark's homes are furnished with, in the order of placing."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from helios_sim.home import decoration_shapes, doors, floor_plans, room_fixtures, wall_placement
+from helios_sim.home.furniture_placement import Furnisher
+from helios_sim.home.home_types import Receptacle, Room, Shape
+from helios_sim.home.room_recipes import above, free_stretch, mount, wall_use
+from helios_sim.home.wall_placement import wall_pose
+
+
+def furnish_all(f: Furnisher) -> None:
+    """Door leaves first, then room by room what it needs, then what else there is space for."""
+    for door in f.doorways:
+        if f.rng.random() < 0.8:
+            _leaf(f, door)
+    for room in f.rooms:
+        _RECIPES[room.kind](f, room)
+    _furnish_more(f)
+    for room in f.rooms:
+        for _ in range(int(f.rng.integers(0, 3))):
+            f.fixture("plant", room, wall_placement.corners(f.rng))
+        shape = room_fixtures.ceiling_lamp(f.rng, f.palette)
+        pose = (*room.center_xy, 0.0)
+        f.hang("ceiling lamp", room, pose, shape, z_m=floor_plans.WALL_HEIGHT_M - shape.size_m[2])
+
+
+def _furnish_more(f: Furnisher) -> None:
+    """More receptacles, by preference of classes that the home has not yet."""
+    lo, hi = f.preset.receptacles
+    wanted = min(hi, max(lo, round(3.2 * len(f.rooms) + float(f.rng.uniform(4.5, 8.5)))))
+    choices = [(room, name) for room in f.rooms for name in _MORE[room.kind]]
+    draws = f.rng.random(len(choices))
+    there = {item.class_name for item in f.receptacles}
+    late = [0.6 * (name.partition("@")[0] in there) for _, name in choices]
+    for k in np.argsort(draws + late):
+        if len(f.receptacles) >= wanted:
+            return
+        room, name = choices[int(k)]
+        class_name, _, anchor = name.partition("@")
+        own = [item for item in f.receptacles if item.room == room.index]
+        if any(item.class_name == class_name for item in own) and not anchor:
+            continue
+        host = next((item for item in own if item.class_name == anchor), None)
+        poses = wall_placement.beside(f.rng, host) if host else wall_placement.along_walls(f.rng)
+        f.receptacle(class_name, room, poses)
+
+
+def _leaf(f: Furnisher, door: floor_plans.Doorway) -> None:
+    shape = doors.door_leaf(f.rng, f.palette, door.width_m)
+    for room, pose in doors.open_poses(f.rng, door, f.rooms, shape.size_m[0]):
+        if f.stands_open(shape, room, pose):
+            f.hang("door", room, pose, shape, blocks=True)
+            return
+
+
+def hang_more(f: Furnisher, room: Room) -> None:
+    """What hangs on the walls beside windows and pictures."""
+    for class_name, z_m in _HANGS.get(room.kind, ()):
+        shape = f.catalog.fixtures[class_name](f.rng, f.palette)
+        for side in (int(k) for k in f.rng.permutation(4)):
+            used = wall_use(f, room, side)
+            along = free_stretch(f, room, side, shape.size_m[0] + 0.1, used)
+            if along is not None:
+                pose = wall_pose(room, side, along, shape.size_m[1] / 2 + 0.002)
+                f.hang(class_name, room, pose, shape, z_m=z_m)
+                break
+
+
+def _living_room(f: Furnisher, room: Room) -> None:
+    sofa = f.receptacle("sofa", room, wall_placement.along_walls(f.rng))
+    if sofa is not None:
+        table = f.receptacle(
+            "coffee table", room, wall_placement.in_front_of(f.rng, sofa, (0.84, 0.95))
+        )
+        stand = f.receptacle("TV stand", room, wall_placement.opposite(f.rng, sofa))
+        if stand is None:
+            stand = f.receptacle("TV stand", room, wall_placement.along_walls(f.rng))
+        if stand is not None:
+            above(f, room, stand, "television", stand.size_m[2] + 0.3)
+        if table is not None:
+            _rug(f, room, table, (table.size_m[0] + 0.9, table.size_m[1] + 0.7))
+    f.receptacle("armchair", room, wall_placement.along_walls(f.rng))
+    f.fixture("floor lamp", room, wall_placement.corners(f.rng))
+
+
+def _kitchen(f: Furnisher, room: Room) -> None:
+    counter = f.receptacle("kitchen counter", room, wall_placement.along_walls(f.rng))
+    if counter is not None:
+        for name in ("cooker", "fridge"):
+            if f.fixture(name, room, wall_placement.beside(f.rng, counter)) is None:
+                f.fixture(name, room, wall_placement.along_walls(f.rng))
+        cabinet = decoration_shapes.wall_cabinet(f.rng, f.palette, counter.size_m[0])
+        mount(f, room, counter, "wall cabinet", cabinet, 1.5)
+    if not any(other.kind == "dining room" for other in f.rooms):
+        _dining_set(f, room)
+    else:
+        f.receptacle("serving cart", room, wall_placement.along_walls(f.rng))
+        f.receptacle("stool", room, wall_placement.along_walls(f.rng))
+
+
+def _bedroom(f: Furnisher, room: Room) -> None:
+    bed = f.receptacle("bed", room, wall_placement.along_walls(f.rng))
+    if bed is not None:
+        f.receptacle("nightstand", room, wall_placement.beside(f.rng, bed))
+        rug = decoration_shapes.rug(f.rng, f.palette, (bed.size_m[0] + 0.9, 1.0))
+        x, y, _ = next(wall_placement.in_front_of(f.rng, bed, (-0.7, -0.65))(rug, room))
+        f.lay("rug", room, (x, y, bed.yaw_rad), rug)
+    names = ("wardrobe", "dresser")
+    first = not any(item.class_name in names for item in f.receptacles)
+    for name in names if first else names[int(f.rng.integers(2)) :][:1]:
+        f.receptacle(name, room, wall_placement.along_walls(f.rng))
+
+
+def _office(f: Furnisher, room: Room) -> None:
+    desk = f.receptacle("desk", room, wall_placement.along_walls(f.rng))
+    if desk is not None:
+        f.receptacle(
+            "chair", room, wall_placement.pulled_out(f.rng, desk, front_only=True), beside=desk
+        )
+        _rug(f, room, desk, (desk.size_m[0] + 0.5, desk.size_m[1] + 1.2))
+    f.receptacle("filing cabinet", room, wall_placement.along_walls(f.rng))
+    f.fixture("floor lamp", room, wall_placement.corners(f.rng))
+
+
+def _bathroom(f: Furnisher, room: Room) -> None:
+    stand = f.receptacle("washstand", room, wall_placement.along_walls(f.rng))
+    if stand is not None:
+        above(f, room, stand, "mirror", stand.size_m[2] + 0.35)
+        mat = decoration_shapes.rug(f.rng, f.palette, (0.8, 0.5))
+        x, y, yaw = next(wall_placement.in_front_of(f.rng, stand, (0.1, 0.15))(mat, room))
+        f.lay("rug", room, (x, y, yaw), mat)
+    f.receptacle("bathtub", room, wall_placement.along_walls(f.rng))
+    f.receptacle("toilet", room, wall_placement.along_walls(f.rng))
+    _laundry(f, room)
+
+
+def _laundry_room(f: Furnisher, room: Room) -> None:
+    _laundry(f, room)
+
+
+def _laundry(f: Furnisher, room: Room) -> None:
+    """Washing machine and hamper, once in a home."""
+    there = {item.class_name for item in f.receptacles}
+    if "washing machine" not in there:
+        f.receptacle("washing machine", room, wall_placement.along_walls(f.rng))
+    if "hamper" not in there:
+        f.receptacle("hamper", room, wall_placement.along_walls(f.rng))
+
+
+def _hallway(f: Furnisher, room: Room) -> None:
+    f.receptacle("shoe rack", room, wall_placement.along_walls(f.rng))
+    long = room.x1 - room.x0 > room.y1 - room.y0
+    runner = decoration_shapes.rug(f.rng, f.palette, (float(f.rng.uniform(1.4, 2.0)), 0.7))
+    f.lay("rug", room, (*room.center_xy, 0.0 if long else np.pi / 2), runner)
+
+
+def _dining_room(f: Furnisher, room: Room) -> None:
+    _dining_set(f, room)
+    f.receptacle("sideboard", room, wall_placement.along_walls(f.rng))
+
+
+def _dining_set(f: Furnisher, room: Room) -> None:
+    table = f.receptacle("dining table", room, wall_placement.in_the_middle(f.rng))
+    if table is None:
+        return
+    if f.rng.random() < 0.6:
+        _rug(f, room, table, (table.size_m[0] + 1.1, table.size_m[1] + 1.0))
+    lo, hi = f.preset.chairs_per_table
+    for _ in range(int(f.rng.integers(lo, hi + 1))):
+        f.receptacle("chair", room, wall_placement.pulled_out(f.rng, table), beside=table)
+
+
+def _rug(f: Furnisher, room: Room, item: Receptacle, size_m: tuple[float, float]) -> None:
+    rug: Shape = decoration_shapes.rug(f.rng, f.palette, size_m)
+    f.lay("rug", room, (item.x, item.y, item.yaw_rad), rug)
+
+
+_RECIPES: dict[str, Callable[[Furnisher, Room], None]] = {
+    "living room": _living_room,
+    "kitchen": _kitchen,
+    "bedroom": _bedroom,
+    "office": _office,
+    "bathroom": _bathroom,
+    "laundry room": _laundry_room,
+    "hallway": _hallway,
+    "dining room": _dining_room,
+}
+
+# What else may stand in a room; "a@b": beside its b, or along a wall without one.
+_MORE: dict[str, tuple[str, ...]] = {
+    "living room": ("side table@sofa", "bookcase", "sideboard", "shelf", "trunk", "stool"),
+    "kitchen": ("serving cart", "stool", "bench", "shelf", "shoe rack"),
+    "bedroom": ("nightstand@bed", "trunk", "bench", "armchair", "stool", "desk", "shelf"),
+    "office": ("shelf", "bookcase", "armchair", "side table", "stool"),
+    "bathroom": ("stool", "shelf", "hamper"),
+    "laundry room": ("shelf", "stool", "bench", "shoe rack"),
+    "hallway": ("bench", "trunk", "wardrobe", "stool", "side table"),
+    "dining room": ("serving cart", "bench", "armchair", "shelf", "bookcase"),
+}
+
+# What hangs on the walls: (class, height of its lower edge).
+_HANGS: dict[str, tuple[tuple[str, float], ...]] = {
+    "living room": (("wall clock", 1.75),),
+    "kitchen": (("wall clock", 1.75),),
+    "bathroom": (("towel rail", 0.75),),
+    "laundry room": (("towel rail", 0.75),),
+    "hallway": (("coat rack", 0.85),),
+}

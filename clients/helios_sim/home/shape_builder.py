@@ -1,0 +1,180 @@
+"""Builds a `Shape` part by part: what is drawn, what is touched, where things can stand."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from helios_sim.home import mesh_primitives
+from helios_sim.home.home_types import (
+    Material,
+    Mesh,
+    Quat,
+    Shape,
+    Solid,
+    SolidKind,
+    Surface,
+    Vec3,
+    Visual,
+)
+
+
+class ShapeBuilder:
+    """Collects parts in the body's frame; sizes are full sizes in metres."""
+
+    def __init__(self) -> None:
+        self._meshes: dict[Material, list[Mesh]] = {}
+        self._solids: list[Solid] = []
+        self._surfaces: list[Surface] = []
+
+    def box(
+        self,
+        center: Vec3,
+        size: Vec3,
+        material: Material,
+        *,
+        bevel_m: float = 0.0,
+        segments: int = 1,
+        tilt_rad: Vec3 = (0.0, 0.0, 0.0),
+        solid: bool = False,
+    ) -> None:
+        """A box with rounded edges, turned by (roll, pitch, yaw) about its middle."""
+        mesh = mesh_primitives.box(size, bevel_m, segments)
+        self.mesh(
+            mesh_primitives.transformed(mesh, mesh_primitives.rotation_xyz(*tilt_rad), center),
+            material,
+        )
+        if solid:
+            self.solid("box", center, size, tilt_rad)
+
+    def cylinder(
+        self,
+        center: Vec3,
+        radius_m: float,
+        height_m: float,
+        material: Material,
+        *,
+        top_radius_m: float | None = None,
+        bevel_m: float = 0.0,
+        sides: int = 16,
+        tilt_rad: Vec3 = (0.0, 0.0, 0.0),
+        solid: bool = False,
+    ) -> None:
+        """A cylinder or cone frustum along z about its middle."""
+        top = radius_m if top_radius_m is None else top_radius_m
+        low, high, b = -height_m / 2, height_m / 2, bevel_m
+        profile = [(0, low), (radius_m - b, low), (radius_m, low + b)]
+        profile += [(top, high - b), (top - b, high), (0, high)]
+        self.lathe(profile, center, material, sides=sides, tilt_rad=tilt_rad)
+        if solid:
+            width = 2 * max(radius_m, top)
+            self.solid("cylinder", center, (width, width, height_m), tilt_rad)
+
+    def lathe(
+        self,
+        profile: Sequence[tuple[float, float]],
+        center: Vec3,
+        material: Material,
+        *,
+        sides: int = 18,
+        tilt_rad: Vec3 = (0.0, 0.0, 0.0),
+    ) -> None:
+        """A profile of (radius, height above `center`), outside from the bottom up."""
+        self.mesh(
+            mesh_primitives.transformed(
+                mesh_primitives.lathe(profile, sides),
+                mesh_primitives.rotation_xyz(*tilt_rad),
+                center,
+            ),
+            material,
+        )
+
+    def ellipsoid(
+        self,
+        center: Vec3,
+        half: Vec3,
+        material: Material,
+        *,
+        sides: int = 14,
+        rings: int = 8,
+        tilt_rad: Vec3 = (0.0, 0.0, 0.0),
+    ) -> None:
+        """An ellipsoid given by half axes."""
+        mesh = mesh_primitives.ellipsoid(half, sides, rings)
+        self.mesh(
+            mesh_primitives.transformed(mesh, mesh_primitives.rotation_xyz(*tilt_rad), center),
+            material,
+        )
+
+    def tube(
+        self, path: Sequence[Vec3], radius_m: float, material: Material, *, sides: int = 8
+    ) -> None:
+        """A round tube along a path."""
+        self.mesh(mesh_primitives.tube(path, radius_m, sides), material)
+
+    def mesh(self, mesh: Mesh, material: Material) -> None:
+        """Any mesh, in the body's frame."""
+        self._meshes.setdefault(material, []).append(mesh)
+
+    def solid(
+        self, kind: SolidKind, center: Vec3, size: Vec3, tilt_rad: Vec3 = (0.0, 0.0, 0.0)
+    ) -> None:
+        """A collision primitive that fills a box of that size."""
+        half = (size[0] / 2, size[1] / 2, size[2] / 2)
+        if kind == "cylinder":
+            half = (half[0], half[2], 0.0)
+        self._solids.append(Solid(kind, half, center, _quat(tilt_rad)))
+
+    def surface(
+        self,
+        center_xy: tuple[float, float],
+        size_xy: tuple[float, float],
+        height_m: float,
+        clear_m: float = 10.0,
+    ) -> None:
+        """A flat rectangle on which things up to `clear_m` high can stand."""
+        half = (size_xy[0] / 2, size_xy[1] / 2)
+        self._surfaces.append(Surface(center_xy, half, 0.0, height_m, clear_m))
+
+    def finish(
+        self, size_m: Vec3, main: Material, *, mass_kg: float = 0.0, rolls: bool = False
+    ) -> Shape:
+        """The shape, with the colour of its main material."""
+        visuals = tuple(
+            Visual(mesh_primitives.merge(parts), material)
+            for material, parts in self._meshes.items()
+        )
+        return Shape(
+            size_m,
+            visuals,
+            tuple(self._solids),
+            main.rgb,
+            tuple(self._surfaces),
+            mass_kg,
+            rolls,
+        )
+
+
+def lowered(shape: Shape, by_m: float) -> Shape:
+    """The same shape with its origin `by_m` higher."""
+    visuals = tuple(
+        replace(v, mesh=mesh_primitives.transformed(v.mesh, np.eye(3), (0, 0, -by_m)))
+        for v in shape.visuals
+    )
+    solids = tuple(
+        replace(s, center=(s.center[0], s.center[1], s.center[2] - by_m)) for s in shape.solids
+    )
+    return replace(shape, visuals=visuals, solids=solids)
+
+
+def _quat(tilt_rad: Vec3) -> Quat:
+    cr, sr = math.cos(tilt_rad[0] / 2), math.sin(tilt_rad[0] / 2)
+    cp, sp = math.cos(tilt_rad[1] / 2), math.sin(tilt_rad[1] / 2)
+    cy, sy = math.cos(tilt_rad[2] / 2), math.sin(tilt_rad[2] / 2)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )

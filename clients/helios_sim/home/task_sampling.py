@@ -1,0 +1,84 @@
+"""Tasks in a home: move one thing from one kind of furniture to another."""
+
+import math
+
+import numpy as np
+
+from helios_sim.home.home_types import Episode, Receptacle, SceneObject
+
+_EDGE_M = 0.03
+
+# Names that in plain language also mean something else of a home: a floor lamp is a lamp, an
+# armchair a chair. Tasks of the benchmark never use them, so that right and wrong are no matter of
+# words.
+AMBIGUOUS = frozenset({"chair", "lamp", "plant", "pot plant"})
+
+
+def sample(
+    receptacles: tuple[Receptacle, ...],
+    objects: tuple[SceneObject, ...],
+    rng: np.random.Generator,
+) -> Episode:
+    """A task that can be solved, by preference one that names a single place to find the thing.
+
+    Every receptacle of a generated home has room for one more thing within reach, so any class
+    but the start's can be the goal. Things that roll are asked for only where nothing else is.
+    """
+    class_of = {receptacle.name: receptacle.class_name for receptacle in receptacles}
+    places: dict[str, set[str]] = {}
+    for thing in objects:
+        places.setdefault(thing.class_name, set()).add(class_of[thing.receptacle])
+    steady = [thing for thing in objects if not thing.shape.rolls]
+    single = [thing for thing in steady if len(places[thing.class_name]) == 1]
+    candidates = single or steady or list(objects)
+    thing = candidates[int(rng.integers(len(candidates)))]
+    start = class_of[thing.receptacle]
+    goals = sorted({name for name in class_of.values() if name != start})
+    goal = goals[int(rng.integers(len(goals)))]
+    return Episode(
+        thing.class_name, start, goal, f"Move the {thing.class_name} from the {start} to the {goal}"
+    )
+
+
+def sample_any(
+    receptacles: tuple[Receptacle, ...],
+    objects: tuple[SceneObject, ...],
+    rng: np.random.Generator,
+) -> Episode:
+    """A task like the benchmark's: a class of things, where one of them is, where it shall go.
+
+    Others of the class may stand elsewhere: they are the wrong ones. A class is the likelier the
+    more there are of it. What rolls is never asked for: where it comes to rest is a matter of luck.
+    No name is AMBIGUOUS. The goal has a surface on which the thing fits.
+    """
+    class_of = {receptacle.name: receptacle.class_name for receptacle in receptacles}
+    steady = [
+        thing
+        for thing in objects
+        if not thing.shape.rolls
+        and AMBIGUOUS.isdisjoint((thing.class_name, class_of[thing.receptacle]))
+    ]
+    wanted = _one_of(sorted(thing.class_name for thing in steady), rng)
+    instances = [thing for thing in steady if thing.class_name == wanted]
+    start = _one_of(sorted({class_of[thing.receptacle] for thing in instances}), rng)
+    candidates = [thing for thing in instances if class_of[thing.receptacle] == start]
+    goals = {
+        host.class_name
+        for host in receptacles
+        if host.class_name not in (start, *AMBIGUOUS)
+        and all(_fits(thing, host) for thing in candidates)
+    }
+    goal = _one_of(sorted(goals), rng)
+    return Episode(wanted, start, goal, f"Move the {wanted} from the {start} to the {goal}")
+
+
+def _fits(thing: SceneObject, host: Receptacle) -> bool:
+    radius = math.hypot(thing.size_m[0], thing.size_m[1]) / 2
+    return any(
+        radius + _EDGE_M <= min(surface.half_extent_xy) and thing.size_m[2] + 0.05 < surface.clear_m
+        for surface in host.surfaces
+    )
+
+
+def _one_of(names: list[str], rng: np.random.Generator) -> str:
+    return names[int(rng.integers(len(names)))]

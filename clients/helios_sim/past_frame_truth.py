@@ -1,0 +1,86 @@
+"""The truth of pictures already taken: rendered only when somebody asks for it."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+from helios_core.errors import InvalidInput
+from numpy.typing import NDArray
+
+from helios_sim.ground_truth import Segmentation, TruthInstance
+from helios_sim.home import Home
+from helios_sim.renderer import Painter
+
+REMEMBERED_CAPTURES = 64
+_REMEMBERED_PICTURES = 4
+
+
+class Past:
+    """The last captures of a world: joint positions by stamp."""
+
+    def __init__(
+        self, model: mujoco.MjModel, painter: Painter, home: Home, graspable: Collection[int]
+    ) -> None:
+        """graspable: bodies that can be picked up."""
+        self._model, self._painter = model, painter
+        self._data = mujoco.MjData(model)
+        self._painted: OrderedDict[bytes, NDArray[np.int32]] = OrderedDict()
+        self._taken: OrderedDict[int, tuple[NDArray[np.float64], dict[str, str]]] = OrderedDict()
+        names = [model.body(body).name for body in range(model.nbody)]
+        known = set(home.body_names())
+        sizes = {item.name: item.size_m for item in (*home.receptacles, *home.fixtures)}
+        self._instances: dict[int, TruthInstance] = {}
+        for body, name in enumerate(names):
+            if name in known:
+                x, y, z = (float(v) for v in model.body_pos[body])
+                # Furniture has its origin on the floor, movable things in their middle.
+                z += sizes[name][2] / 2 if name in sizes else 0.0
+                self._instances[body] = TruthInstance(
+                    body, name, home.class_of(name), body in graspable, (x, y, z)
+                )
+
+    def remember(self, stamp_ns: int, qpos: NDArray[np.float64], on: Mapping[str, str]) -> None:
+        """Keep the state of a capture. on: graspable thing -> body on which it stands."""
+        self._taken[stamp_ns] = (qpos.copy(), dict(on))
+        while len(self._taken) > REMEMBERED_CAPTURES:
+            self._taken.popitem(last=False)
+
+    def segmentation(self, stamp_ns: int) -> Segmentation:
+        """Of one of the last 64 captures. Raises InvalidInput for any other stamp."""
+        if stamp_ns not in self._taken:
+            raise InvalidInput(
+                f"there is no capture with stamp {stamp_ns} among the last "
+                f"{REMEMBERED_CAPTURES}; ask with a frame's own stamp, and sooner"
+            )
+        qpos, on = self._taken[stamp_ns]
+        ids = self.bodies(qpos)
+        self._data.qpos[:] = qpos
+        mujoco.mj_kinematics(self._model, self._data)
+        seen = (int(body) for body in np.flatnonzero(np.bincount(ids.ravel())))
+        instances = tuple(self._instance(body, on) for body in seen if body in self._instances)
+        return Segmentation(stamp_ns, ids, instances)
+
+    def bodies(self, qpos: NDArray[np.float64]) -> NDArray[np.int32]:
+        """Body id of each pixel [h, w] with joints at these positions; painted once. Read-only."""
+        key = qpos.tobytes()
+        if key not in self._painted:
+            self._data.qpos[:] = qpos
+            mujoco.mj_kinematics(self._model, self._data)
+            mujoco.mj_camlight(self._model, self._data)
+            ids = self._painter.bodies(self._data)
+            ids.flags.writeable = False
+            self._painted[key] = ids
+            while len(self._painted) > _REMEMBERED_PICTURES:
+                self._painted.popitem(last=False)
+        return self._painted[key]
+
+    def _instance(self, body: int, on: Mapping[str, str]) -> TruthInstance:
+        static = self._instances[body]
+        if not static.graspable:
+            return static
+        x, y, z = (float(v) for v in self._data.xpos[body])
+        return replace(static, center_m=(x, y, z), on=on[static.name])

@@ -1,0 +1,122 @@
+"""Pictures of the world: colour and depth in one pass, instances in a second one when asked.
+
+A `Painter` holds a GL context and belongs to the thread that made it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from helios_core.errors import Unavailable
+from numpy.typing import NDArray
+
+from helios_sim.frustum_culling import Frustum
+
+_MAX_GEOMS = 5000  # two bytes name a geom in the picture of instances
+_HIDDEN_GROUP = 5
+
+
+def metric_depth(
+    buffer: NDArray[np.float32], near_m: float, far_m: float, max_depth_m: float
+) -> NDArray[np.float32]:
+    """Depth along the optical axis [h, w] in metres from a reversed depth buffer; 0 beyond range.
+
+    The buffer holds 1 at the near plane and 0 at the far one:
+    buffer = (far near / z - near) / (far - near).
+    """
+    span = far_m - near_m
+    z = buffer + np.float32(near_m / span)
+    np.divide(np.float32(far_m * near_m / span), z, out=z)
+    z[z > max_depth_m] = 0.0
+    return z
+
+
+class Painter:
+    """Renders one model through one fixed camera. Raises Unavailable without OpenGL."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        camera: int,
+        size: tuple[int, int],
+        groups: Sequence[int],
+    ) -> None:
+        """size: (width, height) in pixels; groups: the geom groups that are drawn."""
+        self._model = model
+        self._width, self._height = size
+        try:
+            gl = mujoco.GLContext(*size)
+            gl.make_current()
+            self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        except Exception as error:
+            raise Unavailable(
+                f"no OpenGL context ({error}); install libegl1 libegl-mesa0 libgl1-mesa-dri, or "
+                "libosmesa6 and set MUJOCO_GL=osmesa"
+            ) from error
+        self._gl: mujoco.GLContext | None = gl
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
+        self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value
+        self._viewport = mujoco.MjrRect(0, 0, self._width, self._height)
+        self._scene = mujoco.MjvScene(model, maxgeom=_MAX_GEOMS)
+        self._option = mujoco.MjvOption()
+        self._option.geomgroup[:] = [int(group in groups) for group in range(6)]
+        self._frustum = Frustum(model, camera, size[0] / size[1])
+        self._groups = model.geom_group.copy()
+        # A geom in the shadows' way matters even where it is not seen itself.
+        self._cull = not (model.light_castshadow.any() and model.vis.quality.shadowsize > 0)
+        self._camera = mujoco.MjvCamera()
+        self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        self._camera.fixedcamid = camera
+        extent_m = float(model.stat.extent)
+        self._near_m = float(model.vis.map.znear) * extent_m
+        self._far_m = float(model.vis.map.zfar) * extent_m
+
+    def color_and_depth(
+        self, data: mujoco.MjData, max_depth_m: float
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """RGB [h, w, 3] and metric depth along the optical axis [h, w], of one pass."""
+        color = np.empty((self._height, self._width, 3), np.uint8)
+        depth = np.empty((self._height, self._width), np.float32)
+        self._draw(data, segment=False)
+        mujoco.mjr_readPixels(color, depth, self._viewport, self._context)
+        depth_m = metric_depth(depth, self._near_m, self._far_m, max_depth_m)
+        return np.ascontiguousarray(color[::-1]), np.ascontiguousarray(depth_m[::-1])
+
+    def bodies(self, data: mujoco.MjData) -> NDArray[np.int32]:
+        """Body id of each pixel [h, w]; 0 where nothing or only the world body is seen."""
+        color = np.empty((self._height, self._width, 3), np.uint8)
+        self._draw(data, segment=True)
+        mujoco.mjr_readPixels(color, None, self._viewport, self._context)
+        painted = color[::-1]
+        number = painted[..., 0].astype(np.uint16)
+        number |= painted[..., 1].astype(np.uint16) << np.uint16(8)
+        body_of = np.zeros(self._scene.ngeom + 1, np.int32)
+        geom_type = int(mujoco.mjtObj.mjOBJ_GEOM)
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            if geom.segid >= 0 and geom.objtype == geom_type:
+                body_of[geom.segid + 1] = self._model.geom_bodyid[geom.objid]
+        return body_of[number]
+
+    def close(self) -> None:
+        """Give the GL context back; from the thread that made it."""
+        if self._gl is not None:
+            self._context.free()
+            self._gl.free()
+            self._gl = None
+
+    def _draw(self, data: mujoco.MjData, *, segment: bool) -> None:
+        if self._gl is None:
+            raise Unavailable("the world is closed")
+        self._gl.make_current()
+        everything = mujoco.mjtCatBit.mjCAT_ALL.value
+        if self._cull:
+            self._model.geom_group[self._frustum.outside(data)] = _HIDDEN_GROUP
+        mujoco.mjv_updateScene(
+            self._model, data, self._option, None, self._camera, everything, self._scene
+        )
+        self._model.geom_group[:] = self._groups
+        for flag in (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR):
+            self._scene.flags[flag] = segment
+        mujoco.mjr_render(self._viewport, self._scene, self._context)

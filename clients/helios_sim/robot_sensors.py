@@ -1,0 +1,96 @@
+"""A robot's camera and odometry in a world: what they tell the robot, and what was truly there."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+import mujoco
+import numpy as np
+from helios_core.geometry import Matrix, Pinhole, se2_to_se3
+from helios_core.robot import Capture
+from numpy.typing import NDArray
+
+from helios_sim.ground_truth import Segmentation
+from helios_sim.home import Home
+from helios_sim.odometry_drift import Drift, moved
+from helios_sim.past_frame_truth import Past
+from helios_sim.renderer import Painter
+from helios_sim.robot_model import MAX_DEPTH_M, RobotIndex, camera_pose
+from helios_sim.sensor_noise import SensorRealism, sensed_color, sensed_depth
+
+DRAWN_GROUPS = (0, 1, 2)
+
+Point = tuple[float, float, float]
+
+
+class Senses:
+    """Holds a GL context and belongs to the thread that made it."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        robot: RobotIndex,
+        camera: Pinhole,
+        home: Home,
+        graspable: Collection[int],
+        sensor: SensorRealism,
+    ) -> None:
+        """graspable: bodies that can be picked up."""
+        self._data, self._robot, self._camera = data, robot, camera
+        self._sensor, self._seed = sensor, home.seed
+        size = (camera.width, camera.height)
+        self._painter = Painter(model, robot.camera, size, DRAWN_GROUPS)
+        self._past = Past(model, self._painter, home, graspable)
+        self._drift = Drift(sensor, home.seed, robot.pose(data))
+        self._last_stamp_ns = 0
+
+    @property
+    def T_world_base(self) -> Matrix:
+        """Where the robot believes its base [4, 4]."""
+        return se2_to_se3(*self._drift.believed)
+
+    @property
+    def T_believed_true(self) -> Matrix:
+        """Takes points of the true world to where the robot believes them now [4, 4]."""
+        return self._drift.T_believed_true
+
+    def true_point_m(self, believed_m: Point) -> Point:
+        """Where a point truly is that the robot names."""
+        return self._drift.true_point_m(believed_m) if self._sensor.drifts else believed_m
+
+    def feel_motion(self) -> tuple[float, float]:
+        """Metres and radians that the robot believes to have moved since the last call."""
+        before = self._drift.believed
+        self._drift.follow(self._robot.pose(self._data))
+        return moved(before, self._drift.believed)
+
+    def capture(self, on: Mapping[str, str]) -> Capture:
+        """RGB and depth of one pass, with the stamp of simulated time.
+
+        on: movable thing -> body on which it stands, for the truth of this capture.
+        """
+        stamp_ns = max(round(float(self._data.time) * 1e9), self._last_stamp_ns + 1)
+        self._last_stamp_ns = stamp_ns
+        color, depth_m = self._painter.color_and_depth(self._data, MAX_DEPTH_M)
+        self._past.remember(stamp_ns, self._data.qpos, on)
+        return Capture(
+            stamp_ns=stamp_ns,
+            color=sensed_color(color, self._sensor, self._seed, stamp_ns),
+            depth_m=sensed_depth(depth_m, self._camera, self._sensor, self._seed, stamp_ns),
+            camera=self._camera,
+            T_world_cam=self.T_believed_true @ camera_pose(self._data, self._robot.camera),
+            T_world_base=self.T_world_base,
+        )
+
+    def bodies_in_view(self) -> NDArray[np.int32]:
+        """Body id of each pixel now [h, w]. Read-only."""
+        return self._past.bodies(self._data.qpos)
+
+    def segmentation(self, stamp_ns: int) -> Segmentation:
+        """Of one of the last 64 captures. Raises InvalidInput for any other stamp."""
+        return self._past.segmentation(stamp_ns)
+
+    def close(self) -> None:
+        """Give the graphics back; from the thread that made them."""
+        self._painter.close()
