@@ -25,7 +25,7 @@ $(VENV)/.installed: pyproject.toml constraints.txt scripts/install.sh
 $(VENV)/.kernels: $(VENV)/.installed $(KERNELS)
 	@find services -name '*.nb[ic]' -delete
 	@echo "compiling the kernels: a minute"
-	@$(BIN)/python -m helios_eval.kernels
+	@$(BIN)/python -m helios_eval.kernel_compilation
 	@touch $@
 
 demo: install ## a language task in a simulated home: make demo SEED=3

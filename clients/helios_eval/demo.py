@@ -31,7 +31,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from helios_eval.pictures import object_picture
+from helios_eval.demo_pictures import object_picture
 
 READY_WITHIN_S = 120.0
 TASK_WITHIN_S = 900.0

@@ -29,7 +29,7 @@ import cv2
 import numpy as np
 from helios_core.geometry import Pinhole, se2_to_se3
 from helios_core.types import Frame, FrameId, Observation, SearchContext
-from helios_eval.bench.scene import frames as bench_frames
+from helios_eval.bench.synthetic_flat import frames as bench_frames
 from helios_map2d.camera_view import heading_of, view_of
 from helios_map2d.epoch_map import MapState
 from helios_map2d.grid import TileMask

@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from helios_eval.episodes import record
-from helios_eval.episodes.record import EpisodeRecord
+from helios_eval.episodes import episode_record
+from helios_eval.episodes.episode_record import EpisodeRecord
 
 from tests.support import wait_until
 
@@ -67,7 +67,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_run_leaves_what_others_rely_on(whole: Path) -> None:
-    assert len(record.read(whole)) == 4
+    assert len(episode_record.read(whole)) == 4
     rows = json.loads((whole / "results.json").read_text())
     assert {(r["agent"], r["picks"]) for r in rows} == {
         (agent, picks) for agent in AGENTS for picks in (1, "unlimited")
@@ -90,7 +90,7 @@ def test_a_run_leaves_what_others_rely_on(whole: Path) -> None:
 def test_a_killed_run_goes_on_where_it_was(whole: Path, tmp_path: Path) -> None:
     """The whole process group is killed in mid-run; the second run plays what is missing."""
     first = start(tmp_path, "--jobs", "1")
-    episodes = tmp_path / record.EPISODES
+    episodes = tmp_path / episode_record.EPISODES
     try:
         wait_until(
             lambda: first.poll() is not None or (episodes.exists() and episodes.read_text()),
@@ -100,7 +100,7 @@ def test_a_killed_run_goes_on_where_it_was(whole: Path, tmp_path: Path) -> None:
         os.killpg(first.pid, signal.SIGKILL)
         first.communicate()
     wait_until(lambda: not members(first.pid), 10, "all processes are gone")
-    there = len(record.read(tmp_path))
+    there = len(episode_record.read(tmp_path))
     assert 1 <= there < 4
     with episodes.open("a") as file:
         file.write('{"benchmark":"ovmm","agent":"hel')  # as if killed while writing
@@ -109,16 +109,16 @@ def test_a_killed_run_goes_on_where_it_was(whole: Path, tmp_path: Path) -> None:
     )
     assert again.returncode == 0, again.stderr
     assert f"{there} of 4 episodes are there already" in again.stdout
-    assert facts(record.read(tmp_path)) == facts(record.read(whole))
+    assert facts(episode_record.read(tmp_path)) == facts(episode_record.read(whole))
 
 
 def test_nothing_is_played_twice(whole: Path) -> None:
-    before = (whole / record.EPISODES).read_bytes()
+    before = (whole / episode_record.EPISODES).read_bytes()
     done = subprocess.run(
         arguments(whole), capture_output=True, text=True, timeout=120, check=False
     )
     assert done.returncode == 0, done.stderr
-    assert (whole / record.EPISODES).read_bytes() == before
+    assert (whole / episode_record.EPISODES).read_bytes() == before
 
 
 def test_an_interrupt_ends_everything_within_seconds(tmp_path: Path) -> None:
@@ -138,7 +138,7 @@ def test_an_interrupt_ends_everything_within_seconds(tmp_path: Path) -> None:
 
 def test_a_terminated_run_leaves_the_report_of_what_was_played(tmp_path: Path) -> None:
     run = start(tmp_path, "--jobs", "1")
-    episodes = tmp_path / record.EPISODES
+    episodes = tmp_path / episode_record.EPISODES
     try:
         wait_until(
             lambda: run.poll() is not None or (episodes.exists() and episodes.read_text()),
@@ -152,7 +152,7 @@ def test_a_terminated_run_leaves_the_report_of_what_was_played(tmp_path: Path) -
     finally:
         if members(run.pid):
             os.killpg(run.pid, signal.SIGKILL)
-    there = record.read(tmp_path)
+    there = episode_record.read(tmp_path)
     rows = json.loads((tmp_path / "results.json").read_text())
     assert sum(r["metrics"]["SR"]["n"] for r in rows if r["picks"] == 1) == len(there) < 4
     assert "Not complete" in (tmp_path / "report.md").read_text()
@@ -168,4 +168,4 @@ def test_a_ray_cluster_gives_the_same_results(whole: Path, tmp_path: Path) -> No
         capture_output=True, text=True, timeout=280, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert facts(record.read(tmp_path)) == facts(record.read(whole))
+    assert facts(episode_record.read(tmp_path)) == facts(episode_record.read(whole))

@@ -28,10 +28,10 @@ from helios_core.recording_format import OBJECTS as OBJECTS_SEEN
 from helios_core.recording_format import OCCUPANCY
 from helios_core.robot import Observe
 from helios_core.topics import ACT, GAUSSIANS, LEASE, OBJECTS, ROBOT_STATE, SNAPSHOT
-from helios_eval.episodes.house import House
-from helios_eval.episodes.judging import episode_for
-from helios_eval.episodes.play import make_world
-from helios_eval.episodes.spec import EpisodeSpec
+from helios_eval.episodes.episode_judgement import episode_for
+from helios_eval.episodes.episode_player import make_world
+from helios_eval.episodes.episode_spec import EpisodeSpec
+from helios_eval.episodes.in_process_stack import House
 from helios_map2d.service import Map2DService
 from helios_map2d.settings import Settings as Map2DSettings
 from helios_objectmap.service import ObjectMapService

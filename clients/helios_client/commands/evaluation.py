@@ -20,7 +20,7 @@ def bench(
     """Time the services' inner loops against other implementations."""
     try:
         from helios_eval.bench import main as run_bench
-        from helios_eval.bench.run import ROWS
+        from helios_eval.bench.benchmark_run import ROWS
     except ImportError as error:
         from helios_core.errors import Unavailable
 
@@ -42,7 +42,7 @@ def bench(
 def evaluate(context: typer.Context) -> None:
     """Play episodes in simulated homes, judge them by the truth. See helios eval --help."""
     try:
-        from helios_eval.command import app as eval_app
+        from helios_eval.eval_command import app as eval_app
     except ImportError as error:
         from helios_core.errors import Unavailable
 

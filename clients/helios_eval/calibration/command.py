@@ -19,7 +19,7 @@ def calibration(
 ) -> None:
     """Hold what the object map believed against the truth. Reliability, ECE, AUROC."""
     from helios_eval.calibration import report  # matplotlib takes a second to load
-    from helios_eval.folder import writing
+    from helios_eval.run_folder import writing
 
     with writing(out):
         path = report.write(folders, out, every_step)

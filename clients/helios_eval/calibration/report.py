@@ -10,9 +10,9 @@ from pathlib import Path
 from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 
-from helios_eval.calibration.figures import Figure, figures
+from helios_eval.calibration.report_plots import Figure, figures
 from helios_eval.calibration.summary import FEWEST, FEWEST_EPISODES, RESAMPLES
-from helios_eval.episodes.record import EPISODES, EpisodeRecord, read
+from helios_eval.episodes.episode_record import EPISODES, EpisodeRecord, read
 
 REPORT = "calibration.md"
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from helios_eval.episodes.record import Belief, EpisodeRecord
+from helios_eval.episodes.episode_record import Belief, EpisodeRecord
 
 # What a view count is grouped by: name, fewest views, most views.
 VIEWS: tuple[tuple[str, int, float], ...] = (

@@ -18,7 +18,7 @@ from helios_objectmap.settings import ObjectMapSettings
 from helios_planner.settings import Settings as PlannerSettings
 from pydantic import TypeAdapter, ValidationError
 
-from helios_eval.episodes.record import Setting
+from helios_eval.episodes.episode_record import Setting
 
 SERVICES: dict[str, type[ServiceSettings]] = {
     "planner": PlannerSettings,

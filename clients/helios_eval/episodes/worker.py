@@ -15,8 +15,8 @@ from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from helios_eval.episodes.play import Played
-    from helios_eval.episodes.spec import EpisodeSpec
+    from helios_eval.episodes.episode_player import Played
+    from helios_eval.episodes.episode_spec import EpisodeSpec
 
 # One thread each: as many episodes run side by side as there are cores.
 _COUNTS = (
@@ -43,7 +43,7 @@ def play_safely(spec: EpisodeSpec, commit: str) -> Played | str:
     """What was played, or why it could not be. Raises Unavailable where nothing can be played."""
     from helios_core.errors import HeliosError, Unavailable
 
-    from helios_eval.episodes.play import play
+    from helios_eval.episodes.episode_player import play
 
     try:
         return play(spec, commit)

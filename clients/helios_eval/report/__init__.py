@@ -10,13 +10,13 @@ from typing import Any
 from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 
-from helios_eval.episodes import record
-from helios_eval.episodes.record import EpisodeRecord
-from helios_eval.report.build import build
-from helios_eval.report.drawings import write_drawings
-from helios_eval.report.header import run_of
+from helios_eval.episodes import episode_record
+from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.report.render_html import html_of
 from helios_eval.report.render_md import markdown_of
+from helios_eval.report.report_builder import build
+from helios_eval.report.run_description import run_of
+from helios_eval.report.svg_files import write_drawings
 
 MARKDOWN, HTML = "report.md", "report.html"
 
@@ -26,7 +26,7 @@ def write_report(folder: Path) -> None:
 
     Raises InvalidInput for a folder without episodes.
     """
-    write_report_of(folder, record.read(folder), run_of(folder))
+    write_report_of(folder, episode_record.read(folder), run_of(folder))
 
 
 def write_report_of(folder: Path, records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> None:
@@ -36,7 +36,7 @@ def write_report_of(folder: Path, records: Sequence[EpisodeRecord], run: Mapping
     """
     if not records:
         raise InvalidInput(
-            f"{folder} holds no episode in {record.EPISODES}; run "
+            f"{folder} holds no episode in {episode_record.EPISODES}; run "
             f"`helios eval ovmm --agents helios --episodes 10 --out {folder}` first"
         )
     report = build(folder, records, run)

@@ -12,24 +12,24 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from helios_eval.report import style, text
-from helios_eval.report.model import Graphic
-from helios_eval.report.stats import Interval
+from helios_eval.report import colors, number_format
+from helios_eval.report.confidence_intervals import Interval
+from helios_eval.report.report_model import Graphic
 
 WIDTH_IN = 9.6
-MOST_ARMS = len(style.SERIES)  # in one drawing; the tables have all
+MOST_ARMS = len(colors.SERIES)  # in one drawing; the tables have all
 
 
 @contextmanager
 def _look():
     with mpl.rc_context({
         "svg.fonttype": "none", "svg.hashsalt": "helios", "font.family": "sans-serif",
-        "font.size": 10.5, "text.parse_math": False, "axes.edgecolor": style.LINE.light,
-        "axes.labelcolor": style.MUTED.light, "text.color": style.INK.light,
-        "xtick.color": style.MUTED.light, "ytick.color": style.MUTED.light,
-        "xtick.labelcolor": style.MUTED.light, "ytick.labelcolor": style.INK.light,
+        "font.size": 10.5, "text.parse_math": False, "axes.edgecolor": colors.LINE.light,
+        "axes.labelcolor": colors.MUTED.light, "text.color": colors.INK.light,
+        "xtick.color": colors.MUTED.light, "ytick.color": colors.MUTED.light,
+        "xtick.labelcolor": colors.MUTED.light, "ytick.labelcolor": colors.INK.light,
         "axes.spines.top": False, "axes.spines.right": False, "axes.spines.left": False,
-        "grid.color": style.LINE.light, "grid.linewidth": 0.8, "axes.axisbelow": True,
+        "grid.color": colors.LINE.light, "grid.linewidth": 0.8, "axes.axisbelow": True,
         "legend.frameon": False,
     }):  # fmt: skip
         yield
@@ -51,7 +51,7 @@ def _svg(figure: Figure) -> str:
     svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
     svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
     svg = re.sub(r"font: ([\d.]+px) 'sans-serif'", r"font: \1 var(--sans)", svg)
-    return style.with_variables(svg)
+    return colors.with_variables(svg)
 
 
 def dots(
@@ -65,13 +65,13 @@ def dots(
         for k, (axes, metric) in enumerate(zip(all_axes, metrics, strict=True)):
             axes.tick_params(length=0)
             for y, row in enumerate(points):
-                p, colour = row[k], style.SERIES[y % len(style.SERIES)].light
+                p, colour = row[k], colors.SERIES[y % len(colors.SERIES)].light
                 axes.hlines(y, 100 * p.low, 100 * p.high, color=colour, linewidth=3, alpha=0.5)
                 axes.plot(100 * p.value, y, "o", color=colour, markersize=6.5)
                 axes.annotate(f"{100 * p.value:.1f}", (100 * p.value, y), xytext=(0, 7),
                               textcoords="offset points", ha="center", fontsize=8.5,
-                              color=style.MUTED.light)  # fmt: skip
-            axes.set_title(metric, fontsize=12, loc="left", color=style.INK.light)
+                              color=colors.MUTED.light)  # fmt: skip
+            axes.set_title(metric, fontsize=12, loc="left", color=colors.INK.light)
             axes.set_xlim(-4, 104)
             axes.set_xticks([0, 50, 100], ["0", "50", "100"])
             axes.grid(axis="x")
@@ -87,15 +87,15 @@ def forest(rows: Sequence[tuple[str, str, Interval]]) -> Graphic:
     with _look():
         figure, axes = _axes(0.7 + 0.34 * len(rows))
         for y, (_, _, d) in enumerate(rows):
-            colour = style.SERIES[0 if d.sure else 7].light
+            colour = colors.SERIES[0 if d.sure else 7].light
             axes.plot(100 * d.value, y, "o", color=colour, markersize=7.5)
-            label = text.signed(100 * d.value, 1)
+            label = number_format.signed(100 * d.value, 1)
             if d.told:
                 axes.hlines(y, 100 * d.low, 100 * d.high, color=colour, linewidth=3, alpha=0.5)
-                label += f"  {text.bounds(100 * d.low, 100 * d.high, 1, plus=True)}"
-            axes.text(1.015, y, label, va="center", fontsize=9.5, color=style.MUTED.light,
+                label += f"  {number_format.bounds(100 * d.low, 100 * d.high, 1, plus=True)}"
+            axes.text(1.015, y, label, va="center", fontsize=9.5, color=colors.MUTED.light,
                       transform=axes.get_yaxis_transform())  # fmt: skip
-        axes.axvline(0, color=style.INK.light, linewidth=1)
+        axes.axvline(0, color=colors.INK.light, linewidth=1)
         axes.set_yticks(range(len(rows)), [f"{metric}: {who}" for metric, who, _ in rows])
         axes.set_ylim(len(rows) - 0.5, -0.5)
         axes.set_xlabel("percent points; right of 0: the first is better", fontsize=9.5)
@@ -109,7 +109,7 @@ def forest(rows: Sequence[tuple[str, str, Interval]]) -> Graphic:
 
 def causes(agents: Sequence[str], counts: Sequence[Mapping[str, int]]) -> Graphic:
     """How the episodes ended: one stacked bar per agent, success first."""
-    order = ["", *style.CAUSES]
+    order = ["", *colors.CAUSES]
     order += sorted({c for row in counts for c in row} - set(order))
     with _look():
         figure, axes = _axes(1.15 + 0.5 * len(agents))
@@ -119,10 +119,10 @@ def causes(agents: Sequence[str], counts: Sequence[Mapping[str, int]]) -> Graphi
             widths = np.array([row.get(cause, 0) for row in counts]) / totals * 100
             if not widths.any():
                 continue
-            colour = style.of_cause(cause)
+            colour = colors.of_cause(cause)
             axes.barh(range(len(agents)), widths, left=left, height=0.66, color=colour.light,
-                      edgecolor=style.PAPER.light, linewidth=1.2,
-                      label=cause or style.SUCCESS)  # fmt: skip
+                      edgecolor=colors.PAPER.light, linewidth=1.2,
+                      label=cause or colors.SUCCESS)  # fmt: skip
             for y, (start, width) in enumerate(zip(left, widths, strict=True)):
                 if width >= 4:
                     axes.text(
@@ -148,11 +148,11 @@ def effort(
 ) -> Graphic:
     """Per agent: the steps of its episodes, and the share of episodes with a collision."""
     n = len(agents)
-    colours = [style.SERIES[i % len(style.SERIES)].light for i in range(n)]
+    colours = [colors.SERIES[i % len(colors.SERIES)].light for i in range(n)]
     with _look():
         figure = Figure(figsize=(WIDTH_IN, 0.9 + 0.42 * n), layout="constrained")
         left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
-        line = {"color": style.MUTED.light, "linewidth": 1.2}
+        line = {"color": colors.MUTED.light, "linewidth": 1.2}
         drawn = left.boxplot(
             [list(s) for s in steps],
             positions=range(n),
@@ -163,11 +163,11 @@ def effort(
             whiskerprops=line,
             capprops=line,
             boxprops={"linewidth": 0},
-            medianprops={"color": style.PAPER.light, "linewidth": 2.2},
-            meanprops={"marker": "D", "markerfacecolor": style.PAPER.light, "markersize": 5,
-                       "markeredgecolor": style.INK.light},
+            medianprops={"color": colors.PAPER.light, "linewidth": 2.2},
+            meanprops={"marker": "D", "markerfacecolor": colors.PAPER.light, "markersize": 5,
+                       "markeredgecolor": colors.INK.light},
             flierprops={"marker": ".", "markersize": 4, "markeredgewidth": 0,
-                        "markerfacecolor": style.MUTED.light},
+                        "markerfacecolor": colors.MUTED.light},
         )  # fmt: skip
         for box, colour in zip(drawn["boxes"], colours, strict=True):
             box.set_facecolor(colour)
@@ -176,10 +176,10 @@ def effort(
             right.plot(100 * hit.value, y, "o", color=colour, markersize=7, clip_on=False)
             right.annotate(f"{100 * hit.value:.1f}", (100 * hit.high, y), xytext=(5, 0),
                            textcoords="offset points", va="center", fontsize=8.5,
-                           color=style.MUTED.light)  # fmt: skip
+                           color=colors.MUTED.light)  # fmt: skip
         for axes, title in ((left, "steps"), (right, "episodes with a collision (%)")):
             axes.tick_params(length=0)
-            axes.set_title(title, fontsize=11, loc="left", color=style.INK.light)
+            axes.set_title(title, fontsize=11, loc="left", color=colors.INK.light)
             axes.set_xlim(left=0)
             axes.grid(axis="x")
         left.set_yticks(range(n), agents)
@@ -199,14 +199,14 @@ def stages(agents: Sequence[str], names: Sequence[str], ms: Sequence[Sequence[fl
         table = np.array(ms, dtype=np.float64)
         rows = np.arange(len(names))
         longest = np.nanmax(table, axis=0)
-        axes.hlines(rows, 0, longest, color=style.LINE.light, linewidth=3)
+        axes.hlines(rows, 0, longest, color=colors.LINE.light, linewidth=3)
         for i, agent in enumerate(agents):
-            colour = style.SERIES[i % len(style.SERIES)].light
+            colour = colors.SERIES[i % len(colors.SERIES)].light
             axes.plot(table[i], rows, "o", color=colour, markersize=8, alpha=0.85, label=agent,
                       clip_on=False)  # fmt: skip
         for y, value in enumerate(longest):
             axes.annotate(f"{value:.1f}", (value, y), xytext=(9, 0), va="center", fontsize=8.5,
-                          textcoords="offset points", color=style.MUTED.light)  # fmt: skip
+                          textcoords="offset points", color=colors.MUTED.light)  # fmt: skip
         axes.set_yticks(rows, names)
         axes.set_ylim(len(names) - 0.5, -0.5)
         axes.set_xlim(left=0)
@@ -221,6 +221,6 @@ def stages(agents: Sequence[str], names: Sequence[str], ms: Sequence[Sequence[fl
         )
 
 
-def _on(colour: style.Colour) -> str:
+def _on(colour: colors.Colour) -> str:
     """What is read best on it; not quite white and black, which follow the page."""
-    return "#fffffe" if style.is_dark(colour) else "#000001"
+    return "#fffffe" if colors.is_dark(colour) else "#000001"

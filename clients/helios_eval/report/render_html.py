@@ -8,8 +8,8 @@ from importlib import resources
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from helios_eval.report import style
-from helios_eval.report.model import Report
+from helios_eval.report import colors
+from helios_eval.report.report_model import Report
 
 
 def html_of(report: Report) -> str:
@@ -27,13 +27,13 @@ def html_of(report: Report) -> str:
         "unbroken": lambda words: Markup(" ").join(
             Markup("<span>{}</span>").format(word) for word in words.split(" ")
         ),
-        "cause_colour": lambda cause: style.of_cause(cause).name,
+        "cause_colour": lambda cause: colors.of_cause(cause).name,
     }
     page = resources.files("helios_eval.report") / "page"
     return environment.get_template("report.html.j2").render(
         report=report,
-        light=Markup(style.css_variables(dark=False)),
-        dark=Markup(style.css_variables(dark=True)),
+        light=Markup(colors.css_variables(dark=False)),
+        dark=Markup(colors.css_variables(dark=True)),
         css=Markup((page / "report.css").read_text(encoding="utf-8")),
         script=Markup((page / "report.js").read_text(encoding="utf-8")),
     )

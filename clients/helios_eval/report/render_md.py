@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 import re
 
-from helios_eval.report import drawings
-from helios_eval.report.model import (
+from helios_eval.report import svg_files
+from helios_eval.report.report_model import (
     Block,
     Cell,
     Command,
@@ -28,7 +28,7 @@ def markdown_of(report: Report) -> str:
     lines = [f"# {escape(report.title)}", "", escape(report.lead), ""]
     for section in report.sections:
         lines += [f"## {escape(section.title)}", ""]
-        for drawing, block in drawings.named(section):
+        for drawing, block in svg_files.named(section):
             lines += [*_lines(block, drawing), ""]
     return "\n".join(lines).rstrip() + "\n"
 

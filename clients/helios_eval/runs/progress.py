@@ -13,8 +13,8 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from helios_eval.episodes.record import EpisodeRecord
-from helios_eval.episodes.spec import EpisodeSpec
+from helios_eval.episodes.episode_record import EpisodeRecord
+from helios_eval.episodes.episode_spec import EpisodeSpec
 
 
 class Board:

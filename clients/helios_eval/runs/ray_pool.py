@@ -11,9 +11,9 @@ from contextlib import contextmanager
 
 from helios_core.errors import Unavailable
 
-from helios_eval.episodes.spec import EpisodeSpec
+from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.episodes.worker import ONE_THREAD, play_safely, prepare
-from helios_eval.runs.pool import ATTEMPTS, Outcome
+from helios_eval.runs.process_pool import ATTEMPTS, Outcome
 
 LOCAL = "local"
 

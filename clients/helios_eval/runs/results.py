@@ -18,9 +18,9 @@ from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
-from helios_eval.episodes.record import EpisodeRecord
-from helios_eval.report.metrics import NAMES, values
-from helios_eval.report.stats import mean_sem
+from helios_eval.episodes.episode_record import EpisodeRecord
+from helios_eval.report.confidence_intervals import mean_sem
+from helios_eval.report.record_metrics import NAMES, values
 
 RESULTS = "results.json"
 UNLIMITED = "unlimited"

@@ -37,7 +37,7 @@ from helios_core.types import Frame, FrameId, Observation, Role, SearchClass, Se
 from helios_replay.dataset import read_dataset, read_image
 from numpy.typing import NDArray
 
-from helios_eval.service_process import ServiceProcess
+from helios_eval.service_under_test import ServiceProcess
 
 ANSWER_WITHIN_S = 20.0
 AGAIN_S = 2.0

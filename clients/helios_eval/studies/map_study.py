@@ -36,9 +36,9 @@ from helios_planner.settings import Settings as PlannerSettings
 
 from helios_eval.calibration.statistics import auroc
 from helios_eval.episodes import service_settings
-from helios_eval.episodes.beliefs import Role as BeliefRole
-from helios_eval.episodes.beliefs import is_at, judged
-from helios_eval.episodes.record import Belief
+from helios_eval.episodes.belief_truth import Role as BeliefRole
+from helios_eval.episodes.belief_truth import is_at, judged
+from helios_eval.episodes.episode_record import Belief
 from helios_eval.studies.map_walk import Walk, believed, walk
 
 ROLES = ("object", "start", "goal")

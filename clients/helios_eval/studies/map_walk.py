@@ -10,10 +10,10 @@ from helios_core.types import ObjectInstance, Role, SearchContext
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
 
-from helios_eval.episodes.beliefs import TrueThing
-from helios_eval.episodes.play import housed
-from helios_eval.episodes.record import Setting
-from helios_eval.growth.tape import Seen, by_helios, recorded
+from helios_eval.episodes.belief_truth import TrueThing
+from helios_eval.episodes.episode_player import housed
+from helios_eval.episodes.episode_record import Setting
+from helios_eval.studies.map_growth.observation_log import Seen, by_helios, recorded
 
 # Nothing is ever sure enough to be picked, so that the whole home is searched once.
 _ONLY_LOOKS: Mapping[str, Setting] = {

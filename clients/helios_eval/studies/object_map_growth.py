@@ -22,8 +22,8 @@ import numba
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError
 
-from helios_eval.growth import cost, hours, plots, scene, tape
-from helios_eval.growth.walk import Walk, record
+from helios_eval.studies.map_growth import full_scene, long_run, observation_log, plots, update_cost
+from helios_eval.studies.map_growth.simulated_walk import Walk, record
 
 PARTS = ("cost", "scene", "hours")
 
@@ -70,17 +70,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     steady = True
     try:
         if "cost" in given.only:
-            costs = cost.measure(walks(), given.frames)
+            costs = update_cost.measure(walks(), given.frames)
             plots.cost(costs, given.out / "cost.png")
             found["cost"] = costs.summary()
         if "scene" in given.only:
-            seen = tape.play(given.preset, given.episode, given.max_steps, given.stride)
-            maps = scene.measure(seen)
+            seen = observation_log.play(given.preset, given.episode, given.max_steps, given.stride)
+            maps = full_scene.measure(seen)
             plots.scene(maps, given.out / "scene.png")
             found["scene"] = {"frames": len(seen)} | {n: m.summary() for n, m in maps.items()}
         if "hours" in given.only:
             frames = round(given.hours * 3600 / given.every_s)
-            lived = hours.measure(walks(), frames, given.every_s, given.max_gaussians)
+            lived = long_run.measure(walks(), frames, given.every_s, given.max_gaussians)
             plots.hours(lived, given.out / "hours.png")
             found["hours"], steady = lived.summary(), lived.is_steady
     except HeliosError as error:

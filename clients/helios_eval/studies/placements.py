@@ -40,8 +40,8 @@ from helios_sim.home.home_types import Receptacle
 from helios_sim.world import World
 from numpy.typing import NDArray
 
-from helios_eval.episodes.homes import home_of
-from helios_eval.report.stats import paired_difference, sign_test, wilson
+from helios_eval.episodes.home_presets import home_of
+from helios_eval.report.confidence_intervals import paired_difference, sign_test, wilson
 from helios_eval.studies.placing_body import WorldBody
 
 RULES: tuple[PlaceRule, ...] = ("paper", "flat")

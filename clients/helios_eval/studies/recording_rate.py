@@ -28,7 +28,7 @@ from helios_core.topics import CONTEXT, status_topic
 from helios_core.types import Role, SearchClass, SearchContext
 from mcap.reader import make_reader
 
-from helios_eval.service_process import ServiceProcess
+from helios_eval.service_under_test import ServiceProcess
 from helios_eval.studies.camera_rate import Camera, dataset_frames, use_cores
 
 BESIDE = ("objectmap", "map2d", "detector")

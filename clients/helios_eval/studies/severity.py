@@ -27,10 +27,10 @@ from helios_core.errors import HeliosError, InvalidInput
 from rich.console import Console
 from rich.table import Table
 
-from helios_eval.episodes.record import EpisodeRecord, Noise
-from helios_eval.episodes.spec import noise_of
+from helios_eval.episodes.episode_record import EpisodeRecord, Noise
+from helios_eval.episodes.episode_spec import noise_of
+from helios_eval.runs.evaluation_run import Run, run
 from helios_eval.runs.results import UNLIMITED
-from helios_eval.runs.run import Run, run
 
 AGENT = "trusting"
 WANTED = {"find_object": 21.9 / 57.5, "pick": 19.3 / 56.5}

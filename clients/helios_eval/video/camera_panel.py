@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from helios_eval.video.paint import INK, WHITE, Picture, Sheet, cut, pill_size
-from helios_eval.video.scene import Scene
+from helios_eval.video.drawing import INK, WHITE, Picture, Sheet, cut, pill_size
+from helios_eval.video.frame_content import Scene
 
 LABEL_PX = 12
 MASK_SHARE = 0.38

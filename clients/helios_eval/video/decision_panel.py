@@ -7,7 +7,7 @@ from collections.abc import Container, Sequence
 
 from helios_core import proto as pb
 
-from helios_eval.video.paint import BLUE, INK, MUTED, WHITE, Picture, Sheet, cut, tinted
+from helios_eval.video.drawing import BLUE, INK, MUTED, WHITE, Picture, Sheet, cut, tinted
 
 # Terms in the order of their worth to a reader, with what they are called in the table.
 TERMS = {

@@ -11,7 +11,7 @@ from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN, MapView
 from helios_core.types import ObjectInstance
 from numpy.typing import NDArray
 
-from helios_eval.video.paint import (
+from helios_eval.video.drawing import (
     AMBER,
     BLUE,
     INK,
@@ -25,7 +25,7 @@ from helios_eval.video.paint import (
     pill_size,
     tinted,
 )
-from helios_eval.video.scene import Scene
+from helios_eval.video.frame_content import Scene
 
 UNKNOWN_RGB: Rgb = (226, 230, 236)
 BEFORE_RGB: Rgb = (240, 242, 246)  # known, but not seen since this search began

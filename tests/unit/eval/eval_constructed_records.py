@@ -1,8 +1,8 @@
 """Episodes with beliefs whose calibration is known."""
 
 import numpy as np
-from helios_eval.episodes.homes import digest_of
-from helios_eval.episodes.record import Belief, EpisodeRecord, Noise
+from helios_eval.episodes.episode_record import Belief, EpisodeRecord, Noise
+from helios_eval.episodes.home_presets import digest_of
 
 
 def belief(instance: int, correct: bool, class_score: float = 0.6, **figures) -> Belief:

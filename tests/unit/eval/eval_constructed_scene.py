@@ -4,7 +4,7 @@ import numpy as np
 from helios_core import proto as pb
 from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN, MapView
 from helios_core.types import Detection, FrameId, ObjectInstance
-from helios_eval.video.scene import Scene
+from helios_eval.video.frame_content import Scene
 
 CELL_M = 0.05
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from eval_constructed_records import record
 from helios_core.errors import Unavailable
-from helios_eval.episodes.play import Played
+from helios_eval.episodes.episode_player import Played
 
 
 def serve(connection: Connection, commit: str, folder: str) -> None:

@@ -14,9 +14,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from helios_eval.episodes import keepsake, record
-from helios_eval.episodes.keepsake import Keepsake, Marked
-from helios_eval.episodes.record import Belief, EpisodeRecord, Noise
+from helios_eval.episodes import episode_record, failure_snapshot
+from helios_eval.episodes.episode_record import Belief, EpisodeRecord, Noise
+from helios_eval.episodes.failure_snapshot import Keepsake, Marked
 
 NOISE = Noise(table="synthetic", digest="0" * 64, level=1.0, correlation=None)
 OBJECTS = ("mug", "toy animal", "spray bottle", "book", "sushi mat")
@@ -122,10 +122,10 @@ def write(folder: Path, episodes: list[EpisodeRecord], pictures: bool = True) ->
     """As the runner leaves a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     lines = "".join(e.model_dump_json() + "\n" for e in episodes)
-    (folder / record.EPISODES).write_text(lines, encoding="utf-8")
+    (folder / episode_record.EPISODES).write_text(lines, encoding="utf-8")
     for e in episodes if pictures else []:
         if e.cause:
-            keepsake.save(folder, kept(e))
+            failure_snapshot.save(folder, kept(e))
 
 
 def main(folder: Path) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from helios_core.types import ObjectInstance
-from helios_eval.episodes.beliefs import Role, TrueThing, judged
+from helios_eval.episodes.belief_truth import Role, TrueThing, judged
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

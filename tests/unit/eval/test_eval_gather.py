@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 from helios_client import cli
 from helios_core.errors import InvalidInput
-from helios_eval.episodes import record
-from helios_eval.episodes.record import PACKED, EpisodeRecord
-from helios_eval.report import published
-from helios_eval.report.arms import arms_of, pairs
-from helios_eval.report.asked import commands_of
-from helios_eval.report.model import Table
-from helios_eval.runs import gather
-from helios_eval.runs.run import Run, note
+from helios_eval.episodes import episode_record
+from helios_eval.episodes.episode_record import PACKED, EpisodeRecord
+from helios_eval.report import paper_comparison
+from helios_eval.report.agent_groups import arms_of, pairs
+from helios_eval.report.report_model import Table
+from helios_eval.report.requested_episodes import commands_of
+from helios_eval.runs import merge_runs
+from helios_eval.runs.evaluation_run import Run, note
 from synthetic_episodes import NOISE, episode, write
 
 SWEPT = {"objectmap.alpha_cs": 0.1}
@@ -51,8 +51,8 @@ def paper(tmp_path: Path) -> list[Path]:
 
 def test_several_folders_together_make_every_table_and_the_pairs(tmp_path: Path) -> None:
     folders = paper(tmp_path)
-    arms = arms_of(gather.episodes(folders))
-    titles = [b.title for b in published.section(arms).blocks if isinstance(b, Table)]
+    arms = arms_of(merge_runs.episodes(folders))
+    titles = [b.title for b in paper_comparison.section(arms).blocks if isinstance(b, Table)]
     for number in (1, 2, 4, 5, 6, 7, 8):
         assert any(title.startswith(f"Table {number}:") for title in titles), titles
     found = {f"{a.label} against {b.label}" for a, b in pairs(arms)}
@@ -64,15 +64,15 @@ def test_several_folders_together_make_every_table_and_the_pairs(tmp_path: Path)
         "vlfm-helios-stop against vlfm",
         "helios · ground truth against trusting · ground truth",
     }, found  # fmt: skip
-    assert len(gather.run(folders)["commands"]) == 6
+    assert len(merge_runs.run(folders)["commands"]) == 6
 
 
 def test_what_is_committed_is_small_and_is_reported_the_same(tmp_path: Path) -> None:
     run = folder(tmp_path / "run", [episode(s) for s in range(3)])
     small = tmp_path / "small"
     assert cli.run(["eval", "report", str(run), "--out", str(small)]) == 0
-    assert (small / PACKED).stat().st_size < (run / record.EPISODES).stat().st_size / 10
-    assert [r.key for r in record.read(small)] == [r.key for r in record.read(run)]
+    assert (small / PACKED).stat().st_size < (run / episode_record.EPISODES).stat().st_size / 10
+    assert [r.key for r in episode_record.read(small)] == [r.key for r in episode_record.read(run)]
     before = {path.name: path.read_bytes() for path in small.rglob("*.*")}
     assert cli.run(["eval", "report", str(small)]) == 0
     assert {path.name: path.read_bytes() for path in small.rglob("*.*")} == before
@@ -80,7 +80,7 @@ def test_what_is_committed_is_small_and_is_reported_the_same(tmp_path: Path) -> 
 
 def test_the_same_episodes_are_packed_into_the_same_bytes(tmp_path: Path) -> None:
     for name in ("one", "two"):
-        gather.pack(tmp_path / name, [episode(s) for s in range(3)], {})
+        merge_runs.pack(tmp_path / name, [episode(s) for s in range(3)], {})
     assert (tmp_path / "one" / PACKED).read_bytes() == (tmp_path / "two" / PACKED).read_bytes()
 
 
@@ -93,17 +93,17 @@ def test_a_folder_tells_every_command_that_was_given_in_it(
     for setting in ("alpha_d=0.1", "tau_g=0.3", "tau_g=0.3"):  # the last one goes on
         monkeypatch.setattr(sys, "argv", ["helios", "eval", "ovmm", "--set", setting])
         note(asked, "0" * 7, 0.0, None)
-    told = [c[-1] for c in commands_of(gather.run([tmp_path]))]
+    told = [c[-1] for c in commands_of(merge_runs.run([tmp_path]))]
     assert told == ["alpha_d=0.1", "tau_g=0.3"]
 
 
 def test_an_episode_that_went_differently_in_two_folders_is_named(tmp_path: Path) -> None:
     one = folder(tmp_path / "one", [episode(0), episode(1)])
     same = folder(tmp_path / "same", [episode(1, wall_s=9.0, commit="another")])
-    assert len(gather.episodes([one, same])) == 2
+    assert len(merge_runs.episodes([one, same])) == 2
     other = folder(tmp_path / "other", [episode(1, steps=3)])
     with pytest.raises(InvalidInput, match="seed 1 of helios went differently"):
-        gather.episodes([one, other])
+        merge_runs.episodes([one, other])
 
 
 def test_several_folders_need_a_place_and_no_run_is_written_over(
@@ -129,4 +129,4 @@ def test_one_of_several_folders_without_episodes_is_named(
 def test_a_damaged_file_is_named(tmp_path: Path) -> None:
     (tmp_path / PACKED).write_bytes(b"\x1f\x8bnothing")
     with pytest.raises(InvalidInput, match="damaged"):
-        record.read(tmp_path)
+        episode_record.read(tmp_path)

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
-from helios_eval.episodes import keepsake
-from helios_eval.episodes.keepsake import Keepsake, Marked
+from helios_eval.episodes import failure_snapshot
+from helios_eval.episodes.failure_snapshot import Keepsake, Marked
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -26,11 +26,11 @@ KEPT = Keepsake(
 
 
 def test_a_keepsake_comes_back_as_it_was(tmp_path: Path) -> None:
-    path = keepsake.save(tmp_path, KEPT)
+    path = failure_snapshot.save(tmp_path, KEPT)
     assert path.parent == tmp_path / "failed"
     assert path.name.startswith("helios-noisy-7-")
-    assert keepsake.all_of(tmp_path) == [path]
-    back = keepsake.load(path)
+    assert failure_snapshot.all_of(tmp_path) == [path]
+    back = failure_snapshot.load(path)
     np.testing.assert_array_equal(back.occupancy, KEPT.occupancy)
     np.testing.assert_array_equal(back.trajectory_m, KEPT.trajectory_m)
     same = {"occupancy": KEPT.occupancy, "trajectory_m": KEPT.trajectory_m}
@@ -39,31 +39,31 @@ def test_a_keepsake_comes_back_as_it_was(tmp_path: Path) -> None:
 
 def test_the_failures_of_an_agent_are_those_of_no_other(tmp_path: Path) -> None:
     """Though its name begins as another's does."""
-    mine = keepsake.save(tmp_path, KEPT)
-    others = [keepsake.save(tmp_path, replace(KEPT, key=name, agent=name))
+    mine = failure_snapshot.save(tmp_path, KEPT)
+    others = [failure_snapshot.save(tmp_path, replace(KEPT, key=name, agent=name))
               for name in ("helios-next", "helios-ground")]  # fmt: skip
-    assert keepsake.all_of(tmp_path, "helios") == [mine]
-    assert keepsake.all_of(tmp_path, "helios-next") == others[:1]
-    assert keepsake.all_of(tmp_path) == sorted([mine, *others])
+    assert failure_snapshot.all_of(tmp_path, "helios") == [mine]
+    assert failure_snapshot.all_of(tmp_path, "helios-next") == others[:1]
+    assert failure_snapshot.all_of(tmp_path) == sorted([mine, *others])
 
 
 def test_an_episode_played_under_something_else_is_kept_beside_it(tmp_path: Path) -> None:
     other = replace(KEPT, key=KEPT.key.replace("{}", '{"planner.tau_g": 0.3}'), cause="stuck")
-    paths = [keepsake.save(tmp_path, kept) for kept in (KEPT, other)]
-    assert [keepsake.load(path).cause for path in paths] == ["object not found", "stuck"]
-    assert keepsake.all_of(tmp_path) == sorted(paths)
+    paths = [failure_snapshot.save(tmp_path, kept) for kept in (KEPT, other)]
+    assert [failure_snapshot.load(path).cause for path in paths] == ["object not found", "stuck"]
+    assert failure_snapshot.all_of(tmp_path) == sorted(paths)
 
 
 def test_an_agent_that_never_moved_has_an_empty_trajectory(tmp_path: Path) -> None:
-    path = keepsake.save(tmp_path, replace(KEPT, trajectory_m=np.zeros((0, 2))))
-    assert keepsake.load(path).trajectory_m.shape == (0, 2)
+    path = failure_snapshot.save(tmp_path, replace(KEPT, trajectory_m=np.zeros((0, 2))))
+    assert failure_snapshot.load(path).trajectory_m.shape == (0, 2)
 
 
 def test_a_file_that_is_none_is_refused_by_name(tmp_path: Path) -> None:
     path = tmp_path / "x.npz"
     path.write_bytes(b"no zip")
     with pytest.raises(InvalidInput, match=r"x\.npz"):
-        keepsake.load(path)
+        failure_snapshot.load(path)
 
 
 @given(data=st.data())
@@ -72,7 +72,7 @@ def test_a_damaged_file_is_refused_or_whole(
     data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     """Cut short, or with a byte changed."""
-    path = keepsake.save(tmp_path_factory.mktemp("run"), KEPT)
+    path = failure_snapshot.save(tmp_path_factory.mktemp("run"), KEPT)
     written = bytearray(path.read_bytes())
     at = data.draw(st.integers(0, len(written) - 1))
     if data.draw(st.booleans()):
@@ -81,4 +81,4 @@ def test_a_damaged_file_is_refused_or_whole(
         del written[at:]
     path.write_bytes(written)
     with contextlib.suppress(InvalidInput):
-        assert keepsake.load(path).key == KEPT.key
+        assert failure_snapshot.load(path).key == KEPT.key

@@ -6,7 +6,7 @@ import importlib
 import pkgutil
 
 import pytest
-from helios_eval.kernels import warm_up
+from helios_eval.kernel_compilation import warm_up
 from numba.core.registry import CPUDispatcher
 
 

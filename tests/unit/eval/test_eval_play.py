@@ -7,10 +7,10 @@ import threading
 from pathlib import Path
 
 import pytest
-from helios_eval.episodes.play import Played, play
-from helios_eval.episodes.record import EpisodeRecord
-from helios_eval.episodes.spec import WALKER, EpisodeSpec, noise_of
-from helios_eval.runs.pool import play_all
+from helios_eval.episodes.episode_player import Played, play
+from helios_eval.episodes.episode_record import EpisodeRecord
+from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec, noise_of
+from helios_eval.runs.process_pool import play_all
 
 NOISE = noise_of("demo-v1", 1.0, None)
 TIMES = frozenset({"wall_s", "step_ms", "stage_ms", "commit"})

@@ -13,8 +13,8 @@ from pathlib import Path
 import eval_fake_worker
 import pytest
 from helios_core.errors import Unavailable
-from helios_eval.episodes.spec import EpisodeSpec
-from helios_eval.runs.pool import Outcome, play_all
+from helios_eval.episodes.episode_spec import EpisodeSpec
+from helios_eval.runs.process_pool import Outcome, play_all
 
 from tests.support import wait_until
 
@@ -73,7 +73,7 @@ def test_closing_ends_what_still_runs(tmp_path: Path) -> None:
 FIRST_PROCESS = """
 import multiprocessing, time
 from pathlib import Path
-from helios_eval.runs.pool import _interrupts_put_off
+from helios_eval.runs.process_pool import _interrupts_put_off
 
 process = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60,), daemon=True)
 with _interrupts_put_off():

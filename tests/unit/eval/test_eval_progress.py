@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 
 from eval_constructed_records import record
-from helios_eval.episodes.spec import EpisodeSpec
+from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.runs.progress import Board
 from rich.console import Console
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from eval_constructed_records import belief, record
 from helios_core.errors import InvalidInput
-from helios_eval.episodes import record as records
+from helios_eval.episodes import episode_record as records
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -14,16 +14,16 @@ import pytest
 from eval_constructed_records import record
 from helios_client.usage_errors import WrongUse
 from helios_core.errors import Conflict, InvalidInput, Unavailable
-from helios_eval import folder
-from helios_eval.episodes import record as records
+from helios_eval import run_folder
+from helios_eval.episodes import episode_record as records
 from helios_eval.episodes import service_settings
-from helios_eval.episodes.play import Played
-from helios_eval.episodes.record import EpisodeRecord
-from helios_eval.episodes.spec import EpisodeSpec, noise_of
-from helios_eval.runs import gather, results
-from helios_eval.runs import run as runs
-from helios_eval.runs.pool import Outcome
-from helios_eval.runs.run import Run, run
+from helios_eval.episodes.episode_player import Played
+from helios_eval.episodes.episode_record import EpisodeRecord
+from helios_eval.episodes.episode_spec import EpisodeSpec, noise_of
+from helios_eval.runs import evaluation_run as runs
+from helios_eval.runs import merge_runs, results
+from helios_eval.runs.evaluation_run import Run, run
+from helios_eval.runs.process_pool import Outcome
 from rich.console import Console
 
 from tests.full_disk import refuse_writing
@@ -137,14 +137,14 @@ def test_a_copy_of_what_is_committed_is_gone_on_from(stage: Stage, tmp_path: Pat
     """On another machine, on another day: only what is missing is played, nothing is forgotten."""
     before, committed, after = (tmp_path / name for name in ("before", "committed", "after"))
     run(asked(before, 2), quiet())
-    gather.pack(committed, records.read(before), gather.run([before]))
+    merge_runs.pack(committed, records.read(before), merge_runs.run([before]))
     shutil.copytree(committed, after)
     stage.played.clear()
     assert len(run(asked(after, 3), quiet())) == 6
     assert stage.played == [(2, "helios"), (2, "trusting")]
     there = records.read(after)
     assert len(there) == 6
-    gather.pack(committed, there, gather.run([after]))  # and so on
+    merge_runs.pack(committed, there, merge_runs.run([after]))  # and so on
     assert len(records.read(committed)) == 6
     told = json.loads((after / runs.RUN).read_text())["asked"]
     assert [order["episodes"] for order in told] == [2, 3]
@@ -158,7 +158,7 @@ def test_a_copy_of_what_is_committed_is_gone_on_from(stage: Stage, tmp_path: Pat
 def test_a_run_never_goes_on_from_other_homes_or_noise_of_the_same_name(
     changed: dict, what: str, stage: Stage, tmp_path: Path
 ) -> None:
-    gather.pack(tmp_path, [record(0, noise=NOISE).model_copy(update=changed)], {})
+    merge_runs.pack(tmp_path, [record(0, noise=NOISE).model_copy(update=changed)], {})
     with pytest.raises(InvalidInput, match=f"another {what}"):
         run(asked(tmp_path), quiet())
     assert not stage.played
@@ -188,7 +188,7 @@ def test_a_run_never_goes_on_from_an_agent_with_other_settings(
 def test_a_run_goes_on_from_another_commit_and_the_report_says_who_played_what(
     stage: Stage, tmp_path: Path
 ) -> None:
-    gather.pack(tmp_path, [record(0, noise=NOISE, commit="first")], {})
+    merge_runs.pack(tmp_path, [record(0, noise=NOISE, commit="first")], {})
     run(asked(tmp_path, 2, ("helios",)), quiet())
     assert stage.played == [(1, "helios")]
     assert "helios 1 by first, 1 by c" in (tmp_path / "report.md").read_text()
@@ -196,7 +196,7 @@ def test_a_run_goes_on_from_another_commit_and_the_report_says_who_played_what(
 
 # --- the folder -----------------------------------------------------------------------------------
 def test_a_folder_is_for_one_run_at_a_time(stage: Stage, tmp_path: Path) -> None:
-    with folder.held(tmp_path), pytest.raises(Conflict, match="another run plays into"):
+    with run_folder.held(tmp_path), pytest.raises(Conflict, match="another run plays into"):
         run(asked(tmp_path), quiet())
     assert not stage.played
     assert not (tmp_path / runs.RUN).exists()  # what the other one noted stays

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from helios_client.usage_errors import WrongUse
 from helios_core.agent_presets import AGENT_SETTINGS
-from helios_eval.episodes import homes, service_settings, spec
-from helios_eval.episodes.condition import checked
+from helios_eval.episodes import episode_spec, home_presets, service_settings
+from helios_eval.episodes.conditions import checked
 from helios_planner.agents import AGENTS
 from helios_planner.settings import Settings
 
@@ -74,19 +74,22 @@ def test_a_wrong_setting_is_wrong_use(text: str, words: str) -> None:
 
 
 def test_agents_and_presets_are_known_by_name() -> None:
-    spec.check_agents(["helios", "ground-truth-walker"], "ovmm")
-    homes.check_kind("demo-v1")
+    episode_spec.check_agents(["helios", "ground-truth-walker"], "ovmm")
+    home_presets.check_kind("demo-v1")
     with pytest.raises(WrongUse, match="helios"):
-        spec.check_agents(["hal"], "ovmm")
+        episode_spec.check_agents(["hal"], "ovmm")
     with pytest.raises(WrongUse, match="walker"):
-        spec.check_agents(["ground-truth-walker"], "objectnav")
+        episode_spec.check_agents(["ground-truth-walker"], "objectnav")
     with pytest.raises(WrongUse, match="demo-v1"):
-        homes.check_kind("palace")
+        home_presets.check_kind("palace")
 
 
 def test_names_are_taken_in_any_case_each_once() -> None:
-    assert spec.check_agents(["HELIOS", "helios", "Trusting"], "ovmm") == ["helios", "trusting"]
-    assert homes.check_kind("Demo_V1") == "demo-v1"
+    assert episode_spec.check_agents(["HELIOS", "helios", "Trusting"], "ovmm") == [
+        "helios",
+        "trusting",
+    ]
+    assert home_presets.check_kind("Demo_V1") == "demo-v1"
     under = checked(
         ["Helios"], "ovmm", semantics="Ground-Truth", preset="DEMO-v1", table=None, level=1.0,
         correlation=None, sensor="none", assignments=[], max_steps=None,
@@ -97,11 +100,11 @@ def test_names_are_taken_in_any_case_each_once() -> None:
 
 
 def test_an_agent_of_another_package_is_loaded_before_anything_is_played() -> None:
-    spec.check_agents(["helios", "helios_examples.left_first:agent"], "ovmm")
+    episode_spec.check_agents(["helios", "helios_examples.left_first:agent"], "ovmm")
     for agent, said in (
         ("helios_examples.left_first:agnet", "did you mean agent"),
         ("surely_not_there:agent", "no package or module"),
         ("hal", "or package:agent of your own"),
     ):
         with pytest.raises(WrongUse, match=said):
-            spec.check_agents([agent], "objectnav")
+            episode_spec.check_agents([agent], "objectnav")

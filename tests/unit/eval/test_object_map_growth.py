@@ -11,10 +11,10 @@ from helios_core.codec import context_to_proto, observation_to_proto
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, OBSERVATION
-from helios_eval.growth import cost, hours, scene, tape
-from helios_eval.growth.hours import Hours, Sample
-from helios_eval.growth.walk import Walk, context_of, record
 from helios_eval.studies import object_map_growth
+from helios_eval.studies.map_growth import full_scene, long_run, observation_log, update_cost
+from helios_eval.studies.map_growth.long_run import Hours, Sample
+from helios_eval.studies.map_growth.simulated_walk import Walk, context_of, record
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.service import ObjectMapService
 from helios_objectmap.settings import ObjectMapSettings
@@ -43,14 +43,14 @@ def test_a_strided_frame_makes_the_map_that_the_whole_frame_makes():
 
 
 def test_what_an_update_looks_at_does_not_follow_what_is_mapped(walk):
-    run = cost.measure([walk], 3 * FRAMES, say=lambda _: None)
+    run = update_cost.measure([walk], 3 * FRAMES, say=lambda _: None)
     assert run.in_view.shape == (3, FRAMES)
     assert run.mapped[2, -1] > 2.9 * run.mapped[0, -1]
     assert np.abs(run.in_view[2] - run.in_view[0]).max() <= 0.02 * run.in_view[0].max()
 
 
 def test_objects_only_are_a_small_part_of_the_full_scene():
-    maps = scene.measure(tape.play("demo-v1", 0, 45, STRIDE_PX))
+    maps = full_scene.measure(observation_log.play("demo-v1", 0, 45, STRIDE_PX))
     objects, everything = maps["objects only"], maps["full scene"]
     assert 0 < objects.gaussians[-1] < 0.5 * everything.gaussians[-1]
     assert objects.mb[-1] < 0.5 * everything.mb[-1]
@@ -58,7 +58,7 @@ def test_objects_only_are_a_small_part_of_the_full_scene():
 
 def test_hours_of_frames_stay_within_the_limit_of_the_process(walk):
     most = 1500
-    lived = hours.measure([walk], 5 * FRAMES, 2.0, most, say=lambda _: None)
+    lived = long_run.measure([walk], 5 * FRAMES, 2.0, most, say=lambda _: None)
     assert lived.samples[-1].frame == 5 * FRAMES
     assert all(s.gaussians <= most for s in lived.samples)
     assert max(s.gaussians for s in lived.samples) > 0.9 * most  # it was reached
@@ -76,7 +76,7 @@ def test_a_full_map_keeps_nothing_of_the_frames_it_has_seen(walk):
         for lap in range(first, last):
             context = context_of(f"task {lap}", walk.receptacles[:4], walk.things[:4])
             bus.publish(CONTEXT, context_to_proto(context))
-            for o in walk.again(lap * cost.SPACING_M, lap * FRAMES, context.id):
+            for o in walk.again(lap * update_cost.SPACING_M, lap * FRAMES, context.id):
                 bus.publish(OBSERVATION, observation_to_proto(o))
 
     laps(0, 2)  # so that all is compiled

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import pytest
 from helios_core.errors import InvalidInput
-from helios_eval.episodes.record import EPISODES
+from helios_eval.episodes.episode_record import EPISODES
 from helios_eval.report import write_report
 from synthetic_episodes import CHANCES, NOISE, episode, write
 

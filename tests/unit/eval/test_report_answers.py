@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import pytest
-from helios_eval.episodes.record import EpisodeRecord
-from helios_eval.report import answers
-from helios_eval.report.arms import arms_of, drawn
-from helios_eval.report.asked import seeds_asked
-from helios_eval.report.model import Paragraph, Row, Table
+from helios_eval.episodes.episode_record import EpisodeRecord
+from helios_eval.report import research_questions
+from helios_eval.report.agent_groups import arms_of, drawn
+from helios_eval.report.report_model import Paragraph, Row, Table
+from helios_eval.report.requested_episodes import seeds_asked
 from synthetic_episodes import NOISE, episode
 
 HOMES = 30
@@ -33,7 +33,7 @@ def answered(
     records: list[EpisodeRecord], *orders: dict[str, object]
 ) -> tuple[dict[str, Table], str]:
     """Tables by their title, and the words between them."""
-    section = answers.section(arms_of(records, seeds_asked({"asked": list(orders)})))
+    section = research_questions.section(arms_of(records, seeds_asked({"asked": list(orders)})))
     assert section is not None
     tables = {b.title: b for b in section.blocks if isinstance(b, Table)}
     return tables, " ".join(b.text for b in section.blocks if isinstance(b, Paragraph))
@@ -144,7 +144,7 @@ def test_a_run_of_another_noise_alone_is_not_told_as_that_of_the_preset(
 
 
 def test_one_agent_alone_answers_nothing() -> None:
-    assert answers.section(arms_of(wins("helios", 3))) is None
+    assert research_questions.section(arms_of(wins("helios", 3))) is None
 
 
 def test_a_drawing_shows_every_agent_before_the_settings_of_one() -> None:

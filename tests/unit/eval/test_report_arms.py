@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from helios_eval.report.arms import arms_of
+from helios_eval.report.agent_groups import arms_of
 from synthetic_episodes import episode
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from helios_eval.episodes import keepsake
+from helios_eval.episodes import failure_snapshot
 from helios_eval.report import write_report
-from helios_eval.report.arms import arms_of
-from helios_eval.report.failures import gallery_section
-from helios_eval.report.model import Gallery
+from helios_eval.report.agent_groups import arms_of
+from helios_eval.report.failure_causes import gallery_section
+from helios_eval.report.report_model import Gallery
 from synthetic_episodes import NOISE, episode, kept, write
 
 LOST = {"success": False, "place": False, "cause": "stuck"}
@@ -26,7 +26,7 @@ def test_a_picture_stands_with_the_row_that_it_is_of(tmp_path):
     louder = NOISE.model_copy(update={"level": 2.0})
     plain, loud = episode(0, **LOST), episode(0, noise=louder, **LOST)
     for one, jpeg in ((plain, b"plain"), (loud, b"loud")):
-        keepsake.save(tmp_path, replace(kept(one), camera_jpeg=jpeg))
+        failure_snapshot.save(tmp_path, replace(kept(one), camera_jpeg=jpeg))
     blocks = gallery_section(tmp_path, arms_of([plain, loud])).blocks
     found = {b.title: [p.jpeg for p in b.pictures] for b in blocks if isinstance(b, Gallery)}
     assert found == {"helios": [b"plain"], "helios · noise ×2": [b"loud"]}
@@ -35,7 +35,7 @@ def test_a_picture_stands_with_the_row_that_it_is_of(tmp_path):
 @pytest.mark.parametrize("left", [0, 40, -40])
 def test_a_damaged_picture_is_left_out_by_name(tmp_path, left):
     write(tmp_path, [episode(s, **LOST) for s in range(3)])
-    damaged = keepsake.all_of(tmp_path)[1]
+    damaged = failure_snapshot.all_of(tmp_path)[1]
     damaged.write_bytes(damaged.read_bytes()[:left])
     write_report(tmp_path)
     assert (tmp_path / "report.html").read_text().count('alt="Map of the episode') == 2

@@ -5,15 +5,21 @@ from __future__ import annotations
 import math
 
 import pytest
-from helios_eval.report import metrics, paper, published
-from helios_eval.report.arms import arms_of, in_common, pairs, plain_arm, swept_arm
-from helios_eval.report.model import Table
-from helios_eval.report.published import relations, verdict_of
-from helios_eval.report.stats import Interval
+from helios_eval.report import paper_comparison, paper_figures, record_metrics
+from helios_eval.report.agent_groups import arms_of, in_common, pairs, plain_arm, swept_arm
+from helios_eval.report.confidence_intervals import Interval
+from helios_eval.report.paper_comparison import relations, verdict_of
+from helios_eval.report.report_model import Table
 from helios_planner.task import Cause
 from synthetic_episodes import NOISE, episode
 
-TABLES = (paper.TABLE_1, paper.TABLE_2, paper.TABLE_4, paper.TABLE_5, *paper.SWEEPS)
+TABLES = (
+    paper_figures.TABLE_1,
+    paper_figures.TABLE_2,
+    paper_figures.TABLE_4,
+    paper_figures.TABLE_5,
+    *paper_figures.SWEEPS,
+)
 
 
 def test_published_figures_by_reference():
@@ -27,7 +33,7 @@ def test_published_figures_by_reference():
 
 
 def test_relations_are_those_of_the_calibration():
-    by_metric = {(r.metric, r.claim): round(r.published, 2) for r in paper.RELATIONS}
+    by_metric = {(r.metric, r.claim): round(r.published, 2) for r in paper_figures.RELATIONS}
     noisy = "trusting agent, noisy over ground-truth semantics"
     assert by_metric["FindObj", noisy] == 0.38
     assert by_metric["Pick", noisy] == 0.34
@@ -36,12 +42,12 @@ def test_relations_are_those_of_the_calibration():
 
 def test_more_picks_than_the_limit_score_zero():
     lucky = episode(1, picks=6, find_object=True, pick=True, success=True, steps=80, collisions=2)
-    assert metrics.value(lucky, "SR") == 1
-    assert metrics.value(lucky, "SR", picks=6) == 1
-    assert metrics.value(lucky, "SR", picks=5) == 0
-    assert metrics.value(lucky, "partial", picks=5) == 0
-    assert metrics.value(lucky, "steps", picks=5) == 80
-    assert metrics.value(lucky, "collisions", picks=5) == 2
+    assert record_metrics.value(lucky, "SR") == 1
+    assert record_metrics.value(lucky, "SR", picks=6) == 1
+    assert record_metrics.value(lucky, "SR", picks=5) == 0
+    assert record_metrics.value(lucky, "partial", picks=5) == 0
+    assert record_metrics.value(lucky, "steps", picks=5) == 80
+    assert record_metrics.value(lucky, "collisions", picks=5) == 2
 
 
 def cells(table: Table, name: str) -> list[str]:
@@ -49,7 +55,7 @@ def cells(table: Table, name: str) -> list[str]:
 
 
 def tables(episodes) -> dict[str, Table]:
-    blocks = published.section(arms_of(episodes)).blocks
+    blocks = paper_comparison.section(arms_of(episodes)).blocks
     return {b.title.partition(":")[0]: b for b in blocks if isinstance(b, Table)}
 
 
@@ -129,12 +135,12 @@ def test_pairs_are_of_one_home_whatever_else_was_played():
 
 
 def test_the_colours_know_the_closed_list():
-    from helios_eval.report import style
+    from helios_eval.report import colors
 
-    assert set(style.CAUSES) == {c.value for c in Cause}
+    assert set(colors.CAUSES) == {c.value for c in Cause}
     assert (
-        len({style.of_cause(c).light for c in ("", *style.CAUSES, "unknown")})
-        == len(style.CAUSES) + 2
+        len({colors.of_cause(c).light for c in ("", *colors.CAUSES, "unknown")})
+        == len(colors.CAUSES) + 2
     )
 
 

@@ -7,13 +7,13 @@ import pytest
 from helios_client import cli
 from helios_client.usage_errors import WrongUse
 from helios_core.topics import CONTEXT
-from helios_eval import command
-from helios_eval.episodes.house import House
-from helios_eval.episodes.play import play
-from helios_eval.episodes.spec import EpisodeSpec
-from helios_eval.video import episode
-from helios_eval.video.command import video
-from helios_eval.video.steps import counted
+from helios_eval import eval_command
+from helios_eval.episodes.episode_player import play
+from helios_eval.episodes.episode_spec import EpisodeSpec
+from helios_eval.episodes.in_process_stack import House
+from helios_eval.video import episode_recorder
+from helios_eval.video.progress import counted
+from helios_eval.video.video_command import video
 from rich.console import Console
 
 
@@ -62,7 +62,7 @@ def test_what_is_filmed_is_what_is_played(tmp_path, monkeypatch, agent):
     monkeypatch.setattr(House, "run", heard)
     spec = EpisodeSpec("ovmm", agent, "ground-truth", "demo-v1", 4, None, {"max_steps": 1})
     play(spec, "here")
-    episode.film(spec, tmp_path / "film.mp4", 8.0)
+    episode_recorder.film(spec, tmp_path / "film.mp4", 8.0)
     played, filmed = asked
     assert played
     assert filmed == played
@@ -72,8 +72,8 @@ def test_what_is_filmed_is_what_is_played(tmp_path, monkeypatch, agent):
 
 def test_a_film_is_of_the_episode_that_the_same_flags_play(tmp_path, monkeypatch):
     specs = []
-    monkeypatch.setattr(command, "run", lambda asked, _: specs.extend(asked.specs()))
-    monkeypatch.setattr(episode, "film", lambda spec, *_: specs.append(spec) or "success")
+    monkeypatch.setattr(eval_command, "run", lambda asked, _: specs.extend(asked.specs()))
+    monkeypatch.setattr(episode_recorder, "film", lambda spec, *_: specs.append(spec) or "success")
     flags = ["--preset", "demo-v1", "--noise-level", "2", "--sensor", "realistic",
              "--max-steps", "1250", "--set", "tau_g=0.3",
              "--set", "evidence=hindsight"]  # fmt: skip

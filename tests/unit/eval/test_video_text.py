@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from eval_constructed_scene import constructed_decision
 from helios_eval.video.decision_panel import columns_of, number, rows_of
-from helios_eval.video.paint import (
+from helios_eval.video.drawing import (
     MOST_LETTERS,
     WHITE,
     Sheet,

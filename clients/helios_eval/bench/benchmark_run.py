@@ -1,0 +1,55 @@
+"""Runs the rows and writes them down."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from pathlib import Path
+
+from helios_client.screen import Screen
+from helios_core.atomic_file import write_file
+from helios_core.errors import InvalidInput
+from rich.table import Table
+
+from helios_eval.provenance import commit, machine
+
+ROWS = {
+    "occupancy_update": "maps",
+    "value_fusion": "maps",
+    "frontiers": "maps",
+    "plan_fm2": "planning",
+    "render": "objects",
+    "object_update": "objects",
+    "view_scores": "objects",
+    "frame_transport": "transport",
+}
+
+
+def main(only: str | None = None, json_path: Path | None = None) -> None:
+    """Measure all rows, or the one named `only`; print a table; write JSON where asked to."""
+    if only is not None and only not in ROWS:
+        raise InvalidInput(f"no row is called {only!r}; wanted one of {', '.join(ROWS)}")
+    console = Screen()
+    rows = []
+    for name in [only] if only else ROWS:
+        with console.status(f"measuring {name}"):
+            module = importlib.import_module(f"helios_eval.bench.{ROWS[name]}")
+            measured = getattr(module, name)()
+            rows += measured if isinstance(measured, list) else [measured]
+    table = Table(title=f"{machine()} · commit {commit()}")
+    for heading in ("name", "size", "ours ms", "peer", "peer ms", "ratio"):
+        table.add_column(
+            heading, justify="right" if "ms" in heading or heading == "ratio" else "left"
+        )
+    for row in rows:
+        table.add_row(row.name, row.size, f"{row.ours_ms:.2f}", row.peer, f"{row.peer_ms:.2f}",
+                      f"{row.ratio:.1f}")  # fmt: skip
+    console.print(table)
+    if json_path is not None:
+        document = {
+            "machine": machine(),
+            "commit": commit(),
+            "rows": [row.as_dict() for row in rows],
+        }
+        json_path.parent.mkdir(parents=True, exist_ok=True)
+        write_file(json_path, json.dumps(document, indent=1) + "\n")

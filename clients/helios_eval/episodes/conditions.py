@@ -1,0 +1,68 @@
+"""What was asked for on a command line, checked before anything is played."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import get_args
+
+from helios_client.usage_errors import WrongUse
+from helios_core.errors import InvalidInput
+from helios_core.name_rules import same_name
+from helios_sim.sensor_noise import SENSORS
+
+from helios_eval.episodes import episode_spec, home_presets, service_settings
+from helios_eval.episodes.episode_record import Benchmark, Noise, Semantics, Setting
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What all episodes of a command share. `settings` are those that were given, for any agent."""
+
+    agents: tuple[str, ...]
+    benchmark: Benchmark
+    semantics: Semantics
+    preset: str
+    noise: Noise | None
+    settings: dict[str, Setting]
+
+
+def checked(
+    agents: list[str],
+    benchmark: str,
+    *,
+    semantics: str,
+    preset: str,
+    table: str | None,
+    level: float,
+    correlation: float | None,
+    sensor: str,
+    assignments: Iterable[str],
+    max_steps: int | None,
+) -> Condition:
+    """From the flags of `helios eval`; a table of None is the preset's. Raises WrongUse."""
+    known_benchmark = next((b for b in get_args(Benchmark) if b == benchmark), None)
+    said = same_name(semantics, get_args(Semantics))
+    known_semantics = next((s for s in get_args(Semantics) if s == said), None)
+    if known_benchmark is None:
+        raise WrongUse(f"--benchmark is {benchmark!r}; wanted ovmm or objectnav")
+    known_agents = tuple(episode_spec.check_agents(agents, known_benchmark))
+    preset = home_presets.check_kind(preset)
+    if known_semantics is None:
+        raise WrongUse(f"--semantics is {semantics!r}; wanted noisy or ground-truth")
+    if sensor not in SENSORS:
+        raise WrongUse(f"--sensor is {sensor!r}; wanted one of {', '.join(SENSORS)}")
+    settings = service_settings.parsed(assignments)
+    if max_steps is not None and max_steps != episode_spec.DEFAULT_STEPS[known_benchmark]:
+        settings[episode_spec.MAX_STEPS] = max_steps
+    if sensor != "none":
+        settings[episode_spec.SENSOR] = sensor
+    noise: Noise | None = None
+    if known_semantics == "noisy":
+        try:
+            noise = episode_spec.noise_of(
+                table or home_presets.noise_of(preset), level, correlation
+            )
+        except InvalidInput as error:
+            raise WrongUse(error.message) from error
+    return Condition(known_agents, known_benchmark, known_semantics, preset, noise, settings)

@@ -1,0 +1,47 @@
+"""Each benchmark's task in a home, and what the truth says of it in the end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from helios_sim.episode_tracker import episode_of, objectnav_episode_of
+from helios_sim.failure_causes import Said, failure_cause, objectnav_cause
+from helios_sim.home import Episode, Home
+from helios_sim.robot_model import description
+from helios_sim.world import World
+
+from helios_eval.episodes.episode_record import Benchmark
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What of an episode's record differs by benchmark."""
+
+    find_object: bool
+    pick: bool
+    find_receptacle: bool
+    place: bool
+    success: bool
+    cause: str
+    shortest_path_m: float | None = None
+
+
+def episode_for(benchmark: Benchmark, home: Home, seed: int) -> Episode:
+    """The task of a seed. Raises InvalidInput for a home in which there is none."""
+    if benchmark == "ovmm":
+        return episode_of(home, seed)
+    return objectnav_episode_of(home, seed, description().footprint_radius_m)
+
+
+def verdict(benchmark: Benchmark, world: World, said: Said, max_steps: int) -> Verdict:
+    """On the world's thread, when the agent has ended."""
+    done = world.progress
+    if benchmark == "objectnav":
+        success = said.state == "succeeded" and world.arrived()
+        cause = objectnav_cause(success, done.steps, said, max_steps)
+        shortest_m = world.tracker.shortest_path_m()
+        return Verdict(done.find_object, False, False, False, success, cause, shortest_m)
+    cause = failure_cause(done, world.events, said, max_steps)
+    return Verdict(
+        done.find_object, done.pick, done.find_receptacle, done.place, done.success, cause
+    )

@@ -1,0 +1,232 @@
+"""Plays one episode in this process and says what came of it."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from helios_core.map_snapshot import FREE, OCCUPIED
+from helios_core.types import ObjectInstance
+from helios_sim.episode_events import PickTried
+from helios_sim.failure_causes import STEP_BUDGET, Said
+from helios_sim.ground_truth_solver import Oracle
+from helios_sim.home import Home
+from helios_sim.sensor_noise import SENSORS
+from helios_sim.simulation_thread import WorldThread
+from numpy.typing import NDArray
+
+from helios_eval.episodes import home_presets
+from helios_eval.episodes.belief_truth import Role, judged
+from helios_eval.episodes.episode_judgement import episode_for, verdict
+from helios_eval.episodes.episode_record import Belief, EpisodeRecord
+from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec
+from helios_eval.episodes.failure_snapshot import Keepsake, Marked
+from helios_eval.episodes.in_process_stack import House
+from helios_eval.episodes.timed_world import WatchedWorld
+
+BELIEFS_EVERY = 20  # steps
+LONGEST_S = 7200.0  # an episode that is stuck ends as a system error
+SHOWN_CLASS_SCORE = 0.3  # of beliefs in a keepsake
+_PLAN_CELL_M = 0.05
+
+
+@dataclass(frozen=True)
+class Played:
+    """The record, and what a picture needs where it failed."""
+
+    record: EpisodeRecord
+    keepsake: Keepsake | None = None
+
+
+@dataclass(frozen=True)
+class _Floor:
+    """A 2D map as a keepsake has it."""
+
+    occupancy: NDArray[np.int8]
+    origin_m: tuple[float, float]
+    cell_m: float
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What the agent made of its task, in its own eyes."""
+
+    state: str
+    message: str
+    cause: str
+    wall_s: float
+    floor: _Floor
+    stage_ms: Mapping[str, float]
+    beliefs: tuple[Belief, ...] = ()
+    believed: tuple[ObjectInstance, ...] = ()
+    camera_jpeg: bytes = b""
+
+
+def play(spec: EpisodeSpec, commit: str) -> Played:
+    """Raises HeliosError where the episode could not be played at all."""
+    home = home_presets.home_of(spec.preset, spec.seed)
+    thread = WorldThread(lambda: make_world(spec, home))
+    try:
+        world = thread.run(_watched)
+        said = (
+            thread.run(lambda _: _walk(world, spec.max_steps))
+            if spec.agent == WALKER
+            else _live(spec, thread)
+        )
+        return thread.run(lambda _: _played(spec, commit, world, said))
+    finally:
+        thread.close()
+
+
+def make_world(spec: EpisodeSpec, home: Home) -> WatchedWorld:
+    """The world of an episode; on the thread that will use it."""
+    episode = episode_for(spec.benchmark, home, spec.seed)
+    return WatchedWorld(home, episode, boot_id="evaluation", sensor=SENSORS[spec.sensor])
+
+
+@contextmanager
+def housed(spec: EpisodeSpec) -> Iterator[tuple[WorldThread, House]]:
+    """The world of an episode and the house of its agent, until the block ends.
+
+    Raises HeliosError.
+    """
+    home = home_presets.home_of(spec.preset, spec.seed)
+    thread = WorldThread(lambda: make_world(spec, home))
+    try:
+        with House(thread, spec.agent, spec.noise, spec.seed, spec.settings) as house:
+            yield thread, house
+    finally:
+        thread.close()
+
+
+def _watched(world: object) -> WatchedWorld:
+    assert isinstance(world, WatchedWorld)
+    return world
+
+
+# --- agents -------------------------------------------------------------------------------------
+def _walk(world: WatchedWorld, max_steps: int) -> _Told:
+    """The walker that knows the truth; on the world's thread."""
+    began = time.perf_counter()
+    done = Oracle(world, max_steps).run()
+    wall_s = time.perf_counter() - began
+    free, origin_m = world.home.free_space(0.0, _PLAN_CELL_M)
+    plan = np.where(free, FREE, OCCUPIED).astype(np.int8)
+    if done.place:
+        said = "succeeded", "placed it", ""
+    elif done.steps >= max_steps:
+        said = "failed", f"{max_steps} steps are used up", STEP_BUDGET
+    else:
+        said = "failed", "knows no other way", ""
+    return _Told(
+        *said,
+        wall_s,
+        _Floor(plan, origin_m, _PLAN_CELL_M),
+        _stages(world),
+    )
+
+
+def _live(spec: EpisodeSpec, thread: WorldThread) -> _Told:
+    """An agent of the planner, with every service."""
+    world = thread.run(_watched)
+    episode = world.episode
+    roles: dict[str, Role] = {episode.goal_receptacle_class: "goal"}
+    roles |= {episode.start_receptacle_class: "start", episode.object_class: "object"}
+    roles.pop("", None)
+    beliefs: list[Belief] = []
+
+    def look(house: House) -> tuple[ObjectInstance, ...]:
+        objects = tuple(house.objects())
+        step = world.progress.steps
+        beliefs.extend(judged(objects, thread.run(lambda w: w.things()), roles, step))
+        return objects
+
+    def on_step() -> None:
+        if house is not None and world.progress.steps % BELIEFS_EVERY == 0:
+            look(house)
+
+    house: House | None = None
+    house = House(thread, spec.agent, spec.noise, spec.seed, spec.settings, on_step)
+    with house:
+        began = time.perf_counter()
+        task = house.run(episode.instruction, spec.max_steps, LONGEST_S)
+        wall_s = time.perf_counter() - began
+        objects = look(house)
+        view = house.map()
+        return _Told(
+            task.state,
+            task.message,
+            task.cause,
+            wall_s,
+            _Floor(view.occupancy, view.origin_m, view.cell_m),
+            _stages(world) | house.stage_ms(),
+            tuple(beliefs),
+            tuple(o for o in objects if o.class_score >= SHOWN_CLASS_SCORE),
+            house.camera_jpeg,
+        )
+
+
+def _stages(world: WatchedWorld) -> dict[str, float]:
+    metrics = world.health.metrics()
+    return {
+        name.removesuffix("_ms_median"): round(value, 3)
+        for name, value in metrics.items()
+        if name.endswith("_ms_median")
+    }
+
+
+# --- what came of it ----------------------------------------------------------------------------
+def _played(spec: EpisodeSpec, commit: str, world: WatchedWorld, said: _Told) -> Played:
+    done, episode = world.progress, world.episode
+    told = Said(said.state, said.cause, said.message)
+    judged_as = verdict(spec.benchmark, world, told, spec.max_steps)
+    record = EpisodeRecord(
+        benchmark=spec.benchmark, agent=spec.agent, semantics=spec.semantics, preset=spec.preset,
+        seed=spec.seed, noise=spec.noise, settings=spec.settings,
+        instruction=episode.instruction, object_class=episode.object_class,
+        start_receptacle_class=episode.start_receptacle_class,
+        goal_receptacle_class=episode.goal_receptacle_class,
+        **asdict(judged_as), collisions=done.collisions, collided_with=done.collided_with,
+        steps=done.steps, path_m=done.path_m,
+        picks=sum(isinstance(event, PickTried) for event in world.events),
+        state=said.state, message=said.message,
+        wall_s=round(said.wall_s, 3),
+        step_ms=round(statistics.median(world.step_ms), 2) if world.step_ms else 0.0,
+        stage_ms=dict(said.stage_ms), beliefs=said.beliefs,
+        commit=commit, preset_hash=home_presets.digest_of(spec.preset),
+        structure_hash=world.home.structure_hash(),
+    )  # fmt: skip
+    return Played(record, None if record.success else _keepsake(record, world, said))
+
+
+def _keepsake(record: EpisodeRecord, world: WatchedWorld, said: _Told) -> Keepsake:
+    targets = world.tracker.targets
+    return Keepsake(
+        key=record.key, agent=record.agent, semantics=record.semantics, seed=record.seed,
+        instruction=record.instruction, cause=record.cause, message=record.message,
+        occupancy=said.floor.occupancy, origin_m=said.floor.origin_m, cell_m=said.floor.cell_m,
+        trajectory_m=world.trajectory_m, start_pose=world.home.start_pose,
+        candidates=_true(world, targets.objects), goals=_true(world, targets.goals),
+        beliefs=tuple(
+            Marked(o.class_name, _triple(o.center_m), _triple(o.size_m), o.score, o.class_score)
+            for o in said.believed
+        ),
+        camera_jpeg=said.camera_jpeg,
+    )  # fmt: skip
+
+
+def _true(world: WatchedWorld, names: Mapping[str, object]) -> tuple[Marked, ...]:
+    return tuple(
+        Marked(thing.name, _triple(thing.center_m), _triple(thing.size_m))
+        for thing in world.things()
+        if thing.name in names
+    )
+
+
+def _triple(values: Sequence[float] | NDArray[np.float64]) -> tuple[float, float, float]:
+    x, y, z = (round(float(v), 4) for v in values)
+    return x, y, z

@@ -1,0 +1,91 @@
+"""Which episode is to be played: everything that its result depends on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from helios_client.usage_errors import WrongUse
+from helios_core.agent_presets import AGENT_NAMES
+from helios_core.errors import InvalidInput
+from helios_core.name_rules import same_name
+from helios_core.plugins import AGENTS
+from helios_detector.simulation.frame_noise import load_noise
+
+from helios_eval.episodes.episode_record import Benchmark, Noise, Semantics, Setting, key_of
+
+WALKER = "ground-truth-walker"  # knows the map: what can be reached at all
+DEFAULT_STEPS: dict[Benchmark, int] = {"ovmm": 1250, "objectnav": 500}
+MAX_STEPS, SENSOR = "max_steps", "sensor"  # names among the settings of a record
+
+
+@dataclass(frozen=True)
+class EpisodeSpec:
+    """One episode. Same key, same result, on any core of one machine."""
+
+    benchmark: Benchmark
+    agent: str
+    semantics: Semantics
+    preset: str
+    seed: int
+    noise: Noise | None
+    settings: dict[str, Setting] = field(default_factory=dict)  # as in the record
+
+    @property
+    def key(self) -> str:
+        return key_of(
+            self.benchmark,
+            self.agent,
+            self.semantics,
+            self.preset,
+            self.seed,
+            self.noise,
+            self.settings,
+        )
+
+    @property
+    def max_steps(self) -> int:
+        """Actions that the episode may take."""
+        return int(self.settings.get(MAX_STEPS, DEFAULT_STEPS[self.benchmark]))
+
+    @property
+    def sensor(self) -> str:
+        """How pictures and poses err, by name."""
+        return str(self.settings.get(SENSOR, "none"))
+
+
+def planner_agents() -> tuple[str, ...]:
+    """The planner's own agents, by name."""
+    return AGENT_NAMES
+
+
+def known_agents(benchmark: Benchmark) -> tuple[str, ...]:
+    """All agents that can play a benchmark."""
+    return (*planner_agents(), WALKER) if benchmark == "ovmm" else planner_agents()
+
+
+def check_agents(agents: list[str], benchmark: Benchmark) -> list[str]:
+    """The agents as they are known, each once; their names may be in any case. Raises WrongUse for
+    an agent that is not known, and for one of another package that cannot be loaded."""
+    known, offered = known_agents(benchmark), AGENTS.entry_names()
+    out = [same_name(agent, (*known, *offered)) or agent for agent in agents]
+    for agent in out:
+        if agent in known:
+            continue
+        if ":" not in agent and agent not in offered:
+            raise WrongUse(
+                f"no agent of {benchmark} is called {agent!r}; wanted some of {', '.join(known)}, "
+                "or package:agent of your own"
+            )
+        from helios_planner.agents import agent_named
+
+        try:
+            agent_named(agent)
+        except InvalidInput as error:
+            raise WrongUse(error.message) from error
+    return list(dict.fromkeys(out))
+
+
+def noise_of(table: str, level: float, correlation: float | None) -> Noise:
+    """The noise as it goes into the record. Raises InvalidInput for a table that is not there."""
+    loaded = load_noise(table).scaled(level, correlation)
+    return Noise(table=table, digest=loaded.digest, level=level, correlation=correlation)

@@ -1,0 +1,212 @@
+"""Every service of the house in one process, in lockstep: one action, then every map is fed.
+
+The services are the same as those of `helios up`, on a `MemoryBus`; nothing streams, no watchdog
+runs, and no time-out ends anything, so that a loaded machine gives the same result as an idle one.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from helios_bridge.service import BridgeService
+from helios_bridge.settings import Settings as BridgeSettings
+from helios_core import proto as pb
+from helios_core.codec import object_from_proto
+from helios_core.errors import DeadlineExceeded
+from helios_core.health import Health
+from helios_core.map_snapshot import MapView, decode_snapshot
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import GET_TASK, OBJECTS, PREVIEW, ROBOT_STATE, SNAPSHOT, SUBMIT, TASK
+from helios_core.types import ObjectInstance
+from helios_detector.model_interfaces import DetectorOptions
+from helios_detector.model_loading import open_detector, open_scorer
+from helios_detector.service import DetectorService
+from helios_detector.settings import Settings as DetectorSettings
+from helios_detector.simulator_truth import Truth, TruthInstance
+from helios_map2d.service import Map2DService
+from helios_map2d.settings import Settings as Map2DSettings
+from helios_objectmap.service import ObjectMapService
+from helios_objectmap.settings import ObjectMapSettings
+from helios_planner.service import PlannerService
+from helios_planner.settings import Settings as PlannerSettings
+from helios_sim.ground_truth import Segmentation
+from helios_sim.simulation_thread import WorldThread
+
+from helios_eval import kernel_compilation
+from helios_eval.episodes.episode_record import Noise, Setting
+from helios_eval.episodes.service_settings import of_house, of_service
+
+NEVER_S = 86_400.0
+LONGEST_ACTION_S = 600.0  # the bridge allows no more
+CALL_S = 60.0
+ENDED = frozenset({"succeeded", "failed", "cancelled"})
+
+
+class DirectTruth:
+    """The truth of a world in this process; a `TruthSource` of the detector."""
+
+    def __init__(self, world: WorldThread) -> None:
+        self._world = world
+
+    def segmentation(self, stamp_ns: int) -> Truth:
+        return truth_of(self._world.run(lambda world: world.segmentation(stamp_ns)))
+
+    def check(self) -> None:
+        """It is here."""
+
+
+def truth_of(shown: Segmentation) -> Truth:
+    """As the detector wants it."""
+    instances = {
+        i.id: TruthInstance(i.id, i.class_name, np.array(i.center_m), i.graspable, i.name)
+        for i in shown.instances
+    }
+    return Truth(shown.ids.astype(np.uint16), instances)
+
+
+class House:
+    """See the module. A context manager: nothing is left, neither threads nor files."""
+
+    def __init__(
+        self,
+        world: WorldThread,
+        agent: str,
+        noise: Noise | None,
+        seed: int,
+        settings: Mapping[str, Setting],
+        on_step: Callable[[], None] = lambda: None,
+    ) -> None:
+        """seed: of the detector's errors, and of an agent that draws. noise: None for ground-truth
+        semantics. settings: those that differ from what the agent's house runs with anyway.
+        on_step: called after each action, when every map holds what was seen; it may ask the
+        house."""
+        settings = of_house(agent, settings)
+        self._folder = tempfile.TemporaryDirectory(prefix="helios-eval-")
+        self._ended = threading.Event()
+        self._hub = MemoryHub()
+        self._bus = MemoryBus(self._hub)
+        self.healths = {
+            name: Health() for name in ("bridge", "detector", "objectmap", "map2d", "planner")
+        }
+
+        def bus() -> MemoryBus:
+            return MemoryBus(self._hub)
+
+        kernel_compilation.warm_up()
+        # In this order the maps take up a keyframe: 2D map, then detector and what follows it.
+        map2d = Map2DSettings(**of_service("map2d", settings))
+        self._map2d = Map2DService(bus(), map2d, self.healths["map2d"])
+        objects = ObjectMapSettings(**of_service("objectmap", settings))
+        self._objectmap = ObjectMapService(bus(), objects, self.healths["objectmap"])
+        self._objectmap.warm_up()
+        self._detector = self._detector_service(bus(), world, noise, seed, settings)
+        self._bridge = BridgeService(
+            bus(), world, BridgeSettings(stream_hz=0, lockstep=True, lease_s=NEVER_S),
+            self.healths["bridge"], first_number=0,
+        )  # fmt: skip
+        self._planner = PlannerService(
+            bus(), _planner_settings(Path(self._folder.name), agent, seed, settings),
+            self.healths["planner"],
+        )  # fmt: skip
+        self.camera_jpeg = b""  # of the newest keyframe
+        self._bus.subscribe(PREVIEW, self._on_preview)
+        self._bus.subscribe(TASK, self._on_task)
+        self._on_step, self._last_seq = on_step, 0
+        self._bus.subscribe(ROBOT_STATE, self._on_state)
+
+    def run(self, instruction: str, max_steps: int, within_s: float) -> pb.Task:
+        """The task when it has ended. Raises what the planner raises, DeadlineExceeded."""
+        request = pb.SubmitRequest(instruction=instruction, max_steps=max_steps)
+        task = self._bus.call(SUBMIT, request, CALL_S)
+        if not self._ended.wait(within_s):
+            raise DeadlineExceeded(f"the episode did not end within {within_s:g} s")
+        return self._bus.call(GET_TASK, pb.TaskRequest(id=task.id), CALL_S)
+
+    def objects(self) -> list[ObjectInstance]:
+        """What the object map believes now."""
+        reply = self._bus.call(OBJECTS, pb.ObjectsRequest(), CALL_S)
+        return [object_from_proto(o) for o in reply.objects]
+
+    def map(self) -> MapView:
+        """The 2D map as it is now."""
+        return decode_snapshot(self._bus.call(SNAPSHOT, pb.SnapshotRequest(layers=False), CALL_S))
+
+    def bus(self) -> MemoryBus:
+        """A bus into this house, for somebody who listens."""
+        return MemoryBus(self._hub)
+
+    def stage_ms(self) -> dict[str, float]:
+        """Median per stage of the services, milliseconds."""
+        return {
+            f"{service}_{name.removesuffix('_ms_median')}": round(value, 3)
+            for service, health in self.healths.items()
+            for name, value in health.metrics().items()
+            if name.endswith("_ms_median")
+        }
+
+    def close(self) -> None:
+        """The services end; the world stays."""
+        self._planner.close()
+        self._detector.close()
+        self._bus.close()
+        self._folder.cleanup()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _on_task(self, task: pb.Task) -> None:
+        if task.state in ENDED:
+            self._ended.set()
+
+    def _on_state(self, state: pb.RobotState) -> None:
+        """One comes before the keyframe of an action too, with the number of the last one."""
+        if state.last_seq != self._last_seq:
+            self._last_seq = state.last_seq
+            self._on_step()
+
+    def _on_preview(self, preview: pb.Preview) -> None:
+        self.camera_jpeg = preview.jpeg
+
+    def _detector_service(
+        self,
+        bus: MemoryBus,
+        world: WorldThread,
+        noise: Noise | None,
+        seed: int,
+        settings: Mapping[str, Setting],
+    ) -> DetectorService:
+        s = DetectorSettings(**of_service("detector", settings))
+        options = DetectorOptions(truth=DirectTruth(world), threads=1)
+        name = "ground-truth"
+        if noise is not None:
+            name = "simulated"
+            options = DetectorOptions(
+                options.truth, 1, noise.table, seed, noise.level, noise.correlation
+            )
+        detector, scorer = open_detector(name, options), open_scorer(s.scorer)
+        detector.warm_up()
+        scorer.warm_up()
+        return DetectorService(bus, detector, scorer, self.healths["detector"])
+
+
+def _planner_settings(
+    folder: Path, agent: str, seed: int, settings: Mapping[str, Setting]
+) -> PlannerSettings:
+    chosen = of_service("planner", settings)
+    chosen |= {"state_dir": folder, "agent": agent, "agent_seed": seed}
+    chosen |= {"ack_timeout_s": NEVER_S, "call_timeout_s": NEVER_S}
+    return PlannerSettings(**chosen, action_timeout_s=LONGEST_ACTION_S)

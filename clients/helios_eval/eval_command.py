@@ -1,0 +1,202 @@
+"""`helios eval`: a sub-command of `helios`."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from helios_client.screen import Screen
+from helios_client.usage_errors import WrongUse
+from helios_core.errors import InvalidInput
+
+from helios_eval import run_folder as run_folder
+from helios_eval.calibration.command import calibration
+from helios_eval.episodes.conditions import checked
+from helios_eval.episodes.episode_record import Benchmark, read
+from helios_eval.report import MARKDOWN, write_report_of
+from helios_eval.runs import merge_runs, results
+from helios_eval.runs.evaluation_run import Run, run
+from helios_eval.video.video_command import video
+
+FIRST_KEPT_BACK = 100_000  # seeds from here on are for others
+
+app = typer.Typer(
+    name="eval",
+    help="Play episodes in simulated homes and judge them by the truth.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+)
+
+Agents = Annotated[str, typer.Option(help="names, with commas between")]
+Limits = Annotated[str, typer.Option(help="limits of picks: 1,5,unlimited")]
+Semantics = Annotated[str, typer.Option(help="noisy or ground-truth")]
+Preset = Annotated[str, typer.Option(help="kind of homes; +sweethome3d: in realistic furniture")]
+Episodes = Annotated[int, typer.Option(help="homes, each with one task", min=1)]
+Seed0 = Annotated[int, typer.Option(help="seed of the first home", min=0)]
+Out = Annotated[Path, typer.Option(help="folder for the results; what is there is not run again")]
+Jobs = Annotated[int | None, typer.Option(help="episodes at a time  [default: cores]", min=1)]
+Table = Annotated[str | None, typer.Option(help="noise table  [default: the preset's]")]
+Level = Annotated[float, typer.Option(help="multiplies the noise; 0: none", min=0, max=10)]
+Correlation = Annotated[
+    float | None, typer.Option(help="1: errors stay, 0: drawn per frame  [default: the table's]")
+]
+Sensor = Annotated[str, typer.Option(help="noise of camera and pose: none or realistic")]
+Assignments = Annotated[list[str] | None, typer.Option("--set", help="setting of a service: a=1")]
+Steps = Annotated[int | None, typer.Option(help="actions an episode may take", min=1)]
+Ray = Annotated[str | None, typer.Option(help="address of a Ray cluster, or local")]
+
+
+@app.command()
+def ovmm(
+    agents: Agents,
+    out: Out,
+    picks: Limits = "unlimited",
+    semantics: Semantics = "noisy",
+    preset: Preset = "ovmm-v1",
+    episodes: Episodes = 10,
+    seed0: Seed0 = 0,
+    jobs: Jobs = None,
+    noise: Table = None,
+    noise_level: Level = 1.0,
+    noise_correlation: Correlation = None,
+    sensor: Sensor = "none",
+    assignments: Assignments = None,
+    max_steps: Steps = None,
+    ray: Ray = None,
+) -> None:
+    """Open-vocabulary mobile manipulation. Move a thing from one kind of furniture to another."""
+    _run(
+        "ovmm", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise, noise_level,
+        noise_correlation, sensor, assignments or [], max_steps, ray,
+    )  # fmt: skip
+
+
+@app.command()
+def objectnav(
+    agents: Agents,
+    out: Out,
+    semantics: Semantics = "noisy",
+    preset: Preset = "ovmm-v1",
+    episodes: Episodes = 10,
+    seed0: Seed0 = 0,
+    jobs: Jobs = None,
+    picks: Limits = "unlimited",
+    noise: Table = None,
+    noise_level: Level = 1.0,
+    noise_correlation: Correlation = None,
+    sensor: Sensor = "none",
+    assignments: Assignments = None,
+    max_steps: Steps = None,
+    ray: Ray = None,
+) -> None:
+    """Object navigation: find a kind of furniture and stop there. Nothing is picked."""
+    _run(
+        "objectnav", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise,
+        noise_level, noise_correlation, sensor, assignments or [], max_steps, ray,
+    )  # fmt: skip
+
+
+@app.command()
+def report(
+    folders: Annotated[list[Path], typer.Argument(help="of runs", metavar="FOLDER...")],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="folder for the report and all episodes in a small form, for several"),
+    ] = None,
+) -> None:
+    """Write results.json, report.md and report.html of a folder anew, of a killed run too.
+
+    With --out, of several folders together; that folder can be reported anew as well.
+    """
+    if out is None and len(folders) > 1:
+        raise WrongUse("of several folders one report is written elsewhere: give --out FOLDER")
+    into = out or folders[0]
+    records, told = merge_runs.episodes(folders), merge_runs.run(folders)
+    with run_folder.writing(into):
+        if out is not None and records:
+            merge_runs.pack(out, records, told)
+            records = read(out)  # what is reported is what can be reported anew
+        write_report_of(into, records, told)
+        results.write(into, records, results.picks_in(told))
+    print(f"written to {into / 'report.md'} and {into / 'report.html'}")
+
+
+app.command()(calibration)
+app.command()(video)
+
+
+def _run(
+    benchmark: Benchmark,
+    agents: str,
+    picks: str,
+    semantics: str,
+    preset: str,
+    episodes: int,
+    seed0: int,
+    out: Path,
+    jobs: int | None,
+    noise: str | None,
+    level: float,
+    correlation: float | None,
+    sensor: str,
+    assignments: list[str],
+    max_steps: int | None,
+    ray: str | None,
+) -> None:
+    under = checked(
+        _names(agents, "--agents"), benchmark, semantics=semantics, preset=preset, table=noise,
+        level=level, correlation=correlation, sensor=sensor, assignments=assignments,
+        max_steps=max_steps,
+    )  # fmt: skip
+    try:
+        limits = tuple(results.picks_of(p) for p in _names(picks, "--picks"))
+    except InvalidInput as error:
+        raise WrongUse(error.message) from error
+    if seed0 + episodes > FIRST_KEPT_BACK:
+        print(
+            f"helios: seeds from {FIRST_KEPT_BACK} on are kept back, so that others can check what "
+            "was built; look at no single one of them",
+            file=sys.stderr,
+        )
+    asked = Run(
+        under.benchmark, under.agents, limits, under.semantics, under.preset, episodes, seed0, out,
+        jobs or os.cpu_count() or 1, under.noise, under.settings, ray,
+    )  # fmt: skip
+    console = Screen()
+    try:
+        with _ended_by_sigterm():
+            run(asked, console)
+    except KeyboardInterrupt as interrupt:
+        where = f"a report of what was played is in {out}; " if (out / MARKDOWN).exists() else ""
+        print(f"helios: interrupted; {where}the same command goes on from here", file=sys.stderr)
+        number = interrupt.args[0] if interrupt.args else signal.SIGINT
+        raise SystemExit(128 + number) from None  # all is said
+    console.print(f"written to {out}", highlight=False)
+
+
+@contextmanager
+def _ended_by_sigterm() -> Iterator[None]:
+    """SIGTERM ends it as Ctrl-C does."""
+
+    def interrupt(number: int, _: object) -> None:
+        raise KeyboardInterrupt(number)
+
+    former = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, former)
+
+
+def _names(text: str, flag: str) -> list[str]:
+    names = list(dict.fromkeys(name.strip() for name in text.split(",")))
+    if "" in names:
+        raise WrongUse(f"{flag} {text!r} has an empty name; write a,b")
+    return names

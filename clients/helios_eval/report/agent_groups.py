@@ -1,0 +1,233 @@
+"""Arms: the episodes of a folder, grouped by agent and by what it was run under."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from helios_eval.episodes.episode_record import EpisodeRecord, Noise, Setting
+from helios_eval.report.requested_episodes import Identity
+
+# The order in which agents are shown; others stand between, by name.
+FIRST = (
+    "ground-truth-walker",
+    "helios-next",
+    "helios",
+    "helios-5050",
+    "no-global-objective",
+    "trusting",
+    "homerobot-heuristic",
+    "vlfm-helios-stop",
+    "vlfm",
+    "vlfm-unfiltered",
+)
+LAST = ("random-frontier",)
+# Agents of the paper, and those that show what can be had at most and at least; all others are
+# ideas beyond the paper.
+KNOWN = frozenset((*FIRST, *LAST)) - {"helios-next"}
+REFERENCES = {  # of a benchmark: the first that was run
+    "ovmm": ("helios", "trusting"),
+    "objectnav": ("vlfm-helios-stop", "helios", "vlfm"),
+}
+
+MOST_NAMED = 2  # settings of an arm, in its label
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One agent under one condition. `records` are in the order of their seeds."""
+
+    benchmark: str
+    agent: str
+    semantics: str
+    preset: str
+    noise: Noise | None
+    settings: tuple[tuple[str, Setting], ...]
+    records: tuple[EpisodeRecord, ...]
+    label: str = ""
+    asked: int = 0  # episodes that commands asked for; 0 where none is known
+
+    @property
+    def identity(self) -> Identity:
+        """What names an arm."""
+        return (
+            self.benchmark, self.agent, self.semantics, self.preset, self.noise, self.settings
+        )  # fmt: skip
+
+    @property
+    def whole(self) -> bool:
+        """Whether all was played that was asked for."""
+        return len(self.records) >= self.asked
+
+    @property
+    def condition(self) -> tuple[object, ...]:
+        """All but the agent and its settings: arms of one condition saw the same episodes."""
+        return (self.benchmark, self.preset, self.semantics, self.noise)
+
+    def plainness(self) -> tuple[object, ...]:
+        """Sorts the arm that stands for its agent first."""
+        level = abs(self.noise.level - 1) if self.noise else 0.0
+        drawn = self.noise is not None and self.noise.correlation is not None
+        return (len(self.settings), level, drawn, -len(self.records), self.preset)
+
+
+def arms_of(
+    records: Iterable[EpisodeRecord], asked: Mapping[Identity, set[int]] | None = None
+) -> list[Arm]:
+    """The arms of a folder, labelled apart, in the order in which they are shown. asked: seeds
+    that were asked for, played or not."""
+    groups: dict[tuple[object, ...], list[EpisodeRecord]] = defaultdict(list)
+    for r in records:
+        settings = tuple(sorted(r.settings.items()))
+        groups[(r.benchmark, r.agent, r.semantics, r.preset, r.noise, settings)].append(r)
+    arms = []
+    for group in groups.values():
+        first = group[0]
+        arms.append(
+            Arm(
+                first.benchmark, first.agent, first.semantics, first.preset, first.noise,
+                tuple(sorted(first.settings.items())),
+                tuple(sorted(group, key=lambda r: r.seed)),
+            )
+        )  # fmt: skip
+    arms.sort(key=_order)
+    counts = {identity: len(seeds) for identity, seeds in (asked or {}).items()}
+    short = [_label(arm, arms, MOST_NAMED) for arm in arms]
+    labels = [
+        label if short.count(label) == 1 else _label(arm, arms, len(arm.settings))
+        for arm, label in zip(arms, short, strict=True)
+    ]
+    return [
+        replace(arm, label=label, asked=counts.get(arm.identity, 0))
+        for arm, label in zip(arms, labels, strict=True)
+    ]
+
+
+def _order(arm: Arm) -> tuple[object, ...]:
+    rank = FIRST.index(arm.agent) if arm.agent in FIRST else len(FIRST)
+    rank += arm.agent in LAST
+    return (arm.benchmark != "ovmm", arm.semantics != "noisy", rank, arm.agent, *arm.plainness(),
+            str(arm.noise), str(arm.settings))  # fmt: skip
+
+
+def _label(arm: Arm, arms: Sequence[Arm], most: int) -> str:
+    """The agent, and of its condition what tells it from the other arms; at most so many of its
+    settings by name (the header of a report has all)."""
+    same = [a for a in arms if a.benchmark == arm.benchmark]
+    parts = [arm.agent]
+    if len({a.preset for a in same}) > 1:
+        parts.append(arm.preset)
+    if arm.semantics == "ground-truth" and any(a.semantics == "noisy" for a in same):
+        parts.append("ground truth")
+    if arm.noise is not None:
+        noises = [a.noise for a in same if a.noise is not None]
+        if len({(n.table, n.digest) for n in noises}) > 1:
+            parts.append(f"{arm.noise.table} {arm.noise.digest[:6]}")
+        parts += (
+            noise_parts(arm.noise) if len({(n.level, n.correlation) for n in noises}) > 1 else []
+        )
+    mine = [dict(a.settings) for a in same if a.agent == arm.agent]
+    own = [
+        f"{_bare(key)}={setting}" for key, setting in arm.settings
+        if any(other.get(key, _MISSING) != setting for other in mine)
+    ]  # fmt: skip
+    more = len(own) - most
+    parts += own if more < 2 else [*own[:most], f"{more} more settings"]
+    return " · ".join(parts)
+
+
+_MISSING = object()
+
+
+def noise_parts(noise: Noise) -> list[str]:
+    """What differs from the noise table as it is."""
+    parts = [] if noise.level == 1 else [f"noise ×{noise.level:g}"]
+    return parts + ([] if noise.correlation is None else [f"correlation {noise.correlation:g}"])
+
+
+def drawn(arms: Sequence[Arm], most: int) -> list[Arm]:
+    """As many as a drawing can hold, in their order: first those that stand for an agent."""
+    plain = sorted(arms, key=lambda a: a.plainness()[:3])[:most]
+    return [arm for arm in arms if arm in plain]
+
+
+def correlation_name(noise: Noise) -> str:
+    """How the detector's errors hang together."""
+    return "as in the table" if noise.correlation is None else f"{noise.correlation:g}"
+
+
+def plain_arm(arms: Sequence[Arm], benchmark: str, agent: str, semantics: str) -> Arm | None:
+    """The arm that stands for an agent: fewest settings, under the main condition of the folder
+    (noise nearest to that of the preset, then most episodes), so that all of a table agree in it.
+    """
+    same = [a for a in arms if (a.benchmark, a.semantics) == (benchmark, semantics)]
+    if not same:
+        return None
+    sizes = Counter[tuple[object, ...]]()
+    for arm in same:
+        sizes[arm.condition] += len(arm.records)
+    main = min(same, key=lambda a: (a.plainness()[1:3], -sizes[a.condition])).condition
+    found = [a for a in same if a.agent == agent and a.condition == main]
+    return min(found, key=Arm.plainness, default=None)
+
+
+def swept_arm(arms: Iterable[Arm], base: Arm, key: str, setting: float) -> Arm | None:
+    """The arm that is `base` but for one setting, whatever service the setting belongs to."""
+    want = {k: v for k, v in base.settings if _bare(k) != key}
+    for arm in arms:
+        if (arm.agent, *arm.condition) != (base.agent, *base.condition):
+            continue
+        mine = {k: v for k, v in arm.settings if _bare(k) != key}
+        changed = [v for k, v in arm.settings if _bare(k) == key]
+        if mine == want and changed and float(changed[0]) == setting:
+            return arm
+    return None
+
+
+def pairs(arms: Sequence[Arm]) -> list[tuple[Arm, Arm]]:
+    """Which arms are compared: within a condition every other with the reference agent, and each
+    agent's further conditions with its plain one."""
+    out: list[tuple[Arm, Arm]] = []
+    conditions = list(dict.fromkeys(a.condition for a in arms))
+    for condition in conditions:
+        here = [a for a in arms if a.condition == condition]
+        plain = {a.agent: a for a in sorted(here, key=Arm.plainness, reverse=True)}
+        if len(plain) < 2:
+            continue
+        wanted = REFERENCES[here[0].benchmark]
+        name = next((r for r in wanted if r in plain), next(iter(plain)))
+        for agent, other in plain.items():
+            if agent == name:
+                continue
+            new = agent not in KNOWN  # comes first: above 0 means that it helps
+            out.append((other, plain[name]) if new else (plain[name], other))
+    for arm in arms:
+        same = [a for a in arms if (a.benchmark, a.agent) == (arm.benchmark, arm.agent)]
+        base = min(same, key=lambda a: (a.semantics != "noisy", a.plainness()))
+        if arm is not base:
+            out.append((arm, base))
+    order = {id(a): i for i, a in enumerate(arms)}
+    return sorted(out, key=lambda p: (order[id(p[0])], order[id(p[1])]))
+
+
+def in_common(first: Arm, second: Arm) -> tuple[list[EpisodeRecord], list[EpisodeRecord]]:
+    """The episodes of both, by seed. A seed whose homes are known to differ is left out; an
+    episode that never began knows no home and stays: it is a failure."""
+    mine = {r.seed: r for r in first.records}
+    theirs = {r.seed: r for r in second.records}
+    seeds = [
+        s
+        for s in sorted(mine.keys() & theirs.keys())
+        if len({mine[s].structure_hash, theirs[s].structure_hash} - {""}) < 2
+    ]
+    return [mine[s] for s in seeds], [theirs[s] for s in seeds]
+
+
+def _bare(key: str) -> str:
+    return key.rpartition(".")[2]
+
+
+def most_common(items: Iterable[str]) -> list[str]:
+    """Without repetition, the most frequent first."""
+    return [item for item, _ in Counter(items).most_common()]

@@ -1,0 +1,175 @@
+"""Our own figures: every metric with its intervals, and what separates the agents."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from helios_eval.episodes.episode_record import EpisodeRecord
+from helios_eval.report import number_format, plots
+from helios_eval.report.agent_groups import Arm, drawn, in_common, pairs
+from helios_eval.report.confidence_intervals import (
+    Interval,
+    Values,
+    discordant,
+    mean_sem,
+    paired_difference,
+    paired_ratio,
+    sign_test,
+    untold,
+    wilson,
+)
+from helios_eval.report.paper_figures import PICKS, picks_name
+from helios_eval.report.record_metrics import METRICS, NAMES, TITLES, values
+from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Section, Table
+
+Found = tuple[Arm, Arm, list[EpisodeRecord], list[EpisodeRecord]]  # two arms, homes in common
+
+
+def benchmarks_of(arms: Sequence[Arm]) -> list[str]:
+    """The benchmarks of a folder, in the order in which they are shown."""
+    return [b for b in NAMES if any(a.benchmark == b for a in arms)]
+
+
+def overview(arms: Sequence[Arm]) -> list[Block]:
+    """One drawing per benchmark: the metrics of all agents with their intervals."""
+    out: list[Block] = []
+    for benchmark in benchmarks_of(arms):
+        mine = drawn([a for a in arms if a.benchmark == benchmark], plots.MOST_ARMS)
+        names = [n for n in NAMES[benchmark] if METRICS[n].binary]
+        points = []
+        for arm in mine:
+            shares = [values(arm.records, n) for n in names]
+            points.append([wilson(int(v.sum()), len(v)) for v in shares])
+        out.append(plots.dots([a.label for a in mine], names, points, TITLES[benchmark]))
+    return out
+
+
+def metrics_section(arms: Sequence[Arm]) -> Section:
+    """Mean ± standard error and interval of every metric; shares for each limit of picks."""
+    blocks: list[Block] = []
+    for benchmark in benchmarks_of(arms):
+        mine = [a for a in arms if a.benchmark == benchmark]
+        limits = PICKS if benchmark == "ovmm" else (None,)
+        shares = [n for n in NAMES[benchmark] if METRICS[n].share]
+        rest = [n for n in NAMES[benchmark] if not METRICS[n].share]
+        caption = (
+            "Percent of the episodes, mean ± standard error; below it the 95 % Wilson interval of "
+            "what is either so or not."
+        )
+        if len(limits) > 1:
+            caption += " An episode with more picks than the limit scores 0."
+        rows = Rows()
+        for picks in reversed(limits):
+            for arm in mine:
+                group = picks_name(picks) if len(limits) > 1 else ""
+                cells = [_figure(arm, name, picks) for name in shares]
+                rows.add([arm.label, *cells, count(arm)], group)
+        blocks.append(rows.table(TITLES[benchmark], ["agent", *shares, "n"], caption))
+        rows = Rows()
+        for arm in mine:
+            cells = [_figure(arm, name, None) for name in rest]
+            rows.add([arm.label, *cells, count(arm)])
+        heads = ["agent", *map(_head, rest), "n"]
+        blocks.append(rows.table(f"{TITLES[benchmark]}: what it took", heads, "Less is better."))
+    return Section("metrics", "Every metric of this run", tuple(blocks))
+
+
+def count(arm: Arm) -> Cell:
+    """How many episodes there are, and where some are not played yet, of how many."""
+    n = str(len(arm.records))
+    return Cell(n) if arm.whole else Cell(n, f"of {arm.asked}", "bad")
+
+
+def homes_of(a: Arm, b: Arm, homes: int) -> str:
+    """Of two arms with so many homes in common: "37 homes", or "37 of 200 homes" where more were
+    asked for of both."""
+    of = asked_of(a, b, homes)
+    return f"{homes} {of}" if of else number_format.plural(homes, "home")
+
+
+def asked_of(a: Arm, b: Arm, homes: int) -> str:
+    """ "of 200 homes" where two arms have not yet all homes in common that were asked for of both;
+    else empty."""
+    wanted = min(max(arm.asked, len(arm.records)) for arm in (a, b))
+    return f"of {wanted} homes" if homes < wanted and not (a.whole and b.whole) else ""
+
+
+def _head(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _figure(arm: Arm, name: str, picks: int | None) -> Cell:
+    found = values(arm.records, name, picks)
+    note = ""
+    if METRICS[name].binary:
+        i = wilson(int(found.sum()), len(found))
+        note = number_format.bounds(100 * i.low, 100 * i.high, 1)
+    return Cell(number_format.mean(name, mean_sem(found)), note, "strong" if name == "SR" else "")
+
+
+def paired_section(arms: Sequence[Arm]) -> Section:
+    """Differences and ratios over the same homes."""
+    found = [(a, b, *in_common(a, b)) for a, b in pairs(arms)]
+    found = [p for p in found if p[2]]
+    if not found:
+        return Section("differences", "Differences between agents", (
+            Paragraph("There is one agent only, or no two have an episode in common."),
+        ))  # fmt: skip
+    blocks: list[Block] = [
+        Paragraph(
+            "The same homes, one agent against another. Difference: first minus second; ratio: "
+            "first over second; both with 95 % intervals of a bootstrap over episodes (10,000 "
+            "draws, fixed seed). p: McNemar's exact test where a metric is either so or not, the "
+            "sign test elsewhere; two-sided, not corrected for the number of rows. Picks are "
+            f"unlimited. {number_format.RULE}"
+        )
+    ]
+    bars = []
+    for a, b, mine, theirs in found:
+        for name in ("Pick", "SPL", "SR"):
+            if name in NAMES[a.benchmark]:
+                d = paired_difference(values(mine, name), values(theirs, name))
+                bars.append((name, f"{a.label} − {b.label}", d))
+    blocks.append(plots.forest(bars))
+    blocks.append(_pair_table(found))
+    return Section("differences", "Differences between agents", tuple(blocks))
+
+
+def _pair_table(found: Sequence[Found]) -> Table:
+    rows = Rows()
+    for a, b, mine, theirs in found:
+        group = f"{a.label} against {b.label} ({homes_of(a, b, len(mine))})"
+        for name in NAMES[a.benchmark]:
+            if name != "seconds_per_step":
+                rows.add(_pair_row(name, values(mine, name), values(theirs, name)), group)
+    return rows.table(
+        "Paired differences and ratios",
+        ["metric", "first", "second", "difference", "95 %", "ratio", "95 %", "more : less", "p"],
+        "Coloured where the interval of the difference leaves 0 out. More : less counts the homes "
+        "in which the first, and the second, has the larger value. Of collisions and steps less is "
+        "better.",
+    )
+
+
+def tone_of(name: str, d: Interval) -> str:
+    """Whether the first of two is better or worse; empty where it is not settled."""
+    if not d.sure:
+        return ""
+    return "good" if (d.value > 0) == (METRICS[name].better > 0) else "bad"
+
+
+def _pair_row(name: str, x: Values, y: Values) -> list[Cell | str]:
+    metric, k = METRICS[name], number_format.scale(name)
+    d, ratio, digits = paired_difference(x, y), paired_ratio(x, y), metric.digits
+    more, less = discordant(x, y)
+    return [
+        name,
+        number_format.number(x.mean() * k, digits),
+        number_format.number(y.mean() * k, digits),
+        Cell(number_format.signed(d.value * k, digits), tone=tone_of(name, d)),
+        number_format.bounds(d.low * k, d.high * k, digits, plus=True) if d.told else untold(x, y),
+        number_format.number(ratio.value, 2),
+        number_format.bounds(ratio.low, ratio.high, 2) if ratio.told else number_format.NONE,
+        f"{more} : {less}",
+        number_format.p_value(sign_test(x, y)),
+    ]

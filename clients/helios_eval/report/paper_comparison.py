@@ -1,0 +1,152 @@
+"""The paper's tables with our figures beside the published ones, and the relations of both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from helios_eval.report import number_format, paper_figures
+from helios_eval.report.agent_groups import Arm, in_common, plain_arm, swept_arm
+from helios_eval.report.confidence_intervals import Interval, mean_sem, paired_ratio, untold
+from helios_eval.report.our_results import asked_of, count
+from helios_eval.report.record_metrics import values
+from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Section, Table
+
+TAG = "another simulator"
+
+
+def relations(arms: Sequence[Arm]) -> Table | None:
+    """Ratios that the paper claims, with ours. None where none of the agents was run."""
+    rows = Rows()
+    for r in paper_figures.RELATIONS:
+        top, bottom = (plain_arm(arms, r.benchmark, *who) for who in (r.top, r.bottom))
+        if top is None or bottom is None:
+            continue
+        mine, theirs = in_common(top, bottom)
+        if not mine:
+            continue
+        x, y = values(mine, r.metric), values(theirs, r.metric)
+        ratio = paired_ratio(x, y)
+        if math.isnan(ratio.value):
+            ours = Cell(number_format.NONE, "nothing to divide by")
+        else:
+            note = number_format.bounds(ratio.low, ratio.high, 2) if ratio.told else "no interval"
+            ours = Cell(number_format.number(ratio.value, 2), note, "strong")
+        verdict = verdict_of(ratio, r.published) or untold(x, y)
+        rows.add([f"{r.metric}: {r.claim}", Cell(number_format.number(r.published, 2), r.where), ours,
+                  Cell(str(len(mine)), asked_of(top, bottom, len(mine))), verdict])  # fmt: skip
+    if not rows.rows:
+        return None
+    return rows.table(
+        "Relations: the paper's and ours",
+        ["ratio of", "paper", "here", "n", "so"],
+        "Ratio of the means over the same homes, with the 95 % interval of a paired bootstrap. "
+        f"Ratios may be held against the paper's, absolute figures may not. {number_format.RULE}",
+        TAG,
+        words=["so"],
+    )
+
+
+def verdict_of(ratio: Interval, published: float) -> str:
+    """What our ratio says of the paper's; empty where it says nothing."""
+    if not ratio.told:
+        return ""
+    if ratio.low > published:
+        return "larger here"
+    return "smaller here" if ratio.high < published else "the paper's lies in our interval"
+
+
+def section(arms: Sequence[Arm]) -> Section:
+    """All of the paper's tables that the folder says something about, and which are missing."""
+    benchmarks = {a.benchmark for a in arms}
+    blocks: list[Block] = [
+        Paragraph(
+            "Below each figure of this run stands the published one. The paper drove a robot in "
+            "Habitat with scanned or modelled homes and the detector DETIC; here it is a simulator "
+            "and a detector of this project. Percent, mean ± standard error."
+        )
+    ]
+    missing: list[str] = []
+    for table in (
+        paper_figures.TABLE_1,
+        paper_figures.TABLE_2,
+        paper_figures.TABLE_4,
+        paper_figures.TABLE_5,
+        *paper_figures.SWEEPS,
+    ):
+        found = {id(row): _ours(arms, table, row) for row in table.rows}
+        always = table.number in (1, 2, 4) and table.benchmark in benchmarks
+        telling = table.number < 5 or any(
+            found[id(row)] for row in table.rows if row.agent == "helios-5050" or _changed(row)
+        )
+        if always or (telling and any(found.values())):
+            blocks.append(_table(table, found))
+        else:
+            missing.append(str(table.number))
+    if missing:
+        blocks.append(Paragraph(f"{number_format.NOT_RUN.capitalize()}: Table {_listed(missing)}."))
+    return Section("paper", "Beside the paper", tuple(blocks))
+
+
+def _listed(items: Sequence[str]) -> str:
+    return " and ".join(filter(None, [", ".join(items[:-1]), items[-1]]))
+
+
+def _changed(row: paper_figures.Row) -> bool:
+    return row.setting is not None and paper_figures.DEFAULTS[row.setting[0]] != row.setting[1]
+
+
+def _ours(arms: Sequence[Arm], table: paper_figures.Table, row: paper_figures.Row) -> Arm | None:
+    if not row.agent:
+        return None
+    base = plain_arm(arms, table.benchmark, row.agent, row.semantics)
+    if base is None or row.setting is None:
+        return base
+    swept = swept_arm(arms, base, *row.setting)
+    return swept if swept is not None or _changed(row) else base
+
+
+def _table(table: paper_figures.Table, found: dict[int, Arm | None]) -> Table:
+    rows = Rows()
+    for row in table.rows:
+        arm = found[id(row)]
+        name = Cell(row.name, row.agent if arm else "")
+        n = count(arm) if arm else number_format.NONE
+        cells = [_cell(table, row, metric, arm) for metric in table.metrics]
+        rows.add([name, *cells, n], row.group)
+    return rows.table(
+        f"Table {table.number}: {table.title}",
+        ["method", *table.metrics, "n"],
+        _under(filter(None, found.values())),
+        TAG,
+    )
+
+
+def _cell(table: paper_figures.Table, row: paper_figures.Row, metric: str, arm: Arm | None) -> Cell:
+    figure = row.figures.get(metric)
+    note = f"paper {figure}" if figure else f"paper {number_format.NONE}"
+    if not row.agent:  # not ours to run
+        return Cell(note if figure else number_format.NONE, "", "muted")
+    if arm is None:
+        return Cell(number_format.NOT_RUN, note, "muted")
+    ours = mean_sem(values(arm.records, metric, row.picks))
+    return Cell(number_format.mean(metric, ours), note, "strong")
+
+
+def _under(arms: Iterable[Arm]) -> str:
+    """Which noise our figures stand under, where it is not the preset's own."""
+    noises = list(dict.fromkeys(a.noise for a in arms if a.noise is not None))
+    odd = [n for n in noises if n.level != 1 or n.correlation is not None]
+    if not odd:
+        return ""
+    return (
+        "Ours under "
+        + "; ".join(
+            sorted(
+                f"noise level {n.level:g}"
+                + ("" if n.correlation is None else f", correlation {n.correlation:g}")
+                for n in odd
+            )
+        )
+        + "."
+    )

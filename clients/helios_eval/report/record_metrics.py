@@ -1,0 +1,78 @@
+"""The metrics of a record by name, with a limit of picks, in percent where they are shares."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from helios_eval.episodes.episode_record import EpisodeRecord
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One metric: its name, what it is, and how to read it off a record."""
+
+    name: str
+    meaning: str
+    of: Callable[[EpisodeRecord], float]
+    binary: bool = False  # 0 or 1: has a Wilson interval
+    share: bool = False  # 0 to 1, shown in percent; 0 when picks exceed the limit
+    digits: int = 1
+    better: int = 1  # -1: less is better
+
+
+_ALL = (
+    Metric("FindObj", "the robot stood at a viewpoint of an object of the asked class on a "
+           "receptacle of the asked class, and saw it", lambda r: r.find_object, True, True),
+    Metric("Pick", "FindObj, and the held object is one of those", lambda r: r.pick, True, True),
+    Metric("FindRec", "Pick, and then the robot stood at a viewpoint of a goal receptacle and "
+           "saw it", lambda r: r.find_receptacle, True, True),
+    Metric("Place", "FindRec, and such an object came to rest on a goal receptacle",
+           lambda r: r.place, True, True),
+    Metric("SR", "success. OVMM: such an object rests on a goal receptacle in the end, whatever "
+           "phases came before, and no collision in the whole episode. Object navigation: the "
+           "robot said that it is there, and it was", lambda r: r.success, True, True),
+    Metric("partial", "(FindObj + Pick + FindRec + SR) / 4", lambda r: r.partial_success,
+           share=True),
+    Metric("SPL", "success times the shortest path over the path that was driven",
+           lambda r: r.spl, share=True),
+    Metric("collisions", "steps in which the robot touched the scene", lambda r: r.collisions,
+           digits=2, better=-1),
+    Metric("steps", "actions carried out, of whatever kind", lambda r: r.steps, better=-1),
+    Metric("seconds_per_step", "median over the steps of an episode of the time for one step",
+           lambda r: r.step_ms / 1000, digits=3, better=-1),
+)  # fmt: skip
+METRICS = {m.name: m for m in _ALL}
+NAMES = {
+    "ovmm": ("FindObj", "Pick", "FindRec", "Place", "SR", "partial", "collisions", "steps",
+             "seconds_per_step"),
+    "objectnav": ("SR", "SPL", "collisions", "steps", "seconds_per_step"),
+}  # fmt: skip
+TITLES = {"ovmm": "Pick and place (OVMM)", "objectnav": "Object navigation"}
+
+
+def value(record: EpisodeRecord, name: str, picks: int | None = None) -> float:
+    """A metric of one episode. With a limit of picks, an episode that exceeds it scores 0 in every
+    metric of what was reached; collisions, steps and time stay what they were."""
+    metric = METRICS[name]
+    if metric.share and picks is not None and record.picks > picks:
+        return 0.0
+    return float(metric.of(record))
+
+
+def values(
+    records: Iterable[EpisodeRecord], name: str, picks: int | None = None
+) -> NDArray[np.float64]:
+    """A metric of many episodes, in their order."""
+    return np.array([value(r, name, picks) for r in records], dtype=np.float64)
+
+
+def counts_of_causes(records: Iterable[EpisodeRecord]) -> dict[str, int]:
+    """How often each cause ended an episode; "" for success."""
+    counts: dict[str, int] = {}
+    for record in records:
+        counts[record.cause] = counts.get(record.cause, 0) + 1
+    return counts

@@ -1,0 +1,245 @@
+"""The questions that the runs were made for, each with its answer: what a reader wants first.
+
+Every difference is between the same homes, with unlimited picks. A question whose agents were not
+run is named as such; one that a part of the homes has answered says of how many.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from helios_eval.episodes.episode_record import Setting
+from helios_eval.episodes.episode_spec import MAX_STEPS, SENSOR
+from helios_eval.report import number_format, paper_figures, plots
+from helios_eval.report.agent_groups import KNOWN, Arm, in_common, noise_parts, plain_arm
+from helios_eval.report.confidence_intervals import (
+    Interval,
+    paired_difference,
+    paired_ratio,
+    untold,
+    wilson,
+)
+from helios_eval.report.our_results import asked_of, count, tone_of
+from helios_eval.report.record_metrics import METRICS, values
+from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Section, Table
+
+NOISY, TRUE = "noisy", "ground-truth"
+SO_FAR = ", so far"
+IDEA_METRICS = ("FindObj", "Pick", "SR", "partial", "collisions", "steps")
+
+
+@dataclass(frozen=True)
+class Question:
+    """Whether the first agent is ahead of the second, each with its semantics."""
+
+    asks: str
+    first: tuple[str, str]
+    second: tuple[str, str]
+    metrics: tuple[str, ...]
+    benchmark: str = "ovmm"
+
+
+QUESTIONS = (
+    Question("Primary claim: HELIOS above the trusting agent",
+             ("helios", NOISY), ("trusting", NOISY), ("Pick", "SR")),
+    Question("Beyond the paper: helios-next above HELIOS",
+             ("helios-next", NOISY), ("helios", NOISY), ("Pick", "SR")),
+    Question("The global search objective: HELIOS above HELIOS without it (Table 1)",
+             ("helios", NOISY), ("no-global-objective", NOISY), ("FindObj", "Pick", "SR")),
+    Question("HELIOS above the trusting agent, both with ground-truth semantics (Table 4)",
+             ("helios", TRUE), ("trusting", TRUE), ("Pick", "SR")),
+    Question("Information gain of an optimistic measurement above 50-50 (Table 5)",
+             ("helios", NOISY), ("helios-5050", NOISY), ("Pick", "SR")),
+    Question("VLFM with the stop decision of HELIOS above VLFM (Table 2)",
+             ("vlfm-helios-stop", NOISY), ("vlfm", NOISY), ("SR", "SPL"), "objectnav"),
+)  # fmt: skip
+LEVELS = (  # of SR: what the project wants of its own method
+    ("HELIOS with ground-truth semantics", ("helios", TRUE), 0.6),
+    ("HELIOS with the noise of the preset", ("helios", NOISY), 0.35),
+)
+
+
+def section(arms: Sequence[Arm]) -> Section | None:
+    """None where the arms answer nothing."""
+    rows, bars, unanswered, unlike = Rows(), [], [], []
+    for question in QUESTIONS:
+        top, bottom = (
+            plain_arm(arms, question.benchmark, *who) for who in (question.first, question.second)
+        )
+        if top is None or bottom is None or not in_common(top, bottom)[0]:
+            unanswered.append(question.asks)
+            continue
+        if _own_settings(top) != _own_settings(bottom):
+            unlike.append(question.asks)
+            continue
+        asks = ", ".join([question.asks, *_noise_of(top)])
+        for metric in question.metrics:
+            bars.append(_row(rows, question, metric, top, bottom, asks, top.semantics))
+        for first, second, noise in _other_noise(arms) if question is QUESTIONS[0] else ():
+            for metric in question.metrics:
+                group = f"The same at {noise}"
+                bars.append(_row(rows, question, metric, first, second, group, noise))
+    levels, ideas = _levels(arms), _ideas(arms)
+    plain = plain_arm(arms, "ovmm", "helios", NOISY)
+    alone = plain is not None and bool(_own_settings(plain))
+    if alone:
+        unanswered.append(
+            "HELIOS without settings of its own, beside which the rows with settings say something "
+            "(name the folder that has it, too)"
+        )
+    if not rows.rows and ideas is None and not alone:
+        return None
+    blocks: list[Block] = [Paragraph(
+        "Judged by the truth of this project's simulator, unlimited picks. What was run, and why "
+        "only relations may be held against the paper's, stands below."
+    )]  # fmt: skip
+    if rows.rows:
+        table = rows.table(
+            "Paired differences",
+            ["of the same homes", "first", "second", "difference", "95 %", "ratio", "n", "so"],
+            "First minus second and first over second, unlimited picks, each with the 95 % "
+            "interval of a paired bootstrap; below a ratio the paper's own. A difference is "
+            f"settled where its interval leaves 0 out. {number_format.RULE}",
+            words=["so"],
+        )
+        blocks += [plots.forest(bars), table]
+    blocks += [b for b in (levels, ideas) if b is not None]
+    if unanswered:
+        blocks.append(Paragraph(f"Not run: {'; '.join(unanswered)}."))
+    if unlike:
+        asks = "; ".join(unlike)
+        blocks.append(Paragraph(f"Not compared, since both ran with other settings: {asks}."))
+    return Section("answers", "The questions and their answers", tuple(blocks))
+
+
+def _row(
+    rows: Rows, question: Question, metric: str, top: Arm, bottom: Arm, group: str, under: str
+) -> tuple[str, str, Interval]:
+    """Adds a row; what a drawing needs of it. under: which semantics or noise."""
+    mine, theirs = in_common(top, bottom)
+    x, y = values(mine, metric), values(theirs, metric)
+    d, ratio, k = paired_difference(x, y), paired_ratio(x, y), number_format.scale(metric)
+    published = [
+        r.published for r in paper_figures.RELATIONS
+        if (r.metric, r.top, r.bottom) == (metric, question.first, question.second)
+    ]  # fmt: skip
+    of = asked_of(top, bottom, len(mine))
+    rows.add([
+        Cell(metric, "", "strong"), number_format.number(x.mean() * k, 1), number_format.number(y.mean() * k, 1),
+        Cell(number_format.signed(d.value * k, 1), "", tone_of(metric, d)),
+        number_format.bounds(d.low * k, d.high * k, 1, plus=True) if d.told else number_format.NONE,
+        Cell(number_format.interval(ratio, 2) if ratio.told else number_format.number(ratio.value, 2),
+             f"paper {number_format.number(published[0], 2)}" if published else ""),
+        Cell(str(len(mine)), of),
+        (_so(d) or untold(x, y)) + (SO_FAR if of else ""),
+    ], group)  # fmt: skip
+    where = "" if under == NOISY else f", {under}"
+    return metric, f"{top.agent} − {bottom.agent}{where}", d
+
+
+def _so(d: Interval) -> str:
+    """What an interval settles; empty where there is none."""
+    if not d.told:
+        return ""
+    return "not settled: holds 0" if not d.sure else ("ahead" if d.low > 0 else "behind")
+
+
+def _level(i: Interval, wanted: float) -> str:
+    settled = i.low >= wanted or i.high < wanted
+    return ("reached" if i.value >= wanted else "below") + ("" if settled else ", not settled")
+
+
+def _other_noise(arms: Sequence[Arm]) -> Iterator[tuple[Arm, Arm, str]]:
+    """The agents of the primary claim under every other noise that both were run under."""
+    (one, semantics), (other, _) = QUESTIONS[0].first, QUESTIONS[0].second
+    main = plain_arm(arms, "ovmm", one, semantics)
+    for top in arms:
+        if main is None or top.condition == main.condition or top.noise is None:
+            continue
+        if (top.benchmark, top.agent, top.settings) != ("ovmm", one, main.settings):
+            continue
+        same = [a for a in arms if a.condition == top.condition and a.agent == other]
+        bottom = min(same, key=Arm.plainness, default=None)
+        if bottom is not None and in_common(top, bottom)[0]:
+            homes = [] if top.preset == main.preset else [f"homes {top.preset}"]
+            yield top, bottom, ", ".join([*_noise_of(top), *homes]) or "other noise"
+
+
+def _noise_of(arm: Arm) -> list[str]:
+    """What differs from the noise of the preset."""
+    return [] if arm.noise is None else noise_parts(arm.noise)
+
+
+def _levels(arms: Sequence[Arm]) -> Table | None:
+    rows = Rows()
+    for name, who, wanted in LEVELS:
+        arm = plain_arm(arms, "ovmm", *who)
+        if arm is None or _noise_of(arm) or _own_settings(arm):
+            continue
+        met = values(arm.records, "SR")
+        i = wilson(int(met.sum()), len(met))
+        rows.add([
+            name, number_format.number(100 * i.value, 1), number_format.bounds(100 * i.low, 100 * i.high, 1),
+            f"≥ {100 * wanted:g}", count(arm), _level(i, wanted) + ("" if arm.whole else SO_FAR),
+        ])  # fmt: skip
+    return rows.table(
+        "Success rate against what this project wants",
+        ["SR of", "here", "95 %", "wanted", "n", "so"],
+        "Percent, with the 95 % Wilson interval; settled where the interval leaves the wanted out.",
+        words=["so"],
+    ) if rows.rows else None  # fmt: skip
+
+
+def _ideas(arms: Sequence[Arm]) -> Table | None:
+    """What is not the paper's, against the paper's method under the same noise."""
+    base = plain_arm(arms, "ovmm", "helios", NOISY)
+    if base is None or _own_settings(base):
+        return None
+    rows = Rows()
+    for arm in arms:
+        if arm.condition != base.condition or not _is_idea(arm, base):
+            continue
+        mine, theirs = in_common(arm, base)
+        if not mine:
+            continue
+        cells, settled = [], []
+        for metric in IDEA_METRICS:
+            d = paired_difference(values(mine, metric), values(theirs, metric))
+            k, digits, tone = (
+                number_format.scale(metric),
+                METRICS[metric].digits,
+                tone_of(metric, d),
+            )
+            note = number_format.bounds(d.low * k, d.high * k, digits, plus=True) if d.told else ""
+            cells.append(Cell(number_format.signed(d.value * k, digits), note, tone))
+            if tone:
+                settled.append(f"{metric} {'better' if tone == 'good' else 'worse'}")
+        of = asked_of(arm, base, len(mine))
+        so = (", ".join(settled) or "nothing settled") + (SO_FAR if of else "")
+        rows.add([arm.label, *cells, Cell(str(len(mine)), of), so])
+    return rows.table(
+        "Ideas beyond the paper, against the paper's method",
+        ["idea − helios", *IDEA_METRICS, "n", "so"],
+        "Difference of the means over the same homes, percent points or the metric's unit, with "
+        "the 95 % interval of a paired bootstrap; of collisions and steps less is better. Not "
+        f"corrected for the number of ideas: of twenty without effect one would look settled in "
+        f"any one metric. {number_format.RULE}",
+        words=["so"],
+    ) if rows.rows else None  # fmt: skip
+
+
+def _own_settings(arm: Arm) -> dict[str, Setting]:
+    """Settings of the method; those of the homes and the camera are conditions for all."""
+    return {k: v for k, v in arm.settings if k not in (MAX_STEPS, SENSOR)}
+
+
+def _is_idea(arm: Arm, base: Arm) -> bool:
+    """An agent beyond the paper, or settings that the paper did not sweep."""
+    changed = {k: v for k, v in _own_settings(arm).items() if (k, v) not in base.settings}
+    if arm.agent not in KNOWN:
+        return True
+    swept = {row.setting for table in paper_figures.SWEEPS for row in table.rows}
+    return arm.agent == base.agent and any(
+        (k.rpartition(".")[2], v) not in swept for k, v in changed.items()
+    )

@@ -1,0 +1,201 @@
+"""A run: which episodes are wanted, which are there already, and what is left behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+import time
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from helios_core.atomic_file import write_file
+from helios_core.errors import InvalidInput
+from rich.console import Console
+
+from helios_eval import run_folder
+from helios_eval.episodes import episode_record, failure_snapshot, home_presets, service_settings
+from helios_eval.episodes.episode_record import Benchmark, EpisodeRecord, Noise, Semantics, Setting
+from helios_eval.episodes.episode_spec import EpisodeSpec
+from helios_eval.episodes.service_settings import that_change
+from helios_eval.provenance import commit, machine
+from helios_eval.report import write_report
+from helios_eval.report.requested_episodes import KEYS, commands_of, orders_of
+from helios_eval.report.run_description import RUN, run_of
+from helios_eval.runs import results
+from helios_eval.runs.process_pool import Outcome, play_all
+from helios_eval.runs.progress import Board
+from helios_eval.runs.results import Picks
+
+_LIBRARIES = ("numpy", "mujoco", "numba", "opencv-python-headless", "scipy", "protobuf")
+
+
+@dataclass(frozen=True)
+class Run:
+    """What `helios eval` was asked for."""
+
+    benchmark: Benchmark
+    agents: tuple[str, ...]
+    picks: tuple[Picks, ...]
+    semantics: Semantics
+    preset: str
+    episodes: int
+    seed0: int
+    out: Path
+    jobs: int
+    noise: Noise | None
+    settings: dict[str, Setting]
+    ray: str | None = None
+
+    def specs(self) -> list[EpisodeSpec]:
+        """Home by home, so that a run that is cut short has compared its agents."""
+        return [
+            EpisodeSpec(
+                self.benchmark,
+                agent,
+                self.semantics,
+                self.preset,
+                seed,
+                self.noise,
+                that_change(agent, self.settings),
+            )
+            for seed in range(self.seed0, self.seed0 + self.episodes)
+            for agent in self.agents
+        ]
+
+
+def run(asked: Run, console: Console) -> list[EpisodeRecord]:
+    """Play what is missing, then write results and report; the records of this run's episodes.
+
+    Whatever ends it, results and report are left of the episodes that are there. Raises Unavailable
+    where nothing can be played or written, WrongUse for a file, InvalidInput for a folder that
+    holds something else or episodes that cannot be gone on with, Conflict for one into which
+    another run plays, and KeyboardInterrupt when it was interrupted.
+    """
+    with run_folder.held(asked.out):
+        return _run(asked, console)
+
+
+def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
+    specs = asked.specs()
+    there = episode_record.read(asked.out)
+    check_goes_on(asked, there, run_of(asked.out))
+    known = {r.key: r for r in there}
+    missing = [spec for spec in specs if spec.key not in known]
+    here = commit()
+    began = time.time()
+    with run_folder.writing(asked.out):
+        note(asked, here, began, None)
+    where = "on Ray" if asked.ray else f"{asked.jobs} at a time"
+    board = Board(console, [known[s.key] for s in specs if s.key in known], specs, where)
+    try:
+        if missing:
+            with closing(_outcomes(asked, missing, here)) as outcomes, board:
+                for spec, came in outcomes:
+                    played = lost(spec, came, here) if isinstance(came, str) else came.record
+                    with run_folder.writing(asked.out):
+                        if not isinstance(came, str) and came.keepsake is not None:
+                            _keep(asked.out, came.keepsake)
+                        episode_record.append(asked.out, played)
+                    known[spec.key] = played
+                    board.add(played)
+    finally:
+        with run_folder.writing(asked.out):
+            note(asked, here, began, time.time() - began)
+            if there := episode_record.read(asked.out):
+                results.write(asked.out, there, asked.picks)
+                write_report(asked.out)
+    return [known[spec.key] for spec in specs]
+
+
+def check_goes_on(asked: Run, there: Sequence[EpisodeRecord], former: Mapping[str, Any]) -> None:
+    """Raises InvalidInput where what is there was played in homes, or under noise, that have the
+    same name and other contents, or by an agent that ran with other settings. Another commit is no
+    hindrance: every episode knows its own. Nor is a setting that is new since then."""
+    for agent in {r.agent for r in there} & set(asked.agents):
+        now, before = service_settings.ran_with(agent), former.get("ran_with", {}).get(agent, {})
+        for name in sorted(now.keys() & before.keys()):
+            if now[name] != before[name]:
+                raise InvalidInput(
+                    f"{asked.out} holds episodes that {agent} played with {name} = {before[name]}; "
+                    f"it is {now[name]} here, so this run cannot go on from them; take another "
+                    "folder"
+                )
+    digest = home_presets.digest_of(asked.preset)
+    for r in there:
+        if r.preset == asked.preset and r.preset_hash != digest:
+            what, was, now = f"preset {r.preset}", r.preset_hash, digest
+        elif asked.noise and r.noise and _renewed(r.noise, asked.noise):
+            what, was, now = f"noise table {r.noise.table}", r.noise.digest, asked.noise.digest
+        else:
+            continue
+        raise InvalidInput(
+            f"{asked.out} holds episodes of another {what} ({was[:12]}; here it is {now[:12]}), so "
+            "this run cannot go on from them; take another folder"
+        )
+
+
+def _renewed(was: Noise, now: Noise) -> bool:
+    return was.table == now.table and was.digest != now.digest
+
+
+def lost(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
+    """The record of an episode that could not be played."""
+    return EpisodeRecord(
+        benchmark=spec.benchmark, agent=spec.agent, semantics=spec.semantics, preset=spec.preset,
+        seed=spec.seed, noise=spec.noise, settings=spec.settings, instruction="", object_class="",
+        find_object=False, pick=False, find_receptacle=False, place=False, success=False,
+        collisions=0, steps=0, path_m=0.0, picks=0, cause="system error", state="failed",
+        message=why, wall_s=0.0, step_ms=0.0, commit=here, preset_hash=home_presets.digest_of(spec.preset),
+        structure_hash="",
+    )  # fmt: skip
+
+
+def note(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
+    """`run.json`: what was asked, of which program, on what."""
+    command = ["helios", *sys.argv[1:]]
+    former = run_of(asked.out)
+    before = [c for c in commands_of(former) if c != command]
+    plain = asdict(asked) | {"noise": asked.noise.model_dump() if asked.noise else None}
+    order = json.loads(json.dumps({key: plain[key] for key in KEYS}))
+    told: dict[str, Any] = plain | {
+        "out": str(asked.out),
+        "asked": [*(o for o in orders_of(former) if o != order), order],
+        "ran_with": former.get("ran_with", {})
+        | {agent: service_settings.ran_with(agent) for agent in asked.agents},
+        "command": command,
+        "commands": [*before, command],
+        "commit": here,
+        "preset_hash": home_presets.digest_of(asked.preset),
+        "noise_hash": asked.noise.digest if asked.noise else None,
+        "machine": machine(),
+        "cores": os.cpu_count(),
+        "versions": {
+            "python": platform.python_version(),
+            "helios-ovmm": version("helios-ovmm"),
+            **{name: version(name) for name in _LIBRARIES},
+        },
+        "started": datetime.fromtimestamp(began_s, UTC).isoformat(timespec="seconds"),
+        "wall_s": None if wall_s is None else round(wall_s, 1),
+    }
+    write_file(asked.out / RUN, json.dumps(told, indent=1) + "\n")
+
+
+def _outcomes(asked: Run, missing: Sequence[EpisodeSpec], here: str) -> Generator[Outcome]:
+    if asked.ray is None:
+        return play_all(missing, asked.jobs, here)
+    from helios_eval.runs.ray_pool import play_all_on_ray
+
+    return play_all_on_ray(missing, asked.ray, here)
+
+
+def _keep(out: Path, kept: failure_snapshot.Keepsake) -> None:
+    """For the first failures of each agent."""
+    if len(failure_snapshot.all_of(out, kept.agent)) < failure_snapshot.MOST_KEPT:
+        failure_snapshot.save(out, kept)

@@ -1,0 +1,78 @@
+"""Several runs as one: their episodes, what was asked for, and the small form that is committed.
+
+A committed episode is a line without beliefs and times by stage: those are nine tenths of it, and
+none of the paper's tables needs them. A folder of such lines is reported anew as any other, and a
+run into a copy of it goes on from there.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from helios_client.usage_errors import WrongUse
+from helios_core.atomic_file import write_file
+from helios_core.errors import InvalidInput
+
+from helios_eval.episodes.episode_record import EPISODES, PACKED, EpisodeRecord, read
+from helios_eval.report.requested_episodes import commands_of, orders_of
+from helios_eval.report.run_description import RUN, run_of
+
+# What may differ between two times that an episode was played.
+_PASSING = {"wall_s", "step_ms", "stage_ms", "beliefs", "commit"}
+
+
+def episodes(folders: Sequence[Path]) -> list[EpisodeRecord]:
+    """Of all folders, each once. Raises WrongUse for one of several that holds none, and
+    InvalidInput where two say different things of one episode."""
+    found: dict[str, tuple[EpisodeRecord, Path]] = {}
+    for folder in folders:
+        there = read(folder)
+        if not there and len(folders) > 1:
+            raise WrongUse(
+                f"{folder} holds no episode ({EPISODES} or {PACKED}); name folders of runs, or "
+                "leave it out"
+            )
+        for record in there:
+            first, where = found.setdefault(record.key, (record, folder))
+            if first.model_dump(exclude=_PASSING) != record.model_dump(exclude=_PASSING):
+                raise InvalidInput(
+                    f"seed {record.seed} of {record.agent} went differently in {where} and in "
+                    f"{folder}; leave one of them out"
+                )
+    return [record for record, _ in found.values()]
+
+
+def run(folders: Sequence[Path]) -> dict[str, Any]:
+    """`run.json` of all: of one folder its own; of several their commands, and what they share."""
+    runs = [run_of(folder) for folder in folders]
+    if len(runs) == 1:
+        return runs[0]
+    told = [r for r in runs if r]
+    shared = {
+        key: told[0][key]
+        for key in ("machine", "cores", "jobs", "versions")
+        if told and all(r.get(key) == told[0].get(key) for r in told) and key in told[0]
+    }
+    limits = max((r.get("picks", []) for r in told), key=len, default=[])
+    together = {"commands": [c for r in told for c in commands_of(r)], "picks": limits}
+    together |= {"asked": [order for r in told for order in orders_of(r)]}
+    ran: dict[str, Any] = {}
+    for r in told:
+        ran = r.get("ran_with", {}) | ran
+    return shared | together | ({"ran_with": ran} if ran else {})
+
+
+def pack(folder: Path, records: Sequence[EpisodeRecord], run: dict[str, Any]) -> None:
+    """Write the small form; the same episodes give the same bytes. Raises WrongUse for the folder
+    of a run, whose own episodes would hide these."""
+    if (folder / EPISODES).exists():
+        raise WrongUse(f"{folder} holds a run; give another folder with --out")
+    folder.mkdir(parents=True, exist_ok=True)
+    write_file(folder / RUN, json.dumps(run, indent=1) + "\n")
+    small = (r.model_copy(update={"beliefs": (), "stage_ms": {}}) for r in records)
+    lines = "".join(r.model_dump_json(exclude_defaults=True) + "\n" for r in small)
+    write_file(folder / PACKED, gzip.compress(lines.encode(), 9, mtime=0))

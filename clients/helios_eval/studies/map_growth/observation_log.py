@@ -1,0 +1,78 @@
+"""What the object map was told while an agent played an episode, to be told to other maps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from helios_client.usage_errors import WrongUse
+from helios_core import proto as pb
+from helios_core.codec import context_from_proto, observation_from_proto, state_from_proto
+from helios_core.topics import CONTEXT, OBSERVATION, ROBOT_STATE
+from helios_core.types import Observation, SearchContext
+
+from helios_eval.episodes import home_presets
+from helios_eval.episodes.episode_player import LONGEST_S, housed
+from helios_eval.episodes.episode_record import Setting
+from helios_eval.episodes.episode_spec import EpisodeSpec, noise_of
+from helios_eval.episodes.in_process_stack import House
+from helios_eval.studies.map_growth.simulated_walk import strided
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One frame, what was asked for, and what the robot held."""
+
+    observation: Observation
+    context: SearchContext
+    held: str
+
+
+def by_helios(preset: str, seed: int, settings: dict[str, Setting]) -> EpisodeSpec:
+    """An episode of the agent `helios` with the preset's noise. Raises InvalidInput without one."""
+    noise = noise_of(home_presets.noise_of(preset), 1.0, None)
+    return EpisodeSpec("ovmm", "helios", "noisy", preset, seed, noise, settings)
+
+
+def play(preset: str, seed: int, max_steps: int, stride_px: int) -> list[Seen]:
+    """An episode of the agent `helios` with the preset's noise.
+
+    Frames are kept on the pixels that a map with that stride takes. Raises HeliosError.
+    """
+    with housed(by_helios(preset, seed, {})) as (thread, house):
+        instruction = thread.run(lambda world: world.episode.instruction)
+        tape = recorded(house, instruction, max_steps, stride_px)
+    if not tape:
+        raise WrongUse(f"the episode of seed {seed} showed nothing in {max_steps} steps")
+    return tape
+
+
+def recorded(house: House, instruction: str, max_steps: int, stride_px: int) -> list[Seen]:
+    """What a house's object map hears during one task, on the pixels of a stride."""
+    recorder = _Recorder(stride_px)
+    bus = house.bus()
+    bus.subscribe(CONTEXT, recorder.on_context)
+    bus.subscribe(ROBOT_STATE, recorder.on_state)
+    bus.subscribe(OBSERVATION, recorder.on_observation)
+    house.run(instruction, max_steps, LONGEST_S)
+    bus.close()
+    return recorder.tape
+
+
+class _Recorder:
+    def __init__(self, stride_px: int) -> None:
+        self.tape: list[Seen] = []
+        self._stride_px = stride_px
+        self._context: SearchContext | None = None
+        self._held = ""
+
+    def on_context(self, message: pb.SearchContext) -> None:
+        self._context = context_from_proto(message)
+
+    def on_state(self, message: pb.RobotState) -> None:
+        self._held = state_from_proto(message).held
+
+    def on_observation(self, message: pb.Observation) -> None:
+        observation = observation_from_proto(message)
+        if self._context is not None and self._context.id == observation.context_id:
+            seen = strided(observation, self._stride_px)
+            self.tape.append(Seen(seen, self._context, self._held))

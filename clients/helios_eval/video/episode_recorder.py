@@ -1,0 +1,67 @@
+"""Plays one episode and films it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from helios_sim.failure_causes import Said
+
+from helios_eval.episodes.episode_judgement import verdict
+from helios_eval.episodes.episode_player import LONGEST_S, housed
+from helios_eval.episodes.episode_spec import EpisodeSpec
+from helios_eval.video.bus_observer import Watcher, glides
+from helios_eval.video.frame_content import Scene
+from helios_eval.video.frame_layout import HEIGHT, WIDTH, frame_picture
+from helios_eval.video.mp4_writer import VideoFile
+
+FIRST_S, LAST_S = 1.0, 3.0  # for which the first and the last frame stand
+
+
+def film(
+    spec: EpisodeSpec, out: Path, fps: float, on_step: Callable[[int], None] = lambda _: None
+) -> str:
+    """Writes the video of an agent of the planner; returns the verdict. Raises HeliosError."""
+    with housed(spec) as (thread, house), VideoFile(out, WIDTH, HEIGHT, fps) as video:
+        world = thread.run(lambda w: w)
+        last: Scene | None = None
+
+        def shoot(scene: Scene) -> None:
+            nonlocal last
+            scene = replace(scene, step=world.progress.steps)
+            if last is None:
+                video.write(frame_picture(scene), max(0, round(FIRST_S * fps) - 1))
+            for between in glides(last, scene):
+                video.write(frame_picture(between))
+            video.write(frame_picture(scene))
+            last = scene
+            on_step(scene.step)
+
+        broken: list[Exception] = []  # a bus only logs what its listeners raise
+
+        def shoot_or_note(scene: Scene) -> None:
+            try:
+                shoot(scene)
+            except Exception as error:
+                broken.append(error)
+
+        watcher = Watcher(house.bus(), _title(spec), shoot_or_note)
+        task = house.run(world.episode.instruction, spec.max_steps, LONGEST_S)
+        if broken:
+            raise broken[0]
+        said = Said(task.state, task.cause, task.message)
+        found = thread.run(lambda w: verdict(spec.benchmark, w, said, spec.max_steps))
+        told = "the truth: success" if found.success else f"the truth: {found.cause}"
+        end = replace(
+            watcher.now(), task=task, step=world.progress.steps, verdict=told,
+            right=found.success,
+        )  # fmt: skip
+        watcher.close()
+        video.write(frame_picture(end), max(1, round(LAST_S * fps)))
+        return told
+
+
+def _title(spec: EpisodeSpec) -> str:
+    seen = "noisy detector" if spec.noise else "ground-truth detector"
+    return f"{spec.agent} · home {spec.seed} of {spec.preset} · {seen}"

@@ -1,0 +1,71 @@
+"""`helios eval video`"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def video(
+    seed: Annotated[int, typer.Option(help="of the home", min=0, max=99_999)],
+    out: Annotated[
+        Path | None, typer.Option(help="file to write  [default: runs/video/AGENT-SEED.mp4]")
+    ] = None,
+    preset: Annotated[str, typer.Option(help="kind of home")] = "ovmm-v1",
+    agent: Annotated[str, typer.Option(help="who plays")] = "helios",
+    semantics: Annotated[str, typer.Option(help="noisy or ground-truth")] = "noisy",
+    benchmark: Annotated[str, typer.Option(help="ovmm or objectnav")] = "ovmm",
+    fps: Annotated[float, typer.Option(help="frames a second", min=1, max=60)] = 8.0,
+    noise_table: Annotated[
+        str | None, typer.Option("--noise", help="noise table  [default: the preset's]")
+    ] = None,
+    noise_level: Annotated[float, typer.Option(help="multiplies the noise", min=0, max=10)] = 1.0,
+    noise_correlation: Annotated[
+        float | None, typer.Option(help="1: errors stay, 0: drawn per frame")
+    ] = None,
+    sensor: Annotated[
+        str, typer.Option(help="noise of camera and pose: none or realistic")
+    ] = "none",
+    assignments: Annotated[
+        list[str] | None, typer.Option("--set", help="setting of a service: a=1")
+    ] = None,
+    max_steps: Annotated[
+        int | None, typer.Option(help="actions the episode may take", min=1)
+    ] = None,
+) -> None:
+    """Play one episode and film it. Camera, maps and decisions side by side."""
+    from helios_client.usage_errors import WrongUse
+    from rich.console import Console
+
+    from helios_eval.episodes.conditions import checked
+    from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec
+    from helios_eval.episodes.service_settings import that_change
+    from helios_eval.video.episode_recorder import film
+    from helios_eval.video.progress import counted
+
+    under = checked(
+        [agent], benchmark, semantics=semantics, preset=preset, table=noise_table,
+        level=noise_level, correlation=noise_correlation, sensor=sensor,
+        assignments=assignments or [], max_steps=max_steps,
+    )  # fmt: skip
+    agent = under.agents[0]
+    if agent == WALKER:
+        raise WrongUse(f"{agent} has no maps to film; choose another agent")
+    path = out or Path("runs/video") / f"{agent}-{seed}.mp4"
+    if path.suffix.lower() != ".mp4":
+        raise WrongUse(f"--out is {str(path)!r}; a video is written as FILE.mp4")
+    asked = EpisodeSpec(
+        under.benchmark,
+        agent,
+        under.semantics,
+        under.preset,
+        seed,
+        under.noise,
+        that_change(agent, under.settings),
+    )
+    console = Console()
+    with counted(console, f"home {seed}", asked.max_steps) as on_step:
+        told = film(asked, path, fps, on_step)
+    console.print(f"{told}; written to {path}", highlight=False)
