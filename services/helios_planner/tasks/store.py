@@ -21,7 +21,6 @@ from typing import Any, TypeVar
 
 from google.protobuf.message import DecodeError
 from helios_core import proto as pb
-from helios_core.topics import M
 
 from helios_planner.tasks.database import MAKE_ROOM, has_room, opened, remedy, shorten_log
 from helios_planner.tasks.write_proof import Proof
@@ -46,7 +45,7 @@ log = logging.getLogger(__name__)
 _PUT = "INSERT OR REPLACE INTO tasks VALUES (?, ?, ?, ?)"
 _SETTLE = "DELETE FROM journal WHERE task_id = ?"
 Statement = tuple[str, tuple]
-M = TypeVar("M", pb.Task, pb.Decision)
+Row = TypeVar("Row", pb.Task, pb.Decision)
 
 
 class Store:
@@ -253,7 +252,7 @@ def _row(task: pb.Task) -> tuple:
     return task.id, task.created_s, task.state, task.SerializeToString()
 
 
-def _decoded(kind: type[M], row: bytes, what: str) -> M | None:
+def _decoded(kind: type[Row], row: bytes, what: str) -> Row | None:
     try:
         return kind.FromString(row)
     except DecodeError as error:
