@@ -2,7 +2,7 @@
 
 import sys
 
-from helios_client.interrupts import ignore_interrupts, noted_interrupts
+from helios_client.interrupt_signals import ignore_interrupts, noted_interrupts
 from helios_client.quick_stop import main as quick_stop
 
 

@@ -13,7 +13,6 @@ from typing import Annotated, Any
 
 import typer
 
-from helios_client.arguments import EVERYWHERE, leading
 from helios_client.commands.assets import app as assets_app
 from helios_client.commands.evaluation import app as judge_app
 from helios_client.commands.hangup_signal import HungUp
@@ -21,11 +20,12 @@ from helios_client.commands.map import app as map_app
 from helios_client.commands.map import objects_app
 from helios_client.commands.movement import app as moves_app
 from helios_client.commands.robot import app as robot_app
-from helios_client.commands.run import app as run_app
 from helios_client.commands.shared_options import say
+from helios_client.commands.start_services import app as run_app
 from helios_client.commands.tasks import app as tasks_app
 from helios_client.commands.why import app as why_app
-from helios_client.interrupts import NUMBERS, Bursts, ignore_interrupts
+from helios_client.interrupt_signals import NUMBERS, Bursts, ignore_interrupts
+from helios_client.leading_options import EVERYWHERE, leading
 
 INTERRUPTED = 130
 

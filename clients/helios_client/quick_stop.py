@@ -12,7 +12,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from helios_client.arguments import leading
+from helios_client.leading_options import leading
 
 if TYPE_CHECKING:
     from http.client import HTTPConnection

@@ -17,10 +17,10 @@ from helios_bridge.settings import Settings
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import RobotDriver
-from helios_detector.model_interfaces import DetectorOptions
+from helios_detector.backend import DetectorOptions
 from helios_detector.model_loading import open_detector, open_scorer
 
-from helios_contract import chosen
+from helios_contract import command_line_choice
 from helios_contract.bench import DetectorBench, ScorerBench
 from helios_contract.rig import Rig
 
@@ -86,26 +86,26 @@ def _choose(args: argparse.Namespace) -> str:
     options, pictures = DetectorOptions(), tuple(_picture(path) for path in args.image)
     if args.detector:
         names = tuple(name.strip() for name in args.classes.split(",") if name.strip())
-        chosen.detector = DetectorBench(
+        command_line_choice.detector = DetectorBench(
             lambda: open_detector(args.detector, options),
             pictures,
             not args.random,
             classes=names,
         )
-        _ = chosen.detector.detector  # what cannot be opened is no failed claim
+        _ = command_line_choice.detector.detector  # what cannot be opened is no failed claim
         return "any_detector.py"
     if args.scorer:
-        chosen.scorer = ScorerBench(
+        command_line_choice.scorer = ScorerBench(
             lambda: open_scorer(args.scorer, options), pictures, not args.random
         )
-        _ = chosen.scorer.scorer
+        _ = command_line_choice.scorer.scorer
         return "any_scorer.py"
     settings = Settings(driver=args.driver, address=args.address)
 
     def start() -> closing[RobotDriver]:
         return closing(load_driver(settings, MemoryBus(MemoryHub())))
 
-    chosen.rig = Rig(
+    command_line_choice.rig = Rig(
         load_driver(settings, MemoryBus(MemoryHub())),
         args.forward_m, args.turn_rad, args.tolerance_m, args.tolerance_rad,
         args.depth_tolerance_m, started_again=start if args.start_twice else None,

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from helios_core.geometry import Pinhole, camera_on_base, se2_to_se3
 from helios_core.types import Frame, FrameId, Role, SearchClass, SearchContext
-from helios_detector.model_interfaces import DetectorBackend, ScorerBackend
+from helios_detector.backend import DetectorBackend, ScorerBackend
 from helios_examples.room import look
 
 B = TypeVar("B", DetectorBackend, ScorerBackend)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import pytest
 
 pytest.register_assert_rewrite(
-    "helios_contract.back_end", "helios_contract.detecting", "helios_contract.scoring"
+    "helios_contract.model_claims",
+    "helios_contract.detector_claims",
+    "helios_contract.scorer_claims",
 )
 
-from helios_contract.detecting import DetectorContract  # noqa: E402 - after the line above
-from helios_contract.scoring import ScorerContract  # noqa: E402
+from helios_contract.detector_claims import DetectorContract  # noqa: E402 - after the line above
+from helios_contract.scorer_claims import ScorerContract  # noqa: E402
 
 __all__ = ["DetectorContract", "ScorerContract"]

@@ -11,13 +11,13 @@ import pytest
 _CLAIMS = ("describing", "hosted", "moving", "origin", "seeing", "stopping")
 pytest.register_assert_rewrite(*(f"helios_contract.{name}" for name in _CLAIMS))
 
-from helios_contract.describing import Describing  # noqa: E402 - so that asserts say their values
-from helios_contract.hosted import Hosted  # noqa: E402
-from helios_contract.moving import Moving  # noqa: E402
-from helios_contract.origin import Origin  # noqa: E402
+from helios_contract.bridge_claims import Hosted  # noqa: E402
+from helios_contract.camera_claims import Seeing  # noqa: E402
+from helios_contract.description_claims import Describing  # noqa: E402 - so that asserts say their values
+from helios_contract.motion_claims import Moving  # noqa: E402
+from helios_contract.pose_origin_claims import Origin  # noqa: E402
 from helios_contract.rig import Rig  # noqa: E402
-from helios_contract.seeing import Seeing  # noqa: E402
-from helios_contract.stopping import Stopping  # noqa: E402
+from helios_contract.stop_claims import Stopping  # noqa: E402
 
 
 class DriverContract(Describing, Origin, Seeing, Moving, Stopping, Hosted):

@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from helios_client.screen import Screen
+from helios_client.terminal_output import Screen
 from helios_client.usage_errors import WrongUse
 from helios_core.errors import InvalidInput
 
 from helios_eval import run_folder as run_folder
 from helios_eval.calibration.command import calibration
-from helios_eval.episodes.conditions import checked
 from helios_eval.episodes.episode_record import Benchmark, read
+from helios_eval.episodes.run_conditions import checked
 from helios_eval.report import MARKDOWN, write_report_of
 from helios_eval.runs import merge_runs, results
 from helios_eval.runs.evaluation_run import Run, run

@@ -6,7 +6,7 @@ helios up --scorer helios_examples.on_furniture:OnFurniture
 from collections.abc import Mapping, Sequence
 
 from helios_core.types import Frame
-from helios_detector.model_interfaces import ScorerBackend, Seen
+from helios_detector.backend import ScorerBackend, Seen
 
 FURNITURE = {"table", "shelf", "desk", "counter", "nightstand", "side table", "sofa"}
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from helios_core.errors import InvalidInput
 from helios_core.types import Detection, Frame, SearchContext
-from helios_detector.model_interfaces import DetectorBackend, DetectorOptions, Findings, Seen
+from helios_detector.backend import DetectorBackend, DetectorOptions, Findings, Seen
 from numpy.typing import NDArray
 
 PAINTS = {"table": (40, 70, 200), "box": (210, 40, 40), "shelf": (50, 150, 70)}  # RGB

@@ -6,7 +6,7 @@ import sys
 
 from helios_core.service_process import run_service
 
-from helios_replay.answers import RecordedDetector
+from helios_replay.recorded_detector import RecordedDetector
 from helios_replay.settings import Settings
 
 if __name__ == "__main__":

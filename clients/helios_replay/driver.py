@@ -23,14 +23,14 @@ from helios_core.robot import (
 from helios_core.topics import CONTEXT, ROBOT_STATE
 from helios_core.types import RobotDescription, RobotState
 
-from helios_replay.opening import open_source
-from helios_replay.source import Part
+from helios_replay.format_detection import open_source
+from helios_replay.replay_source import Part
 
 REMEMBERED = 256  # results of actions
 
 
 class ReplayDriver(RobotDriver):
-    """Plays what `helios_replay.opening.open_source` can open. Raises InvalidInput if it cannot.
+    """Plays what `helios_replay.format_detection.open_source` can open. Raises InvalidInput if it cannot.
 
     An image that cannot be read raises InvalidInput from `capture`, once; the next capture gives
     the next image.

@@ -17,9 +17,16 @@ from typing import Any
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.geometry import Matrix
 
+from helios_replay.replay_source import (
+    DEFAULT_MAX_DEPTH_M,
+    Images,
+    Part,
+    Picture,
+    Shot,
+    left_out_of,
+)
 from helios_replay.ros_images import Lens, color_of, depth_of, stamp_ns
 from helios_replay.ros_poses import FARTHEST_S, Poses
-from helios_replay.source import DEFAULT_MAX_DEPTH_M, Images, Part, Picture, Shot, left_out_of
 
 CLOSE_NS = 20_000_000  # colour and depth of one image
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")

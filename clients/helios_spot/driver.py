@@ -28,14 +28,14 @@ from helios_core.robot import (
 )
 from helios_core.types import RobotDescription, RobotState
 
-from helios_spot.arm import TILT_RANGE_RAD, looking_pose
-from helios_spot.control import Control
-from helios_spot.frames import NOMINAL_BODY_HEIGHT_M
-from helios_spot.halt import Halt, Halted
-from helios_spot.hand import Hand
-from helios_spot.images import Eyes
-from helios_spot.link import Link
+from helios_spot.arm_poses import TILT_RANGE_RAD, looking_pose
+from helios_spot.frame_transforms import NOMINAL_BODY_HEIGHT_M
+from helios_spot.grasping import Hand
+from helios_spot.halt_conditions import Halt, Halted
 from helios_spot.motion import CannotDo, Motion
+from helios_spot.posed_images import Eyes
+from helios_spot.robot_connection import Link
+from helios_spot.robot_control import Control
 from helios_spot.settings import SpotSettings
 from helios_spot.waypoints import Waypoint, between, goal_of
 

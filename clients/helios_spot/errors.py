@@ -15,60 +15,60 @@ from helios_core.errors import (
     Unavailable,
 )
 
-from helios_spot import api
+from helios_spot import bosdyn_api
 
-_SDK_ERRORS: tuple[type[Exception], ...] = (api.exceptions.Error, api.lease.Error)
+_SDK_ERRORS: tuple[type[Exception], ...] = (bosdyn_api.exceptions.Error, bosdyn_api.lease.Error)
 
 # The first that fits counts. {host}: the robot; {owner}: who holds its lease; {error}: in its words
 _SENTENCES: tuple[tuple[Any, type[HeliosError], str], ...] = (
-    (api.auth.InvalidLoginError, InvalidInput,
+    (bosdyn_api.auth.InvalidLoginError, InvalidInput,
      "the robot refuses this name and password; mend HELIOS_SPOT_USERNAME and "
      "HELIOS_SPOT_PASSWORD (or the credentials file), then start again"),
-    (api.auth.TemporarilyLockedOutError, InvalidInput,
+    (bosdyn_api.auth.TemporarilyLockedOutError, InvalidInput,
      "the robot has locked this user out after too many wrong passwords; wait some minutes, mend "
      "the login, then start again"),
-    ((api.exceptions.UnauthenticatedError, api.auth.InvalidTokenError), Unavailable,
+    ((bosdyn_api.exceptions.UnauthenticatedError, bosdyn_api.auth.InvalidTokenError), Unavailable,
      "the robot does not accept our login any more; restart the bridge to log in anew"),
-    (api.lease.ResourceAlreadyClaimedError, Conflict,
+    (bosdyn_api.lease.ResourceAlreadyClaimedError, Conflict,
      "{owner} holds the robot's lease; have it released there (tablet: power menu, release "
      "control), or set HELIOS_SPOT_LEASE=take"),
-    ((api.exceptions.LeaseUseError, api.lease.NoSuchLease, api.lease.LeaseNotOwnedByWallet,
-      api.lease.LeaseResponseError), Conflict,
+    ((bosdyn_api.exceptions.LeaseUseError, bosdyn_api.lease.NoSuchLease, bosdyn_api.lease.LeaseNotOwnedByWallet,
+      bosdyn_api.lease.LeaseResponseError), Conflict,
      "{owner} has taken the robot's lease; it obeys them alone until they release it"),
-    (api.power.EstoppedError, Conflict,
+    (bosdyn_api.power.EstoppedError, Conflict,
      "an e-stop is pressed; release it on the tablet, or set HELIOS_SPOT_ESTOP=endpoint"),
-    (api.power.KeepaliveMotorsOffError, Conflict,
+    (bosdyn_api.power.KeepaliveMotorsOffError, Conflict,
      "a keep-alive policy of the robot keeps its motors off; end it on the tablet"),
-    (api.power.ShorePowerConnectedError, Conflict,
+    (bosdyn_api.power.ShorePowerConnectedError, Conflict,
      "the robot hangs on its charging cable; unplug it"),
-    (api.power.BatteryMissingError, Conflict, "the robot has no battery; put one in"),
-    (api.power.FaultedError, Conflict,
+    (bosdyn_api.power.BatteryMissingError, Conflict, "the robot has no battery; put one in"),
+    (bosdyn_api.power.FaultedError, Conflict,
      "a fault keeps the motors off; read and clear it on the tablet"),
-    ((api.power.PowerError, api.power.PowerResponseError, api.exceptions.LicenseError), Conflict,
+    ((bosdyn_api.power.PowerError, bosdyn_api.power.PowerResponseError, bosdyn_api.exceptions.LicenseError), Conflict,
      "the motors did not come on ({error}); look at the robot's power menu on the tablet"),
-    (api.robot_command.NotPoweredOnError, Conflict,
+    (bosdyn_api.robot_command.NotPoweredOnError, Conflict,
      "the motors are off; switch them on at the tablet, or set HELIOS_SPOT_POWER=on"),
-    (api.robot_command.ExpiredError, DeadlineExceeded,
+    (bosdyn_api.robot_command.ExpiredError, DeadlineExceeded,
      "the robot got the command after its end: the network is too slow, or a clock has jumped; "
      "the clocks are compared anew, send the action again"),
-    ((api.robot_command.NoTimeSyncError, api.robot_command.TooDistantError,
-      api.time_sync.TimeSyncError), Unavailable,
+    ((bosdyn_api.robot_command.NoTimeSyncError, bosdyn_api.robot_command.TooDistantError,
+      bosdyn_api.time_sync.TimeSyncError), Unavailable,
      "the robot's clock and ours cannot be brought together; see whether its time-sync service "
      "runs (tablet: about, services), then try again"),
-    (api.robot_command.BehaviorFaultError, Conflict,
+    (bosdyn_api.robot_command.BehaviorFaultError, Conflict,
      "the robot fell or has a behaviour fault; set it upright and clear the fault on the tablet"),
-    (api.robot_command.DockedError, Conflict, "the robot is docked; undock it"),
-    (api.image.UnknownImageSourceError, Unavailable,
+    (bosdyn_api.robot_command.DockedError, Conflict, "the robot is docked; undock it"),
+    (bosdyn_api.image.UnknownImageSourceError, Unavailable,
      "a camera of the robot is gone; look at its faults on the tablet"),
-    (api.image.ImageResponseError, Unavailable,
+    (bosdyn_api.image.ImageResponseError, Unavailable,
      "a camera of the robot gives no image now ({error}); try again"),
-    (api.robot.UnregisteredServiceError, Unavailable,
+    (bosdyn_api.robot.UnregisteredServiceError, Unavailable,
      "the robot does not offer a service that is needed ({error}); it may still be starting, or "
      "have no arm"),
-    (api.exceptions.PersistentRpcError, Unavailable,
+    (bosdyn_api.exceptions.PersistentRpcError, Unavailable,
      "the robot at {host} cannot be talked to ({error}); check HELIOS_SPOT_HOST, and "
      "HELIOS_SPOT_CA_FILE if you set it"),
-    ((api.exceptions.RpcError, api.exceptions.ServerError), Unavailable,
+    ((bosdyn_api.exceptions.RpcError, bosdyn_api.exceptions.ServerError), Unavailable,
      "no answer from the robot at {host}; check that it is on and the network reaches it. A walk "
      "ends by itself when it is not renewed"),
 )  # fmt: skip

@@ -14,10 +14,10 @@ import numpy as np
 from helios_core.errors import DeadlineExceeded, HeliosError
 from helios_core.geometry import Matrix
 
-from helios_spot import api
-from helios_spot.frames import FLAT_BODY, VISION
-from helios_spot.halt import Halt, Halted
-from helios_spot.link import Link
+from helios_spot import bosdyn_api
+from helios_spot.frame_transforms import FLAT_BODY, VISION
+from helios_spot.halt_conditions import Halt, Halted
+from helios_spot.robot_connection import Link
 from helios_spot.waypoints import Waypoint, between, reached, time_allowed_s
 
 log = logging.getLogger(__name__)
@@ -37,7 +37,7 @@ class Motion:
 
     def __init__(self, link: Link, halt: Halt) -> None:
         self._link, self._halt, self._s = link, halt, link.settings
-        self._build = api.robot_command.RobotCommandBuilder
+        self._build = bosdyn_api.robot_command.RobotCommandBuilder
 
     def stop(self) -> None:
         """Stand still at once, where it is. Raises HeliosError when the robot does not hear."""
@@ -54,7 +54,7 @@ class Motion:
 
     def stand(self) -> None:
         """Get up. Raises CannotDo."""
-        done = api.basic_command_pb2.StandCommand.Feedback.STATUS_IS_STANDING
+        done = bosdyn_api.basic_command_pb2.StandCommand.Feedback.STATUS_IS_STANDING
         id = self._send(self._build.synchro_stand_command(), "stand up")
         end = time.monotonic() + STAND_S
         while time.monotonic() < end:
@@ -67,7 +67,7 @@ class Motion:
 
     def walk(self, start: Waypoint, goal: Waypoint) -> None:
         """To a waypoint, at bounded speed. Raises CannotDo when something is in the way."""
-        stopped = api.basic_command_pb2.SE2TrajectoryCommand.Feedback.STATUS_STOPPED
+        stopped = bosdyn_api.basic_command_pb2.SE2TrajectoryCommand.Feedback.STATUS_STOPPED
         command = self._build.synchro_se2_trajectory_point_command(
             goal.x_m, goal.y_m, goal.yaw_rad, VISION, params=self._mobility()
         )
@@ -97,7 +97,7 @@ class Motion:
 
         Raises CannotDo.
         """
-        m = api.math_helpers.SE3Pose.from_matrix(np.asarray(T_frame_hand))
+        m = bosdyn_api.math_helpers.SE3Pose.from_matrix(np.asarray(T_frame_hand))
         seconds = max(1.0, from_m / self._s.arm_m_s)
         command = self._build.arm_pose_command_from_pose(m.to_proto(), frame, seconds=seconds)
         cartesian = command.synchronized_command.arm_command.arm_cartesian_command
@@ -157,7 +157,10 @@ class Motion:
 
     def _trajectory(self, id: int) -> Any:
         mobility = self._feedback(id, "walk").mobility_command_feedback
-        if mobility.status == api.basic_command_pb2.RobotCommandFeedbackStatus.STATUS_ROBOT_FROZEN:
+        if (
+            mobility.status
+            == bosdyn_api.basic_command_pb2.RobotCommandFeedbackStatus.STATUS_ROBOT_FROZEN
+        ):
             raise DeadlineExceeded("cannot walk: the robot is frozen; look at it")
         return mobility.se2_trajectory_feedback
 
@@ -178,7 +181,7 @@ def arm_done(feedback: Any) -> bool | None:
     kind = feedback.WhichOneof("feedback")
     if kind is None:
         return None
-    a, status = api.arm_command_pb2, getattr(feedback, kind).status
+    a, status = bosdyn_api.arm_command_pb2, getattr(feedback, kind).status
     cartesian = a.ArmCartesianCommand.Feedback
     gaze, named = a.GazeCommand.Feedback, a.NamedArmPositionsCommand.Feedback
     there = {

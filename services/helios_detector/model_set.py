@@ -10,13 +10,8 @@ from helios_core.errors import HeliosError, Unavailable
 from helios_core.health import Health
 from helios_core.log_location import log_place
 
+from helios_detector.backend import DepthBackend, DetectorBackend, DetectorOptions, ScorerBackend
 from helios_detector.lexical_scorer import furniture_names
-from helios_detector.model_interfaces import (
-    DepthBackend,
-    DetectorBackend,
-    DetectorOptions,
-    ScorerBackend,
-)
 from helios_detector.model_loading import open_depth, open_detector, open_scorer
 from helios_detector.settings import Settings
 from helios_detector.simulator_truth import TruthSource

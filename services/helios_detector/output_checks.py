@@ -25,9 +25,9 @@ import numpy as np
 from helios_core.errors import Internal
 from helios_core.types import Detection, Embedding
 
+from helios_detector.backend import Findings, Judgement, Seen
 from helios_detector.box_to_mask import Box
 from helios_detector.detection_filtering import box_of
-from helios_detector.model_interfaces import Findings, Judgement, Seen
 
 ROUNDING = 1e-3  # so far outside 0 to 1 a score is cut without a word
 MOST_NAMED = 8  # names of one list in a sentence

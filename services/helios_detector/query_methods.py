@@ -16,8 +16,8 @@ from helios_core.errors import InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.topics import EMBED_TEXT, ESTIMATE_DEPTH, VOCABULARY
 
+from helios_detector.backend import DepthEstimate
 from helios_detector.frame_analysis import Analyst
-from helios_detector.model_interfaces import DepthEstimate
 from helios_detector.model_usage import Workload
 
 MOST_PROMPTS = 64

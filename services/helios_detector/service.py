@@ -27,10 +27,10 @@ from helios_core.health import Health
 from helios_core.topics import CONTEXT, DETECTOR_ACK, FRAME, KEYFRAME, OBSERVATION, PREVIEW
 from helios_core.types import Frame, Observation, SearchContext
 
+from helios_detector.backend import DepthBackend, DetectorBackend, Findings, ScorerBackend
 from helios_detector.exception_guard import typed
 from helios_detector.frame_analysis import Analyst
 from helios_detector.memory_usage import resident_mb
-from helios_detector.model_interfaces import DepthBackend, DetectorBackend, Findings, ScorerBackend
 from helios_detector.model_set import Models
 from helios_detector.model_usage import Workload
 from helios_detector.query_methods import Methods

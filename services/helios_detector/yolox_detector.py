@@ -12,9 +12,9 @@ from helios_core.errors import InvalidInput, Unavailable
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
+from helios_detector.backend import SEEN_SCORE, DetectorBackend, Findings, Seen
 from helios_detector.box_to_mask import box_to_mask, clip_box
 from helios_detector.detection_filtering import suppressed
-from helios_detector.model_interfaces import SEEN_SCORE, DetectorBackend, Findings, Seen
 from helios_detector.onnx_class_names import class_names
 from helios_detector.vocabulary_matching import fixed_wanted, refuse_unknown
 

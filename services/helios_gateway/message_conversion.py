@@ -10,7 +10,7 @@ from helios_core.errors import Internal
 from helios_core.printable_text import printable
 
 from helios_gateway import api_map_models, api_models
-from helios_gateway.suggestions import Believed, words
+from helios_gateway.task_suggestions import Believed, words
 
 PHASES = {
     "move": ("find_object", "pick", "find_receptacle", "place"),

@@ -29,8 +29,8 @@ from helios_gateway.routes.map_file import map_file_routes
 from helios_gateway.routes.map_reset import map_reset_routes
 from helios_gateway.routes.moves import move_routes
 from helios_gateway.routes.objects import object_routes
+from helios_gateway.routes.past_views import seen_routes
 from helios_gateway.routes.robot import robot_routes
-from helios_gateway.routes.seen import seen_routes
 from helios_gateway.routes.tasks import task_routes
 from helios_gateway.routes.teleop import teleop_routes
 from helios_gateway.routes.view3d import view3d_routes

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from helios_core import kept_file
+from helios_core import map_autosave
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import (
@@ -30,7 +30,7 @@ from helios_core.codec import (
 from helios_core.codec.frames import pinhole_from_proto, transform_from_proto
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.health import Health
-from helios_core.kept_file import Kept, KeptFile
+from helios_core.map_autosave import Kept, KeptFile
 from helios_core.printable_text import counted
 from helios_core.service_process import until_warm
 from helios_core.topics import (
@@ -516,7 +516,7 @@ class Exchange:
         map, written, content = self._restored
         if self._maps.current is map:
             return f"the map was restored as it was written at {written}: {content}"
-        return kept_file.of_another_world(written)
+        return map_autosave.of_another_world(written)
 
     def _recall(self, data: bytes, *, same_world: bool) -> pb.ObjectMapLoaded:
         """same_world: only while the robot is in the world epoch that the file names."""

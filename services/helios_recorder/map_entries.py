@@ -28,7 +28,7 @@ from helios_core.recording_format import (
 from numpy.typing import NDArray
 
 from helios_recorder.entry import Entry
-from helios_recorder.scene import (
+from helios_recorder.foxglove_scene import (
     WORLD,
     Rgb,
     add_ball,

@@ -10,7 +10,7 @@ from helios_core import proto as pb
 from helios_core.recording_format import CANDIDATES, PATH, PLAN
 
 from helios_recorder.entry import Entry
-from helios_recorder.scene import (
+from helios_recorder.foxglove_scene import (
     WORLD,
     Rgb,
     Xyz,

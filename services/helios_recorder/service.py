@@ -31,8 +31,8 @@ from helios_core.topics import (
 )
 
 from helios_recorder.entry import Entry
-from helios_recorder.map_watch import MISSED, MapWatch
-from helios_recorder.recording import Recording
+from helios_recorder.map_polling import MISSED, MapWatch
+from helios_recorder.recording_thread import Recording
 from helios_recorder.settings import Settings
 
 DROPPABLE = frozenset({FRAME.name, PREVIEW.name})

@@ -174,7 +174,7 @@ class TurnsOn(RoomRobot):
 def test_a_driver_that_does_not_end_what_runs_breaks_the_contract(
     make: Callable[[], RoomRobot], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("helios_contract.stopping.WITHIN_S", 2.0)
+    monkeypatch.setattr("helios_contract.stop_claims.WITHIN_S", 2.0)
     check = DriverContract().test_a_stop_from_another_thread_ends_the_action_that_runs
     check(Rig(RoomRobot()))  # holds of the driver without the slip
     with pytest.raises((AssertionError, pytest.fail.Exception)):

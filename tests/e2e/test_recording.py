@@ -39,8 +39,8 @@ from helios_objectmap.settings import ObjectMapSettings
 from helios_recorder.service import RecorderService
 from helios_recorder.settings import Settings
 from helios_replay import ReplayDriver
-from helios_replay.answers import RecordedDetector
-from helios_replay.opening import open_source
+from helios_replay.format_detection import open_source
+from helios_replay.recorded_detector import RecordedDetector
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.simulation_thread import WorldThread
 

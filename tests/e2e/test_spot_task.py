@@ -22,7 +22,7 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CLEAR_STOP, GET_TASK, SUBMIT, TASK
 from helios_core.types import Detection, Frame, SearchContext
-from helios_detector.model_interfaces import DetectorBackend, Findings, Seen
+from helios_detector.backend import DetectorBackend, Findings, Seen
 from helios_detector.model_loading import open_scorer
 from helios_detector.service import DetectorService
 from helios_map2d.service import Map2DService

@@ -20,7 +20,10 @@ SCRIPT = "a script of the developers: git keeps the old file"
 ELSEWHERE = {
     ("shared/helios_core/atomic_file.py", "write_bytes"): (1, "this is the one place"),
     ("shared/helios_core/atomic_file.py", "os.open"): (2, "this is the one place"),
-    ("services/helios_recorder/file.py", "open"): (1, "grows for hours; made anew, read when torn"),
+    ("services/helios_recorder/mcap_writer.py", "open"): (
+        1,
+        "grows for hours; made anew, read when torn",
+    ),
     ("services/helios_planner/tasks/database.py", "connect"): (1, "SQLite has a journal"),
     ("services/helios_planner/tasks/database.py", "open"): (1, "to see whether there is room"),
     ("services/helios_planner/tasks/write_proof.py", "os.open"): (1, "a folder, to sync it"),
@@ -38,7 +41,7 @@ ELSEWHERE = {
     ("clients/helios_eval/demo.py", "open"): (1, LOG),
     ("clients/helios_eval/run_folder.py", "open"): (1, LOCK),
     ("clients/helios_eval/episodes/episode_record.py", "open"): (1, LINES),
-    ("clients/helios_eval/studies/placements.py", "open"): (1, LINES),
+    ("clients/helios_eval/studies/placement_rules.py", "open"): (1, LINES),
     ("clients/helios_eval/video/mp4_writer.py", "VideoWriter"): (1, "into what `replacing` gave"),
     ("clients/helios_eval/demo_pictures.py", "savefig"): (1, MEMORY),
     ("clients/helios_eval/report/plots.py", "savefig"): (1, MEMORY),

@@ -14,7 +14,7 @@ from helios_core.errors import InvalidInput, Unavailable
 from helios_core.name_rules import same_name
 from helios_core.settings_spelling import nearest
 
-from helios_client.commands.here import port_here
+from helios_client.commands.local_address import port_here
 from helios_client.commands.shared_options import chosen_address
 from helios_client.supervision import state_file
 from helios_client.usage_errors import WrongUse

@@ -9,7 +9,7 @@ from typing import NoReturn
 
 from helios_core.errors import Unavailable
 
-from helios_client.commands.here import port_here
+from helios_client.commands.local_address import port_here
 from helios_client.supervision import state_file
 
 ROUTER_PORT = 7447  # Zenoh's own, which the containers use

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 if TYPE_CHECKING:
-    from helios_client.screen import Screen
     from helios_client.sdk import Helios
+    from helios_client.terminal_output import Screen
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
@@ -148,7 +148,7 @@ def named_values(texts: Sequence[str]) -> dict[str, str]:
 
 
 def console(stderr: bool = False) -> Screen:
-    from helios_client.screen import Screen
+    from helios_client.terminal_output import Screen
 
     return Screen(stderr=stderr)
 

@@ -9,9 +9,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from helios_client.answer_types import Status
-from helios_client.screen import plain_table
 from helios_client.sdk import Helios
 from helios_client.supervision import state_file
+from helios_client.terminal_output import plain_table
 
 _COLORS = {"ready": "green", "starting": "cyan", "waiting": "yellow", "restarting": "yellow"}
 

@@ -9,8 +9,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from helios_client.answer_types import FoundObject, Seen, SeenName, Task
-from helios_client.screen import plain_table
 from helios_client.sdk import Helios
+from helios_client.terminal_output import plain_table
 from helios_client.usage_errors import WrongUse
 
 TASK_COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "running": "cyan"}

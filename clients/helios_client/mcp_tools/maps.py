@@ -9,8 +9,8 @@ from typing import Annotated
 from mcp.server.mcpserver import Image
 from mcp.types import CallToolResult, ContentBlock, ImageContent, TextContent
 
-from helios_client.mcp_tools.answers import FoundObject, Map, Seen
-from helios_client.mcp_tools.tool import READS, Tools, tool
+from helios_client.mcp_tools.answer_models import FoundObject, Map, Seen
+from helios_client.mcp_tools.tool_decorator import READS, Tools, tool
 
 
 class MapTools(Tools):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from helios_client.mcp_tools.answers import Moved, Robot, Status
-from helios_client.mcp_tools.tool import ACTS, READS, SETS, Effect, Tools, tool
+from helios_client.mcp_tools.answer_models import Moved, Robot, Status
+from helios_client.mcp_tools.tool_decorator import ACTS, READS, SETS, Effect, Tools, tool
 
 LIFTS = Effect(destroys=True, repeatable=True)  # a stop that somebody wanted is gone
 

@@ -7,8 +7,8 @@ from typing import Literal
 
 from helios_core.errors import DeadlineExceeded, Unavailable
 
-from helios_client.mcp_tools.answers import Decision, Suggestions, Task, Vocabulary
-from helios_client.mcp_tools.tool import ACTS, ENDS, READS, SETS, Tools, tool
+from helios_client.mcp_tools.answer_models import Decision, Suggestions, Task, Vocabulary
+from helios_client.mcp_tools.tool_decorator import ACTS, ENDS, READS, SETS, Tools, tool
 
 LONGEST_WAIT_S = 600.0
 TaskState = Literal["queued", "running", "paused", "succeeded", "failed", "cancelled"]

@@ -28,8 +28,8 @@ class Examined:
 def examine(job: ReplayJob, console: Console) -> Examined:
     """Open it and tell what of it is not played. Raises InvalidInput where nothing can be, or where
     it is damaged and `strict` is asked for."""
-    from helios_replay.opening import open_source  # late: OpenCV
-    from helios_replay.source import Part
+    from helios_replay.format_detection import open_source  # late: OpenCV
+    from helios_replay.replay_source import Part
 
     pace = job.pace
     to_s = math.inf if pace.to_s is None else pace.to_s

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from helios_client.interrupts import Interrupts
+from helios_client.interrupt_signals import Interrupts
 from helios_client.replay.frame_answers import Tally
 from helios_client.replay.input_checks import examine
 from helios_client.replay.progress import Watch

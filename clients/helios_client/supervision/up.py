@@ -16,7 +16,6 @@ from helios_core.service_process import ending_signals
 from helios_core.signal_handling import on_signals
 from rich.markup import escape
 
-from helios_client.screen import Screen as TextScreen
 from helios_client.supervision import state_file
 from helios_client.supervision.bus_link import Link
 from helios_client.supervision.child_process import Ending
@@ -24,6 +23,7 @@ from helios_client.supervision.service_specs import Stack, port_trouble
 from helios_client.supervision.service_table import Board, ServiceRow, as_json, is_ready
 from helios_client.supervision.supervisor import ProcessInfo, State, Supervisor
 from helios_client.supervision.unknown_variables import unread
+from helios_client.terminal_output import Screen as TextScreen
 from helios_client.usage_errors import WrongUse
 
 CHECK_PERIOD_S = 0.05

@@ -6,7 +6,7 @@ import importlib
 import json
 from pathlib import Path
 
-from helios_client.screen import Screen
+from helios_client.terminal_output import Screen
 from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 from rich.table import Table

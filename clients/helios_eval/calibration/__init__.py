@@ -1,5 +1,5 @@
 """Does the uncertainty mean anything? The map's scores of its instances against the truth."""
 
-from helios_eval.calibration.report_plots import Figure, figures
+from helios_eval.calibration.report_figures import Figure, figures
 
 __all__ = ["Figure", "figures"]

@@ -10,7 +10,7 @@ from pathlib import Path
 from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 
-from helios_eval.calibration.report_plots import Figure, figures
+from helios_eval.calibration.report_figures import Figure, figures
 from helios_eval.calibration.summary import FEWEST, FEWEST_EPISODES, RESAMPLES
 from helios_eval.episodes.episode_record import EPISODES, EpisodeRecord, read
 

@@ -24,7 +24,7 @@ from helios_core.map_snapshot import MapView, decode_snapshot
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import GET_TASK, OBJECTS, PREVIEW, ROBOT_STATE, SNAPSHOT, SUBMIT, TASK
 from helios_core.types import ObjectInstance
-from helios_detector.model_interfaces import DetectorOptions
+from helios_detector.backend import DetectorOptions
 from helios_detector.model_loading import open_detector, open_scorer
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings as DetectorSettings

@@ -14,7 +14,7 @@ from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.episodes.episode_spec import MAX_STEPS, SENSOR, WALKER
 from helios_eval.report import colors, episode_map, number_format, plots
 from helios_eval.report.agent_groups import Arm, drawn
-from helios_eval.report.confidence_intervals import mean_sem, wilson
+from helios_eval.report.interval_statistics import mean_sem, wilson
 from helios_eval.report.our_results import benchmarks_of, count
 from helios_eval.report.record_metrics import counts_of_causes, values
 from helios_eval.report.report_model import (

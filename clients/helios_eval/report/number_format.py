@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from helios_eval.report.confidence_intervals import FEWEST, Interval, Mean
+from helios_eval.report.interval_statistics import FEWEST, Interval, Mean
 from helios_eval.report.record_metrics import METRICS
 
 NOT_RUN = "not run"

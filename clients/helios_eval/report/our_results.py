@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.report import number_format, plots
 from helios_eval.report.agent_groups import Arm, drawn, in_common, pairs
-from helios_eval.report.confidence_intervals import (
+from helios_eval.report.interval_statistics import (
     Interval,
     Values,
     discordant,

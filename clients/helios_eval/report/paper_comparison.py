@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from helios_eval.report import number_format, paper_figures
 from helios_eval.report.agent_groups import Arm, in_common, plain_arm, swept_arm
-from helios_eval.report.confidence_intervals import Interval, mean_sem, paired_ratio, untold
+from helios_eval.report.interval_statistics import Interval, mean_sem, paired_ratio, untold
 from helios_eval.report.our_results import asked_of, count
 from helios_eval.report.record_metrics import values
 from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Section, Table

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from helios_eval.report import colors, number_format
-from helios_eval.report.confidence_intervals import Interval
+from helios_eval.report.interval_statistics import Interval
 from helios_eval.report.report_model import Graphic
 
 WIDTH_IN = 9.6

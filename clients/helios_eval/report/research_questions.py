@@ -13,7 +13,7 @@ from helios_eval.episodes.episode_record import Setting
 from helios_eval.episodes.episode_spec import MAX_STEPS, SENSOR
 from helios_eval.report import number_format, paper_figures, plots
 from helios_eval.report.agent_groups import KNOWN, Arm, in_common, noise_parts, plain_arm
-from helios_eval.report.confidence_intervals import (
+from helios_eval.report.interval_statistics import (
     Interval,
     paired_difference,
     paired_ratio,

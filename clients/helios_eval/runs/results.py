@@ -19,7 +19,7 @@ from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
 from helios_eval.episodes.episode_record import EpisodeRecord
-from helios_eval.report.confidence_intervals import mean_sem
+from helios_eval.report.interval_statistics import mean_sem
 from helios_eval.report.record_metrics import NAMES, values
 
 RESULTS = "results.json"

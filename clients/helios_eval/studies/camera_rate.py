@@ -34,7 +34,7 @@ from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.geometry import project
 from helios_core.topics import CONTEXT, FRAME, KEYFRAME, OBSERVATION, PREVIEW
 from helios_core.types import Frame, FrameId, Observation, Role, SearchClass, SearchContext
-from helios_replay.dataset import read_dataset, read_image
+from helios_replay.rgbd_folder import read_dataset, read_image
 from numpy.typing import NDArray
 
 from helios_eval.service_under_test import ServiceProcess

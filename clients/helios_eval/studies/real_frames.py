@@ -33,13 +33,13 @@ from helios_client.usage_errors import WrongUse
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.types import Role, SearchContext
-from helios_detector.model_interfaces import DetectorOptions
+from helios_detector.backend import DetectorOptions
 from helios_detector.model_loading import open_detector
 from helios_objectmap.settings import ObjectMapSettings
-from helios_replay.dataset import read_dataset
+from helios_replay.rgbd_folder import read_dataset
 
 from helios_eval.episodes import service_settings
-from helios_eval.studies.real_frames_courses import Course, Place, courses, names_in
+from helios_eval.studies.real_frames_beliefs import Course, Place, courses, names_in
 from helios_eval.studies.real_frames_pictures import draw_beliefs, draw_counts
 
 DEFAULT = "default"

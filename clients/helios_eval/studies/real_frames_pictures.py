@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from helios_eval.studies.real_frames_courses import Course, names_in
+from helios_eval.studies.real_frames_beliefs import Course, names_in
 
 BELIEVED = 0.5  # the planner's threshold of Psi
 CLAIMED = 2.0  # a class this much likelier than one that nobody named has been named

@@ -26,7 +26,7 @@ os.environ.setdefault("MUJOCO_GL", "egl")  # before MuJoCo is imported; needs no
 
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.types import Role, SearchClass, SearchContext
-from helios_detector.model_interfaces import DetectorBackend, DetectorOptions
+from helios_detector.backend import DetectorBackend, DetectorOptions
 from helios_detector.model_loading import open_detector
 from helios_sim.assets import realistic
 from helios_sim.assets.asset_pack import Model

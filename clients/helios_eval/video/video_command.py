@@ -39,8 +39,8 @@ def video(
     from helios_client.usage_errors import WrongUse
     from rich.console import Console
 
-    from helios_eval.episodes.conditions import checked
     from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec
+    from helios_eval.episodes.run_conditions import checked
     from helios_eval.episodes.service_settings import that_change
     from helios_eval.video.episode_recorder import film
     from helios_eval.video.progress import counted

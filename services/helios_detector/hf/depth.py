@@ -13,8 +13,8 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
+from helios_detector.backend import DepthBackend, DepthEstimate
 from helios_detector.hf.model_runtime import HfModel, Placement, config_of, picture, source_of
-from helios_detector.model_interfaces import DepthBackend, DepthEstimate
 
 SETTING = "depth"
 FARTHEST_M = 65.0  # what 16 bits of millimetres hold; beyond it depth is invalid

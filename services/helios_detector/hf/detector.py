@@ -9,6 +9,7 @@ from helios_core.geometry import Pinhole
 from helios_core.types import Detection, Frame, FrameId, Role, SearchClass, SearchContext
 from numpy.typing import NDArray
 
+from helios_detector.backend import DetectorBackend, Findings, Seen
 from helios_detector.box_to_mask import Box, box_to_mask, clip_box
 from helios_detector.detection_filtering import box_of, near_box, one_class_each
 from helios_detector.hf import sam3_detection
@@ -16,7 +17,6 @@ from helios_detector.hf.model_runtime import HfModel, Placement, config_of, sour
 from helios_detector.hf.sam2_masks import BoxesToMasks
 from helios_detector.hf.text_prompts import Phrases, phrases_of
 from helios_detector.hf.zero_shot_detection import SETTING, Found, TextToBoxes
-from helios_detector.model_interfaces import DetectorBackend, Findings, Seen
 from helios_detector.vocabulary_matching import Wanted
 
 BY_DEPTH = "depth"

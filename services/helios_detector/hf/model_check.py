@@ -25,8 +25,8 @@ from helios_core.geometry import Pinhole, camera_on_base
 from helios_core.types import Frame, FrameId, Role, SearchClass, SearchContext
 from numpy.typing import NDArray
 
+from helios_detector.backend import DetectorOptions, Findings, Seen
 from helios_detector.memory_usage import resident_mb
-from helios_detector.model_interfaces import DetectorOptions, Findings, Seen
 from helios_detector.model_loading import open_depth, open_detector, open_scorer
 
 T = TypeVar("T")

@@ -20,8 +20,8 @@ from helios_core.errors import InvalidInput
 from helios_core.types import Embedding, Frame
 from numpy.typing import NDArray
 
+from helios_detector.backend import Judgement, ScorerBackend, Seen, TextEmbeddings
 from helios_detector.hf.model_runtime import HfModel, Placement, config_of, picture, source_of
-from helios_detector.model_interfaces import Judgement, ScorerBackend, Seen, TextEmbeddings
 
 SETTING = "scorer"
 TEXTS_REMEMBERED = 256

@@ -9,7 +9,7 @@ import numpy as np
 from helios_core.types import SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.model_interfaces import SEEN_SCORE
+from helios_detector.backend import SEEN_SCORE
 from helios_detector.vocabulary_matching import Wanted, normalised, open_wanted
 
 

@@ -10,8 +10,8 @@ from helios_core.geometry import Pinhole, lift_pixels
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
+from helios_detector.backend import SEEN_SCORE, DetectorBackend, Findings, Seen
 from helios_detector.lexical_scorer import household_names
-from helios_detector.model_interfaces import SEEN_SCORE, DetectorBackend, Findings, Seen
 from helios_detector.simulation.frame_noise import Draws, NoiseTable, hashed_voxels
 from helios_detector.simulation.ground_truth_detector import Visible, detection, visible
 from helios_detector.simulation.mask_errors import eroded, trimmed

@@ -9,7 +9,7 @@ import numpy as np
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.model_interfaces import DetectorBackend, Findings, Seen
+from helios_detector.backend import DetectorBackend, Findings, Seen
 from helios_detector.simulator_truth import Truth, TruthInstance, TruthSource, truth_of
 from helios_detector.vocabulary_matching import normalised, open_wanted
 

@@ -13,8 +13,8 @@ import numpy as np
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
+from helios_detector.backend import DetectorBackend, Findings, Seen
 from helios_detector.lexical_scorer import household_names
-from helios_detector.model_interfaces import DetectorBackend, Findings, Seen
 from helios_detector.simulation.false_positives import ghosts
 from helios_detector.simulation.ground_truth_detector import Visible, detection, visible
 from helios_detector.simulation.mask_errors import Masked, eroded, leaked, partial

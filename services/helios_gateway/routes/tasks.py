@@ -27,7 +27,7 @@ from helios_gateway.authorization import secured
 from helios_gateway.error_responses import NotFound, problems
 from helios_gateway.robot_registry import At
 from helios_gateway.settings import Settings
-from helios_gateway.suggestions import suggestions as suggested
+from helios_gateway.task_suggestions import suggestions as suggested
 
 
 def task_routes(prefix: str, settings: Settings) -> APIRouter:

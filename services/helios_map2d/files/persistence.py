@@ -10,7 +10,7 @@ from pathlib import PurePosixPath
 from helios_core import proto as pb
 from helios_core.codec import frame_id_to_proto
 from helios_core.errors import InvalidInput, Unavailable
-from helios_core.kept_file import Kept, KeptFile, of_another_world
+from helios_core.map_autosave import Kept, KeptFile, of_another_world
 from helios_core.map_snapshot import OCCUPIED, UNKNOWN
 from helios_core.printable_text import counted
 

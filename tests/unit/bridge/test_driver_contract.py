@@ -249,7 +249,7 @@ SLIPS: list[tuple[Callable[[], RoomRobot], str]] = [
 def test_a_slip_breaks_its_claim(
     make: Callable[[], RoomRobot], claim: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("helios_contract.stopping.WITHIN_S", 0.5)
+    monkeypatch.setattr("helios_contract.stop_claims.WITHIN_S", 0.5)
     check = getattr(DriverContract(), claim)
     # It holds of the driver without the slip.
     check(Rig(RoomRobot(), started_again=lambda: closing(RoomRobot())))

@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 import pytest
 from helios_client.mcp_server import build
-from helios_client.mcp_tools import answers
+from helios_client.mcp_tools import answer_models
 from helios_client.sdk_async import AsyncHelios
 from helios_client.version import helios_version
 from helios_core.errors import Unavailable
@@ -125,14 +125,18 @@ def _steady(answer: Any) -> Any:
 
 
 def test_the_schemas_name_fields_that_the_interface_has() -> None:
-    task = {name for name in answers.Task.model_fields if name != "eta_s"}
+    task = {name for name in answer_models.Task.model_fields if name != "eta_s"}
     assert task <= set(api_models.Task.model_fields)
-    assert set(answers.Decision.model_fields) <= set(api_models.Decision.model_fields)
-    assert set(answers.FoundObject.model_fields) <= set(api_map_models.ObjectInstance.model_fields)
-    assert set(answers.Map.model_fields) - {"frontiers"} <= set(api_map_models.MapInfo.model_fields)
+    assert set(answer_models.Decision.model_fields) <= set(api_models.Decision.model_fields)
+    assert set(answer_models.FoundObject.model_fields) <= set(
+        api_map_models.ObjectInstance.model_fields
+    )
+    assert set(answer_models.Map.model_fields) - {"frontiers"} <= set(
+        api_map_models.MapInfo.model_fields
+    )
     for ours, theirs in (
-        (answers.Vocabulary, api_models.Vocabulary), (answers.Suggestions, api_models.Suggestions),
-        (answers.Robot, api_models.Robot), (answers.Status, api_models.Status),
+        (answer_models.Vocabulary, api_models.Vocabulary), (answer_models.Suggestions, api_models.Suggestions),
+        (answer_models.Robot, api_models.Robot), (answer_models.Status, api_models.Status),
     ):  # fmt: skip
         assert set(ours.model_fields) <= set(theirs.model_fields)
 

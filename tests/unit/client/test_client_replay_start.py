@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import cast
 
 import pytest
-from helios_client.interrupts import Interrupts
+from helios_client.interrupt_signals import Interrupts
 from helios_client.replay import run as module
 from helios_client.replay.frame_answers import PARTS, Tally
 from helios_client.replay.input_checks import Examined

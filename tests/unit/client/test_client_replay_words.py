@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from helios_client.replay.messages import default_detector, what_to_seek
+from helios_client.replay.input_selection import default_detector, what_to_seek
 from helios_client.supervision.service_specs import RECORDED, Stack
 from helios_client.supervision.service_table import ServiceRow, is_ready
 from helios_client.usage_errors import WrongUse

@@ -13,7 +13,7 @@ import httpx
 import pytest
 from helios_client.answer_types import Decision, Task
 from helios_client.commands.decision_view import report
-from helios_client.screen import PIPE_COLUMNS, Screen, plain_table
+from helios_client.terminal_output import PIPE_COLUMNS, Screen, plain_table
 from helios_core import proto as pb
 from helios_core.topics import ROBOT_STATE
 from hypothesis import given

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
-from helios_core.kept_file import KeptFile
+from helios_core.map_autosave import KeptFile
 
 from tests.full_disk import fill, small_disk
 from tests.support import wait_until

@@ -7,9 +7,9 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, DETECTOR_ACK, OBSERVATION, PREVIEW
 from helios_core.types import SearchContext
+from helios_detector.backend import DetectorBackend, Findings, ScorerBackend
 from helios_detector.coco_classes import COCO_NAMES
 from helios_detector.lexical_scorer import LexicalScorer
-from helios_detector.model_interfaces import DetectorBackend, Findings, ScorerBackend
 from helios_detector.service import DetectorService
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 from helios_detector.vocabulary_matching import fixed_wanted

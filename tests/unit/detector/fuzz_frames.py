@@ -35,9 +35,9 @@ from helios_core.codec import context_to_proto, frame_to_proto
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import OBSERVATION, PREVIEW
+from helios_detector.backend import DetectorBackend, DetectorOptions
 from helios_detector.lexical_scorer import LexicalScorer
 from helios_detector.memory_usage import resident_mb
-from helios_detector.model_interfaces import DetectorBackend, DetectorOptions
 from helios_detector.model_loading import open_detector
 from helios_detector.service import DetectorService
 

@@ -8,7 +8,7 @@ CODE = '''
 import time
 import numpy as np
 from helios_core.types import Detection
-from helios_detector.model_interfaces import DetectorBackend, Findings, ScorerBackend, Seen
+from helios_detector.backend import DetectorBackend, Findings, ScorerBackend, Seen
 
 
 class Patient(DetectorBackend):

@@ -9,8 +9,8 @@ from detector_house import Faulty, House
 from helios_core.errors import InvalidInput
 from helios_core.topics import KEYFRAME
 from helios_core.types import Frame
+from helios_detector.backend import Judgement, Seen
 from helios_detector.lexical_scorer import LexicalScorer
-from helios_detector.model_interfaces import Judgement, Seen
 
 
 def test_an_answered_keyframe_is_acknowledged_after_its_observation() -> None:

@@ -9,8 +9,8 @@ from helios_core.codec import context_to_proto
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.topics import CONTEXT, KEYFRAME
 from helios_core.types import SearchContext
+from helios_detector.backend import Findings
 from helios_detector.coco_classes import COCO_NAMES
-from helios_detector.model_interfaces import Findings
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 from helios_detector.vocabulary_matching import fixed_wanted, refuse_unknown
 

@@ -16,9 +16,9 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION
 from helios_core.types import Detection, Observation
+from helios_detector.backend import Findings, Judgement, Seen
 from helios_detector.detection_filtering import box_of, near_box
 from helios_detector.lexical_scorer import LexicalScorer
-from helios_detector.model_interfaces import Findings, Judgement, Seen
 from helios_detector.output_checks import held_findings, held_judgement
 from helios_detector.service import DetectorService
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector

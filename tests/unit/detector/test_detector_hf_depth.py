@@ -16,10 +16,10 @@ from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import ESTIMATE_DEPTH
+from helios_detector.backend import DetectorOptions
 from helios_detector.hf.depth import HfDepth
 from helios_detector.hf.model_runtime import Placement, need_library, picture
 from helios_detector.lexical_scorer import LexicalScorer
-from helios_detector.model_interfaces import DetectorOptions
 from helios_detector.model_loading import open_depth
 from helios_detector.service import DetectorService
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector

@@ -13,12 +13,12 @@ import torch
 from detector_scene import context_of, frame_of
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.types import Role, SearchClass, SearchContext
+from helios_detector.backend import DetectorOptions
 from helios_detector.hf.detector import HfDetector
 from helios_detector.hf.model_runtime import HfModel, Placement, picture
 from helios_detector.hf.sam2_masks import BoxesToMasks
 from helios_detector.hf.sam3_detection import TextToMasks
 from helios_detector.hf.zero_shot_detection import TextToBoxes, joined
-from helios_detector.model_interfaces import DetectorOptions
 from helios_detector.model_loading import open_detector
 
 CPU = Placement("cpu", "float32")

@@ -9,11 +9,11 @@ import httpx
 import pytest
 import tiny_models
 from helios_core.errors import Internal, InvalidInput, Unavailable
+from helios_detector.backend import DetectorOptions
 from helios_detector.hf import model_runtime
 from helios_detector.hf.model_errors import load_fault, run_fault
 from helios_detector.hf.model_runtime import HfModel, Placement, need_library, source_of
 from helios_detector.memory_usage import weights_mb
-from helios_detector.model_interfaces import DetectorOptions
 from helios_detector.model_loading import open_detector, open_scorer
 from huggingface_hub import errors as hub
 from safetensors.torch import load_file, save_file

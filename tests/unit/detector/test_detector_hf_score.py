@@ -21,10 +21,10 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, EMBED_TEXT, KEYFRAME, OBSERVATION
 from helios_core.types import Embedding, SearchContext
+from helios_detector.backend import DetectorOptions, ScorerBackend
 from helios_detector.hf.model_runtime import need_library, picture
 from helios_detector.hf.scorer import Blip2, HfScorer
 from helios_detector.lexical_scorer import LexicalScorer
-from helios_detector.model_interfaces import DetectorOptions, ScorerBackend
 from helios_detector.model_loading import open_scorer
 from helios_detector.service import DetectorService
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector

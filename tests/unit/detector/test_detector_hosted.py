@@ -16,8 +16,8 @@ from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, VOCABULARY
 from helios_core.types import Role, SearchClass, SearchContext
 from helios_detector import model_set as models_module
+from helios_detector.backend import DetectorBackend, DetectorOptions, Findings
 from helios_detector.lexical_scorer import LexicalScorer, furniture_names
-from helios_detector.model_interfaces import DetectorBackend, DetectorOptions, Findings
 from helios_detector.model_set import Models, landmarks_of, open_models
 from helios_detector.robot_detector import Hosted
 from helios_detector.service import DetectorService

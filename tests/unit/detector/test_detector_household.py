@@ -6,7 +6,7 @@ import pytest
 from detector_scene import ROOM, SceneTruth
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
-from helios_detector.model_interfaces import DetectorOptions
+from helios_detector.backend import DetectorOptions
 from helios_detector.model_loading import open_detector
 from helios_planner.instruction.parser import parse
 from helios_planner.tasks.search_context import in_vocabulary

@@ -5,9 +5,9 @@ import pytest
 from detector_scene import frame_of
 from helios_core.errors import Unavailable
 from helios_detector import minilm_scorer
+from helios_detector.backend import Seen
 from helios_detector.lexical_scorer import FLOOR, PRIOR, furniture_names, load_affinity
 from helios_detector.minilm_scorer import MiniLmScorer, TextVectors
-from helios_detector.model_interfaces import Seen
 from helios_detector.model_loading import open_scorer
 
 PROMPT = "Seems like there is a {} ahead"

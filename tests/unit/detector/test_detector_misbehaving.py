@@ -16,9 +16,9 @@ from helios_core.codec import observation_from_proto
 from helios_core.errors import Internal
 from helios_core.topics import KEYFRAME, VOCABULARY
 from helios_core.types import SearchContext
+from helios_detector.backend import Findings
 from helios_detector.lexical_scorer import LexicalScorer
 from helios_detector.log_rate_limit import Seldom
-from helios_detector.model_interfaces import Findings
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 
 Slip = Callable[[Findings], Any]

@@ -20,10 +20,10 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT
 from helios_core.types import Role, SearchClass, SearchContext
+from helios_detector.backend import DetectorBackend, DetectorOptions
 from helios_detector.box_to_mask import box_to_mask
 from helios_detector.coco_classes import COCO_NAMES
 from helios_detector.lexical_scorer import LexicalScorer
-from helios_detector.model_interfaces import DetectorBackend, DetectorOptions
 from helios_detector.model_loading import open_detector
 from helios_detector.service import DetectorService
 from helios_detector.yolox_detector import YoloxDetector

@@ -12,7 +12,7 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION
 from helios_core.types import SearchContext
-from helios_detector.model_interfaces import DetectorOptions
+from helios_detector.backend import DetectorOptions
 from helios_detector.model_loading import check_plugins, open_detector, open_scorer
 from helios_detector.robot_detector import Hosted
 from helios_detector.settings import Settings

@@ -21,8 +21,8 @@ from helios_contract.bench import DetectorBench, ScorerBench, odd, room
 from helios_contract.plugin_suite import DetectorContract, ScorerContract
 from helios_core.errors import HeliosError
 from helios_core.types import Detection, Embedding, Frame
+from helios_detector.backend import Findings, Judgement, Seen
 from helios_detector.lexical_scorer import LexicalScorer
-from helios_detector.model_interfaces import Findings, Judgement, Seen
 from helios_detector.yolox_detector import YoloxDetector
 from helios_examples.on_furniture import OnFurniture
 from helios_examples.paint_detector import PaintDetector
@@ -390,7 +390,7 @@ def embedding(model: str, length: float) -> Embedding:
 
 
 def embedded(image: Embedding, texts: int, text: Embedding) -> Callable[[], OnFurniture]:
-    from helios_detector.model_interfaces import TextEmbeddings
+    from helios_detector.backend import TextEmbeddings
 
     def judge(frame: Frame, seen: Any, prompts: Any) -> Judgement:
         return Judgement(dict.fromkeys(prompts, 0.5), image)
@@ -495,7 +495,7 @@ def suite(*flags: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 def test_a_detector_of_the_current_folder_is_tested_from_the_shell(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(
         "from helios_examples.paint_detector import PaintDetector\n"
-        "from helios_detector.model_interfaces import Findings\n"
+        "from helios_detector.backend import Findings\n"
         "class Mine(PaintDetector):\n"
         "    name = 'mine'\n"
         "    def detect(self, frame, context):\n"

@@ -14,7 +14,7 @@ from detector_scene import context_of
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Pinhole, lift_pixels, project
 from helios_core.types import Detection, Frame, FrameId, Role, SearchClass, SearchContext
-from helios_detector.model_interfaces import DetectorOptions
+from helios_detector.backend import DetectorOptions
 from helios_detector.model_loading import open_detector
 
 SHARED = Path(__file__).resolve().parents[4] / "shared"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from detector_scene import frame_of
 from helios_core.errors import InvalidInput
+from helios_detector.backend import DetectorOptions, Seen
 from helios_detector.lexical_scorer import FLOOR, PRIOR, LexicalScorer, load_affinity, names_in
-from helios_detector.model_interfaces import DetectorOptions, Seen
 from helios_detector.model_loading import open_detector, open_scorer
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -12,7 +12,7 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import Unavailable
 from helios_core.topics import FRAME, KEYFRAME, OBSERVATION, PREVIEW, Topic
-from helios_detector.model_interfaces import Findings
+from helios_detector.backend import Findings
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 
 

@@ -21,8 +21,8 @@ from detector_scene import (
     looking,
 )
 from helios_core.types import Detection, Frame, Role, SearchClass, SearchContext
+from helios_detector.backend import DetectorOptions, Findings, Seen
 from helios_detector.lexical_scorer import PRIOR, LexicalScorer
-from helios_detector.model_interfaces import DetectorOptions, Findings, Seen
 from helios_detector.model_loading import open_detector
 from helios_detector.simulation.frame_noise import load_noise
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector, visible

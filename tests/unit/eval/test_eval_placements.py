@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from helios_core.errors import InvalidInput
-from helios_eval.studies.placements import Outcome, play, report, trials
+from helios_eval.studies.placement_rules import Outcome, play, report, trials
 from helios_planner.settings import PlaceRule
 
 

@@ -6,7 +6,7 @@ import pytest
 from helios_client.usage_errors import WrongUse
 from helios_core.agent_presets import AGENT_SETTINGS
 from helios_eval.episodes import episode_spec, home_presets, service_settings
-from helios_eval.episodes.conditions import checked
+from helios_eval.episodes.run_conditions import checked
 from helios_planner.agents import AGENTS
 from helios_planner.settings import Settings
 

@@ -13,8 +13,8 @@ from helios_client.usage_errors import WrongUse
 from helios_core.types import ObjectInstance, Role
 from helios_eval.episodes.belief_truth import Role as BeliefRole
 from helios_eval.episodes.belief_truth import judged
-from helios_eval.studies.map_study import Outcome, arm_of, main, pick, row, tell
-from helios_eval.studies.map_walk import Walk, believed, walk
+from helios_eval.studies.evidence_rules import Outcome, arm_of, main, pick, row, tell
+from helios_eval.studies.recorded_walk import Walk, believed, walk
 from helios_sim.ground_truth import TrueThing
 
 LOW: dict[Role, float] = dict.fromkeys(

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from helios_client.usage_errors import WrongUse
 from helios_core.types import Detection, Frame, Role, SearchContext
-from helios_detector.model_interfaces import DetectorBackend, Findings
+from helios_detector.backend import DetectorBackend, Findings
 from helios_eval.studies import real_frames
 from helios_eval.studies.real_frames import arms_of, context_of, figures, place, table
-from helios_eval.studies.real_frames_courses import Course, Seen, courses, frames_of
+from helios_eval.studies.real_frames_beliefs import Course, Seen, courses, frames_of
 from helios_eval.studies.real_frames_pictures import (
     belief_curves,
     count_curves,
@@ -22,7 +22,7 @@ from helios_eval.studies.real_frames_pictures import (
     draw_counts,
     drawn,
 )
-from helios_replay.dataset import read_dataset
+from helios_replay.rgbd_folder import read_dataset
 
 SHAPE = (48, 64)
 THING = (slice(16, 32), slice(24, 40))  # pixels of a block 1 m before the camera

@@ -7,7 +7,7 @@ import math
 import pytest
 from helios_eval.report import paper_comparison, paper_figures, record_metrics
 from helios_eval.report.agent_groups import arms_of, in_common, pairs, plain_arm, swept_arm
-from helios_eval.report.confidence_intervals import Interval
+from helios_eval.report.interval_statistics import Interval
 from helios_eval.report.paper_comparison import relations, verdict_of
 from helios_eval.report.report_model import Table
 from helios_planner.task import Cause

@@ -7,7 +7,7 @@ from fastapi.testclient import TestClient
 from helios_core.errors import Unavailable
 from helios_core.topics import ROBOT_DESCRIPTION
 from helios_detector.coco_classes import COCO_NAMES
-from helios_gateway.suggestions import Believed, suggestions
+from helios_gateway.task_suggestions import Believed, suggestions
 from helios_sim.home.catalogs import CATALOGS
 from hypothesis import given
 from hypothesis import strategies as st

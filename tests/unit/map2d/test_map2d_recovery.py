@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from helios_core import proto as pb
-from helios_core.kept_file import KeptFile
+from helios_core.map_autosave import KeptFile
 from helios_core.map_snapshot import decode_snapshot
 from helios_core.topics import MAP_CHANGES, PICTURE, RESET_MAP2D
 from helios_map2d.files.map_file import FILE_NAME

@@ -21,7 +21,7 @@ from helios_core.types import (
     SearchClass,
     SearchContext,
 )
-from helios_detector.model_interfaces import DetectorBackend, DetectorOptions
+from helios_detector.backend import DetectorBackend, DetectorOptions
 from helios_detector.model_loading import open_detector
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings

@@ -18,8 +18,8 @@ from helios_core.topics import (
     RETIRE,
     RETIRED,
 )
-from helios_replay.answers import RecordedDetector
-from helios_replay.opening import open_source
+from helios_replay.format_detection import open_source
+from helios_replay.recorded_detector import RecordedDetector
 
 from tests.unit.recorder.recorder_bus import CONTEXT_ID, Recorded, context, frame
 

@@ -16,13 +16,13 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.recording_format import KEYFRAME_CHANNELS
 from helios_core.types import Role, SearchClass, SearchContext
-from helios_recorder.file import RecordingFile
-from helios_replay.answers import RecordedDetector
-from helios_replay.index import read_index
+from helios_recorder.mcap_writer import RecordingFile
+from helios_replay.format_detection import open_source
 from helios_replay.mcap_damage import read_summary
 from helios_replay.mcap_file import McapFile
-from helios_replay.opening import open_source
-from helios_replay.recording import Recording
+from helios_replay.mcap_index import read_index
+from helios_replay.mcap_recording import Recording
+from helios_replay.recorded_detector import RecordedDetector
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader

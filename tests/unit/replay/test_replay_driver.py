@@ -21,8 +21,8 @@ from helios_core.geometry import (
 )
 from helios_core.robot import EndOfRecording, Forward, Observe, Pick, Place, Tilt, Turn
 from helios_replay import ReplayDriver
-from helios_replay.dataset import read_dataset, read_image
 from helios_replay.driver import REMEMBERED
+from helios_replay.rgbd_folder import read_dataset, read_image
 from hypothesis import given
 from hypothesis import strategies as st
 

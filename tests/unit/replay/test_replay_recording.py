@@ -13,9 +13,9 @@ from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import EndOfRecording, Observe
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, ROBOT_STATE
 from helios_replay import ReplayDriver
-from helios_replay.opening import mcap_files, open_source
-from helios_replay.recording import Recording
-from helios_replay.source import Part
+from helios_replay.format_detection import mcap_files, open_source
+from helios_replay.mcap_recording import Recording
+from helios_replay.replay_source import Part
 
 from tests.support import wait_until
 from tests.unit.recorder.recorder_bus import CONTEXT_ID, Recorded, context, description, frame

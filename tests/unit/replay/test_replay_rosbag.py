@@ -14,10 +14,10 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_core.geometry import R_BODY_CAM, camera_on_base, quaternion_from_rotation, se2_to_se3
 from helios_replay import ReplayDriver
-from helios_replay.opening import open_source
+from helios_replay.format_detection import open_source
+from helios_replay.replay_source import Part
 from helios_replay.ros_images import depth_of
 from helios_replay.ros_poses import slerp
-from helios_replay.source import Part
 
 pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
 from rosbags.rosbag2 import StoragePlugin, Writer

@@ -10,7 +10,7 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_core.geometry import R_BODY_CAM, quaternion_from_rotation
 from helios_replay import ReplayDriver
-from helios_replay.opening import open_source
+from helios_replay.format_detection import open_source
 
 SIZE = (48, 64)
 

@@ -7,12 +7,12 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 from helios_core.errors import Conflict
-from helios_spot import api
-from helios_spot.control import Control
+from helios_spot import bosdyn_api
 from helios_spot.errors import translate
-from helios_spot.halt import Halt, Halted
+from helios_spot.halt_conditions import Halt, Halted
 from helios_spot.motion import CannotDo
-from helios_spot.reading import Reading
+from helios_spot.robot_control import Control
+from helios_spot.robot_state import Reading
 
 from tests.fake_spot import pb
 
@@ -24,14 +24,14 @@ def not_ours(owner: str) -> Exception:
     """What using a lease raises that is not the robot's newest."""
     reply = pb.lease.RetainLeaseResponse()
     reply.lease_use_result.owner.client_name = owner
-    return api.exceptions.LeaseUseError(reply, reply.lease_use_result)
+    return bosdyn_api.exceptions.LeaseUseError(reply, reply.lease_use_result)
 
 
 def claimed(owner: str) -> Exception:
     """What asking for a lease raises that somebody has."""
     reply = pb.lease.AcquireLeaseResponse()
     reply.lease_owner.client_name = owner
-    return api.lease.ResourceAlreadyClaimedError(reply)
+    return bosdyn_api.lease.ResourceAlreadyClaimedError(reply)
 
 
 class Robot:

@@ -9,7 +9,7 @@ from typing import Any
 
 from helios_core.bus import Bus
 from helios_core.robot import Action, ActionResult
-from helios_spot import api
+from helios_spot import bosdyn_api
 from helios_spot.driver import SpotDriver
 from helios_spot.settings import SpotSettings
 from pydantic import SecretStr
@@ -63,7 +63,7 @@ class Stage:
         self._wait_for_answers(driver, PATIENT_S)
 
     def _wait_for_answers(self, driver: SpotDriver, seconds: float) -> None:
-        api.channel_common.DEFAULT_RPC_TIMEOUT = seconds
+        bosdyn_api.channel_common.DEFAULT_RPC_TIMEOUT = seconds
         object.__setattr__(driver._s, "rpc_timeout_s", seconds)  # frozen for everybody else
         if driver._control._estop is not None:
             driver._control._estop._rpc_timeout = seconds

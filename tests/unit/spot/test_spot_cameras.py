@@ -17,7 +17,7 @@ from helios_spot.cameras import (
     straight_color,
     straight_depth,
 )
-from helios_spot.depth import estimated, filled, load_estimator
+from helios_spot.depth_completion import estimated, filled, load_estimator
 from helios_spot.self_mask import Capsule, robot_capsules, robot_pixels
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -13,7 +13,7 @@ from helios_core.geometry import Pinhole, is_rigid, lift_pixels, tilt_of, yaw_of
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Capture, Forward, Observe, Pick, Place, Tilt, Turn
 from helios_core.topics import ESTIMATE_DEPTH
-from helios_spot.depth import DetectorDepth
+from helios_spot.depth_completion import DetectorDepth
 from numpy.typing import NDArray
 
 from tests.fake_spot.cameras import sources

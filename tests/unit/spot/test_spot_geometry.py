@@ -22,7 +22,7 @@ from helios_core.robot import Forward, Turn
 from helios_core.types import RobotDescription
 from helios_planner.motion_planning.base_placement import GazePoint, tilt_towards
 from helios_planner.motion_planning.costmap import Pose2
-from helios_spot.arm import (
+from helios_spot.arm_poses import (
     ARM_M,
     FINGERTIPS_M,
     HELD_BELOW_M,
@@ -30,7 +30,7 @@ from helios_spot.arm import (
     looking_pose,
     placing_poses,
 )
-from helios_spot.frames import (
+from helios_spot.frame_transforms import (
     NOMINAL_BODY_HEIGHT_M,
     base_below_body,
     ground_height_m,

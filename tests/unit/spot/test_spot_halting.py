@@ -10,7 +10,7 @@ from helios_core.errors import Conflict, HeliosError, Unavailable
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Forward, Observe, Tilt, Turn
 from helios_spot.driver import SpotDriver
-from helios_spot.halt import Halt, Halted
+from helios_spot.halt_conditions import Halt, Halted
 
 from tests.support import wait_until
 from tests.unit.spot.conftest import Staging

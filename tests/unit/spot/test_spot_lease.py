@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 from helios_core.errors import Conflict
-from helios_spot import api
-from helios_spot.halt import Halted
+from helios_spot import bosdyn_api
+from helios_spot.halt_conditions import Halted
 from helios_spot.motion import CannotDo
 from hypothesis import settings as how
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
@@ -22,7 +22,7 @@ from tests.unit.spot.lease_scene import TABLET, US, KeepAlive, Robot, Scene
 
 @pytest.fixture(autouse=True)
 def no_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(api.lease, "LeaseKeepAlive", KeepAlive)
+    monkeypatch.setattr(bosdyn_api.lease, "LeaseKeepAlive", KeepAlive)
 
 
 @pytest.fixture

@@ -206,7 +206,7 @@ def test_an_answer_that_takes_long_is_no_clock_that_jumps(
     stage.act(driver, Observe())
     asked_and_answered = iter((time.time(), time.time() + 5.0))
     clock = SimpleNamespace(time=lambda: next(asked_and_answered))
-    monkeypatch.setattr("helios_spot.link.time", clock)
+    monkeypatch.setattr("helios_spot.robot_connection.time", clock)
     assert driver.state().message == ""
 
 

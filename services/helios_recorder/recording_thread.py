@@ -19,11 +19,11 @@ from helios_core.errors import HeliosError
 from helios_core.health import Health
 from helios_core.recording_format import SUFFIX
 
-from helios_recorder.entries import Entries
 from helios_recorder.entry import Entry
-from helios_recorder.file import DiskFull, RecordingFile
-from helios_recorder.inbox import Inbox, Item
+from helios_recorder.mcap_writer import DiskFull, RecordingFile
+from helios_recorder.message_entries import Entries
 from helios_recorder.settings import MB, Settings
+from helios_recorder.write_queue import Inbox, Item
 
 log = logging.getLogger(__name__)
 

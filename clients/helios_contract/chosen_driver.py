@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 
-from helios_contract import chosen
+from helios_contract import command_line_choice
 from helios_contract.rig import Rig
 from helios_contract.suite import DriverContract
 
@@ -16,6 +16,6 @@ class TestDriver(DriverContract):
     @classmethod
     @contextmanager
     def stand(cls) -> Iterator[Rig]:
-        assert chosen.rig is not None
-        with closing(chosen.rig.driver):
-            yield chosen.rig
+        assert command_line_choice.rig is not None
+        with closing(command_line_choice.rig.driver):
+            yield command_line_choice.rig

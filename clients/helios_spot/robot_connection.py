@@ -9,9 +9,9 @@ from typing import Any
 
 from helios_core.errors import Unavailable
 
-from helios_spot import api
+from helios_spot import bosdyn_api
 from helios_spot.errors import doing, translate
-from helios_spot.reading import Reading, reading_of
+from helios_spot.robot_state import Reading, reading_of
 from helios_spot.settings import SpotSettings
 
 log = logging.getLogger(__name__)
@@ -43,8 +43,8 @@ class Link:
         s = self.settings
         # The SDK waits half a minute for every answer, and without end for some: a robot that
         # walks cannot wait so long.
-        api.channel_common.DEFAULT_RPC_TIMEOUT = s.rpc_timeout_s
-        sdk = api.client.create_standard_sdk(
+        bosdyn_api.channel_common.DEFAULT_RPC_TIMEOUT = s.rpc_timeout_s
+        sdk = bosdyn_api.client.create_standard_sdk(
             CLIENT_NAME, cert_resource_glob=str(s.ca_file) if s.ca_file else None
         )
         robot = sdk.create_robot(s.host)
@@ -103,10 +103,10 @@ class Link:
             return self.client("robot-command").robot_command(
                 command, end_time_secs=end, timeout=self.settings.rpc_timeout_s
             )
-        except api.robot_command.ExpiredError as error:
+        except bosdyn_api.robot_command.ExpiredError as error:
             self._compare_clocks()
             raise translate(error, self.host, what) from error
-        except (api.exceptions.Error, api.lease.Error) as error:
+        except (bosdyn_api.exceptions.Error, bosdyn_api.lease.Error) as error:
             raise translate(error, self.host, what) from error
 
     def feedback(self, command_id: int, what: str) -> Any:

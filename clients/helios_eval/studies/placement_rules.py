@@ -1,6 +1,6 @@
 """Two rules of placing against each other: the same thing, furniture and start, on true physics.
 
-    python -m helios_eval.studies.placements --count 200 --out runs/placements
+    python -m helios_eval.studies.placement_rules --count 200 --out runs/placements
 
 The robot begins near a piece of furniture with a thing before it on the floor, picks it up, turns
 to the furniture, and places it by each rule (`place_rule` of the planner), each in a fresh world.
@@ -41,8 +41,8 @@ from helios_sim.world import World
 from numpy.typing import NDArray
 
 from helios_eval.episodes.home_presets import home_of
-from helios_eval.report.confidence_intervals import paired_difference, sign_test, wilson
-from helios_eval.studies.placing_body import WorldBody
+from helios_eval.report.interval_statistics import paired_difference, sign_test, wilson
+from helios_eval.studies.placement_robot import WorldBody
 
 RULES: tuple[PlaceRule, ...] = ("paper", "flat")
 LAST_SEED = 999  # later ones are of published results

@@ -7,8 +7,8 @@ from typing import Any
 
 from helios_core.geometry import Matrix
 
-from helios_spot import api
-from helios_spot.frames import (
+from helios_spot import bosdyn_api
+from helios_spot.frame_transforms import (
     BODY,
     HAND,
     VISION,
@@ -23,7 +23,7 @@ from helios_spot.frames import (
 
 @dataclass(frozen=True)
 class Reading:
-    """How the robot is. Frames as `helios_spot.frames` names them."""
+    """How the robot is. Frames as `helios_spot.frame_transforms` names them."""
 
     T_vision_body: Matrix
     T_body_wrist: Matrix | None  # None: no arm
@@ -47,8 +47,8 @@ def reading_of(state: Any) -> Reading:
     """Of a RobotState message. Raises Internal when it tells no pose, Unavailable when broken."""
     tree = state.kinematic_state.transforms_snapshot
     arm = knows(tree, HAND) and knows(tree, WRIST)
-    power, manipulator = api.robot_state_pb2.PowerState, state.manipulator_state
-    pressed = api.robot_state_pb2.EStopState.STATE_ESTOPPED
+    power, manipulator = bosdyn_api.robot_state_pb2.PowerState, state.manipulator_state
+    pressed = bosdyn_api.robot_state_pb2.EStopState.STATE_ESTOPPED
     return Reading(
         T_vision_body=pose(tree, VISION, BODY),
         T_body_wrist=pose(tree, BODY, WRIST) if arm else None,

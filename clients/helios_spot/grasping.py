@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from helios_core.geometry import Matrix, project
 
-from helios_spot import api
-from helios_spot.arm import placing_poses
+from helios_spot import bosdyn_api
+from helios_spot.arm_poses import placing_poses
 from helios_spot.errors import doing
-from helios_spot.frames import VISION, to_vision
-from helios_spot.halt import Halt
-from helios_spot.images import Eyes, HandShot
-from helios_spot.link import Link
+from helios_spot.frame_transforms import VISION, to_vision
+from helios_spot.halt_conditions import Halt
 from helios_spot.motion import POLL_S, CannotDo, Motion
+from helios_spot.posed_images import Eyes, HandShot
+from helios_spot.robot_connection import Link
 from helios_spot.self_mask import SHOULDER_BODY_M
 
 EDGE_PX = 4  # a point so near to the image's edge is not in it
@@ -68,11 +68,11 @@ class Hand:
         move(above, VISION, self._s.place_clearance_m, "lift the hand")
 
     def _ask_grasp(self, shot: HandShot, pixel: tuple[float, float]) -> int:
-        m = api.manipulation_api_pb2
+        m = bosdyn_api.manipulation_api_pb2
         taken, source = shot.response.shot, shot.response.source
         mode = m.PICK_AUTO_WALK_AND_GAZE if self._s.walk_to_grasp else m.PICK_AUTO_GAZE
         grasp = m.PickObjectInImage(
-            pixel_xy=api.geometry_pb2.Vec2(x=pixel[0], y=pixel[1]),
+            pixel_xy=bosdyn_api.geometry_pb2.Vec2(x=pixel[0], y=pixel[1]),
             transforms_snapshot_for_camera=taken.transforms_snapshot,
             frame_name_image_sensor=taken.frame_name_image_sensor,
             camera_model=source.pinhole,
@@ -87,7 +87,7 @@ class Hand:
 
     def _wait_for_grasp(self, id: int, class_name: str) -> str:
         """Why it failed; empty when it did not."""
-        m = api.manipulation_api_pb2
+        m = bosdyn_api.manipulation_api_pb2
         request = m.ManipulationApiFeedbackRequest(manipulation_cmd_id=id)
         end = time.monotonic() + self._s.grasp_timeout_s
         client: Any = self._link.client("manipulation")

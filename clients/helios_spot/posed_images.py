@@ -15,7 +15,7 @@ from helios_core.geometry import Matrix, Pinhole, invert
 from helios_core.robot import Capture
 from numpy.typing import NDArray
 
-from helios_spot import api
+from helios_spot import bosdyn_api
 from helios_spot.cameras import (
     Mount,
     lens_of,
@@ -25,11 +25,11 @@ from helios_spot.cameras import (
     straight_color,
     straight_depth,
 )
-from helios_spot.depth import estimated, filled, load_estimator
+from helios_spot.depth_completion import estimated, filled, load_estimator
 from helios_spot.errors import doing
-from helios_spot.frames import BODY, VISION, base_below_body, pose
-from helios_spot.link import Link
-from helios_spot.reading import Reading
+from helios_spot.frame_transforms import BODY, VISION, base_below_body, pose
+from helios_spot.robot_connection import Link
+from helios_spot.robot_state import Reading
 from helios_spot.self_mask import robot_capsules, robot_pixels
 
 log = logging.getLogger(__name__)
@@ -116,8 +116,8 @@ class Eyes:
         requests = [self._color_request(self._names.color)]
         if self._s.depth != "estimate":
             requests.append(
-                api.image.build_image_request(
-                    self._depth_name, image_format=api.image_pb2.Image.FORMAT_RAW
+                bosdyn_api.image.build_image_request(
+                    self._depth_name, image_format=bosdyn_api.image_pb2.Image.FORMAT_RAW
                 )
             )
         shots = self._ask(requests)
@@ -164,8 +164,8 @@ class Eyes:
             return self._link.client("image").get_image(requests, timeout=self._s.rpc_timeout_s)
 
     def _color_request(self, name: str) -> Any:
-        pixel = api.image_pb2.Image
-        return api.image.build_image_request(
+        pixel = bosdyn_api.image_pb2.Image
+        return bosdyn_api.image.build_image_request(
             name, quality_percent=self._s.jpeg_quality, image_format=pixel.FORMAT_JPEG,
             pixel_format=pixel.PIXEL_FORMAT_RGB_U8 if name == HAND_COLOR else None,
         )  # fmt: skip

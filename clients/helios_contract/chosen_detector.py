@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from helios_contract import chosen
+from helios_contract import command_line_choice
 from helios_contract.bench import DetectorBench
 from helios_contract.plugin_suite import DetectorContract
 
@@ -12,5 +12,5 @@ class TestDetector(DetectorContract):
 
     @classmethod
     def stand(cls) -> DetectorBench:
-        assert chosen.detector is not None
-        return chosen.detector
+        assert command_line_choice.detector is not None
+        return command_line_choice.detector

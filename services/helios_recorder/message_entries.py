@@ -26,8 +26,8 @@ from helios_core.recording_format import (
 from helios_core.topics import DECISION, PLAN, PREVIEW, TASK
 
 from helios_recorder.entry import Entry
+from helios_recorder.foxglove_scene import stamp
 from helios_recorder.plan_entries import candidate_entry, plan_entries
-from helios_recorder.scene import stamp
 
 ORANGE = (1.0, 0.55, 0.0, 1.0)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from helios_contract import chosen
+from helios_contract import command_line_choice
 from helios_contract.bench import ScorerBench
 from helios_contract.plugin_suite import ScorerContract
 
@@ -12,5 +12,5 @@ class TestScorer(ScorerContract):
 
     @classmethod
     def stand(cls) -> ScorerBench:
-        assert chosen.scorer is not None
-        return chosen.scorer
+        assert command_line_choice.scorer is not None
+        return command_line_choice.scorer

@@ -26,8 +26,8 @@ from helios_core.topics import (
 )
 from helios_core.types import FrameId
 
-from helios_replay.index import Index, read_index
-from helios_replay.opening import mcap_files
+from helios_replay.format_detection import mcap_files
+from helios_replay.mcap_index import Index, read_index
 
 log = logging.getLogger(__name__)
 

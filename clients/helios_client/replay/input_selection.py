@@ -51,6 +51,6 @@ def what_to_seek(
 
 
 def _is_recording(source: Path) -> bool:
-    from helios_replay.opening import is_recording
+    from helios_replay.format_detection import is_recording
 
     return is_recording(source)

@@ -17,9 +17,9 @@ from helios_core.geometry import Pinhole
 from helios_core.recording_format import join_frame
 from helios_core.types import RobotDescription
 
-from helios_replay.index import Key, read_index
 from helios_replay.mcap_damage import Lost
-from helios_replay.source import (
+from helios_replay.mcap_index import Key, read_index
+from helios_replay.replay_source import (
     DEFAULT_MAX_DEPTH_M,
     Part,
     Picture,

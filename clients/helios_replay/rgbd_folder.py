@@ -23,7 +23,7 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, Pinhole, is_rigid
 from numpy.typing import NDArray
 
-from helios_replay.source import DEFAULT_MAX_DEPTH_M, Images, Part, Picture, Shot
+from helios_replay.replay_source import DEFAULT_MAX_DEPTH_M, Images, Part, Picture, Shot
 
 LARGEST = 1e6  # of the numbers in meta.json, and of frames
 POSE_TOLERANCE = 1e-2  # recorded rotations carry few digits

@@ -18,12 +18,12 @@ from typing import Any
 
 from helios_core.errors import Conflict, HeliosError
 
-from helios_spot import api
+from helios_spot import bosdyn_api
 from helios_spot.errors import doing, translate
-from helios_spot.halt import Halt
-from helios_spot.link import Link
+from helios_spot.halt_conditions import Halt
 from helios_spot.motion import POLL_S, Motion
-from helios_spot.reading import Reading
+from helios_spot.robot_connection import Link
+from helios_spot.robot_state import Reading
 
 log = logging.getLogger(__name__)
 
@@ -135,7 +135,7 @@ class Control:
         with doing(what, self._link.host):
             if self._s.lease == "take":
                 client.take(timeout=self._s.rpc_timeout_s)
-            tenure.keep_alive = api.lease.LeaseKeepAlive(
+            tenure.keep_alive = bosdyn_api.lease.LeaseKeepAlive(
                 client, rpc_interval_seconds=RENEW_LEASE_S, must_acquire=True,
                 return_at_exit=True, warnings=False,
                 on_failure_callback=functools.partial(self._on_failure, tenure),
@@ -160,7 +160,7 @@ class Control:
         assert tenure is not None
         try:
             client.retain_lease(client.lease_wallet.get_lease(), timeout=self._s.rpc_timeout_s)
-        except (api.exceptions.Error, api.lease.Error) as error:
+        except (bosdyn_api.exceptions.Error, bosdyn_api.lease.Error) as error:
             self._on_failure(tenure, error)
 
     def _regain(self, lost: Tenure) -> None:
@@ -184,7 +184,7 @@ class Control:
 
     def _on_failure(self, tenure: Tenure, error: Exception) -> None:
         """From the SDK's thread. A lost lease ends what runs; a lost link shows by itself."""
-        if not isinstance(error, (api.exceptions.ResponseError, api.lease.Error)):
+        if not isinstance(error, (bosdyn_api.exceptions.ResponseError, bosdyn_api.lease.Error)):
             log.warning("the lease was not renewed: %s", error)
             return
         lost = translate(error, self._link.host, "go on")
@@ -218,9 +218,11 @@ class Control:
     def _endpoint(self) -> Any:
         client = self._link.client("estop")
         with doing("set up the e-stop", self._link.host):
-            endpoint = api.estop.EstopEndpoint(client, "helios", self._s.estop_timeout_s)
+            endpoint = bosdyn_api.estop.EstopEndpoint(client, "helios", self._s.estop_timeout_s)
             endpoint.force_simple_setup()
-            return api.estop.EstopKeepAlive(endpoint, rpc_timeout_seconds=self._s.rpc_timeout_s)
+            return bosdyn_api.estop.EstopKeepAlive(
+                endpoint, rpc_timeout_seconds=self._s.rpc_timeout_s
+            )
 
     def _once_released(self) -> Reading:
         """A new endpoint takes a moment to let the robot go."""

@@ -1,6 +1,6 @@
 """How severe the detector's noise must be: the paper's loss, on the trusting agent alone.
 
-    python -m helios_eval.studies.severity --table ovmm-v1 --factors 1:1:1,2:1:0.6 --out DIR
+    python -m helios_eval.studies.noise_severity --table ovmm-v1 --factors 1:1:1,2:1:0.6 --out DIR
 
 The paper's Table 4 has the trusting agent at FindObj 57.5 and Pick 56.5 with ground-truth semantics
 (%), and Table 1 at 21.9 and 19.3 with a real detector: it keeps 0.38 and 0.34 of them. This plays

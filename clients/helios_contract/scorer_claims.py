@@ -8,11 +8,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from helios_core.types import Embedding, Frame
-from helios_detector.model_interfaces import Judgement, Seen
+from helios_detector.backend import Judgement, Seen
 from helios_detector.output_checks import held_judgement
 
-from helios_contract.back_end import BackEndContract
 from helios_contract.bench import ScorerBench, odd, views
+from helios_contract.model_claims import BackEndContract
 
 PROMPTS = {"pick": "Seems like there is a mug ahead", "place": "Seems like there is a sofa ahead"}
 SEEN = (Seen("table", 0.9), Seen("shelf", 0.4))

@@ -14,7 +14,7 @@ import numpy as np
 from helios_core.errors import Internal, Unavailable
 from helios_core.geometry import Matrix, invert, se2_to_se3
 
-from helios_spot import api
+from helios_spot import bosdyn_api
 
 VISION, BODY, FLAT_BODY, HAND = "vision", "body", "flat_body", "hand"
 GROUND, WRIST = "gpe", "arm0.link_wr1"
@@ -25,8 +25,8 @@ def pose(snapshot: Any, a: str, b: str) -> Matrix:
     """T_a_b [4, 4] from a FrameTreeSnapshot. Raises Internal when the tree does not join them,
     Unavailable when it is empty or broken."""
     try:
-        found = api.frame_helpers.get_a_tform_b(snapshot, a, b)
-    except (api.frame_helpers.Error, ValueError) as error:
+        found = bosdyn_api.frame_helpers.get_a_tform_b(snapshot, a, b)
+    except (bosdyn_api.frame_helpers.Error, ValueError) as error:
         raise Unavailable(
             f"the robot told an empty or broken tree of frames ({type(error).__name__}); try again"
         ) from error

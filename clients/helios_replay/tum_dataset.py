@@ -22,8 +22,15 @@ import numpy as np
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, Pinhole, rotation_from_quaternion
 
-from helios_replay.dataset import decode, nanoseconds
-from helios_replay.source import DEFAULT_MAX_DEPTH_M, Images, Part, Picture, Shot, left_out_of
+from helios_replay.replay_source import (
+    DEFAULT_MAX_DEPTH_M,
+    Images,
+    Part,
+    Picture,
+    Shot,
+    left_out_of,
+)
+from helios_replay.rgbd_folder import decode, nanoseconds
 
 CLOSE_S = 0.02  # as `associate.py` of the data sets
 DEPTH_PER_M = 5000.0

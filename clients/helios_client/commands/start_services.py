@@ -70,7 +70,7 @@ def up(
     from helios_core.errors import InvalidInput
     from helios_core.name_rules import robot_name
 
-    from helios_client.replay.messages import check_source, default_detector
+    from helios_client.replay.input_selection import check_source, default_detector
     from helios_client.supervision import flag_checks, state_file
     from helios_client.supervision.service_specs import Stack, free_port
     from helios_client.supervision.up import Screen
@@ -172,10 +172,10 @@ def replay(
     ] = "",
 ) -> None:
     """Play a recording or data set, and write what was found. Through the same services."""
-    from helios_client.interrupts import noted_interrupts
+    from helios_client.interrupt_signals import noted_interrupts
 
     with noted_interrupts() as interrupts:
-        from helios_client.replay.messages import check_source, what_to_seek
+        from helios_client.replay.input_selection import check_source, what_to_seek
         from helios_client.replay.run import Pace, ReplayJob
         from helios_client.replay.run import replay as run_replay
         from helios_client.supervision.flag_checks import check_detector

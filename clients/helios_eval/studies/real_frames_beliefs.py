@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from helios_core.types import Frame, FrameId, Observation, SearchContext
-from helios_detector.model_interfaces import DetectorBackend
+from helios_detector.backend import DetectorBackend
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
-from helios_replay.dataset import Dataset, read_image
+from helios_replay.rgbd_folder import Dataset, read_image
 from numpy.typing import NDArray
 
 NEAR_M = 0.15  # an instance whose centre is this near to a place is the thing there

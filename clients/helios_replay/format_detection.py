@@ -8,7 +8,7 @@ from pathlib import Path
 
 from helios_core.errors import Unavailable
 
-from helios_replay.source import Part, Source
+from helios_replay.replay_source import Part, Source
 
 log = logging.getLogger(__name__)
 
@@ -25,7 +25,7 @@ def open_source(path: Path, part: Part | None = None) -> Source:
 def _opened(path: Path, part: Part) -> Source:
     if is_recording(path):
         try:
-            from helios_replay.recording import Recording
+            from helios_replay.mcap_recording import Recording
         except ImportError as error:
             raise Unavailable(
                 f"a recording needs the library mcap ({error}); pip install 'helios-ovmm[recorder]'"
@@ -37,10 +37,10 @@ def _opened(path: Path, part: Part) -> Source:
 
         return RosBag(path, part)
     if (path / "groundtruth.txt").is_file():
-        from helios_replay.tum import TumFolder
+        from helios_replay.tum_dataset import TumFolder
 
         return TumFolder(path, part)
-    from helios_replay.dataset import ImageFolder
+    from helios_replay.rgbd_folder import ImageFolder
 
     return ImageFolder(path, part)
 

@@ -1,6 +1,6 @@
 """Which way of weighing evidence tells true things from false ones, over the same frames.
 
-    python -m helios_eval.studies.map_study --out runs/map-study --seed0 100 --homes 40 \\
+    python -m helios_eval.studies.evidence_rules --out runs/map-study --seed0 100 --homes 40 \\
         --arm helios --arm helios-next --arm "helios-next named_from=0.25 size_agreement=on"
 
 `helios` searches each home once without ever picking; what its noisy detector said goes into one
@@ -39,7 +39,7 @@ from helios_eval.episodes import service_settings
 from helios_eval.episodes.belief_truth import Role as BeliefRole
 from helios_eval.episodes.belief_truth import is_at, judged
 from helios_eval.episodes.episode_record import Belief
-from helios_eval.studies.map_walk import Walk, believed, walk
+from helios_eval.studies.recorded_walk import Walk, believed, walk
 
 ROLES = ("object", "start", "goal")
 RULES = {"helios": paper, "helios-next": patient}  # agents that have a map of their own
@@ -154,7 +154,7 @@ def table(rows: Mapping[str, Mapping[str, float]]) -> str:
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.map_study", description=__doc__,
+        prog="python -m helios_eval.studies.evidence_rules", description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument(

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_core.types import Detection, Frame
-from helios_detector.model_interfaces import Findings, Seen
+from helios_detector.backend import Findings, Seen
 from helios_detector.output_checks import held_findings
 
-from helios_contract.back_end import BackEndContract
 from helios_contract.bench import UNKNOWN, DetectorBench, odd, searching, views
+from helios_contract.model_claims import BackEndContract
 
 HIGH = 0.9  # a threshold
 SLACK = 1e-6  # of a score in float32
