@@ -93,13 +93,13 @@ def _choose(args: argparse.Namespace) -> str:
             classes=names,
         )
         _ = command_line_choice.detector.detector  # what cannot be opened is no failed claim
-        return "any_detector.py"
+        return "chosen_detector.py"
     if args.scorer:
         command_line_choice.scorer = ScorerBench(
             lambda: open_scorer(args.scorer, options), pictures, not args.random
         )
         _ = command_line_choice.scorer.scorer
-        return "any_scorer.py"
+        return "chosen_scorer.py"
     settings = Settings(driver=args.driver, address=args.address)
 
     def start() -> closing[RobotDriver]:
@@ -110,7 +110,7 @@ def _choose(args: argparse.Namespace) -> str:
         args.forward_m, args.turn_rad, args.tolerance_m, args.tolerance_rad,
         args.depth_tolerance_m, started_again=start if args.start_twice else None,
     )  # fmt: skip
-    return "any_driver.py"
+    return "chosen_driver.py"
 
 
 def _picture(path: Path) -> np.ndarray:

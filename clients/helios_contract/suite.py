@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import pytest
 
-_CLAIMS = ("describing", "hosted", "moving", "origin", "seeing", "stopping")
-pytest.register_assert_rewrite(*(f"helios_contract.{name}" for name in _CLAIMS))
+_CLAIMS = ("bridge", "camera", "description", "motion", "pose_origin", "stop")
+pytest.register_assert_rewrite(*(f"helios_contract.{name}_claims" for name in _CLAIMS))
 
 from helios_contract.bridge_claims import Hosted  # noqa: E402
 from helios_contract.camera_claims import Seeing  # noqa: E402

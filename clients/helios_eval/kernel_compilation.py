@@ -1,4 +1,4 @@
-"""`python -m helios_eval.kernel_compilation`: every kernel compiled once, before anything waits for it.
+"""Compiles every kernel once, before anything waits: `python -m helios_eval.kernel_compilation`.
 
 A process finds what another one has compiled, and compiles only what is missing: beside the module
 in `__pycache__`; where that cannot be written, in the user's cache folder; `NUMBA_CACHE_DIR` names

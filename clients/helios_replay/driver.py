@@ -30,7 +30,7 @@ REMEMBERED = 256  # results of actions
 
 
 class ReplayDriver(RobotDriver):
-    """Plays what `helios_replay.format_detection.open_source` can open. Raises InvalidInput if it cannot.
+    """Plays what `format_detection.open_source` can open. Raises InvalidInput if it cannot.
 
     An image that cannot be read raises InvalidInput from `capture`, once; the next capture gives
     the next image.

@@ -136,8 +136,11 @@ class Live:
             self._tell_if_new("ready", "ready", readiness)
 
     def _tell_if_new(
-        self, type: str, state_key: str, now: api_models.Robot | api_map_models.MapChange | api_models.Service
-        | api_models.Readiness
+        self,
+        type: str,
+        state_key: str,
+        now: api_models.Robot | api_map_models.MapChange | api_models.Service
+        | api_models.Readiness,
     ) -> None:  # fmt: skip
         if self._told.get(state_key) != now:
             self._told[state_key] = now

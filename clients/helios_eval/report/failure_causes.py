@@ -15,6 +15,7 @@ from helios_eval.episodes.episode_spec import MAX_STEPS, SENSOR, WALKER
 from helios_eval.report import colors, episode_map, number_format, plots
 from helios_eval.report.agent_groups import Arm, drawn
 from helios_eval.report.interval_statistics import mean_sem, wilson
+from helios_eval.report.number_format import plural
 from helios_eval.report.our_results import benchmarks_of, count
 from helios_eval.report.record_metrics import counts_of_causes, values
 from helios_eval.report.report_model import (
@@ -115,7 +116,7 @@ def gallery_section(folder: Path, arms: Sequence[Arm]) -> Section:
         chosen = _spread(pairs)
         pictures = tuple(_picture(r, k) for r, k in chosen)
         n_failed = sum(bool(r.cause) for r in arm.records)
-        caption = f"{len(pictures)} of {number_format.plural(n_failed, 'failure')}, spread over the causes."
+        caption = f"{len(pictures)} of {plural(n_failed, 'failure')}, spread over the causes."
         galleries.append(Gallery(arm.label, pictures, caption))
     if not galleries:
         why = "No picture of a failed episode was kept, or none failed."
@@ -141,7 +142,7 @@ def _kept(folder: Path) -> tuple[dict[str, failure_snapshot.Keepsake], list[Noti
             by_key[kept.key] = kept
     if not damaged:
         return by_key, []
-    what = number_format.plural(len(damaged), "picture")
+    what = plural(len(damaged), "picture")
     told = f"Without {what}: {', '.join(damaged)} cannot be read; delete what is damaged."
     return by_key, [Notice(told)]
 

@@ -33,7 +33,8 @@ def relations(arms: Sequence[Arm]) -> Table | None:
             note = number_format.bounds(ratio.low, ratio.high, 2) if ratio.told else "no interval"
             ours = Cell(number_format.number(ratio.value, 2), note, "strong")
         verdict = verdict_of(ratio, r.published) or untold(x, y)
-        rows.add([f"{r.metric}: {r.claim}", Cell(number_format.number(r.published, 2), r.where), ours,
+        rows.add([f"{r.metric}: {r.claim}",
+                  Cell(number_format.number(r.published, 2), r.where), ours,
                   Cell(str(len(mine)), asked_of(top, bottom, len(mine))), verdict])  # fmt: skip
     if not rows.rows:
         return None

@@ -20,6 +20,7 @@ from helios_eval.report.interval_statistics import (
     untold,
     wilson,
 )
+from helios_eval.report.number_format import bounds, interval, number, scale, signed
 from helios_eval.report.our_results import asked_of, count, tone_of
 from helios_eval.report.record_metrics import METRICS, values
 from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Section, Table
@@ -119,18 +120,18 @@ def _row(
     """Adds a row; what a drawing needs of it. under: which semantics or noise."""
     mine, theirs = in_common(top, bottom)
     x, y = values(mine, metric), values(theirs, metric)
-    d, ratio, k = paired_difference(x, y), paired_ratio(x, y), number_format.scale(metric)
+    d, ratio, k = paired_difference(x, y), paired_ratio(x, y), scale(metric)
     published = [
         r.published for r in paper_figures.RELATIONS
         if (r.metric, r.top, r.bottom) == (metric, question.first, question.second)
     ]  # fmt: skip
     of = asked_of(top, bottom, len(mine))
     rows.add([
-        Cell(metric, "", "strong"), number_format.number(x.mean() * k, 1), number_format.number(y.mean() * k, 1),
-        Cell(number_format.signed(d.value * k, 1), "", tone_of(metric, d)),
-        number_format.bounds(d.low * k, d.high * k, 1, plus=True) if d.told else number_format.NONE,
-        Cell(number_format.interval(ratio, 2) if ratio.told else number_format.number(ratio.value, 2),
-             f"paper {number_format.number(published[0], 2)}" if published else ""),
+        Cell(metric, "", "strong"), number(x.mean() * k, 1), number(y.mean() * k, 1),
+        Cell(signed(d.value * k, 1), "", tone_of(metric, d)),
+        bounds(d.low * k, d.high * k, 1, plus=True) if d.told else number_format.NONE,
+        Cell(interval(ratio, 2) if ratio.told else number(ratio.value, 2),
+             f"paper {number(published[0], 2)}" if published else ""),
         Cell(str(len(mine)), of),
         (_so(d) or untold(x, y)) + (SO_FAR if of else ""),
     ], group)  # fmt: skip
@@ -180,7 +181,7 @@ def _levels(arms: Sequence[Arm]) -> Table | None:
         met = values(arm.records, "SR")
         i = wilson(int(met.sum()), len(met))
         rows.add([
-            name, number_format.number(100 * i.value, 1), number_format.bounds(100 * i.low, 100 * i.high, 1),
+            name, number(100 * i.value, 1), bounds(100 * i.low, 100 * i.high, 1),
             f"≥ {100 * wanted:g}", count(arm), _level(i, wanted) + ("" if arm.whole else SO_FAR),
         ])  # fmt: skip
     return rows.table(
@@ -207,12 +208,12 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
         for metric in IDEA_METRICS:
             d = paired_difference(values(mine, metric), values(theirs, metric))
             k, digits, tone = (
-                number_format.scale(metric),
+                scale(metric),
                 METRICS[metric].digits,
                 tone_of(metric, d),
             )
-            note = number_format.bounds(d.low * k, d.high * k, digits, plus=True) if d.told else ""
-            cells.append(Cell(number_format.signed(d.value * k, digits), note, tone))
+            note = bounds(d.low * k, d.high * k, digits, plus=True) if d.told else ""
+            cells.append(Cell(signed(d.value * k, digits), note, tone))
             if tone:
                 settled.append(f"{metric} {'better' if tone == 'good' else 'worse'}")
         of = asked_of(arm, base, len(mine))

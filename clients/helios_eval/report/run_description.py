@@ -14,6 +14,7 @@ from helios_core.errors import InvalidInput
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.report import number_format
 from helios_eval.report.agent_groups import Arm, correlation_name, most_common, noise_parts
+from helios_eval.report.number_format import plural, ranges
 from helios_eval.report.our_results import benchmarks_of
 from helios_eval.report.record_metrics import TITLES, counts_of_causes
 from helios_eval.report.report_model import Block, Command, Facts, Notice, Rows, Section, Table
@@ -62,13 +63,13 @@ def section(
         warnings.insert(0, _not_complete(lacking, asked))
     if changed := _changed_homes(records):
         warnings.append(
-            f"The homes of {number_format.plural(len(changed), 'seed')} ({number_format.ranges(changed)}) were not "
+            f"The homes of {plural(len(changed), 'seed')} ({ranges(changed)}) were not "
             "the same in all episodes; agents are not compared in them."
         )
     warnings += [w for b in benchmarks_of(arms) if (w := unlike(b, arms))]
     errors = sum(r.cause == "system error" for r in records)
     if errors:
-        what = number_format.plural(errors, "episode")
+        what = plural(errors, "episode")
         warnings.append(f"{what} ended by a system error; they count as failures.")
     blocks += [Notice(w) for w in warnings]
     blocks.append(Facts(tuple(_facts(records, arms, run, commits))))
@@ -87,12 +88,10 @@ def unlike(benchmark: str, arms: Sequence[Arm]) -> str:
     each = ", ".join(f"{label} {len(seeds)}" for label, seeds in homes.items())
     if len(homes) > MOST_NAMED:
         sizes = Counter(len(seeds) for seeds in homes.values())
-        each = ", ".join(
-            f"{number_format.plural(n, 'row')} over {size}" for size, n in sizes.items()
-        )
+        each = ", ".join(f"{plural(n, 'row')} over {size}" for size, n in sizes.items())
     return (
         f"{TITLES[benchmark]}: not every row is over the same homes ({each}; "
-        f"{number_format.plural(shared, 'home')} in common). Means of such rows may differ because their "
+        f"{plural(shared, 'home')} in common). Means of such rows may differ because their "
         "homes do; only the relations, and the differences between agents, compare the same homes."
     )
 
@@ -107,7 +106,7 @@ def missing(arms: Sequence[Arm], asked: Mapping[Identity, set[int]]) -> dict[Ide
 def _not_complete(lacking: Mapping[Identity, int], asked: Mapping[Identity, set[int]]) -> str:
     whole, absent = sum(map(len, asked.values())), sum(lacking.values())
     return (
-        f"Not complete: {absent} of the {number_format.plural(whole, 'episode')} that were asked for are "
+        f"Not complete: {absent} of the {plural(whole, 'episode')} that were asked for are "
         "not played yet. What is told here holds for those that are there, and whoever looks often "
         "enough while a run goes on sees something settle by chance: the answer is that of the "
         "whole run. The same commands play the rest."
@@ -182,7 +181,7 @@ def _facts(
         ("episodes", f"{len(records)}, of which {done} succeeded"),
         (
             "seeds",
-            f"{number_format.ranges(seeds)} ({number_format.plural(len(set(seeds)), 'home')})",
+            f"{ranges(seeds)} ({plural(len(set(seeds)), 'home')})",
         ),
         ("preset", ", ".join(_hashed([(r.preset, r.preset_hash) for r in records]))),
         ("semantics", ", ".join(dict.fromkeys(a.semantics for a in arms))),
@@ -245,12 +244,12 @@ def title(records: Sequence[EpisodeRecord], arms: Sequence[Arm]) -> tuple[str, s
     most = max((n for c, n in causes.items() if c), default=0)
     worst = sorted(c for c, n in causes.items() if c and n == most)
     lead = (
-        f"{number_format.plural(len(records), 'episode')} of {number_format.plural(len(agents), 'agent')} in "
-        f"{number_format.plural(len({r.seed for r in records}), 'home')}."
+        f"{plural(len(records), 'episode')} of {plural(len(agents), 'agent')} in "
+        f"{plural(len({r.seed for r in records}), 'home')}."
     )
     if len(worst) == 1:
         lead += f" The most frequent cause of failure: {worst[0]}."
     lacking = sum(max(0, a.asked - len(a.records)) for a in arms)
     if lacking:
-        lead += f" Not complete: {number_format.plural(lacking, 'episode')} of these are not played yet."
+        lead += f" Not complete: {plural(lacking, 'episode')} of these are not played yet."
     return f"HELIOS evaluation: {benchmarks}", lead

@@ -8,8 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from helios_eval.report import number_format, plots
+from helios_eval.report import plots
 from helios_eval.report.agent_groups import Arm, most_common
+from helios_eval.report.number_format import duration, number
 from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Section, Table
 
 
@@ -50,15 +51,15 @@ def _table(arms: Sequence[Arm], names: Sequence[str], medians: Sequence[Sequence
     steps = [np.array([r.step_ms for r in a.records]) for a in arms]
     rows.add([
         Cell("whole step", "90 % of the episodes below", "strong"),
-        *(Cell(number_format.number(float(np.median(s)), 1), number_format.number(float(np.quantile(s, 0.9)), 1),
+        *(Cell(number(float(np.median(s)), 1), number(float(np.quantile(s, 0.9)), 1),
                "strong") for s in steps),
     ])  # fmt: skip
     for i, name in enumerate(names):
-        rows.add([name, *(number_format.number(row[i], 1) for row in medians)])
+        rows.add([name, *(number(row[i], 1) for row in medians)])
     walls = [sum(r.wall_s for r in a.records) for a in arms]
     rows.add([
         Cell("whole episode (s)", "sum"),
-        *(Cell(number_format.number(w / len(a.records), 1), number_format.duration(w))
+        *(Cell(number(w / len(a.records), 1), duration(w))
           for a, w in zip(arms, walls, strict=True)),
     ])  # fmt: skip
     return rows.table(

@@ -152,7 +152,8 @@ def lost(spec: EpisodeSpec, why: str, here: str) -> EpisodeRecord:
         seed=spec.seed, noise=spec.noise, settings=spec.settings, instruction="", object_class="",
         find_object=False, pick=False, find_receptacle=False, place=False, success=False,
         collisions=0, steps=0, path_m=0.0, picks=0, cause="system error", state="failed",
-        message=why, wall_s=0.0, step_ms=0.0, commit=here, preset_hash=home_presets.digest_of(spec.preset),
+        message=why, wall_s=0.0, step_ms=0.0, commit=here,
+        preset_hash=home_presets.digest_of(spec.preset),
         structure_hash="",
     )  # fmt: skip
 

@@ -1,6 +1,7 @@
 """Checks models on one image, with whatever weights they name, end to end.
 
-    python -m helios_detector.hf.model_check --detector transformers:IDEA-Research/grounding-dino-tiny \
+    python -m helios_detector.hf.model_check \
+        --detector transformers:IDEA-Research/grounding-dino-tiny \
         --masks transformers:facebook/sam2.1-hiera-small --classes "mug,table=0.35" --image room.jpg
 
 Prints what was found, how long a frame takes and how much memory, and writes the picture with boxes

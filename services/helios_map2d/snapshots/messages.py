@@ -1,4 +1,4 @@
-"""Snapshots as they travel (`helios_core.map_snapshot` reads them), and where a robot says that it is."""
+"""Snapshots and robot positions as messages; `helios_core.map_snapshot` reads them."""
 
 from __future__ import annotations
 

@@ -135,7 +135,8 @@ def test_the_schemas_name_fields_that_the_interface_has() -> None:
         api_map_models.MapInfo.model_fields
     )
     for ours, theirs in (
-        (answer_models.Vocabulary, api_models.Vocabulary), (answer_models.Suggestions, api_models.Suggestions),
+        (answer_models.Vocabulary, api_models.Vocabulary),
+        (answer_models.Suggestions, api_models.Suggestions),
         (answer_models.Robot, api_models.Robot), (answer_models.Status, api_models.Status),
     ):  # fmt: skip
         assert set(ours.model_fields) <= set(theirs.model_fields)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from eval_constructed_records import belief, episodes, record
 from helios_core.errors import InvalidInput
-from helios_eval.calibration import report_figures
+from helios_eval.calibration import figures
 from helios_eval.calibration.command import calibration
 from helios_eval.calibration.report import markdown_table
 from helios_eval.calibration.samples import VIEWS, by_setting, samples_of
@@ -20,7 +20,7 @@ CORRELATED = Noise(table="ovmm-v1", digest="0", level=2.0, correlation=1.0)
 @pytest.fixture(scope="module")
 def made():
     calm, wild = episodes(30), episodes(30, overconfident=0.3, noise=CORRELATED)
-    return report_figures([*calm, *wild])
+    return figures([*calm, *wild])
 
 
 def test_the_last_belief_of_each_instance_counts():
@@ -86,18 +86,18 @@ def test_rows_tell_a_calibrated_setting_from_an_overconfident_one():
 
 
 def test_groups_too_small_are_left_out_and_figures_need_beliefs():
-    assert report_figures([record(0), record(1)]) == []
-    assert report_figures([record(0, (belief(1, True), belief(2, False)))]) == []
+    assert figures([record(0), record(1)]) == []
+    assert figures([record(0, (belief(1, True), belief(2, False)))]) == []
 
 
 def test_groups_too_small_to_be_told_apart_by_views_have_no_picture_of_them():
     beliefs = tuple(belief(k, k % 3 > 0, views=1 + k) for k in range(24))
-    assert [f.title.split(":")[0] for f in report_figures([record(0, beliefs)])] == ["Reliability"]
+    assert [f.title.split(":")[0] for f in figures([record(0, beliefs)])] == ["Reliability"]
 
 
 def test_beliefs_that_are_all_right_can_be_shown():
     told = [record(k, tuple(belief(i, True, 0.5 + i / 50) for i in range(20))) for k in range(3)]
-    first, _ = report_figures(told)
+    first, _ = figures(told)
     assert all(row["auroc"] is None for row in first.table)
 
 
@@ -107,7 +107,7 @@ def test_fewer_than_six_episodes_have_no_interval():
     assert few
     assert all(np.isnan([r.ece_low, r.ece_high, r.auroc_low, r.auroc_high]).all() for r in few)
     assert all(np.isfinite(r.ece_low) for r in enough if r.score != "−U")
-    first, *_ = report_figures(episodes(5))
+    first, *_ = figures(episodes(5))
     assert "5 episodes are too few" in first.caption
     assert first.table[0]["ece_low"] is None
 
@@ -142,7 +142,7 @@ def test_figures_are_pictures_with_numbers(made):
 
 
 def test_the_same_records_give_the_same_numbers(made):
-    again = report_figures([*episodes(30), *episodes(30, overconfident=0.3, noise=CORRELATED)])
+    again = figures([*episodes(30), *episodes(30, overconfident=0.3, noise=CORRELATED)])
     assert [f.table for f in again] == [f.table for f in made]
 
 

@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_eval.calibration import statistics
-from helios_eval.report import interval_statistics
+from helios_eval.report.interval_statistics import (
+    FEWEST,
+    discordant,
+    mean_sem,
+    paired_difference,
+    paired_ratio,
+    sign_test,
+    untold,
+    wilson,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -25,7 +34,7 @@ POLITICS = np.array([1.0] * 7 + [0.0] * 3)
     ],
 )
 def test_wilson_interval_has_the_published_bounds(successes, n, low, high):
-    found = interval_statistics.wilson(successes, n)
+    found = wilson(successes, n)
     assert found.value == successes / n
     assert found.low == pytest.approx(low, abs=5e-5)
     assert found.high == pytest.approx(high, abs=5e-5)
@@ -34,7 +43,7 @@ def test_wilson_interval_has_the_published_bounds(successes, n, low, high):
 @given(st.integers(1, 500).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
 def test_wilson_interval_holds_its_share_and_mirrors(case):
     k, n = case
-    found, mirrored = interval_statistics.wilson(k, n), interval_statistics.wilson(n - k, n)
+    found, mirrored = wilson(k, n), wilson(n - k, n)
     assert 0 <= found.low <= found.value <= found.high <= 1
     assert found.low == pytest.approx(1 - mirrored.high, abs=1e-12)
 
@@ -45,21 +54,21 @@ def test_one_share_has_the_interval_that_it_has_among_many():
         successes = np.arange(n + 1)
         low, high = statistics.wilson(successes, np.full(n + 1, n))
         low[0], high[n] = 0.0, 1.0
-        found = [interval_statistics.wilson(int(k), n) for k in successes]
+        found = [wilson(int(k), n) for k in successes]
         assert [(i.low, i.high) for i in found] == list(zip(low, high, strict=True))
 
 
 def test_mean_and_its_error_as_in_the_textbook():
-    found = interval_statistics.mean_sem(np.array([2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 7.0, 9.0]))
+    found = mean_sem(np.array([2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 7.0, 9.0]))
     assert found.mean == 5
     assert found.sem == pytest.approx(math.sqrt(32 / 7 / 8))
-    assert math.isnan(interval_statistics.mean_sem(np.array([1.0])).sem)
+    assert math.isnan(mean_sem(np.array([1.0])).sem)
 
 
 def test_the_papers_error_of_a_share_is_ours():
     share = np.zeros(1199)
     share[:507] = 1  # FindObj of HELIOS, Table 1: 42.3 ± 1.4
-    found = interval_statistics.mean_sem(share)
+    found = mean_sem(share)
     assert (round(100 * found.mean, 1), round(100 * found.sem, 1)) == (42.3, 1.4)
 
 
@@ -67,11 +76,9 @@ def test_exact_mcnemar_has_the_published_p():
     # Fagerland, Lydersen and Laake, BMC Med. Res. Methodol. 13:91 (2013): 1 and 7 discordant
     first = np.array([1.0] * 7 + [0.0] * 1 + [1.0] * 12 + [0.0])
     second = np.array([0.0] * 7 + [1.0] * 1 + [1.0] * 12 + [0.0])
-    assert interval_statistics.sign_test(first, second) == pytest.approx(0.0703, abs=5e-5)
-    assert interval_statistics.discordant(first, second) == (7, 1)
-    assert interval_statistics.sign_test(second, first) == interval_statistics.sign_test(
-        first, second
-    )
+    assert sign_test(first, second) == pytest.approx(0.0703, abs=5e-5)
+    assert discordant(first, second) == (7, 1)
+    assert sign_test(second, first) == sign_test(first, second)
 
 
 # --- where nothing can be told ----------------------------------------------------------------
@@ -84,41 +91,39 @@ def test_exact_mcnemar_has_the_published_p():
 def test_an_interval_wants_six_homes_that_differ(homes, differ, why):
     first = np.ones(homes)
     second = first - (np.arange(homes) < differ)
-    assert interval_statistics.untold(first, second) == why
+    assert untold(first, second) == why
     for found in (
-        interval_statistics.paired_difference(first, second),
-        interval_statistics.paired_ratio(first, second),
+        paired_difference(first, second),
+        paired_ratio(first, second),
     ):
         assert found.told == (why == "")
         assert found.told or not found.sure
-    assert interval_statistics.paired_difference(first, second).value == pytest.approx(
-        differ / homes
-    )
+    assert paired_difference(first, second).value == pytest.approx(differ / homes)
 
 
 def test_the_fewest_are_those_with_which_an_exact_test_can_tell_at_all():
     def p_of_unanimous(homes: int) -> float:
-        return interval_statistics.sign_test(np.ones(homes), np.zeros(homes))
+        return sign_test(np.ones(homes), np.zeros(homes))
 
     assert (
-        p_of_unanimous(interval_statistics.FEWEST)
+        p_of_unanimous(FEWEST)
         <= 0.05
-        < p_of_unanimous(interval_statistics.FEWEST - 1)
+        < p_of_unanimous(FEWEST - 1)
     )
 
 
 @given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=40))
 def test_what_is_sure_has_bounds_with_width_or_is_unanimous(pairs):
     first, second = np.array(pairs, dtype=np.float64).T
-    found = interval_statistics.paired_difference(first, second, draws=200)
+    found = paired_difference(first, second, draws=200)
     if found.sure:
-        assert sum(interval_statistics.discordant(first, second)) >= interval_statistics.FEWEST
-        assert found.high > found.low or interval_statistics.sign_test(first, second) <= 0.05
+        assert sum(discordant(first, second)) >= FEWEST
+        assert found.high > found.low or sign_test(first, second) <= 0.05
 
 
 def test_no_difference_at_all_has_p_1():
-    assert interval_statistics.sign_test(POLITICS, POLITICS) == 1
-    assert interval_statistics.paired_difference(POLITICS, POLITICS).value == 0
+    assert sign_test(POLITICS, POLITICS) == 1
+    assert paired_difference(POLITICS, POLITICS).value == 0
 
 
 def test_paired_bootstrap_covers_the_truth_as_often_as_it_says():
@@ -130,10 +135,8 @@ def test_paired_bootstrap_covers_the_truth_as_often_as_it_says():
         hard = rng.random(100)
         second = (hard < 0.4).astype(np.float64)
         first = np.where(rng.random(100) < 0.7, hard < 0.6, rng.random(100) < 0.6)
-        d = interval_statistics.paired_difference(
-            first.astype(np.float64), second, draws=400, seed=i
-        )
-        r = interval_statistics.paired_ratio(first.astype(np.float64), second, draws=400, seed=i)
+        d = paired_difference(first.astype(np.float64), second, draws=400, seed=i)
+        r = paired_ratio(first.astype(np.float64), second, draws=400, seed=i)
         differences += d.low <= 0.2 <= d.high
         ratios += r.low <= 1.5 <= r.high
     assert 0.91 <= differences / repeats <= 0.98  # 0.95 within its own error and the bootstrap's
@@ -144,34 +147,32 @@ def test_pairing_narrows_the_interval_where_homes_differ():
     rng = np.random.default_rng(1)
     home = rng.normal(0, 10, 200)
     first, second = home + rng.normal(1, 1, 200), home + rng.normal(0, 1, 200)
-    paired = interval_statistics.paired_difference(first, second)
-    shuffled = interval_statistics.paired_difference(first, rng.permutation(second))
+    paired = paired_difference(first, second)
+    shuffled = paired_difference(first, rng.permutation(second))
     assert paired.low > 0
     assert paired.high - paired.low < (shuffled.high - shuffled.low) / 5
 
 
 def test_same_seed_same_interval():
     a, b = np.random.default_rng(3).random((2, 50))
-    assert interval_statistics.paired_ratio(a, b) == interval_statistics.paired_ratio(a, b)
-    assert interval_statistics.paired_ratio(a, b, seed=1) != interval_statistics.paired_ratio(
-        a, b, seed=2
-    )
+    assert paired_ratio(a, b) == paired_ratio(a, b)
+    assert paired_ratio(a, b, seed=1) != paired_ratio(a, b, seed=2)
 
 
 def test_a_bound_that_divides_by_zero_is_infinite():
     once = np.array([1.0] + [0.0] * 9)
-    found = interval_statistics.paired_ratio(POLITICS, once)  # six homes differ
+    found = paired_ratio(POLITICS, once)  # six homes differ
     assert found.value == 7
     assert math.isfinite(found.low)
     assert found.high == math.inf
-    assert interval_statistics.paired_ratio(POLITICS, np.zeros(10)).value == math.inf
-    assert math.isnan(interval_statistics.paired_ratio(np.zeros(10), np.zeros(10)).value)
+    assert paired_ratio(POLITICS, np.zeros(10)).value == math.inf
+    assert math.isnan(paired_ratio(np.zeros(10), np.zeros(10)).value)
 
 
-@pytest.mark.parametrize("wrong", [lambda: interval_statistics.wilson(3, 2), lambda: interval_statistics.wilson(0, 0),
-                                   lambda: interval_statistics.mean_sem(np.array([])),
-                                   lambda: interval_statistics.sign_test(np.ones(3), np.ones(4)),
-                                   lambda: interval_statistics.paired_ratio(np.ones(0), np.ones(0))])  # fmt: skip
+@pytest.mark.parametrize("wrong", [lambda: wilson(3, 2), lambda: wilson(0, 0),
+                                   lambda: mean_sem(np.array([])),
+                                   lambda: sign_test(np.ones(3), np.ones(4)),
+                                   lambda: paired_ratio(np.ones(0), np.ones(0))])  # fmt: skip
 def test_what_cannot_be_reckoned_is_refused(wrong):
     with pytest.raises(InvalidInput, match="want"):
         wrong()

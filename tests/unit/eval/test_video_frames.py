@@ -14,11 +14,22 @@ from helios_core.geometry import se2_to_se3
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, DECISION, OBJECTS, PLAN, ROBOT_STATE, SNAPSHOT, TASK
 from helios_core.types import RobotState
-from helios_eval.video import frame_layout
 from helios_eval.video.bus_observer import MOST_GLIDES, Watcher, glides
 from helios_eval.video.drawing import GREEN, PAPER, RED
 from helios_eval.video.frame_content import Scene
-from helios_eval.video.frame_layout import HEIGHT, WIDTH, frame_picture
+from helios_eval.video.frame_layout import (
+    BOTTOM,
+    CAMERA_W,
+    CAMERA_X,
+    HEAD,
+    HEIGHT,
+    MAP_W,
+    MAP_X,
+    WHY_W,
+    WHY_X,
+    WIDTH,
+    frame_picture,
+)
 from helios_eval.video.map_panel import map_picture, window_of
 from helios_eval.video.mp4_writer import VideoFile
 
@@ -54,26 +65,26 @@ def test_every_scene_is_a_frame_and_nothing_leaves_its_panel(name):
     picture = frame_picture(SCENES[name]())
     assert picture.shape == (HEIGHT, WIDTH, 3)
     assert picture.dtype == np.uint8
-    body = picture[frame_layout.HEAD + 2 :]
+    body = picture[HEAD + 2 :]
     for left, right in (
-        (0, frame_layout.CAMERA_X), (frame_layout.CAMERA_X + frame_layout.CAMERA_W + 1, frame_layout.MAP_X),
-        (frame_layout.MAP_X + frame_layout.MAP_W + 1, frame_layout.WHY_X), (frame_layout.WHY_X + frame_layout.WHY_W + 1, WIDTH),
+        (0, CAMERA_X), (CAMERA_X + CAMERA_W + 1, MAP_X),
+        (MAP_X + MAP_W + 1, WHY_X), (WHY_X + WHY_W + 1, WIDTH),
     ):  # fmt: skip
         assert (body[:, left:right] == PAPER).all(), f"something is drawn between {left}-{right}"
-    assert (picture[frame_layout.BOTTOM + 1 :] == PAPER).all()
+    assert (picture[BOTTOM + 1 :] == PAPER).all()
 
 
 @pytest.mark.parametrize("shape", [(640, 480), (480, 640), (10, 400), (400, 10), (1, 1)])
 def test_pictures_of_any_shape_fit(shape):
     scene = constructed_scene(color=np.full((*shape, 3), 90, np.uint8), detections=())
     picture = frame_picture(scene)
-    assert (picture[frame_layout.HEAD + 2 :, frame_layout.CAMERA_X + frame_layout.CAMERA_W + 1 : frame_layout.MAP_X]
+    assert (picture[HEAD + 2 :, CAMERA_X + CAMERA_W + 1 : MAP_X]
             == PAPER).all()  # fmt: skip
 
 
 def test_the_outcome_is_told_in_its_colour():
     def has(color: tuple[int, int, int], scene: Scene) -> bool:
-        return bool((frame_picture(scene)[: frame_layout.HEAD] == color).all(axis=2).any())
+        return bool((frame_picture(scene)[:HEAD] == color).all(axis=2).any())
 
     won = pb.Task(state="succeeded", kind="move", phase="place")
     lost = pb.Task(state="failed", cause="stuck", kind="move", phase="pick")
