@@ -130,12 +130,12 @@ def _tell(error: Exception) -> int:
     from helios_core.errors import HeliosError
 
     from helios_client.http.errors import WrongRequest
-    from helios_client.usage_errors import WrongUse
+    from helios_client.usage_errors import UsageError
 
     if not isinstance(error, HeliosError):
         raise error
     say(f"helios: {error.message}", stderr=True)
-    return 2 if isinstance(error, WrongUse | WrongRequest) else 1
+    return 2 if isinstance(error, UsageError | WrongRequest) else 1
 
 
 def _interrupted() -> int:

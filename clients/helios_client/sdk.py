@@ -41,7 +41,7 @@ from helios_client.http import requests
 from helios_client.http.connection import EVENT_RETRY_S, POLL_S, SILENCE_S, Connection
 from helios_client.http.errors import lost, refused
 from helios_client.http.server_sent_events import EventParser
-from helios_client.http.task_polling import Waiting
+from helios_client.http.task_polling import WaitedServices
 from helios_client.http.teleop import Teleop
 
 T = TypeVar("T")
@@ -124,7 +124,7 @@ class Helios:
         A gateway that is being restarted is waited for, up to `SILENCE_S`. Raises DeadlineExceeded,
         and Unavailable when nobody answers any more.
         """
-        waiting = Waiting(id, timeout_s, SILENCE_S)
+        waiting = WaitedServices(id, timeout_s, SILENCE_S)
         while True:
             try:
                 task = self.task(id)

@@ -39,7 +39,7 @@ from helios_client.http import requests
 from helios_client.http.connection import EVENT_RETRY_S, POLL_S, SILENCE_S, Connection
 from helios_client.http.errors import lost, refused
 from helios_client.http.server_sent_events import EventParser
-from helios_client.http.task_polling import Waiting
+from helios_client.http.task_polling import WaitedServices
 from helios_client.http.teleop import AsyncTeleop
 
 T = TypeVar("T")
@@ -112,7 +112,7 @@ class AsyncHelios:
         self, id: str, timeout_s: float, on_update: Callable[[Task], None] | None = None
     ) -> Task:
         """The task once it has ended; `on_update` is told whenever it changed."""
-        waiting = Waiting(id, timeout_s, SILENCE_S)
+        waiting = WaitedServices(id, timeout_s, SILENCE_S)
         while True:
             try:
                 task = await self.task(id)

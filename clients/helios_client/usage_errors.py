@@ -3,5 +3,5 @@
 from helios_core.errors import HeliosError
 
 
-class WrongUse(HeliosError):
+class UsageError(HeliosError):
     """The command was called wrongly: exit status 2."""

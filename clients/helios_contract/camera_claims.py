@@ -18,7 +18,7 @@ BELOW_FLOOR = 0.02  # of the points: mirrors, noise
 MOUNT_TOLERANCE_M = 0.25
 
 
-class Seeing:
+class CameraClaims:
     """Of `capture` and `state`."""
 
     def test_an_image_has_the_type_and_size_that_its_calibration_says(self, rig: Rig) -> None:

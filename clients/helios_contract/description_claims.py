@@ -11,7 +11,7 @@ from helios_core.errors import Unavailable
 from helios_contract.rig import Rig
 
 
-class Describing:
+class DescriptionClaims:
     """Of `describe`."""
 
     def test_the_description_stays_the_same(self, rig: Rig) -> None:

@@ -16,7 +16,7 @@ LEAST_AGREEING = 0.7  # of what is in both images: edges hide and show
 LEAST_SHARED = 200  # points
 
 
-class Moving:
+class MotionClaims:
     """Of `act`. A robot that cannot move has to say so."""
 
     def test_a_positive_turn_goes_left_by_that_angle(self, rig: Rig) -> None:

@@ -21,7 +21,7 @@ STILL_S = 0.5  # so long it is watched after it has stopped
 POLL_S = 0.01
 
 
-class Stopping:
+class StopClaims:
     """Of `stop` and `clear_stop`."""
 
     def test_a_stop_latches_refuses_every_action_and_says_why(self, rig: Rig) -> None:

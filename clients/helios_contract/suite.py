@@ -12,15 +12,15 @@ _CLAIMS = ("bridge", "camera", "description", "motion", "pose_origin", "stop")
 pytest.register_assert_rewrite(*(f"helios_contract.{name}_claims" for name in _CLAIMS))
 
 from helios_contract.bridge_claims import Hosted  # noqa: E402
-from helios_contract.camera_claims import Seeing  # noqa: E402
-from helios_contract.description_claims import Describing  # noqa: E402 - so that asserts say their values
-from helios_contract.motion_claims import Moving  # noqa: E402
+from helios_contract.camera_claims import CameraClaims  # noqa: E402
+from helios_contract.description_claims import DescriptionClaims  # noqa: E402 - so that asserts say their values
+from helios_contract.motion_claims import MotionClaims  # noqa: E402
 from helios_contract.pose_origin_claims import Origin  # noqa: E402
 from helios_contract.rig import Rig  # noqa: E402
-from helios_contract.stop_claims import Stopping  # noqa: E402
+from helios_contract.stop_claims import StopClaims  # noqa: E402
 
 
-class DriverContract(Describing, Origin, Seeing, Moving, Stopping, Hosted):
+class DriverContract(DescriptionClaims, Origin, CameraClaims, MotionClaims, StopClaims, Hosted):
     """Every claim about one driver. Subclass it, with a name that begins with Test, and say in
     `stand` how the driver is made; all claims share it."""
 

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 from helios_client.terminal_output import Screen
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.errors import InvalidInput
 
 from helios_eval import run_folder as run_folder
@@ -116,7 +116,7 @@ def report(
     With --out, of several folders together; that folder can be reported anew as well.
     """
     if out is None and len(folders) > 1:
-        raise WrongUse("of several folders one report is written elsewhere: give --out FOLDER")
+        raise UsageError("of several folders one report is written elsewhere: give --out FOLDER")
     into = out or folders[0]
     records, told = merge_runs.episodes(folders), merge_runs.run(folders)
     with run_folder.writing(into):
@@ -158,7 +158,7 @@ def _run(
     try:
         limits = tuple(results.picks_of(p) for p in _names(picks, "--picks"))
     except InvalidInput as error:
-        raise WrongUse(error.message) from error
+        raise UsageError(error.message) from error
     if seed0 + episodes > FIRST_KEPT_BACK:
         print(
             f"helios: seeds from {FIRST_KEPT_BACK} on are kept back, so that others can check what "
@@ -198,5 +198,5 @@ def _ended_by_sigterm() -> Iterator[None]:
 def _names(text: str, flag: str) -> list[str]:
     names = list(dict.fromkeys(name.strip() for name in text.split(",")))
     if "" in names:
-        raise WrongUse(f"{flag} {text!r} has an empty name; write a,b")
+        raise UsageError(f"{flag} {text!r} has an empty name; write a,b")
     return names

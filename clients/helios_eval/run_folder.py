@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.errors import Conflict, Unavailable
 
 LOCK = "run.lock"
@@ -23,7 +23,7 @@ def held(folder: Path) -> Iterator[None]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
-        raise WrongUse(f"{folder} cannot be a folder: a file is there; take another") from error
+        raise UsageError(f"{folder} cannot be a folder: a file is there; take another") from error
     except OSError as error:
         raise _unwritable(folder, error) from error
     with writing(folder):

@@ -6,12 +6,12 @@ helios up --agent helios_examples.careful_agent:agent
 from helios_planner.plugins import (
     Agent,
     Decision,
-    Kit,
     MapBelief,
     ObjectInstance,
     Phase,
     Places,
     Search,
+    SearchTools,
     act_on_best,
     explorer,
 )
@@ -25,7 +25,7 @@ def nearest(places: Places):
 
 
 class CarefulSearch(Search):
-    def __init__(self, kit: Kit, phase: Phase, name: str) -> None:
+    def __init__(self, kit: SearchTools, phase: Phase, name: str) -> None:
         super().__init__(kit, phase, name, SAME_M)
         self._explorer = explorer(self, nearest)
 

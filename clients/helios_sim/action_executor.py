@@ -14,13 +14,13 @@ from helios_core.geometry import wrap_angle
 from helios_core.robot import Action, ActionResult, Forward, Observe, Pick, Place, Tilt, Turn
 
 from helios_sim.base_motion import Base, Drive
-from helios_sim.episode_tracker import Tracker
+from helios_sim.episode_tracker import EpisodeTracker
 from helios_sim.gripper import Graspable, Gripper
 from helios_sim.home import Home
 from helios_sim.manipulation import CannotDo, Manipulation
 from helios_sim.ovmm_metrics import Released
 from helios_sim.robot_model import RobotIndex
-from helios_sim.robot_sensors import Senses
+from helios_sim.robot_sensors import RobotSensors
 
 _PAUSE_S = 0.1
 
@@ -36,7 +36,7 @@ class Outcome:
     released: Released | None = None
 
 
-class Deeds:
+class ActionExecutor:
     """The robot's body at work. `on` says on which body each movable thing was put."""
 
     def __init__(
@@ -45,8 +45,8 @@ class Deeds:
         data: mujoco.MjData,
         robot: RobotIndex,
         home: Home,
-        senses: Senses,
-        tracker: Tracker,
+        senses: RobotSensors,
+        tracker: EpisodeTracker,
     ) -> None:
         """tracker: is told of picks and places."""
         self._model, self._data, self._robot = model, data, robot

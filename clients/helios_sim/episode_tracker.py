@@ -14,7 +14,7 @@ from helios_sim.episode_events import Collided, Event, PickTried, PlaceTried
 from helios_sim.home import Episode, Home
 from helios_sim.home.freespace import obstacles
 from helios_sim.home.task_sampling import AMBIGUOUS
-from helios_sim.navigable_area import Ground, Points, clearance_m
+from helios_sim.navigable_area import NavigableArea, Points, clearance_m
 from helios_sim.objectnav_metrics import MIN_SHORTEST_M
 from helios_sim.ovmm_metrics import (
     Progress,
@@ -46,10 +46,10 @@ def reachable(
     return (labels == labels[row, column]) & free, origin_m
 
 
-def ground_of(home: Home, radius_m: float) -> Ground:
+def ground_of(home: Home, radius_m: float) -> NavigableArea:
     """Where a disc fits and can get to from the start."""
     free, origin_m = reachable(home, radius_m)
-    return Ground(free, origin_m, _CELL_M)
+    return NavigableArea(free, origin_m, _CELL_M)
 
 
 def objectnav_episode_of(home: Home, seed: int, radius_m: float) -> Episode:
@@ -74,7 +74,7 @@ def shortest_path_m(home: Home, targets: Targets) -> float:
     return targets.ground.shortest_m(home.start_pose[:2], viewpoints)
 
 
-def targets_of(home: Home, episode: Episode, ground: Ground) -> Targets:
+def targets_of(home: Home, episode: Episode, ground: NavigableArea) -> Targets:
     """Candidates and goals of a task, with their viewpoints.
 
     A task without a start receptacle is object navigation: all things and all furniture of the
@@ -108,7 +108,7 @@ def targets_of(home: Home, episode: Episode, ground: Ground) -> Targets:
     return Targets(objects, goals, ground)
 
 
-class Tracker:
+class EpisodeTracker:
     """Feeds the metrics after every action, and keeps what really happened.
 
     Asks for pictures only where they can count.

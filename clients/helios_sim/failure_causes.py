@@ -56,7 +56,7 @@ ENDED = ("succeeded", "failed", "cancelled")
 _ENDED_THERE_M = 1.0  # who drives no farther after a try has ended where it tried
 
 
-class Said(NamedTuple):
+class AgentReport(NamedTuple):
     """What the agent said of its task in the end."""
 
     state: str  # succeeded, failed or cancelled; anything else: it did not end
@@ -67,7 +67,7 @@ class Said(NamedTuple):
 def failure_cause(
     progress: Progress,
     events: Iterable[Event],
-    said: Said,
+    said: AgentReport,
     max_steps: int,
 ) -> str:
     """The cause of a move task's failure, one of CAUSES; empty on success. See the module."""
@@ -92,7 +92,7 @@ def failure_cause(
     return STEP_BUDGET if progress.find_object and spent else OBJECT_NOT_FOUND
 
 
-def objectnav_cause(success: bool, steps: int, said: Said, max_steps: int) -> str:
+def objectnav_cause(success: bool, steps: int, said: AgentReport, max_steps: int) -> str:
     """The cause of an object navigation's failure; empty on success.
 
     An agent that said it had arrived, and had not, believed in a wrong object.
@@ -110,7 +110,7 @@ def _after_grasp(
     progress: Progress,
     grasp: PickTried,
     happened: tuple[Event, ...],
-    said: Said,
+    said: AgentReport,
     spent: bool,
 ) -> str:
     if not grasp.candidate:
@@ -126,5 +126,5 @@ def _after_grasp(
     return STEP_BUDGET if progress.find_receptacle and spent else RECEPTACLE_NOT_FOUND
 
 
-def _broke(said: Said, steps: int, max_steps: int) -> bool:
+def _broke(said: AgentReport, steps: int, max_steps: int) -> bool:
     return said.cause == SYSTEM_ERROR or (said.state not in ENDED and steps < max_steps)

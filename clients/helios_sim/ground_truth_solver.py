@@ -38,7 +38,7 @@ class _OutOfSteps(Exception):
     """It may not act any more."""
 
 
-class Oracle:
+class GroundTruthSolver:
     """Carries one task out in a world, knowing everything."""
 
     def __init__(self, world: World, max_steps: int | None = None) -> None:
@@ -268,7 +268,7 @@ def main(say: Callable[[str], object] = print) -> int:
         began = time.monotonic()
         home = generate_home(seed, PRESETS[args.preset])
         world = World(home, episode_of(home, seed))
-        done = Oracle(world).run()
+        done = GroundTruthSolver(world).run()
         world.close()
         count, solved = count + 1, solved + done.success
         say(

@@ -34,7 +34,7 @@ _MOVES: tuple[tuple[int, int, tuple[tuple[int, int], ...]], ...] = (
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class NavigableArea:
     """Cells [row, column] where the robot fits and can get to; cell (0, 0) begins at the origin."""
 
     free: NDArray[np.bool_]

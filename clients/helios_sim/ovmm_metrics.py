@@ -34,7 +34,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from helios_sim.navigable_area import Ground, Points
+from helios_sim.navigable_area import NavigableArea, Points
 
 VIEWPOINT_GRID_M = 0.15
 VIEWPOINT_MAX_M = 1.0
@@ -76,7 +76,7 @@ class Targets:
 
     objects: Mapping[str, Points]
     goals: Mapping[str, Points]
-    ground: Ground
+    ground: NavigableArea
 
     def at(self, base_xy_m: tuple[float, float], name: str) -> bool:
         """Whether the base is within 0.1 m geodesic of a viewpoint of a candidate or goal."""
@@ -146,7 +146,7 @@ def placed(released: Released | None, targets: Targets) -> bool:
 def viewpoints_of(
     box_min_m: tuple[float, float],
     box_max_m: tuple[float, float],
-    ground: Ground,
+    ground: NavigableArea,
 ) -> Points:
     """Viewpoints [n, 2] around a box on the ground."""
     low = np.asarray(box_min_m) - VIEWPOINT_MAX_M

@@ -23,7 +23,7 @@ DRAWN_GROUPS = (0, 1, 2)
 Point = tuple[float, float, float]
 
 
-class Senses:
+class RobotSensors:
     """Holds a GL context and belongs to the thread that made it."""
 
     def __init__(

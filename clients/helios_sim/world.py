@@ -27,10 +27,10 @@ from helios_core.robot import (
 from helios_core.types import RobotDescription, RobotState
 from numpy.typing import NDArray
 
-from helios_sim.action_executor import Deeds, Outcome
+from helios_sim.action_executor import ActionExecutor, Outcome
 from helios_sim.action_limits import refusal
 from helios_sim.episode_events import Event
-from helios_sim.episode_tracker import Tracker
+from helios_sim.episode_tracker import EpisodeTracker
 from helios_sim.ground_truth import Segmentation, TrueThing
 from helios_sim.home import Episode, Home
 from helios_sim.object_states import things_now
@@ -43,7 +43,7 @@ from helios_sim.robot_model import (
     description,
     pinhole,
 )
-from helios_sim.robot_sensors import Senses
+from helios_sim.robot_sensors import RobotSensors
 from helios_sim.sensor_noise import SENSORS, SensorRealism
 
 _REMEMBERED_ACTIONS = 1024
@@ -80,15 +80,15 @@ class World(RobotDriver):
         self._names = [model.body(body).name for body in range(model.nbody)]
         self._description = description(min(MAX_DEPTH_M, sensor.max_depth_m))
         episode = episode or Episode("", "", "", "")
-        self._tracker = Tracker(home, episode, self._description.footprint_radius_m)
+        self._tracker = EpisodeTracker(home, episode, self._description.footprint_radius_m)
         self._boot_id = boot_id or uuid.uuid4().hex
         self._stop_lock = threading.Lock()
         self._stop_reason: str | None = None
         self._results: OrderedDict[str, ActionResult] = OrderedDict()
         self._settle()
         movable = [int(model.body(thing.name).id) for thing in home.objects]
-        self._senses = Senses(model, self._data, robot, camera, home, movable, sensor)
-        self._deeds = Deeds(model, self._data, robot, home, self._senses, self._tracker)
+        self._senses = RobotSensors(model, self._data, robot, camera, home, movable, sensor)
+        self._deeds = ActionExecutor(model, self._data, robot, home, self._senses, self._tracker)
 
     # --- what a driver offers -----------------------------------------------------------------
     def describe(self) -> RobotDescription:
@@ -157,7 +157,7 @@ class World(RobotDriver):
         return self._tracker.episode
 
     @property
-    def tracker(self) -> Tracker:
+    def tracker(self) -> EpisodeTracker:
         """Candidates, goals and viewpoints of the task."""
         return self._tracker
 

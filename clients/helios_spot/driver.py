@@ -30,10 +30,10 @@ from helios_core.types import RobotDescription, RobotState
 
 from helios_spot.arm_poses import TILT_RANGE_RAD, looking_pose
 from helios_spot.frame_transforms import NOMINAL_BODY_HEIGHT_M
-from helios_spot.grasping import Hand
+from helios_spot.grasping import SpotArm
 from helios_spot.halt_conditions import Halt, Halted
 from helios_spot.motion import CannotDo, Motion
-from helios_spot.posed_images import Eyes
+from helios_spot.posed_images import SpotCameras
 from helios_spot.robot_connection import Link
 from helios_spot.robot_control import Control
 from helios_spot.settings import SpotSettings
@@ -56,10 +56,10 @@ class SpotDriver(RobotDriver):
         self._s = settings or SpotSettings.read(address)
         self._halt = Halt()
         self._link = Link(self._s)
-        self._eyes = Eyes(self._link, bus)
+        self._eyes = SpotCameras(self._link, bus)
         self._motion = Motion(self._link, self._halt)
         self._control = Control(self._link, self._motion, self._halt)
-        self._hand = Hand(self._link, self._eyes, self._motion, self._halt)
+        self._hand = SpotArm(self._link, self._eyes, self._motion, self._halt)
         self._connecting = threading.Lock()
         self._results: OrderedDict[str, ActionResult] = OrderedDict()
         self._steps = 0

@@ -14,7 +14,7 @@ from helios_spot.errors import doing
 from helios_spot.frame_transforms import VISION, to_vision
 from helios_spot.halt_conditions import Halt
 from helios_spot.motion import POLL_S, CannotDo, Motion
-from helios_spot.posed_images import Eyes, HandShot
+from helios_spot.posed_images import HandShot, SpotCameras
 from helios_spot.robot_connection import Link
 from helios_spot.self_mask import SHOULDER_BODY_M
 
@@ -23,10 +23,10 @@ EDGE_PX = 4  # a point so near to the image's edge is not in it
 Point = tuple[float, float, float]
 
 
-class Hand:
+class SpotArm:
     """Used by the thread that acts. Failures are CannotDo, with the arm where it was then."""
 
-    def __init__(self, link: Link, eyes: Eyes, motion: Motion, halt: Halt) -> None:
+    def __init__(self, link: Link, eyes: SpotCameras, motion: Motion, halt: Halt) -> None:
         self._link, self._eyes, self._motion, self._halt = link, eyes, motion, halt
         self._s = link.settings
 

@@ -63,7 +63,7 @@ class HandShot:
     T_vision_cam: Matrix
 
 
-class Eyes:
+class SpotCameras:
     """The camera of the settings. Used by one thread."""
 
     def __init__(self, link: Link, bus: Bus | None) -> None:

@@ -31,7 +31,7 @@ RENEW_LEASE_S = 0.5
 
 
 @dataclass(eq=False)
-class Tenure:
+class LeaseTerm:
     """One time that the robot is ours: from the grant of its lease until it is given back."""
 
     keep_alive: Any = None
@@ -43,8 +43,8 @@ class Control:
 
     def __init__(self, link: Link, motion: Motion, halt: Halt) -> None:
         self._link, self._motion, self._halt, self._s = link, motion, halt, link.settings
-        self._tenure: Tenure | None = None
-        self._acting = Tenure()  # under which the present action was begun
+        self._tenure: LeaseTerm | None = None
+        self._acting = LeaseTerm()  # under which the present action was begun
         self._estop: Any = None
         self._epoch = ""  # of the first lease; the robot has another one after every boot
         self._powered = False  # the motors have been on in this tenure
@@ -131,7 +131,7 @@ class Control:
     def _acquire(self, what: str) -> None:
         """A new tenure; the one before, if any, stays when this raises. Raises Conflict when the
         robot has rebooted: what was mapped lies elsewhere now."""
-        client, tenure = self._link.client("lease"), Tenure()
+        client, tenure = self._link.client("lease"), LeaseTerm()
         with doing(what, self._link.host):
             if self._s.lease == "take":
                 client.take(timeout=self._s.rpc_timeout_s)
@@ -163,7 +163,7 @@ class Control:
         except (bosdyn_api.exceptions.Error, bosdyn_api.lease.Error) as error:
             self._on_failure(tenure, error)
 
-    def _regain(self, lost: Tenure) -> None:
+    def _regain(self, lost: LeaseTerm) -> None:
         reading = self._link.read()
         _check_estops(reading, "clear the stop")
         if self._s.power == "expect" and not reading.motors_on:
@@ -173,7 +173,7 @@ class Control:
         self._give_back(lost)
         self._acquire("clear the stop")
 
-    def _give_back(self, tenure: Tenure) -> None:
+    def _give_back(self, tenure: LeaseTerm) -> None:
         keep_alive, tenure.keep_alive = tenure.keep_alive, None
         if keep_alive is None:
             return
@@ -182,7 +182,7 @@ class Control:
         except Exception as error:  # gone with the link; the robot notices by itself
             log.warning("the lease could not be returned: %s", error)
 
-    def _on_failure(self, tenure: Tenure, error: Exception) -> None:
+    def _on_failure(self, tenure: LeaseTerm, error: Exception) -> None:
         """From the SDK's thread. A lost lease ends what runs; a lost link shows by itself."""
         if not isinstance(error, (bosdyn_api.exceptions.ResponseError, bosdyn_api.lease.Error)):
             log.warning("the lease was not renewed: %s", error)
@@ -193,7 +193,7 @@ class Control:
                 self._halt.cut(lost.message, lost)
                 self._lose(tenure, lost)
 
-    def _lose(self, tenure: Tenure, error: HeliosError) -> None:
+    def _lose(self, tenure: LeaseTerm, error: HeliosError) -> None:
         """Under `_lock`."""
         if tenure.lost is None:
             tenure.lost = error

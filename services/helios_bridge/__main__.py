@@ -12,7 +12,7 @@ from helios_core.errors import HeliosError, Unavailable
 from helios_core.health import Health
 from helios_core.service_process import run_service
 
-from helios_bridge.driver_executor import Crew
+from helios_bridge.driver_executor import DriverExecutor
 from helios_bridge.driver_loading import load_driver
 from helios_bridge.service import END_WITHIN_S, BridgeService
 from helios_bridge.settings import Settings
@@ -20,10 +20,10 @@ from helios_bridge.settings import Settings
 log = logging.getLogger(__name__)
 
 
-class Hosted:
+class RobotHost:
     """The bridge, from the moment its robot can be reached."""
 
-    def __init__(self, bus: Bus, health: Health, settings: Settings, crew: Crew) -> None:
+    def __init__(self, bus: Bus, health: Health, settings: Settings, crew: DriverExecutor) -> None:
         self._ending = threading.Event()
         self._crew = crew
         self._service: BridgeService | None = None
@@ -60,9 +60,9 @@ class Hosted:
 
 
 def main() -> int:
-    settings, crew = Settings.load(), Crew()
+    settings, crew = Settings.load(), DriverExecutor()
     status = run_service(
-        "bridge", settings, lambda bus, health: Hosted(bus, health, settings, crew)
+        "bridge", settings, lambda bus, health: RobotHost(bus, health, settings, crew)
     )
     if hanging := crew.wait(0.0):
         log.error("left behind, for the driver does not return: %s", ", ".join(hanging))

@@ -7,7 +7,7 @@ import threading
 from helios_core.health import Health
 
 
-class Wellbeing:
+class BridgeHealth:
     """As Health, but what is wrong with the driver outweighs all that is said meanwhile, its stop
     most of all: a frame of the stream is no sign that the robot stands, or that it can drive.
     Thread-safe."""

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 
 
-class Crew:
+class DriverExecutor:
     """Thread-safe. All threads are daemons."""
 
     def __init__(self) -> None:

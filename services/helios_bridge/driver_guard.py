@@ -16,7 +16,7 @@ from helios_core.errors import HeliosError, Internal
 from helios_core.robot import Action, ActionResult, Capture, EndOfRecording, RobotDriver
 from helios_core.types import RobotDescription, RobotState
 
-from helios_bridge.bridge_health import Wellbeing
+from helios_bridge.bridge_health import BridgeHealth
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +35,7 @@ class GuardedDriver(RobotDriver):
     Safe from as many threads as the driver itself.
     """
 
-    def __init__(self, driver: RobotDriver, health: Wellbeing) -> None:
+    def __init__(self, driver: RobotDriver, health: BridgeHealth) -> None:
         kind = type(driver)
         self.name = f"{kind.__module__}:{kind.__qualname__}"
         self._driver, self._health = driver, health

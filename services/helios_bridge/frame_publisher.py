@@ -14,12 +14,12 @@ from helios_core.bus import Bus
 from helios_core.codec import frame_id_from_proto, frame_to_proto
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Pinhole
-from helios_core.keyframe_acks import AckBook
+from helios_core.keyframe_acks import KeyframeAcks
 from helios_core.robot import Capture, EndOfRecording, RobotDriver
 from helios_core.topics import FRAME, KEYFRAME
 from helios_core.types import Frame, FrameId, RobotState
 
-from helios_bridge.bridge_health import Wellbeing
+from helios_bridge.bridge_health import BridgeHealth
 from helios_bridge.depth_estimation import with_estimated_depth
 from helios_bridge.keyframe_acks import OCCUPANCY, PARTS
 from helios_bridge.pose_checks import check_poses
@@ -28,7 +28,7 @@ from helios_bridge.settings import Settings
 SAY_WAITING_S = 3.0  # a keyframe that waits longer for the maps says so
 
 
-class Lookout:
+class FramePublisher:
     """Captures, names and publishes frames. Whoever calls it has the driver to himself."""
 
     def __init__(
@@ -36,8 +36,8 @@ class Lookout:
         bus: Bus,
         driver: RobotDriver,
         settings: Settings,
-        health: Wellbeing,
-        acks: AckBook,
+        health: BridgeHealth,
+        acks: KeyframeAcks,
         first_number: int,
     ) -> None:
         """first_number: the frames' numbers rise from here."""

@@ -16,12 +16,12 @@ from helios_core.codec import context_to_proto, frame_from_proto, frame_id_to_pr
 from helios_core.codec.images import MAX_PIXELS
 from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.geometry import Pinhole, base_below_camera, se2_to_se3
-from helios_core.keyframe_acks import AckBook
+from helios_core.keyframe_acks import KeyframeAcks
 from helios_core.robot import Action, ActionResult, Capture, Observe, RobotDriver
 from helios_core.topics import CONTEXT
 from helios_core.types import RobotDescription, RobotState, Role, SearchClass, SearchContext
 
-from helios_bridge.frame_publisher import Lookout
+from helios_bridge.frame_publisher import FramePublisher
 from helios_bridge.keyframe_acks import OCCUPANCY, PARTS
 from helios_bridge.pose_checks import check_poses
 
@@ -89,15 +89,15 @@ class PushDriver(RobotDriver):
         self._stopped = ""
 
 
-class PushDesk:
+class PushedFrameQueue:
     """Answers `bridge/push`. Frames are taken one at a time, in the order of their coming."""
 
     def __init__(
         self,
         bus: Bus,
         driver: PushDriver,
-        lookout: Lookout,
-        acks: AckBook,
+        lookout: FramePublisher,
+        acks: KeyframeAcks,
         turn: threading.Lock,
         estimated_depth: bool,
         threshold: float,

@@ -16,8 +16,8 @@ from helios_core.errors import HeliosError, InvalidInput
 from helios_core.robot import EndOfRecording, Observe, RobotDriver
 from helios_core.topics import ANY_STATUS, CONTEXT
 
-from helios_bridge.bridge_health import Wellbeing
-from helios_bridge.frame_publisher import Lookout
+from helios_bridge.bridge_health import BridgeHealth
+from helios_bridge.frame_publisher import FramePublisher
 
 log = logging.getLogger(__name__)
 
@@ -26,16 +26,16 @@ UNREADABLE = "unreadable_frames"  # the figure that counts them
 AFTER_UNREADABLE_S = 0.01  # so that a camera that gives nothing else does not take a whole core
 
 
-class Player:
+class RecordingPlayer:
     """Plays the driver's recording, one keyframe after the other."""
 
     def __init__(
         self,
         bus: Bus,
         driver: RobotDriver,
-        lookout: Lookout,
+        lookout: FramePublisher,
         turn: threading.Lock,
-        health: Wellbeing,
+        health: BridgeHealth,
         brings_contexts: bool,
         strict: bool,
     ) -> None:

@@ -27,7 +27,7 @@ from helios_core.codec import (
 )
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidInput
 from helios_core.health import Health
-from helios_core.keyframe_acks import AckBook
+from helios_core.keyframe_acks import KeyframeAcks
 from helios_core.robot import Action, EndOfRecording, RobotDriver
 from helios_core.topics import (
     ACT,
@@ -45,14 +45,14 @@ from helios_core.topics import (
 from helios_core.types import FrameId, RobotState
 
 from helios_bridge.action_log import ActionLog
-from helios_bridge.bridge_health import Wellbeing
-from helios_bridge.driver_executor import Crew
+from helios_bridge.bridge_health import BridgeHealth
+from helios_bridge.driver_executor import DriverExecutor
 from helios_bridge.driver_guard import DriverFault, GuardedDriver
-from helios_bridge.frame_publisher import Lookout
+from helios_bridge.frame_publisher import FramePublisher
 from helios_bridge.keyframe_acks import BY_DETECTOR, part_of
 from helios_bridge.lease import Lease
-from helios_bridge.pushed_frames import PushDesk, PushDriver, refuse_push
-from helios_bridge.recording_player import Player
+from helios_bridge.pushed_frames import PushDriver, PushedFrameQueue, refuse_push
+from helios_bridge.recording_player import RecordingPlayer
 from helios_bridge.settings import Settings
 
 log = logging.getLogger(__name__)
@@ -74,7 +74,7 @@ class BridgeService:
         settings: Settings,
         health: Health,
         first_number: int | None = None,
-        crew: Crew | None = None,
+        crew: DriverExecutor | None = None,
     ) -> None:
         """`first_number`: where frame and lease numbers start; they must rise from one start of the
         bridge to the next while the robot stays up, so by default they start at the clock's.
@@ -82,7 +82,7 @@ class BridgeService:
         that there can't be."""
         first = time.time_ns() // 1_000_000 if first_number is None else first_number
         self._bus, self._settings = bus, settings
-        self._health = Wellbeing(health)
+        self._health = BridgeHealth(health)
         self._driver = GuardedDriver(driver, self._health)
         self._turn = threading.Lock()  # whoever holds it uses the driver
         self._stopped_why = ""  # all reasons, the first one first
@@ -93,21 +93,21 @@ class BridgeService:
         self._stops = 0
         self._stop_late = False
         self._ending = threading.Event()
-        self._crew = crew or Crew()
-        self._acks, self._actions = AckBook(part_of), ActionLog()
+        self._crew = crew or DriverExecutor()
+        self._acks, self._actions = KeyframeAcks(part_of), ActionLog()
         self._lease = Lease(settings.lease_s, first)
         description = description_to_proto(self._driver.describe())
         self._description = description_from_proto(description)  # as every service will check it
-        self._lookout = Lookout(bus, self._driver, settings, self._health, self._acks, first)
-        self._player: Player | None = None
-        self._desk: PushDesk | None = None
+        self._lookout = FramePublisher(bus, self._driver, settings, self._health, self._acks, first)
+        self._player: RecordingPlayer | None = None
+        self._desk: PushedFrameQueue | None = None
         if isinstance(driver, PushDriver):
-            self._desk = PushDesk(
+            self._desk = PushedFrameQueue(
                 bus, driver, self._lookout, self._acks, self._turn,
                 settings.depth == "estimated", settings.watch_threshold,
             )  # fmt: skip
         elif not self._description.can_move and settings.autoplay:
-            self._player = Player(
+            self._player = RecordingPlayer(
                 bus, self._driver, self._lookout, self._turn, self._health,
                 settings.contexts, settings.strict,
             )  # fmt: skip

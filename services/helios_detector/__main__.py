@@ -12,14 +12,14 @@ from helios_core.service_process import Closeable, run_service
 
 from helios_detector.detector_fleet import HOME, Fleet
 from helios_detector.model_loading import check_plugins
-from helios_detector.robot_detector import Hosted
+from helios_detector.robot_detector import RobotDetector
 from helios_detector.settings import Settings
 
 
 def host(bus: Bus, health: Health, settings: Settings) -> Closeable:
     """Raises InvalidInput for a plug-in that cannot be imported: that does not mend by itself."""
     check_plugins(settings.detector, settings.scorer)
-    return (Fleet if settings.robots else Hosted)(bus, health, settings)
+    return (Fleet if settings.robots else RobotDetector)(bus, health, settings)
 
 
 if __name__ == "__main__":

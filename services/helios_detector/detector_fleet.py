@@ -21,9 +21,9 @@ from helios_core.topics import CLAIM, CONTEXT, FRAME, KEYFRAME
 
 from helios_detector.exception_guard import ended_well
 from helios_detector.model_set import Models, load_models
-from helios_detector.model_usage import Workload
+from helios_detector.model_usage import ModelUsage
 from helios_detector.query_methods import NotYet
-from helios_detector.robot_assignment import MOST_HELD, Ledger, Members
+from helios_detector.robot_assignment import MOST_HELD, AssignmentTable, Members
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings
 
@@ -36,7 +36,7 @@ REPORT_S = 1.0
 FINISH_WITHIN_S = 1.5  # at the end, for the frames that are worked on
 
 
-class Desk:
+class RobotSlot:
     """One robot's part of the process."""
 
     def __init__(
@@ -46,7 +46,7 @@ class Desk:
         self.robot, self.bus = robot, bus
         self._loading, self._health = loading, Health()
         self._members, self._lock = members, lock  # the lock guards members and ledger
-        self._ledger = Ledger()
+        self._ledger = AssignmentTable()
         self._turn = threading.Lock()  # whoever holds it answers keyframes
         self._service: DetectorService | None = None
         self._not_yet = NotYet(bus, loading)
@@ -57,7 +57,7 @@ class Desk:
         bus.announce("detector", members.me)
         self._keeper.start()
 
-    def begin(self, models: Models, workload: Workload, preview_quality: int) -> DetectorService:
+    def begin(self, models: Models, workload: ModelUsage, preview_quality: int) -> DetectorService:
         """The models work."""
         service = self._service = DetectorService(
             self.bus, models.detector, models.scorer, self._health, preview_quality, models.depth,
@@ -230,7 +230,7 @@ class Fleet:
         self._members = Members(me, robot_names(settings.robots))
         self._lock = threading.Lock()
         self._ending = threading.Event()
-        self._desks: list[Desk] = []
+        self._desks: list[RobotSlot] = []
         self._models: Models | None = None
         self._service: DetectorService | None = None  # any: they share the models
         self._threads = [
@@ -267,12 +267,12 @@ class Fleet:
             bus = self._connect(robot)
             if bus is None:
                 return
-            self._desks.append(Desk(robot, bus, self._members, self._lock, self._health))
+            self._desks.append(RobotSlot(robot, bus, self._members, self._lock, self._health))
         s = self._settings
         models = self._models = load_models(s, None, self._health, self._ending)
         if models is None:
             return
-        workload = Workload()
+        workload = ModelUsage()
         for desk in self._desks:
             self._service = desk.begin(models, workload, s.preview_quality)
         self._bus.announce(TOKEN, self._members.me)  # from now on robots may be ours

@@ -16,12 +16,12 @@ from helios_core.health import Health
 from helios_core.log_location import log_place
 from helios_core.types import Frame, SearchContext
 
-from helios_detector.backend import DetectorBackend, Findings, Judgement, ScorerBackend
-from helios_detector.log_rate_limit import Seldom
+from helios_detector.backend import DetectorBackend, FrameAnswers, Judgement, ScorerBackend
+from helios_detector.log_rate_limit import LogRateLimit
 from helios_detector.memory_usage import resident_mb
 from helios_detector.model_set import Models
 from helios_detector.output_checks import (
-    Wrong,
+    ConfusedName,
     held_findings,
     held_judgement,
     held_refusals,
@@ -35,12 +35,12 @@ ATTEMPTS = 3  # at a frame when what the back end needs does not answer
 T = TypeVar("T")
 
 
-class Analyst:
+class FrameAnalyzer:
     """The models with their figures. Calls may come from several threads at once."""
 
     def __init__(self, models: Models, health: Health) -> None:
         self.models, self._health = models, health
-        self._seldom = Seldom(log)
+        self._seldom = LogRateLimit(log)
 
     def vocabulary(self) -> tuple[str, ...] | None:
         """The detector's names. Raises HeliosError."""
@@ -52,14 +52,14 @@ class Analyst:
         detector = self.models.detector
         return self._checked(detector, "refused", lambda: held_refusals(detector.refused(context)))
 
-    def detect(self, frame: Frame, context: SearchContext) -> tuple[Findings, str]:
+    def detect(self, frame: Frame, context: SearchContext) -> tuple[FrameAnswers, str]:
         """And what of it had to be left out, in a sentence; empty for nothing.
 
         Asks again where what the back end needs did not answer; nothing is asked where no class is
         sought. Raises HeliosError.
         """
         if not context.classes:
-            return Findings((), ()), ""
+            return FrameAnswers((), ()), ""
         detector = self.models.detector
         asked = {c.name for c in context.classes}
         for attempt in range(1, ATTEMPTS + 1):
@@ -79,7 +79,7 @@ class Analyst:
         raise AssertionError("not reached")
 
     def judge(
-        self, frame: Frame, findings: Findings, context: SearchContext
+        self, frame: Frame, findings: FrameAnswers, context: SearchContext
     ) -> tuple[Judgement, str]:
         """Scores of all prompts in one pass, and what of them had to be left out; nothing is asked
         where the context seeks nothing. Raises HeliosError."""
@@ -127,7 +127,7 @@ class Analyst:
             raise Internal(f"{said}; the traceback is in {log_place()}") from error
 
     def _note(
-        self, of: DetectorBackend | ScorerBackend, method: str, frame: Frame, wrong: Wrong
+        self, of: DetectorBackend | ScorerBackend, method: str, frame: Frame, wrong: ConfusedName
     ) -> str:
         for what, count in wrong.counts.items():
             self._health.count(what, count)

@@ -11,7 +11,7 @@ EVERY_S = 30.0
 MOST_KINDS = 64  # remembered; then all are told anew
 
 
-class Seldom:
+class LogRateLimit:
     """Thread-safe."""
 
     def __init__(

@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterator
 
 
-class Workload:
+class ModelUsage:
     """One for each set of models."""
 
     def __init__(self) -> None:

@@ -25,7 +25,7 @@ import numpy as np
 from helios_core.errors import Internal
 from helios_core.types import Detection, Embedding
 
-from helios_detector.backend import Findings, Judgement, Seen
+from helios_detector.backend import FrameAnswers, Judgement, Seen
 from helios_detector.box_to_mask import Box
 from helios_detector.detection_filtering import box_of
 
@@ -35,7 +35,7 @@ MOST_CHARACTERS = 80  # of a value in a sentence
 
 
 @dataclass
-class Wrong:
+class ConfusedName:
     """What was wrong with one answer of a back end."""
 
     counts: Counter[str] = field(default_factory=Counter)  # as in the module
@@ -62,15 +62,15 @@ class Wrong:
 
 def held_findings(
     findings: object, shape: tuple[int, int], asked: Collection[str] | None = None
-) -> tuple[Findings, Wrong]:
+) -> tuple[FrameAnswers, ConfusedName]:
     """(what may be sent, what was wrong).
 
     shape: (height, width) of the image. asked: the names of the search's classes; None: any.
     Raises Internal where nothing of it can be used.
     """
-    if not isinstance(findings, Findings):
+    if not isinstance(findings, FrameAnswers):
         raise Internal(f"{_a(findings)}, wanted Findings(detections, seen)")
-    wrong = Wrong()
+    wrong = ConfusedName()
     given = [
         _detection(d, shape, asked, wrong) for d in _entries(findings.detections, "detections")
     ]
@@ -79,10 +79,10 @@ def held_findings(
         s for s in [_seen(s, wrong) for s in _entries(findings.seen, "seen")] if s is not None
     )
     as_it_is = not wrong and (detections, seen) == (findings.detections, findings.seen)
-    return (findings if as_it_is else Findings(detections, seen)), wrong
+    return (findings if as_it_is else FrameAnswers(detections, seen)), wrong
 
 
-def held_judgement(judgement: object, layers: Collection[str]) -> tuple[Judgement, Wrong]:
+def held_judgement(judgement: object, layers: Collection[str]) -> tuple[Judgement, ConfusedName]:
     """(what may be sent, what was wrong). layers: those that were asked for.
 
     Raises Internal where nothing of it can be used.
@@ -92,7 +92,7 @@ def held_judgement(judgement: object, layers: Collection[str]) -> tuple[Judgemen
     wanted = f"wanted a score of 0 to 1 for each of {_names(layers)}"
     if not isinstance(judgement.scores, Mapping):
         raise Internal(f"{_a(judgement.scores)}, {wanted}")
-    wrong, scores = Wrong(), {}
+    wrong, scores = ConfusedName(), {}
     for layer, given in judgement.scores.items():
         if layer not in layers:
             wrong.note("scores_refused", "layer", f"a score for {_short(layer)}, {wanted}")
@@ -132,7 +132,7 @@ def held_vocabulary(vocabulary: object) -> tuple[str, ...] | None:
 
 
 def _detection(
-    d: object, shape: tuple[int, int], asked: Collection[str] | None, wrong: Wrong
+    d: object, shape: tuple[int, int], asked: Collection[str] | None, wrong: ConfusedName
 ) -> Detection | None:
     if not isinstance(d, Detection):
         wrong.note("detections_refused", "type", f"{_a(d)} among detections, wanted Detection")
@@ -184,7 +184,7 @@ def _box_fault(box: Any, shape: tuple[int, int]) -> tuple[str, str] | None:
     return None
 
 
-def _seen(seen: object, wrong: Wrong) -> Seen | None:
+def _seen(seen: object, wrong: ConfusedName) -> Seen | None:
     if not isinstance(seen, Seen) or not isinstance(seen.class_name, str):
         said = f"{_a(seen)} in seen, wanted Seen(class_name, score)"
         wrong.note("seen_refused", "seen", said)
@@ -196,7 +196,7 @@ def _seen(seen: object, wrong: Wrong) -> Seen | None:
     return seen if score == seen.score else replace(seen, score=score)
 
 
-def _score(given: Any, wrong: Wrong, what: str) -> float | None:
+def _score(given: Any, wrong: ConfusedName, what: str) -> float | None:
     """A score of 0 to 1; None for what is no number."""
     try:
         score = math.nan if isinstance(given, str | bytes | bool) else float(given)
@@ -214,7 +214,7 @@ def _score(given: Any, wrong: Wrong, what: str) -> float | None:
     return cut
 
 
-def _embedding(image: object, wrong: Wrong) -> Embedding | None:
+def _embedding(image: object, wrong: ConfusedName) -> Embedding | None:
     if image is None:
         return None
     if isinstance(image, Embedding):
@@ -231,7 +231,7 @@ def _embedding(image: object, wrong: Wrong) -> Embedding | None:
     return None
 
 
-def _say(wrong: Wrong, kind: str, said: str) -> None:
+def _say(wrong: ConfusedName, kind: str, said: str) -> None:
     """A fault that is counted elsewhere."""
     wrong.said.setdefault(kind, said)
     wrong.times[kind] += 1

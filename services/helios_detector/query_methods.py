@@ -17,8 +17,8 @@ from helios_core.health import Health
 from helios_core.topics import EMBED_TEXT, ESTIMATE_DEPTH, VOCABULARY
 
 from helios_detector.backend import DepthEstimate
-from helios_detector.frame_analysis import Analyst
-from helios_detector.model_usage import Workload
+from helios_detector.frame_analysis import FrameAnalyzer
+from helios_detector.model_usage import ModelUsage
 
 MOST_PROMPTS = 64
 
@@ -73,10 +73,12 @@ class NotYet(Served):
         return Unavailable(f"the detector is not ready: {self._health.state[1]}")
 
 
-class Methods(Served):
+class QueryMethods(Served):
     """Answered by the models."""
 
-    def __init__(self, bus: Bus, analyst: Analyst, workload: Workload, health: Health) -> None:
+    def __init__(
+        self, bus: Bus, analyst: FrameAnalyzer, workload: ModelUsage, health: Health
+    ) -> None:
         super().__init__(bus)
         self._analyst, self._workload, self._health = analyst, workload, health
 

@@ -71,7 +71,7 @@ class _Entry:
     answered: bool = False
 
 
-class Ledger:
+class AssignmentTable:
     """The keyframes of one robot: which came, who took them, which are answered."""
 
     def __init__(self) -> None:

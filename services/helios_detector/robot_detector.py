@@ -17,7 +17,7 @@ from helios_detector.simulator_truth import BusTruth
 CHECK_S = 1.0  # between looks at what waits and at idle models
 
 
-class Hosted:
+class RobotDetector:
     """See the module."""
 
     def __init__(self, bus: Bus, health: Health, settings: Settings) -> None:

@@ -27,13 +27,13 @@ from helios_core.health import Health
 from helios_core.topics import CONTEXT, DETECTOR_ACK, FRAME, KEYFRAME, OBSERVATION, PREVIEW
 from helios_core.types import Frame, Observation, SearchContext
 
-from helios_detector.backend import DepthBackend, DetectorBackend, Findings, ScorerBackend
+from helios_detector.backend import DepthBackend, DetectorBackend, FrameAnswers, ScorerBackend
 from helios_detector.exception_guard import typed
-from helios_detector.frame_analysis import Analyst
+from helios_detector.frame_analysis import FrameAnalyzer
 from helios_detector.memory_usage import resident_mb
 from helios_detector.model_set import Models
-from helios_detector.model_usage import Workload
-from helios_detector.query_methods import Methods
+from helios_detector.model_usage import ModelUsage
+from helios_detector.query_methods import QueryMethods
 from helios_detector.vocabulary_matching import normalised
 
 log = logging.getLogger(__name__)
@@ -53,14 +53,14 @@ class DetectorService:
         preview_quality: int = 80,
         depth: DepthBackend | None = None,
         *,
-        workload: Workload | None = None,  # of models that others use too
+        workload: ModelUsage | None = None,  # of models that others use too
         listen: bool = True,  # False: somebody else calls `on_…` and opens the methods
     ) -> None:
         self._bus, self._health = bus, health
         self._models = Models(detector, scorer, depth)
-        self._analyst = Analyst(self._models, health)
-        self._workload = workload or Workload()
-        self.methods = Methods(bus, self._analyst, self._workload, health)
+        self._analyst = FrameAnalyzer(self._models, health)
+        self._workload = workload or ModelUsage()
+        self.methods = QueryMethods(bus, self._analyst, self._workload, health)
         self._preview_quality = preview_quality
         self._lock = threading.Lock()  # guards the six below
         self._context: SearchContext | None = None
@@ -218,7 +218,7 @@ class DetectorService:
             began = time.perf_counter()
             try:
                 frame = frame_from_proto(message)
-                findings = Findings((), ())
+                findings = FrameAnswers((), ())
                 if context is not None:
                     findings, _ = self._analyst.detect(frame, context)
                 self._publish_preview(message, frame, findings)
@@ -257,7 +257,7 @@ class DetectorService:
         except Exception as error:  # the keyframe is answered all the same
             self._refuse("previews_refused", message, typed(error))
 
-    def _publish_preview(self, message: pb.Frame, frame: Frame, findings: Findings) -> None:
+    def _publish_preview(self, message: pb.Frame, frame: Frame, findings: FrameAnswers) -> None:
         bgr = cv2.cvtColor(frame.color, cv2.COLOR_RGB2BGR)
         quality = [cv2.IMWRITE_JPEG_QUALITY, self._preview_quality]
         good, jpeg = cv2.imencode(".jpg", bgr, quality)

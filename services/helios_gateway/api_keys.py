@@ -48,7 +48,7 @@ _NAMES: dict[Scope, ScopeName] = {
 }
 
 
-class Key(BaseModel):
+class ApiKey(BaseModel):
     """One entry of the file."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -69,10 +69,10 @@ class Key(BaseModel):
 class _File(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    key: list[Key] = []
+    key: list[ApiKey] = []
 
 
-class Keys:
+class ApiKeys:
     """Thread-safe. Without a file no key is asked for."""
 
     def __init__(self, file: Path | None) -> None:
@@ -80,7 +80,7 @@ class Keys:
         self._file = file
         self._lock = threading.Lock()
         self._seen: tuple[int, int] | None = None  # time and size; None: no file
-        self._by_hash: dict[str, Key] = {}
+        self._by_hash: dict[str, ApiKey] = {}
         if file is not None:
             self._seen = _stamp(file)
             self._by_hash = _read(file)
@@ -91,7 +91,7 @@ class Keys:
     def required(self) -> bool:
         return self._file is not None
 
-    def find(self, secret: str) -> Key | None:
+    def find(self, secret: str) -> ApiKey | None:
         """The entry of a key. Only hashes are compared, so time tells nothing of the key."""
         self._refresh()
         digest = hashlib.sha256(secret.encode("utf-8", "replace")).hexdigest()
@@ -130,7 +130,7 @@ def _stamp(file: Path) -> tuple[int, int] | None:
     return status.st_mtime_ns, status.st_size
 
 
-def _read(file: Path) -> dict[str, Key]:
+def _read(file: Path) -> dict[str, ApiKey]:
     try:
         entries = _File.model_validate(tomllib.loads(file.read_text())).key
     except OSError as error:

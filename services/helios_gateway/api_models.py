@@ -298,7 +298,7 @@ class Readiness(BaseModel):
     reasons: list[str] = Field(description="one sentence for each thing that is in the way")
 
 
-class Healthy(BaseModel):
+class HealthAnswer(BaseModel):
     healthy: Literal[True] = True
 
 

@@ -11,14 +11,14 @@ from starlette.requests import HTTPConnection, cookie_parser
 from starlette.types import Scope as AsgiScope
 
 from helios_gateway import api_models
-from helios_gateway.api_keys import Key, Keys, Scope
+from helios_gateway.api_keys import ApiKey, ApiKeys, Scope
 from helios_gateway.error_responses import Forbidden, Unauthorized, problems
 
 COOKIE = "helios_key"
 _bearer = HTTPBearer(auto_error=False, description="an API key; none is asked for on loopback")
 
 
-def key_of(scope: AsgiScope, keys: Keys) -> Key | None:
+def key_of(scope: AsgiScope, keys: ApiKeys) -> ApiKey | None:
     """The entry of the key that a request carries: a bearer token, or the session's cookie."""
     headers = Headers(scope=scope)
     kind, _, secret = headers.get("authorization", "").partition(" ")
@@ -29,7 +29,7 @@ def key_of(scope: AsgiScope, keys: Keys) -> Key | None:
 
 def check(connection: HTTPConnection, needed: Scope) -> None:
     """Raises Unauthorized without a known key, Forbidden with one that does not suffice."""
-    keys: Keys = connection.app.state.keys
+    keys: ApiKeys = connection.app.state.keys
     if not keys.required:
         return
     key = key_of(connection.scope, keys)
@@ -92,7 +92,7 @@ def session_routes() -> APIRouter:
     return routes
 
 
-def _session(request: Request, key: Key | None) -> api_models.Session:
+def _session(request: Request, key: ApiKey | None) -> api_models.Session:
     return api_models.Session(
         required=request.app.state.keys.required,
         name=key.name if key else "",

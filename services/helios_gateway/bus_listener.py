@@ -27,14 +27,14 @@ from helios_core.topics import (
 from helios_gateway import api_map_models, api_models, message_conversion
 from helios_gateway.camera_image import Camera
 from helios_gateway.event_hub import EventHub
-from helios_gateway.map_cache import Maps
-from helios_gateway.service_registry import REPORTING, Roster
+from helios_gateway.map_cache import MapCache
+from helios_gateway.service_registry import REPORTING, ServiceRegistry
 from helios_gateway.settings import Settings
 
 log = logging.getLogger(__name__)
 
 
-class Live:
+class BusListener:
     """Subscribes to everything a viewer may want to know. Thread-safe.
 
     Happenings (tasks, decisions, plans, a stop) become events at once; what changes all the time
@@ -42,9 +42,9 @@ class Live:
     """
 
     def __init__(self, bus: Bus, settings: Settings) -> None:
-        self.roster = Roster(settings.silent_after_s)
+        self.roster = ServiceRegistry(settings.silent_after_s)
         self.camera = Camera(settings.boxes_hold_s, settings.jpeg_quality)
-        self.maps = Maps(bus, settings.call_timeout_s, settings.picture_max_age_s)
+        self.maps = MapCache(bus, settings.call_timeout_s, settings.picture_max_age_s)
         self.events = EventHub(settings.event_backlog, settings.max_viewers, settings.keepalive_s)
         self._lock = threading.Lock()
         self._ticking = threading.Lock()

@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager
 from helios_core.errors import Unavailable
 
 
-class Places:
+class ConnectionSlots:
     """So many at the same time, and no more. Used on one event loop."""
 
     def __init__(self, most: int, what: str) -> None:

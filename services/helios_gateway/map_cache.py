@@ -16,10 +16,10 @@ from helios_gateway import api_map_models, map_arrays, message_conversion, viewe
 from helios_gateway.cached_responses import NPZ, PNG, Encoded
 from helios_gateway.error_responses import NotFound
 from helios_gateway.gaussian_arrays import ColorBy, Gaussians
-from helios_gateway.request_coalescing import SharedResults
+from helios_gateway.request_coalescing import RequestCoalescer
 
 
-class Maps:
+class MapCache:
     """Thread-safe. What it made stays good until a map says that it changed."""
 
     def __init__(self, bus: Bus, timeout_s: float, max_age_s: float) -> None:
@@ -29,12 +29,12 @@ class Maps:
         self._changes = {"map2d": 0, "objectmap": 0}
         self._path_m: tuple[float, ...] = ()
         self._snapshot: MapView | None = None
-        self._views: SharedResults[MapView] = SharedResults(max_age_s)
-        self._objects: SharedResults[pb.ObjectsReply] = SharedResults(max_age_s)
-        self._pictures: SharedResults[Encoded] = SharedResults(max_age_s)
-        self._lists: SharedResults[Encoded] = SharedResults(max_age_s)
-        self._scenes: SharedResults[Encoded] = SharedResults(max_age_s)
-        self._files: SharedResults[Encoded] = SharedResults(float("inf"))
+        self._views: RequestCoalescer[MapView] = RequestCoalescer(max_age_s)
+        self._objects: RequestCoalescer[pb.ObjectsReply] = RequestCoalescer(max_age_s)
+        self._pictures: RequestCoalescer[Encoded] = RequestCoalescer(max_age_s)
+        self._lists: RequestCoalescer[Encoded] = RequestCoalescer(max_age_s)
+        self._scenes: RequestCoalescer[Encoded] = RequestCoalescer(max_age_s)
+        self._files: RequestCoalescer[Encoded] = RequestCoalescer(float("inf"))
 
     def on_ack(self, ack: pb.Ack) -> None:
         with self._lock:

@@ -11,7 +11,7 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_late
 from prometheus_client.registry import Collector
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from helios_gateway.robot_registry import Fleet
+from helios_gateway.robot_registry import RobotRegistry
 
 BUCKETS_S = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 
@@ -19,7 +19,7 @@ BUCKETS_S = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 class Metrics:
     """One registry per application; nothing is global."""
 
-    def __init__(self, fleet: Fleet) -> None:
+    def __init__(self, fleet: RobotRegistry) -> None:
         self.registry = CollectorRegistry()
         self.requests = Counter(
             "helios_http_requests_total", "requests by route and status",
@@ -37,7 +37,7 @@ class Metrics:
 
 
 class _Services(Collector):
-    def __init__(self, fleet: Fleet) -> None:
+    def __init__(self, fleet: RobotRegistry) -> None:
         self._fleet = fleet
 
     def collect(self) -> Iterable[Metric]:
@@ -72,7 +72,7 @@ class _Services(Collector):
         return [ready, stopped, up, restarts, figures, viewers]
 
 
-class CountRequests:
+class RequestMetrics:
     """ASGI middleware. Routes are counted by their pattern, so that ids make no new series."""
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:

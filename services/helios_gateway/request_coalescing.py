@@ -22,7 +22,7 @@ class _Entry(Generic[T]):
     failed: tuple[float, HeliosError] | None = None  # when, with what; None: the newest was made
 
 
-class SharedResults(Generic[T]):
+class RequestCoalescer(Generic[T]):
     """Keeps the newest answer per key. Thread-safe; one thread makes, the others wait for it.
 
     A failure is shared by those who waited for it and no longer: who asks later tries again.

@@ -18,7 +18,7 @@ from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from helios_gateway.api_keys import Keys
+from helios_gateway.api_keys import ApiKeys
 from helios_gateway.api_keys import Scope as KeyScope
 from helios_gateway.authorization import check, key_of
 from helios_gateway.error_responses import problem, problem_of
@@ -60,7 +60,7 @@ class Bounds:
         return (self.map_bytes, MAP_BODY_S) if path in MAPS else (self.large_bytes, self.body_s)
 
 
-class Limits:
+class RequestLimits:
     """ASGI middleware.
 
     A body above the limit is never held, and a large one only with a key that suffices. A page of
@@ -69,7 +69,7 @@ class Limits:
     name of another site can be made to lead here.
     """
 
-    def __init__(self, app: ASGIApp, bounds: Bounds, keys: Keys) -> None:
+    def __init__(self, app: ASGIApp, bounds: Bounds, keys: ApiKeys) -> None:
         self._app, self._bounds, self._keys = app, bounds, keys
         self._rate = RateLimitItemPerSecond(bounds.requests_per_s)
         self._limiter = FixedWindowRateLimiter(MemoryStorage())

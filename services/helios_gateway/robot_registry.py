@@ -10,7 +10,7 @@ from fastapi import Depends
 from helios_core.bus import Bus
 from starlette.requests import HTTPConnection
 
-from helios_gateway.bus_listener import Live
+from helios_gateway.bus_listener import BusListener
 from helios_gateway.error_responses import NotFound
 
 
@@ -19,11 +19,11 @@ class Served:
     """One robot."""
 
     bus: Bus
-    live: Live
+    live: BusListener
 
 
 @dataclass(frozen=True)
-class Fleet:
+class RobotRegistry:
     """By name, the first one is meant where none is named."""
 
     robots: Mapping[str, Served]
@@ -54,7 +54,7 @@ class Fleet:
 
 
 async def _served(connection: HTTPConnection) -> Served:
-    fleet: Fleet = connection.app.state.fleet
+    fleet: RobotRegistry = connection.app.state.fleet
     name = connection.path_params.get("robot")
     return fleet.first if name is None else fleet.named(name)
 

@@ -15,9 +15,9 @@ from helios_core.bus import Bus
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.health import Health
 
-from helios_gateway.api_keys import Keys
-from helios_gateway.bus_listener import Live
-from helios_gateway.robot_registry import Fleet, Served
+from helios_gateway.api_keys import ApiKeys
+from helios_gateway.bus_listener import BusListener
+from helios_gateway.robot_registry import RobotRegistry, Served
 from helios_gateway.settings import Settings
 from helios_gateway.web_app import create_app
 
@@ -53,7 +53,7 @@ def _cannot_listen(error: OSError, host: str, port: int) -> Unavailable:
     )
 
 
-def check_open(host: str, settings: Settings, keys: Keys) -> None:
+def check_open(host: str, settings: Settings, keys: ApiKeys) -> None:
     """Beyond loopback keys are asked for. Raises InvalidInput."""
     if keys.required or settings.without_keys or ipaddress.ip_address(host).is_loopback:
         return
@@ -83,13 +83,13 @@ class Gateway:
             listener.listen(128)  # two processes may bind one port; only one may listen
         except OSError as error:
             raise _cannot_listen(error, host, port) from error
-        keys = Keys(settings.keys)
+        keys = ApiKeys(settings.keys)
         check_open(host, settings, keys)
         buses = {settings.robot: bus}
         buses |= {name: another_bus(name) for name in settings.other_robots}
         self._others = [one for one in buses.values() if one is not bus]
-        self.fleet = Fleet({
-            name: Served(one, Live(one, settings)) for name, one in buses.items()
+        self.fleet = RobotRegistry({
+            name: Served(one, BusListener(one, settings)) for name, one in buses.items()
         })  # fmt: skip
         config = uvicorn.Config(
             create_app(self.fleet, settings, keys),

@@ -23,7 +23,7 @@ _STATES: dict[str, ServiceState] = {
 }  # fmt: skip
 
 
-class Roster:
+class ServiceRegistry:
     """Thread-safe. `clock` is monotonic seconds."""
 
     def __init__(self, silent_after_s: float, clock: Callable[[], float] = time.monotonic) -> None:

@@ -14,13 +14,13 @@ from fastapi_offline import FastAPIOffline
 from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from helios_gateway.api_keys import Keys
+from helios_gateway.api_keys import ApiKeys
 from helios_gateway.authorization import session_routes
 from helios_gateway.error_responses import add_problems, problem
 from helios_gateway.openapi_schema import describe_truly
-from helios_gateway.prometheus_metrics import CountRequests, Metrics
-from helios_gateway.request_limits import Bounds, Limits
-from helios_gateway.robot_registry import Fleet
+from helios_gateway.prometheus_metrics import Metrics, RequestMetrics
+from helios_gateway.request_limits import Bounds, RequestLimits
+from helios_gateway.robot_registry import RobotRegistry
 from helios_gateway.routes.events import event_routes
 from helios_gateway.routes.frames import frame_routes
 from helios_gateway.routes.health import fleet_routes, health_routes, service_routes
@@ -46,7 +46,7 @@ POLICIES = {
 }
 
 
-def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> FastAPI:
+def create_app(fleet: RobotRegistry, settings: Settings, keys: ApiKeys | None = None) -> FastAPI:
     """The HTTP interface over the robots' buses and what is known from them."""
     app = FastAPIOffline(
         redoc_url=None,
@@ -58,7 +58,7 @@ def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> Fa
         "`/v1/robots/NAME`, for one robot of several.",
         swagger_ui_parameters={"validatorUrl": None},
     )
-    keys = keys or Keys(settings.keys)
+    keys = keys or ApiKeys(settings.keys)
     app.state.fleet, app.state.keys = fleet, keys
     metrics = Metrics(fleet)
     add_problems(app)
@@ -68,15 +68,15 @@ def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> Fa
         settings.body_timeout_s, settings.requests_per_s, settings.max_requests,
         settings.other_origins,
     )  # fmt: skip
-    app.add_middleware(Limits, bounds=bounds, keys=keys)
+    app.add_middleware(RequestLimits, bounds=bounds, keys=keys)
     if settings.other_origins:
         app.add_middleware(
             CORSMiddleware, allow_origins=settings.other_origins, allow_methods=["*"],
             allow_headers=["authorization", "content-type", "last-event-id", "if-none-match"],
             expose_headers=["etag", "x-map-version", "x-frame-id"],
         )  # fmt: skip
-    app.add_middleware(CountRequests, metrics=metrics)
-    app.add_middleware(Pages)
+    app.add_middleware(RequestMetrics, metrics=metrics)
+    app.add_middleware(PageMiddleware)
     app.include_router(fleet_routes())
     for prefix in ("/v1", "/v1/robots/{robot}"):
         for routes in (
@@ -113,7 +113,7 @@ def create_app(fleet: Fleet, settings: Settings, keys: Keys | None = None) -> Fa
     return app
 
 
-class Pages:
+class PageMiddleware:
     """ASGI middleware: what the pages for people may load, and that no other shows them inside."""
 
     def __init__(self, app: ASGIApp) -> None:

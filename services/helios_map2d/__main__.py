@@ -17,7 +17,7 @@ from helios_map2d.warm_up import warm_up
 log = logging.getLogger(__name__)
 
 
-class Hosted:
+class MapHost:
     """The maps, from the moment their kernels are compiled; a stop need not wait for that."""
 
     def __init__(self, bus: Bus, health: Health, settings: Settings) -> None:
@@ -48,4 +48,4 @@ class Hosted:
 
 if __name__ == "__main__":
     settings = Settings.load()
-    sys.exit(run_service("map2d", settings, lambda bus, health: Hosted(bus, health, settings)))
+    sys.exit(run_service("map2d", settings, lambda bus, health: MapHost(bus, health, settings)))

@@ -25,7 +25,7 @@ from helios_map2d.view_memory.detected_names import sighted
 from helios_map2d.view_memory.stored_views import SeenView, ViewMemory, small_picture
 
 
-class MapState:
+class EpochMap:
     """The 2D maps of one world epoch, centred on the first pose that it is given.
 
     Not thread-safe: its owner calls it under one lock. `published` is an immutable version that
@@ -156,7 +156,7 @@ class MapState:
         self.published = self.publish()
 
     def continue_as(
-        self, other: MapState | None, told_pose: tuple[float, float, float] | None
+        self, other: EpochMap | None, told_pose: tuple[float, float, float] | None
     ) -> None:
         """Belong to the epoch and the place of another map, or of none yet: frames go on there.
 

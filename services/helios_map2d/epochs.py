@@ -9,7 +9,7 @@ from helios_core.robot_restarts import RobotStarts
 from helios_core.types import Frame, Observation, SearchContext, WorldId
 
 from helios_map2d.camera_view import check_pose
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.layers.parameters import MapRules
 
 REMEMBERED_EPOCHS = 256
@@ -34,10 +34,10 @@ class EpochMaps:
     ) -> None:
         self.rules = rules
         self.footprint_radius_m = footprint_radius_m
-        self.current: MapState | None = None
+        self.current: EpochMap | None = None
         self.key: WorldId | None = None
         self._context: SearchContext | None = None
-        self._parked: deque[tuple[WorldId, MapState]] = deque(maxlen=most_parked)
+        self._parked: deque[tuple[WorldId, EpochMap]] = deque(maxlen=most_parked)
         self._gone: deque[WorldId] = deque(maxlen=REMEMBERED_EPOCHS)
         self._first_version = first_version
         self.robot_key: WorldId | None = None  # the world that the robot itself is in
@@ -49,7 +49,7 @@ class EpochMaps:
         """Rises with every change, over epochs too."""
         return self.current.published.version if self.current else self._first_version
 
-    def state_for(self, frame: Frame, observation: Observation | None = None) -> MapState:
+    def state_for(self, frame: Frame, observation: Observation | None = None) -> EpochMap:
         """The map that a frame, or an observation of it, belongs to; starts one when its world is
         new.
 
@@ -75,7 +75,7 @@ class EpochMaps:
                 f"frame {frame.id.seq} is of {key}, which is over: its map was put aside"
             )
         base = check_pose(frame.T_world_base, "T_world_base")
-        fresh = MapState(
+        fresh = EpochMap(
             self.rules, (base[0, 3], base[1, 3]), self.footprint_radius_m, self.version
         )
         fresh.check(frame)
@@ -107,12 +107,12 @@ class EpochMaps:
             self._go_on_in(boot_id)
         self._starts.told(boot_id)
 
-    def is_of_another_world(self, state: MapState) -> bool:
+    def is_of_another_world(self, state: EpochMap) -> bool:
         """Whether a map is parked, and the robot says that it is not in its world."""
         of = next((key for key, parked in self._parked if parked is state), self.robot_key)
         return self.robot_key is not None and of != self.robot_key
 
-    def keep(self, key: WorldId, state: MapState) -> None:
+    def keep(self, key: WorldId, state: EpochMap) -> None:
         """Park a map, in place of one of the same world; where nothing is known yet and the robot
         is in that world, it goes on. Later versions rise from this map's."""
         kept = [(k, other) for k, other in self._parked if k != key]
@@ -122,7 +122,7 @@ class EpochMaps:
         if self.current is None and key == self.robot_key:
             self._brought_back(key, self._starts.present)
 
-    def replace(self, state: MapState) -> None:
+    def replace(self, state: EpochMap) -> None:
         """Take a map in place of the present one, in its world. Raises Conflict without any."""
         key = self.key or self.robot_key
         if key is None:
@@ -145,7 +145,7 @@ class EpochMaps:
             self.current.continue_as(None, self._robot_pose if self.robot_key == self.key else None)
             self.current.go_on_from(self.version)
 
-    def _brought_back(self, key: WorldId, boot_id: str) -> MapState | None:
+    def _brought_back(self, key: WorldId, boot_id: str) -> EpochMap | None:
         """The map that is kept of the robot's own world, in place of the present one; None when
         there is none."""
         back = next((state for parked, state in self._parked if parked == key), None)

@@ -17,12 +17,17 @@ from helios_map2d.camera_view import Reach, View, laid, reach_of
 from helios_map2d.grid import EMPTY, TILE, Box, GridSpec, Tile, TileMask
 from helios_map2d.kernels import tile_changes as change_kernels
 from helios_map2d.kernels.occupancy_fusion import HEIGHTS, SEEN_NOW
-from helios_map2d.layers.explored_area import ByCone, ByDepth, Exploring, SearchArea
+from helios_map2d.layers.explored_area import (
+    ConeVisibility,
+    DepthVisibility,
+    ExploredAreaLayer,
+    SearchArea,
+)
 from helios_map2d.layers.frontiers import Frontier, FrontierFinder
 from helios_map2d.layers.grid_growth import grown_for
 from helios_map2d.layers.occupancy import OccupancyLayer
 from helios_map2d.layers.parameters import MapRules
-from helios_map2d.layers.reachability import OpenGround
+from helios_map2d.layers.reachability import ReachableFloor
 from helios_map2d.layers.value_layers import Cone, ValueLayers
 from helios_map2d.snapshots.tiles import GroundTile, ValueTile
 
@@ -43,13 +48,13 @@ class LayerStack:
         self.occupancy = OccupancyLayer(self.grid, rules.occupancy)
         self.search = SearchArea(self.grid)
         self.values = ValueLayers(self.grid, rules.values)
-        self.ground = OpenGround(self.grid, rules.frontiers.robot_radius_m / rules.cell_m)
+        self.ground = ReachableFloor(self.grid, rules.frontiers.robot_radius_m / rules.cell_m)
         self.frontiers = FrontierFinder(self.grid, rules.frontiers)
         self._footprint_radius_m = footprint_radius_m
-        self._exploring: Exploring = (
-            ByCone(rules.frontiers.robot_radius_m, rules.cell_m)
+        self._exploring: ExploredAreaLayer = (
+            ConeVisibility(rules.frontiers.robot_radius_m, rules.cell_m)
             if rules.explored_by_cone
-            else ByDepth()
+            else DepthVisibility()
         )
 
     def reach_of(self, frame: Frame) -> Reach:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from helios_map2d.epochs import EpochMaps
 from helios_map2d.pictures.map_picture import OCCUPANCY, Marked, png_of, render
 from helios_map2d.snapshots.delta import changes_after
-from helios_map2d.snapshots.messages import EncodedOnce
+from helios_map2d.snapshots.messages import CachedEncoding
 from helios_map2d.snapshots.path_cost import cost_along
 from helios_map2d.snapshots.snapshot import MapSnapshot
 
@@ -21,12 +21,12 @@ DEFAULT_COMFORT_M = 0.5
 EMPTY_MAP = "the map is empty: no keyframe has come yet; give the robot a task, or send a frame"
 
 
-class Answers:
+class MapQueries:
     """Methods over the published version of the present map."""
 
     def __init__(self, maps: Callable[[], EpochMaps | None]) -> None:
         self._maps = maps
-        self._encoded = EncodedOnce()
+        self._encoded = CachedEncoding()
 
     def snapshot(self, request: pb.SnapshotRequest) -> pb.MapSnapshot:
         """The whole map; without arrays while it is the version that the asker has."""

@@ -44,11 +44,11 @@ from helios_core.topics import (
 from helios_core.types import WorldId
 
 from helios_map2d.epochs import EpochMaps
-from helios_map2d.files.persistence import Keeping
-from helios_map2d.map_queries import Answers
+from helios_map2d.files.persistence import MapFiles
+from helios_map2d.map_queries import MapQueries
 from helios_map2d.settings import Settings
 from helios_map2d.snapshots.messages import Pose, told_pose
-from helios_map2d.view_search import Recollection
+from helios_map2d.view_search import ViewMemoryService
 
 log = logging.getLogger(__name__)
 
@@ -70,9 +70,9 @@ class Map2DService:
         self._holding = False
         self._refused = ""  # why the robot's last description is refused
         self._listens = False
-        self._answers = Answers(lambda: self._maps)
-        self._keeping = Keeping(settings, self._lock, lambda: self._maps, self._say)
-        self._recollection = Recollection(
+        self._answers = MapQueries(lambda: self._maps)
+        self._keeping = MapFiles(settings, self._lock, lambda: self._maps, self._say)
+        self._recollection = ViewMemoryService(
             bus, self._lock, lambda: self._maps, lambda: self._context
         )
         bus.subscribe(CONTEXT, self.on_context)

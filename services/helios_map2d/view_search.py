@@ -13,7 +13,7 @@ from helios_core.errors import Conflict, HeliosError, InvalidInput, Unavailable
 from helios_core.topics import EMBED_TEXT
 from helios_core.types import SearchContext
 
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.epochs import EpochMaps
 from helios_map2d.map_queries import EMPTY_MAP
 from helios_map2d.pictures.map_picture import OCCUPANCY
@@ -37,7 +37,7 @@ MOST_LATE_LAYERS = 8  # asked for in one search: each takes memory over the whol
 LAYER_NAME = re.compile(r"[A-Za-z0-9_.-]{1,40}")  # as it stands in addresses and file names
 
 
-class Recollection:
+class ViewMemoryService:
     """Asks the detector what a text means, and the kept views how well they fit.
 
     The lock of the maps is never held while the detector is asked.
@@ -116,7 +116,7 @@ class Recollection:
             whose = "the ground's" if layer == OCCUPANCY else "the present search's"
             raise InvalidInput(f"the name {layer!r} is {whose}; give the layer another one")
 
-    def _check_room(self, state: MapState, layer: str) -> None:
+    def _check_room(self, state: EpochMap, layer: str) -> None:
         """Raises InvalidInput for one layer more than may be asked for."""
         search = self._search()
         own = set() if search is None else set(search.prompts)
@@ -127,7 +127,7 @@ class Recollection:
                 "send the name of one of them, which is then made again, or begin another search"
             )
 
-    def _views(self) -> tuple[MapState, tuple[SeenView, ...]]:
+    def _views(self) -> tuple[EpochMap, tuple[SeenView, ...]]:
         with self._lock:
             maps = self._maps()
             if maps is None or maps.current is None:
@@ -156,7 +156,7 @@ class Recollection:
         return questions(prompts, self._bus.call(EMBED_TEXT, request, EMBED_WITHIN_S))
 
     def _put(
-        self, state: MapState, layers: dict[str, Question], context_id: str | None = None
+        self, state: EpochMap, layers: dict[str, Question], context_id: str | None = None
     ) -> int:
         """Set layers by all views there are by now; the version that has them."""
         with self._lock:

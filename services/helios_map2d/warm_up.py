@@ -8,7 +8,7 @@ import numpy as np
 from helios_core.geometry import Pinhole, camera_on_base
 from helios_core.types import Frame, FrameId, Observation, SearchContext
 
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.kernels.value_fusion import fuse_maximum
 from helios_map2d.layers.frontiers import FrontierRules
 from helios_map2d.layers.parameters import MapRules
@@ -18,7 +18,7 @@ def warm_up() -> None:
     """Run a small map through everything once."""
     camera = Pinhole(32.0, 32.0, 31.5, 23.5, 64, 48)
     rules = MapRules(size_cells=256, frontiers=FrontierRules(min_size_m=0.0))
-    state = MapState(rules, (0.0, 0.0), 0.2)
+    state = EpochMap(rules, (0.0, 0.0), 0.2)
     state.reset_search(SearchContext("warm-up", (), {"pick": ""}))
     for seq in (1, 2):
         frame = Frame(
@@ -37,4 +37,4 @@ def warm_up() -> None:
                  np.float32(0))  # fmt: skip
     state.published.line_of_sight((0.0, 0.0, 1.0), (1.0, 0.5, 0.5))
     kept = state.published
-    MapState(rules, (0.0, 0.0), 0.2).restore(kept.ground, kept.layers)  # as after a restart
+    EpochMap(rules, (0.0, 0.0), 0.2).restore(kept.ground, kept.layers)  # as after a restart

@@ -14,7 +14,7 @@ from helios_objectmap import export
 from helios_objectmap.camera import View
 from helios_objectmap.fusion import geometry, viewing_sectors
 from helios_objectmap.fusion.geometry import reobserved, sight
-from helios_objectmap.fusion.label_image import OTHER_LABEL, Reading, read, without_held
+from helios_objectmap.fusion.label_image import OTHER_LABEL, LabelImage, read, without_held
 from helios_objectmap.fusion.semantics import accumulate, believe, marginal
 from helios_objectmap.fusion.view_history import PastViews
 from helios_objectmap.gaussians import NO_INSTANCE, OTHER, GaussianStore, InstanceGaussians, surplus
@@ -37,7 +37,7 @@ from helios_objectmap.persistence import Memory
 from helios_objectmap.rendering.back_ends import back_end
 from helios_objectmap.rendering.renderer import FAR_M, Projection, Rendering
 from helios_objectmap.settings import ObjectMapSettings
-from helios_objectmap.viewpoint_weights import NEVER, Look, Viewpoints
+from helios_objectmap.viewpoint_weights import NEVER, ViewingDirection, Viewpoints
 
 SEEN_BEYOND_M = 1.0  # Gaussians this far beyond the depth that is used still cover what is behind
 HALF = 0.5
@@ -428,7 +428,7 @@ class ObjectMap(Knowledge):
             del self._roles[name]
 
     def _carve(
-        self, projection: Projection, reading: Reading, look: Look
+        self, projection: Projection, reading: LabelImage, look: ViewingDirection
     ) -> tuple[Projection, NDArray[np.int32]]:
         """Fade what is seen through, restore what is there, and give up what enough views saw
         through: the projection as it is then, and the rows that are to be removed."""
@@ -456,7 +456,7 @@ class ObjectMap(Knowledge):
             self._project(reading.view, rows=stays),
         ), gone
 
-    def _creation_mask(self, reading: Reading, rendering: Rendering) -> NDArray[np.bool_]:
+    def _creation_mask(self, reading: LabelImage, rendering: Rendering) -> NDArray[np.bool_]:
         detected = (reading.labels != OTHER_LABEL) | self._settings.full_scene
         if self._settings.creation_rule == "paper":
             return geometry.paper_creation_mask(reading.depth_m, rendering, detected)
@@ -464,7 +464,7 @@ class ObjectMap(Knowledge):
             reading.depth_m, rendering, detected, self._settings.create_front_m
         )
 
-    def _create(self, reading: Reading, mask: NDArray[np.bool_]) -> int:
+    def _create(self, reading: LabelImage, mask: NDArray[np.bool_]) -> int:
         means = reading.view.lift(reading.depth_m, mask)
         radius_m = reading.depth_m[mask] * np.float32(self._settings.radius_px / reading.view.fx)
         self._store.append(
@@ -472,7 +472,7 @@ class ObjectMap(Knowledge):
         )
         return len(means)
 
-    def _weights_of_all_before(self, look: Look) -> NDArray[np.float32] | None:
+    def _weights_of_all_before(self, look: ViewingDirection) -> NDArray[np.float32] | None:
         """What a look counts for things older than every view [names]; None without hindsight."""
         if self._settings.evidence != "hindsight":
             return None
@@ -499,7 +499,7 @@ class ObjectMap(Knowledge):
         self,
         projection: Projection,
         labels: NDArray[np.int32],
-        look: Look,
+        look: ViewingDirection,
         eye_m: NDArray[np.float64],
         stamp_ns: int,
     ) -> int:

@@ -24,7 +24,7 @@ MOST = 16_384  # at least 300 m of path; the oldest viewpoints are forgotten, an
 
 
 @dataclass(frozen=True)
-class Look:
+class ViewingDirection:
     """A pose among the viewpoints."""
 
     viewpoint: int  # the number of the viewpoint that it belongs to
@@ -77,7 +77,7 @@ class Viewpoints:
         """A class is no longer known."""
         self._last.pop(class_name, None)
 
-    def look(self, T_world_cam: NDArray[np.float64]) -> Look:
+    def look(self, T_world_cam: NDArray[np.float64]) -> ViewingDirection:
         """Where a pose stands; one that differs from all viewpoints becomes a new one."""
         difference = self._differences(T_world_cam)
         nearest = int(np.argmin(difference)) if len(difference) else NEVER
@@ -85,10 +85,10 @@ class Viewpoints:
         if nearest == NEVER or difference[nearest] >= SAME:
             nearest = self._new(T_world_cam)
             near = near[near != nearest]  # where it takes the place of a forgotten one
-        return Look(nearest, near, difference[near])
+        return ViewingDirection(nearest, near, difference[near])
 
     def weights(
-        self, look: Look, class_names: list[str], born: NDArray[np.int64]
+        self, look: ViewingDirection, class_names: list[str], born: NDArray[np.int64]
     ) -> NDArray[np.float32]:
         """Share in [0, 1] of its evidence that a look gives to Gaussians born [n]: [n, classes]."""
         out = np.empty((len(born), len(class_names)), np.float32)
@@ -106,12 +106,14 @@ class Viewpoints:
             out[:, j] = share[np.searchsorted(last[order], born)]
         return out
 
-    def mark(self, look: Look, class_names: list[str], update: int) -> None:
+    def mark(self, look: ViewingDirection, class_names: list[str], update: int) -> None:
         """Note that a look counted for these classes at this update."""
         for name in class_names:
             self._last_of(name)[look.viewpoint] = update
 
-    def between(self, look: Look, viewpoints: NDArray[np.integer]) -> NDArray[np.float64]:
+    def between(
+        self, look: ViewingDirection, viewpoints: NDArray[np.integer]
+    ) -> NDArray[np.float64]:
         """Difference [n] in [0, 1] of a look from some viewpoints [n]; from NEVER it is 1."""
         known = np.ones(len(self) + 1)  # the last one is that of NEVER
         known[look.near] = look.difference

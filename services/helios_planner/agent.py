@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from helios_planner.search.base import Kit, Search
+from helios_planner.search.base import Search, SearchTools
 from helios_planner.search.baselines import TrustingSearch
 from helios_planner.search.candidate_beliefs import Belief
 from helios_planner.search.frontier_exploration import Explorer
@@ -26,8 +26,8 @@ class Agent:
     """
 
     belief: type[Belief]
-    seek_object: Callable[[Kit, str, str | None], Search]
-    seek_receptacle: Callable[[Kit, str, np.ndarray | None], Search]
+    seek_object: Callable[[SearchTools, str, str | None], Search]
+    seek_receptacle: Callable[[SearchTools, str, np.ndarray | None], Search]
     retries: bool = True
     other_share: float = 0.0
 

@@ -36,7 +36,7 @@ from helios_planner.decisions.acceptance import Rule, paper, patient
 from helios_planner.decisions.global_search import FrontierRule, SearchRule
 from helios_planner.search.baselines import StopSearch, UnfilteredBelief, VlfmBelief
 from helios_planner.search.candidate_beliefs import MapBelief, TrustingBelief
-from helios_planner.search.frontier_exploration import ByRule, Pursuit
+from helios_planner.search.frontier_exploration import ByRule, TargetPursuit
 from helios_planner.search.object_search import ObjectSearch
 from helios_planner.search.scored_search import ReceptacleSearch
 
@@ -64,8 +64,8 @@ AGENTS: dict[str, Agent] = {
     "trusting": _by(global_search.highest_value),
     "random-frontier": _by(global_search.drawn),
     "homerobot-heuristic": _by(global_search.nearest),
-    "vlfm": trusting(VlfmBelief, Pursuit),
-    "vlfm-unfiltered": trusting(UnfilteredBelief, Pursuit),
+    "vlfm": trusting(VlfmBelief, TargetPursuit),
+    "vlfm-unfiltered": trusting(UnfilteredBelief, TargetPursuit),
     "vlfm-helios-stop": replace(_HELIOS, seek_object=lambda kit, name, _: StopSearch(kit, name)),
 }
 

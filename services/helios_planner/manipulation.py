@@ -30,9 +30,9 @@ from helios_planner.motion_planning.base_placement import (
 )
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.motion_planning.path_planner import Reach
-from helios_planner.navigation.base_controller import Legs, Outcome
+from helios_planner.navigation.base_controller import BaseController, Outcome
 from helios_planner.navigation.motion_monitor import Dropped
-from helios_planner.robot.interface import Body
+from helios_planner.robot.interface import RobotInterface
 from helios_planner.search.candidate_beliefs import Belief
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
@@ -72,11 +72,11 @@ class _Failed:
 
 
 @dataclass
-class Skills:
+class Manipulation:
     """Acts on one thing at a time. `picks` counts over the whole task."""
 
-    body: Body
-    legs: Legs
+    body: RobotInterface
+    legs: BaseController
     settings: Settings
     belief: Belief
     attempts: int  # picks at one thing
@@ -318,7 +318,7 @@ def seen_after(
 
 
 def look_after(
-    body: Body,
+    body: RobotInterface,
     receptacle: ObjectInstance,
     before: Sequence[ObjectInstance],
     now: Callable[[], Sequence[ObjectInstance]],

@@ -27,7 +27,7 @@ from helios_planner.agent import Agent, trusting
 from helios_planner.decisions.acceptance import best_of, position_of
 from helios_planner.decisions.decision import Candidate, Decision, Do
 from helios_planner.decisions.plugin_rule import ExplorationRule, Places
-from helios_planner.search.base import PICK_LAYER, PLACE_LAYER, Kit, Search
+from helios_planner.search.base import PICK_LAYER, PLACE_LAYER, Search, SearchTools
 from helios_planner.search.candidate_beliefs import Belief, MapBelief, TrustingBelief
 from helios_planner.search.frontier_exploration import Explorer
 from helios_planner.search.plugin_search import ByOwnRule, OwnObjectSearch, OwnReceptacleSearch
@@ -41,7 +41,7 @@ __all__ = [
     "Do",
     "ExplorationRule",
     "Explorer",
-    "Kit",
+    "SearchTools",
     "MapBelief",
     "ObjectInstance",
     "Phase",

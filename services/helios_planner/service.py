@@ -14,7 +14,7 @@ from helios_core.agent_presets import AGENT_NAMES
 from helios_core.bus import Bus
 from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.health import Health
-from helios_core.keyframe_acks import AckBook
+from helios_core.keyframe_acks import KeyframeAcks
 from helios_core.name_rules import same_name
 from helios_core.plugins import AGENTS
 from helios_core.printable_text import counted
@@ -41,11 +41,11 @@ from helios_planner.instruction.language_model import language_model, parse_with
 from helios_planner.instruction.parser import Instruction
 from helios_planner.settings import Settings, for_task
 from helios_planner.task import HELD, Cause, State, Task
-from helios_planner.tasks.executor import TaskRun
+from helios_planner.tasks.executor import TaskExecutor
 from helios_planner.tasks.messages import decision_from_proto, recomputed_to_proto, task_to_proto
-from helios_planner.tasks.registry import UNDER_WAY, TaskBook, waiting_words
+from helios_planner.tasks.registry import UNDER_WAY, TaskRegistry, waiting_words
 from helios_planner.tasks.reservation import Reservation
-from helios_planner.tasks.run_control import Hold
+from helios_planner.tasks.run_control import PauseControl
 from helios_planner.tasks.search_context import check_able, in_vocabulary
 from helios_planner.tasks.store import Store
 from helios_planner.warm_up import warm_up
@@ -70,10 +70,10 @@ class PlannerService:
         self._description: pb.RobotDescription | None = None
         self._described, self._warm = threading.Event(), threading.Event()
         self._ending = threading.Event()
-        self._acks = AckBook()
+        self._acks = KeyframeAcks()
         self._store = Store(settings.state_dir, settings.keep_decisions)
         self._model = language_model(settings)
-        self._book = TaskBook(bus, settings, health, self._store)
+        self._book = TaskRegistry(bus, settings, health, self._store)
         self._store.watch(self._tell_health)
         self._queue = deque(self._book.restore())
         self._cancels = {id: threading.Event() for id in self._queue}
@@ -306,7 +306,7 @@ class PlannerService:
         with self._lock:
             hold = self._holds.setdefault(id, self._new_hold(id))
         settings = for_task(self._settings, task.settings)
-        run = TaskRun(
+        run = TaskExecutor(
             self._bus, settings, self._description, self._acks, self._store, self._book, task,
             cancelled, hold,
         )  # fmt: skip
@@ -317,11 +317,11 @@ class PlannerService:
                 self._holds.pop(id, None)
                 self._cancels.pop(id, None)
 
-    def _new_hold(self, id: str) -> Hold:
+    def _new_hold(self, id: str) -> PauseControl:
         """Of a task that has begun; paused where somebody had paused it."""
         task = self._book.known(id)
         cancelled = self._cancels[id]
-        hold = Hold(task.time_limit_s, task.started_s + task.time_limit_s, cancelled)
+        hold = PauseControl(task.time_limit_s, task.started_s + task.time_limit_s, cancelled)
         if task.on_hold:
             hold.pause()
         return hold

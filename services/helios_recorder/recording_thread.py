@@ -23,7 +23,7 @@ from helios_recorder.entry import Entry
 from helios_recorder.mcap_writer import DiskFull, RecordingFile
 from helios_recorder.message_entries import Entries
 from helios_recorder.settings import MB, Settings
-from helios_recorder.write_queue import Inbox, Item
+from helios_recorder.write_queue import Item, MessageQueue
 
 log = logging.getLogger(__name__)
 
@@ -37,7 +37,7 @@ class Recording:
 
     def __init__(self, settings: Settings, health: Health, retained: Callable[[str], bool]) -> None:
         self._settings, self._health, self._retained = settings, health, retained
-        self.inbox = Inbox(settings.queue_mb * MB)
+        self.inbox = MessageQueue(settings.queue_mb * MB)
         self._entries = Entries(settings.jpeg_quality)
         self._last: dict[str, tuple[Message, int]] = {}  # of the retained channels, in their order
         self._file: RecordingFile | None = None

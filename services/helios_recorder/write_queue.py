@@ -22,7 +22,7 @@ class Item:
     size: int  # bytes
 
 
-class Inbox:
+class MessageQueue:
     """Thread-safe. Log times rise strictly, whatever the clock does."""
 
     def __init__(self, limit_bytes: float) -> None:

@@ -13,7 +13,7 @@ from helios_core.types import FrameId
 LOOKS_S = 0.2  # whether whoever waits is ending
 
 
-class AckBook:
+class KeyframeAcks:
     """Fed with every Ack, asked by who waits for some; thread-safe. Remembers the newest frames."""
 
     def __init__(

@@ -32,7 +32,7 @@ class Piece:
     bottom_m: NDArray[np.float32]
 
 
-class MapMirror:
+class MapReplica:
     """Holds tiles by place. `version`, `frontiers`, `robot` are those of the last full update."""
 
     def __init__(self, *, layers: bool = False, tiles_at_once: int = 0) -> None:

@@ -31,7 +31,7 @@ from helios_core.geometry import Pinhole, se2_to_se3
 from helios_core.types import Frame, FrameId, Observation, SearchContext
 from helios_eval.bench.synthetic_flat import frames as bench_frames
 from helios_map2d.camera_view import heading_of, view_of
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.grid import TileMask
 from helios_map2d.layer_stack import LayerStack
 from helios_map2d.layers.frontiers import FrontierFinder, FrontierRules
@@ -166,7 +166,7 @@ def one_map(
 ) -> None:
     """Add the times of some laps over the frames, ours and VLFM's in turn."""
     rules = MapRules(size_cells=cells, frontiers=FrontierRules(robot_radius_m=RADIUS_M))
-    ours, theirs = MapState(rules, (0.0, 0.0), RADIUS_M), Vlfm(cells, 40)
+    ours, theirs = EpochMap(rules, (0.0, 0.0), RADIUS_M), Vlfm(cells, 40)
     ours.reset_search(SearchContext("bench", (), {}))
     stack = ours.stack
     layers, finder = (
@@ -196,7 +196,7 @@ def by_size(frames: list[Frame], laps: int) -> dict[str, float]:
     sizes = (2000, 8000)
     rules = [MapRules(size_cells=size, frontiers=FrontierRules(robot_radius_m=RADIUS_M))
              for size in sizes]  # fmt: skip
-    maps = [MapState(one, (0.0, 0.0), RADIUS_M) for one in rules]
+    maps = [EpochMap(one, (0.0, 0.0), RADIUS_M) for one in rules]
     times: list[list[float]] = [[] for _ in sizes]
     for state in maps:
         state.reset_search(SearchContext("bench", (), {}))
@@ -212,7 +212,7 @@ def by_size(frames: list[Frame], laps: int) -> dict[str, float]:
     return named | {"larger by": round(ms[1] / ms[0] - 1, 3)}
 
 
-def touched(ours: MapState) -> TileMask:
+def touched(ours: EpochMap) -> TileMask:
     """The tiles that the newest frame changed, and those beside them."""
     new = [t for t, tile in ours.published.ground.items() if tile.version == ours.version]
     return TileMask.of((r + dr, c + dc) for r, c in new
@@ -236,7 +236,7 @@ def agreement(frames: list[Frame], cells: int, out: Path | None) -> dict[str, fl
         occupancy=OccupancyRules(band_lo_m=BAND_M[0], band_hi_m=BAND_M[1]),
         frontiers=FrontierRules(robot_radius_m=RADIUS_M),
     )  # fmt: skip
-    same, default = MapState(vlfm_compatible(rules), (0.0, 0.0), 0.0), MapState(rules, (0, 0), 0.0)
+    same, default = EpochMap(vlfm_compatible(rules), (0.0, 0.0), 0.0), EpochMap(rules, (0, 0), 0.0)
     theirs = Vlfm(cells, 20)
     for state in (same, default):
         state.reset_search(SearchContext("bench", (), {"pick": "", "place": ""}))
@@ -279,7 +279,7 @@ def by_half_a_cell(frame: Frame, cell_m: float) -> Frame:
     )
 
 
-def aligned(state: MapState, array: NDArray, cells: int) -> NDArray:
+def aligned(state: EpochMap, array: NDArray, cells: int) -> NDArray:
     """The part of one of our arrays that VLFM's map covers."""
     row, column = -cells // 2 - state.stack.grid.corner[0], -cells // 2 - state.stack.grid.corner[1]
     return array[row : row + cells, column : column + cells]

@@ -31,7 +31,7 @@ from helios_core.topics import ACT, GAUSSIANS, LEASE, OBJECTS, ROBOT_STATE, SNAP
 from helios_eval.episodes.episode_judgement import episode_for
 from helios_eval.episodes.episode_player import make_world
 from helios_eval.episodes.episode_spec import EpisodeSpec
-from helios_eval.episodes.in_process_stack import House
+from helios_eval.episodes.in_process_stack import InProcessStack
 from helios_map2d.service import Map2DService
 from helios_map2d.settings import Settings as Map2DSettings
 from helios_objectmap.service import ObjectMapService
@@ -93,7 +93,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Done:
     chosen = Settings(out=folder, min_free_mb=0)
     with (
         closing(world),
-        House(world, "helios", None, SEED, {}) as house,
+        InProcessStack(world, "helios", None, SEED, {}) as house,
         closing(RecorderService(house.bus(), chosen, health)),
     ):
         task = house.run(episode_for("ovmm", home, SEED).instruction, MOST_STEPS, 250)

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from helios_client.supervision.service_specs import Stack
+from helios_client.supervision.service_specs import ServiceSpecs
 from helios_client.supervision.unknown_variables import unread
 
 from tests.helios_up import started
@@ -49,14 +49,16 @@ def test_it_is_said_before_the_services_start_and_ends_nothing(tmp_path: Path) -
     assert said.index("HELIOS_PLANNER_TAU_G") < said.index("is ready")
 
 
-def tasks_dir(stack: Stack) -> Path:
+def tasks_dir(stack: ServiceSpecs) -> Path:
     [planner] = (spec for spec in stack.specs() if spec.name == "planner")
     return Path(planner.argv[planner.argv.index("--state-dir") + 1])
 
 
 def test_each_simulated_home_has_its_own_tasks_and_finds_them_again() -> None:
     def of(preset: str, seed: int) -> Path:
-        return tasks_dir(Stack("sim", 7447, Path("state"), port=8080, preset=preset, seed=seed))
+        return tasks_dir(
+            ServiceSpecs("sim", 7447, Path("state"), port=8080, preset=preset, seed=seed)
+        )
 
     homes = [("demo-v1", 3), ("demo-v1", 5), ("ovmm-v1", 3)]
     assert len({of(*home) for home in homes}) == 3
@@ -65,4 +67,4 @@ def test_each_simulated_home_has_its_own_tasks_and_finds_them_again() -> None:
 
 
 def test_another_robot_lists_no_tasks_of_a_simulated_home() -> None:
-    assert tasks_dir(Stack("spot", 7447, Path("state"), port=8080)) == Path("state/planner")
+    assert tasks_dir(ServiceSpecs("spot", 7447, Path("state"), port=8080)) == Path("state/planner")

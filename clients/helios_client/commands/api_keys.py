@@ -15,7 +15,7 @@ from pathlib import Path
 from helios_core.atomic_file import refusal, write_file
 from helios_core.errors import Conflict, InvalidInput
 
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 
 BYTES = 32
 
@@ -27,13 +27,13 @@ def add_key(file: Path, name: str, scope: str) -> str:
     file has a key of that name, InvalidInput where it cannot be used.
     """
     if not (name.strip() and name.isprintable()):
-        raise WrongUse(f"the name of a key is {name!r}; wanted letters that can be read: tablet")
+        raise UsageError(f"the name of a key is {name!r}; wanted letters that can be read: tablet")
     key = secrets.token_urlsafe(BYTES)
     digest = hashlib.sha256(key.encode()).hexdigest()
     quoted = json.dumps(name, ensure_ascii=False)  # such a JSON string is a TOML string, too
     entry = f'[[key]]\nname = {quoted}\nscope = "{scope}"\nsha256 = "{digest}"\n'
     if why := refusal(file):
-        raise WrongUse(why)
+        raise UsageError(why)
     try:
         with _alone_in(file.parent):
             _add(file, name, entry)

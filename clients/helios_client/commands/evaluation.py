@@ -28,9 +28,9 @@ def bench(
             f"the benchmarks cannot be loaded ({error}); pip install 'helios-ovmm[bench]'"
         ) from error
     if only is not None and only not in ROWS:
-        from helios_client.usage_errors import WrongUse
+        from helios_client.usage_errors import UsageError
 
-        raise WrongUse(f"no row is called {only!r}; wanted one of {', '.join(ROWS)}")
+        raise UsageError(f"no row is called {only!r}; wanted one of {', '.join(ROWS)}")
     run_bench(only, json_path)
 
 

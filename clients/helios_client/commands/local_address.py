@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 
 from helios_client.http.address import STANDARD_PORTS, split_url
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 
 
 def port_here(url: str, elsewhere: str) -> int:
@@ -17,11 +17,11 @@ def port_here(url: str, elsewhere: str) -> int:
     try:
         parts = split_url(url)
     except ValueError as error:
-        raise WrongUse(str(error)) from error
+        raise UsageError(str(error)) from error
     assert parts.hostname is not None
     if not _is_here(parts.hostname):
         told = elsewhere.replace("HOST", parts.hostname)
-        raise WrongUse(f"{url} is not on this machine, so {told}")
+        raise UsageError(f"{url} is not on this machine, so {told}")
     return parts.port or STANDARD_PORTS[parts.scheme]
 
 

@@ -17,7 +17,7 @@ from helios_core.settings_spelling import nearest
 from helios_client.commands.local_address import port_here
 from helios_client.commands.shared_options import chosen_address
 from helios_client.supervision import state_file
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 
 FOLLOW_S = 0.2
 ENDING = ".log"
@@ -60,7 +60,7 @@ def log_file(folder: Path, service: str) -> Path:
     if found is None:
         near = nearest(service, names)
         hint = f"; did you mean {near}?" if near else ""
-        raise WrongUse(f"no service {service!r} has a log; there are {', '.join(names)}{hint}")
+        raise UsageError(f"no service {service!r} has a log; there are {', '.join(names)}{hint}")
     return folder / f"{found}{ENDING}"
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from helios_client.commands.shared_options import At, Json, console, flat, print_json
+from helios_client.commands.shared_options import GatewayAddress, Json, console, flat, print_json
 
 objects_app = typer.Typer()
 app = typer.Typer(
@@ -18,7 +18,7 @@ app = typer.Typer(
 @objects_app.command()
 @flat
 def objects(
-    at: At,
+    at: GatewayAddress,
     class_name: Annotated[
         str | None, typer.Option("--class", help="only those of this class")
     ] = None,
@@ -45,7 +45,7 @@ def objects(
 @flat
 def seen(
     prompt: Annotated[str, typer.Argument(help='in words: mug, "something to drink from"')],
-    at: At,
+    at: GatewayAddress,
     limit: Annotated[int, typer.Option(help="past views at most", min=1, max=50)] = 5,
     out: Annotated[Path | None, typer.Option(help="folder for the views' pictures")] = None,
     as_json: Json = False,
@@ -70,7 +70,7 @@ def seen(
 @app.command()
 @flat
 def save(
-    at: At,
+    at: GatewayAddress,
     file: Annotated[Path, typer.Argument(help="to be written")] = Path("map.zip"),
     as_json: Json = False,
 ) -> None:
@@ -90,7 +90,7 @@ def save(
 @app.command()
 @flat
 def load(
-    at: At,
+    at: GatewayAddress,
     file: Annotated[Path, typer.Argument(help="that helios map save wrote")] = Path("map.zip"),
     as_json: Json = False,
 ) -> None:
@@ -115,7 +115,7 @@ def load(
 @app.command()
 @flat
 def reset(
-    at: At,
+    at: GatewayAddress,
     only: Annotated[
         Literal["objects", "occupancy"] | None,
         typer.Option(help="this map alone; occupancy: with values and past views"),
@@ -139,7 +139,7 @@ def reset(
 @app.command()
 @flat
 def export(
-    at: At,
+    at: GatewayAddress,
     out: Annotated[Path, typer.Option(help="folder for the files")] = Path("map"),
     only: Annotated[
         str | None, typer.Option(help="occupancy, or a value layer such as pick  [default: all]")
@@ -151,10 +151,10 @@ def export(
 ) -> None:
     """Write the 2D map as pictures (PNG) and arrays (NPZ), or for ROS."""
     from helios_client.commands.map_files import export_map, export_ros
-    from helios_client.usage_errors import WrongUse
+    from helios_client.usage_errors import UsageError
 
     if ros and only is not None:
-        raise WrongUse("a map for ROS holds the occupancy alone; leave --only or --ros away")
+        raise UsageError("a map for ROS holds the occupancy alone; leave --only or --ros away")
     with at.connect() as helios:
         written = export_ros(helios, out) if ros else export_map(helios, out, only)
     if as_json:

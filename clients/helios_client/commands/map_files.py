@@ -13,7 +13,7 @@ from helios_core.name_rules import plain
 
 from helios_client.answer_types import SeenView
 from helios_client.sdk import Helios
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 
 OCCUPANCY = "occupancy"
 
@@ -26,7 +26,7 @@ def export_map(helios: Helios, out: Path, only: str | None) -> list[Path]:
     kinds = (OCCUPANCY, *(layer["name"] for layer in helios.map_info()["layers"]))
     wanted = kinds if only is None else [kind for kind in kinds if plain(only) == plain(kind)]
     if not wanted:
-        raise WrongUse(f"the map has no {only!r}; wanted one of {', '.join(kinds)}")
+        raise UsageError(f"the map has no {only!r}; wanted one of {', '.join(kinds)}")
     make_folder(out)
     written = []
     for name in wanted:
@@ -87,7 +87,7 @@ def check_folder_of(file: Path) -> None:
     """Raises WrongUse where the folder of a file to be written is not there, or the file is a
     folder."""
     if why := atomic_file.refusal(file):
-        raise WrongUse(why)
+        raise UsageError(why)
 
 
 def confirm_reset(address: str, only: str | None) -> None:
@@ -105,6 +105,6 @@ def read_file(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise WrongUse(
+        raise UsageError(
             f"{path} cannot be read: {error.strerror}; name a file that `helios map save` wrote"
         ) from error

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from helios_client.commands.shared_options import At, Json, flat
+from helios_client.commands.shared_options import GatewayAddress, Json, flat
 from helios_client.commands.tasks import NoWait, Timeout, submit_and_watch
 
 app = typer.Typer()
@@ -21,7 +21,7 @@ NUMBERS = {"ignore_unknown_options": True}
 def go(
     x: Annotated[float, typer.Argument(help="metres, in the world frame", show_default=False)],
     y: Annotated[float, typer.Argument(help="metres, in the world frame", show_default=False)],
-    at: At,
+    at: GatewayAddress,
     yaw: Annotated[
         float | None,
         typer.Argument(
@@ -38,11 +38,11 @@ def go(
     The yaw is in degrees here, in radians over HTTP. Where the point is out of reach it says why,
     and names the nearest place that is not.
     """
-    from helios_client.usage_errors import WrongUse
+    from helios_client.usage_errors import UsageError
 
     for name, value in (("X", x), ("Y", y), ("YAW", yaw or 0.0)):
         if not math.isfinite(value):
-            raise WrongUse(f"{name} is {value}; wanted a number, such as helios go 3.2 -4.1 90")
+            raise UsageError(f"{name} is {value}; wanted a number, such as helios go 3.2 -4.1 90")
     yaw_rad = None if yaw is None else math.radians(yaw)
     submit_and_watch(at, lambda helios: helios.go(x, y, yaw_rad), as_json, timeout_s, no_wait)
 
@@ -50,7 +50,7 @@ def go(
 @app.command()
 @flat
 def explore(
-    at: At,
+    at: GatewayAddress,
     time_limit_s: Annotated[
         float | None,
         typer.Option(help="seconds after which it ends, with success  [default: none]", min=0.1),
@@ -66,7 +66,7 @@ def explore(
 @app.command()
 @flat
 def home(
-    at: At, as_json: Json = False, timeout_s: Timeout = 3600.0, no_wait: NoWait = False
+    at: GatewayAddress, as_json: Json = False, timeout_s: Timeout = 3600.0, no_wait: NoWait = False
 ) -> None:
     """Go back to where the robot started in this world."""
     submit_and_watch(at, lambda helios: helios.home(), as_json, timeout_s, no_wait)

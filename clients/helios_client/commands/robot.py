@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from helios_client.commands.shared_options import (
-    At,
+    GatewayAddress,
     Json,
     State,
     TypedPort,
@@ -25,7 +25,7 @@ app = typer.Typer()
 
 @app.command()
 @flat
-def status(at: At, state: State = None, as_json: Json = False) -> None:
+def status(at: GatewayAddress, state: State = None, as_json: Json = False) -> None:
     """How every service is, and whether the robot is stopped. Works while the gateway is down."""
     from helios_client.commands.status import find_status, status_table
 
@@ -77,15 +77,15 @@ def logs(
 @app.command()
 @flat
 def camera(
-    at: At,
+    at: GatewayAddress,
     file: Annotated[Path, typer.Argument(help="to be written")] = Path("camera.jpg"),
 ) -> None:
     """Write what the robot sees now as a JPEG. With boxes around what it detects."""
     from helios_client.commands.map_files import check_folder_of, write_file
-    from helios_client.usage_errors import WrongUse
+    from helios_client.usage_errors import UsageError
 
     if file.suffix.lower() not in ("", ".jpg", ".jpeg"):
-        raise WrongUse(f"the picture is a JPEG, and {file} is not named so; name it .jpg")
+        raise UsageError(f"the picture is a JPEG, and {file} is not named so; name it .jpg")
     check_folder_of(file)
     with at.connect() as helios:
         write_file(file, helios.camera())
@@ -95,7 +95,7 @@ def camera(
 @app.command()
 @flat
 def stop(
-    at: At,
+    at: GatewayAddress,
     reason: Annotated[str, typer.Option(help="shown wherever the stop is shown")] = REASON,
     as_json: Json = False,
 ) -> None:
@@ -110,7 +110,7 @@ def stop(
 
 @app.command(name="clear-stop")
 @flat
-def clear_stop(at: At, as_json: Json = False) -> None:
+def clear_stop(at: GatewayAddress, as_json: Json = False) -> None:
     """Lift stop-now: the robot may move again."""
     with at.connect() as helios:
         answer = helios.clear_stop()
@@ -137,7 +137,7 @@ def key(
 
 @app.command()
 @flat
-def mcp(at: At) -> None:
+def mcp(at: GatewayAddress) -> None:
     """Serve the robot to a language agent over MCP. On standard input and output."""
     import logging
 

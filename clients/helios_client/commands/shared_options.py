@@ -43,16 +43,16 @@ Url = Annotated[
 def chosen_address(port: int | None, url: str | None) -> tuple[int | None, str]:
     """What `http.address.chosen` makes of the typed options. Raises WrongUse."""
     from helios_client.http.address import chosen
-    from helios_client.usage_errors import WrongUse
+    from helios_client.usage_errors import UsageError
 
     try:
         return chosen(port, url, os.environ)
     except ValueError as error:
-        raise WrongUse(str(error)) from error
+        raise UsageError(str(error)) from error
 
 
 @dataclass(frozen=True)
-class At:
+class GatewayAddress:
     """The running robot that a command speaks to."""
 
     port: TypedPort = None
@@ -90,20 +90,20 @@ class At:
     def connect(self, timeout_s: float = 10.0) -> Iterator[Helios]:
         """The HTTP interface that the options name. Where nobody is there, the error that leaves
         it says on which ports of this machine somebody is."""
-        from helios_client.http.errors import NobodyThere
+        from helios_client.http.errors import NoGateway
         from helios_client.sdk import Helios
         from helios_client.supervision.state_file import running_ports
 
         with Helios(self.base_url, timeout_s, key=self.key, robot=self.robot) as helios:
             try:
                 yield helios
-            except NobodyThere as error:
+            except NoGateway as error:
                 if (here := self._port_on_this_machine) is None:
                     raise
                 ports = [port for port in running_ports() if port != here]
                 known = f": one runs with --port {' and one with --port '.join(map(str, ports))}"
                 where = ", or name its port with --port" + (known if ports else "")
-                raise NobodyThere(error.message + where) from error
+                raise NoGateway(error.message + where) from error
 
 
 def flat(command: Callable[..., None]) -> Callable[..., None]:
@@ -136,13 +136,13 @@ def flat(command: Callable[..., None]) -> Callable[..., None]:
 
 def named_values(texts: Sequence[str]) -> dict[str, str]:
     """`["alpha_d=0.01"]` as a mapping. Raises WrongUse."""
-    from helios_client.usage_errors import WrongUse
+    from helios_client.usage_errors import UsageError
 
     out = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not (name.strip() and equals and value.strip()):
-            raise WrongUse(f"--set is {text!r}; wanted NAME=VALUE, such as alpha_d=0.01")
+            raise UsageError(f"--set is {text!r}; wanted NAME=VALUE, such as alpha_d=0.01")
         out[name.strip()] = value.strip()
     return out
 

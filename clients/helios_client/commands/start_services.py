@@ -72,22 +72,22 @@ def up(
 
     from helios_client.replay.input_selection import check_source, default_detector
     from helios_client.supervision import flag_checks, state_file
-    from helios_client.supervision.service_specs import Stack, free_port
+    from helios_client.supervision.service_specs import ServiceSpecs, free_port
     from helios_client.supervision.up import Screen
     from helios_client.supervision.up import up as run_up
-    from helios_client.usage_errors import WrongUse
+    from helios_client.usage_errors import UsageError
 
     robot = flag_checks.check_robot(robot)
     try:
         robot_name(name)
     except InvalidInput as error:
-        raise WrongUse(f"--name: {error.message}") from error
+        raise UsageError(f"--name: {error.message}") from error
     if spot_host is not None and robot != "spot":
-        raise WrongUse("--spot-host goes with --robot spot, and only with it")
+        raise UsageError("--spot-host goes with --robot spot, and only with it")
     if robot == "replay" and source is None:
-        raise WrongUse("--robot replay needs --source, the recording or data set to play")
+        raise UsageError("--robot replay needs --source, the recording or data set to play")
     if source is not None and robot != "replay":
-        raise WrongUse("--source goes with --robot replay, and only with it")
+        raise UsageError("--source goes with --robot replay, and only with it")
     if detector is None:
         detector = default_detector(robot, source)
     detector = flag_checks.check_detector(detector)
@@ -102,7 +102,7 @@ def up(
     if record and record_dir is None:
         record_dir = state_dir / "recordings"
     run_up(
-        Stack(
+        ServiceSpecs(
             robot=robot, router_port=router_port or free_port(),
             state_dir=state_dir, name=name, port=port, seed=seed,
             preset=preset, furniture=furniture, detector=detector, scorer=scorer, agent=agent,

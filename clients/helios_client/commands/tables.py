@@ -11,7 +11,7 @@ from rich.table import Table
 from helios_client.answer_types import FoundObject, Seen, SeenName, Task
 from helios_client.sdk import Helios
 from helios_client.terminal_output import plain_table
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 
 TASK_COLORS = {"succeeded": "green", "failed": "red", "cancelled": "yellow", "running": "cyan"}
 
@@ -81,7 +81,7 @@ def task_by_name(helios: Helios, id: str) -> Task:
     if id.casefold() == "last":
         newest = helios.tasks(limit=1)
         if not newest:
-            raise WrongUse("there is no task yet; submit one with helios task")
+            raise UsageError("there is no task yet; submit one with helios task")
         return newest[0]
     return task_by_prefix(helios, id)
 
@@ -94,8 +94,8 @@ def task_by_prefix(helios: Helios, id: str) -> Task:
     if exact or len(fitting) == 1:
         return (exact or fitting)[0]
     if not fitting:
-        raise WrongUse(f"there is no task {id!r}; list them with helios tasks")
-    raise WrongUse(f"{len(fitting)} tasks begin with {id!r}; say more of the id")
+        raise UsageError(f"there is no task {id!r}; list them with helios tasks")
+    raise UsageError(f"{len(fitting)} tasks begin with {id!r}; say more of the id")
 
 
 def _took(task: Task) -> str:

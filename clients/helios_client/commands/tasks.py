@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from helios_client.commands.shared_options import (
-    At,
+    GatewayAddress,
     Json,
     console,
     flat,
@@ -40,7 +40,7 @@ TaskState = Literal["queued", "running", "paused", "succeeded", "failed", "cance
 @flat
 def task(
     instruction: Annotated[str, typer.Argument(help='such as "Move the mug to the sofa"')],
-    at: At,
+    at: GatewayAddress,
     as_json: Json = False,
     timeout_s: Timeout = 3600.0,
     no_wait: NoWait = False,
@@ -85,7 +85,11 @@ def task(
 
 
 def submit_and_watch(
-    at: At, submit: Callable[[Helios], Task], as_json: bool, timeout_s: float, no_wait: bool
+    at: GatewayAddress,
+    submit: Callable[[Helios], Task],
+    as_json: bool,
+    timeout_s: float,
+    no_wait: bool,
 ) -> None:
     """Submit a task and show it until it has ended, or with no_wait print its id. Raises typer.Exit
     where it did not succeed."""
@@ -113,7 +117,7 @@ def submit_and_watch(
 @app.command()
 @flat
 def watch(
-    at: At,
+    at: GatewayAddress,
     id: TaskId = "last",
     timeout_s: Timeout = 3600.0,
     as_json: Json = False,
@@ -145,7 +149,7 @@ def _tell_end(ended: Task, as_json: bool) -> None:
 @app.command()
 @flat
 def tasks(
-    at: At,
+    at: GatewayAddress,
     state: Annotated[
         TaskState | None, typer.Option(help="only those in this state", case_sensitive=False)
     ] = None,
@@ -168,7 +172,7 @@ def tasks(
 @app.command()
 @flat
 def names(
-    at: At,
+    at: GatewayAddress,
     here: Annotated[
         bool, typer.Option("--here", help="what was seen in this home, and tasks to try there")
     ] = False,
@@ -191,7 +195,7 @@ def names(
 @app.command()
 @flat
 def cancel(
-    at: At,
+    at: GatewayAddress,
     id: Annotated[
         str | None,
         typer.Argument(help="of the task, or how it begins, or: last; see helios tasks"),
@@ -203,10 +207,10 @@ def cancel(
 ) -> None:
     """Ask a task to end, or all of them; the robot comes to rest."""
     from helios_client.commands.tables import task_by_name
-    from helios_client.usage_errors import WrongUse
+    from helios_client.usage_errors import UsageError
 
     if (id is None) is not everything:
-        raise WrongUse("name one task, or --all; list them with helios tasks")
+        raise UsageError("name one task, or --all; list them with helios tasks")
     with at.connect() as helios:
         if id is not None:
             _print_task(helios.cancel(task_by_name(helios, id).id), as_json)
@@ -236,7 +240,7 @@ def _cancel_all(helios: Helios) -> list[Task]:
 
 @app.command()
 @flat
-def pause(id: TaskId, at: At, as_json: Json = False) -> None:
+def pause(id: TaskId, at: GatewayAddress, as_json: Json = False) -> None:
     """Let a task wait, a running one where it is, until helios resume."""
     from helios_client.commands.tables import task_by_name
 
@@ -247,7 +251,7 @@ def pause(id: TaskId, at: At, as_json: Json = False) -> None:
 
 @app.command()
 @flat
-def resume(id: TaskId, at: At, as_json: Json = False) -> None:
+def resume(id: TaskId, at: GatewayAddress, as_json: Json = False) -> None:
     """Go on with a paused task."""
     from helios_client.commands.tables import task_by_name
 

@@ -6,7 +6,14 @@ from typing import Annotated
 
 import typer
 
-from helios_client.commands.shared_options import At, Json, console, flat, named_values, print_json
+from helios_client.commands.shared_options import (
+    GatewayAddress,
+    Json,
+    console,
+    flat,
+    named_values,
+    print_json,
+)
 
 app = typer.Typer()
 
@@ -14,7 +21,7 @@ app = typer.Typer()
 @app.command()
 @flat
 def why(
-    at: At,
+    at: GatewayAddress,
     task: Annotated[str, typer.Argument(help="its id, or how it begins, or: last")] = "last",
     changes: Annotated[
         list[str] | None,

@@ -17,7 +17,7 @@ class WrongRequest(InvalidInput):
     """HELIOS read the request: it makes no sense, or names what there is not."""
 
 
-class NobodyThere(Unavailable):
+class NoGateway(Unavailable):
     """Nothing listens at the address."""
 
 
@@ -42,7 +42,7 @@ def refused(response: httpx.Response) -> HeliosError:
 def lost(error: httpx.TransportError, url: str) -> HeliosError:
     """The typed error for an answer that never came from `url`."""
     if isinstance(error, httpx.ConnectError | httpx.ConnectTimeout):
-        return NobodyThere(f"nobody answers at {url}; start HELIOS with `helios up`")
+        return NoGateway(f"nobody answers at {url}; start HELIOS with `helios up`")
     if isinstance(error, httpx.TimeoutException):
         return DeadlineExceeded(f"{url} gave no answer in time; see `helios status`")
     return Unavailable(f"{url} broke off ({error}); try again")

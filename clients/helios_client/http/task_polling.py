@@ -9,7 +9,7 @@ from helios_core.errors import DeadlineExceeded
 from helios_client.answer_types import Task
 
 
-class Waiting:
+class WaitedServices:
     """Keeps the time from its making on."""
 
     def __init__(self, id: str, timeout_s: float, silence_s: float) -> None:

@@ -18,7 +18,7 @@ import httpx
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidInput, Unavailable
 
 from helios_client.http.connection import Connection
-from helios_client.http.errors import NobodyThere, refused
+from helios_client.http.errors import NoGateway, refused
 
 if TYPE_CHECKING:
     from websockets.asyncio.client import ClientConnection as AsyncSocket
@@ -212,7 +212,7 @@ def _told(error: BaseException, url: str) -> BaseException:
     if isinstance(error, TimeoutError):
         return DeadlineExceeded(f"{url} gave no answer in time; see `helios status`")
     if isinstance(error, OSError):
-        return NobodyThere(f"nobody answers at {url}; start HELIOS with `helios up`")
+        return NoGateway(f"nobody answers at {url}; start HELIOS with `helios up`")
     if isinstance(error, InvalidHandshake):
         return Unavailable(f"{url} opened no connection to drive by ({error}); is HELIOS there?")
     return error

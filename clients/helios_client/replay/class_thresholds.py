@@ -8,7 +8,7 @@ import uuid
 from helios_core.name_rules import plain
 from helios_core.types import Role, SearchClass, SearchContext
 
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 
 DEFAULT_THRESHOLD = 0.25
 
@@ -17,12 +17,12 @@ def watch_list(classes: str, thresholds: str) -> SearchContext:
     """`"cup,dining table"` and `"cup=0.25"` as a search context. Raises WrongUse."""
     names = [plain(name) for name in classes.split(",")]
     if not all(names):
-        raise WrongUse(f"--classes is {classes!r}; wanted names with commas between them")
+        raise UsageError(f"--classes is {classes!r}; wanted names with commas between them")
     if len(set(names)) < len(names):
-        raise WrongUse(f"--classes is {classes!r}; name each class once")
+        raise UsageError(f"--classes is {classes!r}; name each class once")
     by_name = _thresholds(thresholds)
     if unknown := sorted(set(by_name) - set(names)):
-        raise WrongUse(f"--thresholds names {', '.join(unknown)}, which --classes does not")
+        raise UsageError(f"--thresholds names {', '.join(unknown)}, which --classes does not")
     return SearchContext(
         id=f"replay-{uuid.uuid4().hex[:8]}",
         classes=tuple(
@@ -40,6 +40,6 @@ def _thresholds(text: str) -> dict[str, float]:
         except ValueError:
             value = math.nan
         if not name.strip() or not 0 <= value <= 1:
-            raise WrongUse(f"--thresholds has {part!r}; wanted class=number, 0 to 1")
+            raise UsageError(f"--thresholds has {part!r}; wanted class=number, 0 to 1")
         out[plain(name)] = value
     return out

@@ -17,7 +17,7 @@ PARTS = ("occupancy", "value", "objects")
 BY_DETECTOR = ("value", "objects")  # made of what it found
 
 
-class Tally:
+class FrameAnswers:
     """Thread-safe. Fed by the bus."""
 
     def __init__(self) -> None:

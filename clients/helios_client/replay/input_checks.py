@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Examined:
+class CheckedInput:
     """What is known of it."""
 
     frames: int
@@ -25,7 +25,7 @@ class Examined:
     lost: dict[str, Any]  # damage: chunks, bytes, seconds
 
 
-def examine(job: ReplayJob, console: Console) -> Examined:
+def examine(job: ReplayJob, console: Console) -> CheckedInput:
     """Open it and tell what of it is not played. Raises InvalidInput where nothing can be, or where
     it is damaged and `strict` is asked for."""
     from helios_replay.format_detection import open_source  # late: OpenCV
@@ -55,7 +55,7 @@ def examine(job: ReplayJob, console: Console) -> Examined:
             )
     waits_s = [b.time_s - a.time_s for a, b in itertools.pairwise(source.shots)]
     longest_s = max(waits_s, default=0.0) / pace.rate if pace.rate else 0.0
-    return Examined(len(source.shots), longest_s, searches, lost)
+    return CheckedInput(len(source.shots), longest_s, searches, lost)
 
 
 def _damage(job: ReplayJob, lost: Any, console: Console) -> dict[str, Any]:

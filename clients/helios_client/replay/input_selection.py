@@ -8,13 +8,13 @@ from helios_core.types import SearchContext
 
 from helios_client.replay.class_thresholds import watch_list
 from helios_client.supervision.service_specs import RECORDED
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 
 
 def check_source(source: Path) -> None:
     """Whether there is something to play; what it is is looked at later. Raises WrongUse."""
     if not source.exists():
-        raise WrongUse(
+        raise UsageError(
             f"there is no data set at {source}; name a recording (.mcap), a data set or a ROS bag"
         )
 
@@ -25,7 +25,7 @@ def default_detector(robot: str, source: Path | None) -> str:
         return "simulated"
     if robot == "replay" and source is not None and _is_recording(source):
         return RECORDED
-    raise WrongUse(f"--robot {robot} needs a detector; name one, --detector onnx:FILE")
+    raise UsageError(f"--robot {robot} needs a detector; name one, --detector onnx:FILE")
 
 
 def what_to_seek(
@@ -38,12 +38,12 @@ def what_to_seek(
     recorded = _is_recording(source)
     if classes is None:
         if not recorded:
-            raise WrongUse(f"{source} is no recording, so --classes must say what to look for")
+            raise UsageError(f"{source} is no recording, so --classes must say what to look for")
         if thresholds:
-            raise WrongUse("--thresholds goes with --classes")
+            raise UsageError("--thresholds goes with --classes")
         return None, detector or RECORDED
     if detector is None or detector == RECORDED:
-        raise WrongUse(
+        raise UsageError(
             "--classes names other things than were sought then, so --detector must say with what: "
             "onnx:FILE"
         )

@@ -10,14 +10,14 @@ from helios_core.errors import DeadlineExceeded, Unavailable
 from rich.console import Console
 from rich.markup import escape
 
-from helios_client.replay.frame_answers import Tally
+from helios_client.replay.frame_answers import FrameAnswers
 from helios_client.replay.results import figure
-from helios_client.supervision.service_table import Board, ServiceRow
+from helios_client.supervision.service_table import ServiceRow, ServiceTable
 from helios_client.supervision.supervisor import ProcessInfo
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 
 if TYPE_CHECKING:
-    from helios_client.replay.input_checks import Examined
+    from helios_client.replay.input_checks import CheckedInput
     from helios_client.replay.run import ReplayJob
 
 
@@ -28,7 +28,9 @@ TROUBLE_S = 3.0  # a service that is degraded so long while nothing moves has sa
 class Watch:
     """Looks at a replay while it runs; see `look`."""
 
-    def __init__(self, job: ReplayJob, known: Examined, board: Board, console: Console) -> None:
+    def __init__(
+        self, job: ReplayJob, known: CheckedInput, board: ServiceTable, console: Console
+    ) -> None:
         self._job, self.known, self._board, self._console = job, known, board, console
         self.classes = Classes(job.detector, known.searches)
         self._began_s = self._moved_s = time.monotonic()
@@ -36,7 +38,7 @@ class Watch:
         self._started = False
         self._trouble_since_s: float | None = None
 
-    def look(self, table: Sequence[ProcessInfo], tally: Tally) -> str:
+    def look(self, table: Sequence[ProcessInfo], tally: FrameAnswers) -> str:
         """What goes on, in a few words for the screen. Raises when it cannot go on."""
         now_s, rows = time.monotonic(), self._board.rows(table)
         heard = (tally.over, tally.mapped)
@@ -69,7 +71,7 @@ class Watch:
             raise Unavailable(trouble)
 
 
-def trouble_of(rows: Sequence[ServiceRow], board: Board) -> str:
+def trouble_of(rows: Sequence[ServiceRow], board: ServiceTable) -> str:
     """What a service says that cannot go on; empty when all is well."""
     for row in rows:
         # A detector waits for nothing but its model; what others wait for is still to come.
@@ -97,7 +99,7 @@ class Classes:
         self._detector, self._kinds = detector, frozenset(searches)
         self._told: set[str] = set()
 
-    def check(self, board: Board, over: bool, console: Console) -> None:
+    def check(self, board: ServiceTable, over: bool, console: Console) -> None:
         """Tell what is new. over: no search is still to come. Raises WrongUse when none of the
         classes of any search is known."""
         status = board.status("detector")
@@ -106,7 +108,7 @@ class Classes:
         unknown = figure(board, "detector", "contexts_unknown")
         sought = figure(board, "detector", "contexts_sought")
         if unknown and not sought and (over or len(self._kinds) == 1):
-            raise WrongUse(
+            raise UsageError(
                 f"the detector {self._detector} knows nothing of what is looked for: "
                 f"{status.reason}"
             )
@@ -116,7 +118,7 @@ class Classes:
             console.print(f"[yellow]not looked for[/]: {escape(status.reason)}", soft_wrap=True)
 
 
-def _goes_on(board: Board) -> bool:
+def _goes_on(board: ServiceTable) -> bool:
     """Whether the detector is only degraded because it does not know some class."""
     failed = figure(board, "detector", "keyframes_failed")
     return bool(figure(board, "detector", "classes_refused")) and not failed

@@ -19,8 +19,8 @@ from helios_core.topics import OBJECTS, PICTURE, SNAPSHOT
 from rich.markup import escape
 from rich.table import Table
 
-from helios_client.replay.frame_answers import Tally
-from helios_client.supervision.service_table import Board
+from helios_client.replay.frame_answers import FrameAnswers
+from helios_client.supervision.service_table import ServiceTable
 
 ASK_WITHIN_S = 20.0
 PICTURE_PX = 1024
@@ -68,7 +68,9 @@ class Results:
         return out
 
 
-def collect(bus: Bus, tally: Tally, board: Board, frames: int, wall_s: float) -> Results:
+def collect(
+    bus: Bus, tally: FrameAnswers, board: ServiceTable, frames: int, wall_s: float
+) -> Results:
     """Ask the maps; `wall_s` is how long all of it took.
 
     Raises HeliosError when one does not answer.
@@ -101,18 +103,18 @@ def collect(bus: Bus, tally: Tally, board: Board, frames: int, wall_s: float) ->
     )
 
 
-def unreadable_frames(board: Board) -> int:
+def unreadable_frames(board: ServiceTable) -> int:
     """Frames that the bridge has left out, for they could not be read."""
     return figure(board, "bridge", "unreadable_frames")
 
 
-def figure(board: Board, service: str, name: str) -> int:
+def figure(board: ServiceTable, service: str, name: str) -> int:
     """A count that a service reports; 0 where it reports none."""
     status = board.status(service)
     return int(status.metrics.get(name, 0)) if status else 0
 
 
-def stage_medians_ms(tally: Tally, board: Board) -> dict[str, float]:
+def stage_medians_ms(tally: FrameAnswers, board: ServiceTable) -> dict[str, float]:
     """Stage -> median milliseconds: the maps' by their answers, others by what they report."""
     out = {"total": tally.pace_ms} | tally.median_ms()
     for service in ("bridge", "detector"):

@@ -18,14 +18,14 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from helios_client.interrupt_signals import Interrupts
-from helios_client.replay.frame_answers import Tally
+from helios_client.replay.frame_answers import FrameAnswers
 from helios_client.replay.input_checks import examine
 from helios_client.replay.progress import Watch
 from helios_client.replay.results import Results, collect, unreadable_frames
-from helios_client.supervision.service_specs import Stack, free_port
-from helios_client.supervision.service_table import Board
+from helios_client.supervision.service_specs import ServiceSpecs, free_port
+from helios_client.supervision.service_table import ServiceTable
 from helios_client.supervision.supervisor import Supervisor
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 
 CHECK_PERIOD_S = 0.05
 FLUSH_S = 1.5  # services report every second: their figures of the last frame
@@ -76,7 +76,7 @@ def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
     except OSError as error:
         raise InvalidInput(f"--out {job.out} cannot be made: {error.strerror}") from error
     pace = job.pace
-    stack = Stack(
+    stack = ServiceSpecs(
         robot="replay", router_port=free_port(), state_dir=job.out, detector=job.detector,
         source=job.source, limit=pace.limit, from_s=pace.from_s, to_s=pace.to_s, rate=pace.rate,
         topics=pace.topics or None, contexts=job.context is None, strict=pace.strict,
@@ -88,7 +88,7 @@ def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
     supervisor.start()
     try:
         with _bus(stack, supervisor, job, interrupts) as bus:
-            board, tally = Board(), Tally()
+            board, tally = ServiceTable(), FrameAnswers()
             board.listen(bus, [spec.name for spec in specs])
             tally.listen(bus)
             if job.context is not None:
@@ -109,7 +109,7 @@ def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
 
 @contextlib.contextmanager
 def _bus(
-    stack: Stack, supervisor: Supervisor, job: ReplayJob, interrupts: Interrupts
+    stack: ServiceSpecs, supervisor: Supervisor, job: ReplayJob, interrupts: Interrupts
 ) -> Iterator[Bus]:
     from helios_core.zenoh_bus import ZenohBus
 
@@ -134,7 +134,11 @@ def _bus(
 
 
 def _play(
-    watch: Watch, supervisor: Supervisor, tally: Tally, interrupts: Interrupts, console: Console
+    watch: Watch,
+    supervisor: Supervisor,
+    tally: FrameAnswers,
+    interrupts: Interrupts,
+    console: Console,
 ) -> None:
     """Until the recording is over or an interrupt comes. Raises when a process ends or nothing
     moves any more, and KeyboardInterrupt where it came before any frame was mapped."""
@@ -160,7 +164,7 @@ def _play(
 def _check(supervisor: Supervisor) -> None:
     for name, ending in supervisor.check():
         said = ending.reason.removeprefix(f"helios-{name}: ")
-        kind = WrongUse if ending.usage_error else HeliosError
+        kind = UsageError if ending.usage_error else HeliosError
         raise kind(f"{name} ended: {said}")
 
 

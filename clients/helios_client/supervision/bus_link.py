@@ -11,7 +11,7 @@ from helios_core.bus import Bus
 from helios_core.errors import HeliosError, Unavailable
 from helios_core.topics import SUPERVISOR
 
-from helios_client.supervision.service_table import Board
+from helios_client.supervision.service_table import ServiceTable
 from helios_client.supervision.supervisor import ProcessInfo
 
 log = logging.getLogger(__name__)
@@ -20,10 +20,10 @@ TELL_PERIOD_S = 1.0
 RETRY_S = 0.2
 
 
-class Link:
+class BusLink:
     """Connects in a thread of its own as soon as there is a router, and stays."""
 
-    def __init__(self, router: str, robot: str, board: Board, names: Sequence[str]) -> None:
+    def __init__(self, router: str, robot: str, board: ServiceTable, names: Sequence[str]) -> None:
         self._router, self._robot, self._board, self._names = router, robot, board, names
         self._ending, self._wake = threading.Event(), threading.Event()
         self._lock = threading.Lock()

@@ -14,7 +14,7 @@ from helios_core.name_rules import same_name
 from helios_core.settings_spelling import nearest
 
 from helios_client.supervision.service_specs import RECORDED
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 
 ROBOTS = ("sim", "replay", "spot", "bus", "push")
 _DETECTORS = ("simulated", "ground-truth", RECORDED)
@@ -62,7 +62,7 @@ def check_home(robot: str, preset: str, furniture: str | None) -> tuple[str, str
         known = same_name(furniture, FURNITURE)
         if known is None:
             wanted = " or ".join(FURNITURE)
-            raise WrongUse(f"no furniture is called {furniture!r}; wanted {wanted}")
+            raise UsageError(f"no furniture is called {furniture!r}; wanted {wanted}")
         furniture = known
     if robot != "sim":
         return preset, furniture
@@ -71,7 +71,7 @@ def check_home(robot: str, preset: str, furniture: str | None) -> tuple[str, str
 
         known = same_name(preset, PRESETS)
         if known is None:
-            raise WrongUse(_none_called("preset", preset, tuple(PRESETS), ""))
+            raise UsageError(_none_called("preset", preset, tuple(PRESETS), ""))
         preset = known
     if furniture == "realistic":
         from helios_sim.assets import asset_pack
@@ -79,20 +79,20 @@ def check_home(robot: str, preset: str, furniture: str | None) -> tuple[str, str
         try:
             asset_pack.read_index(asset_pack.default_cache() / "current")
         except HeliosError as error:
-            raise WrongUse(f"--furniture realistic: {error.message}") from error
+            raise UsageError(f"--furniture realistic: {error.message}") from error
     return preset, furniture
 
 
 def _check_model(file: str) -> None:
     path = Path(file)
     if not file:
-        raise WrongUse("--detector onnx: names no file; wanted onnx:FILE, a YOLOX model")
+        raise UsageError("--detector onnx: names no file; wanted onnx:FILE, a YOLOX model")
     if path.is_dir():
-        raise WrongUse(f"--detector onnx:{file}: that is a folder; name the model file in it")
+        raise UsageError(f"--detector onnx:{file}: that is a folder; name the model file in it")
     if not path.is_file():
         near = nearest(path.name, (p.name for p in _beside(path)))
         hint = f"did you mean {near}?" if near else "name a file that is there"
-        raise WrongUse(f"--detector onnx:{file}: there is no such file; {hint}")
+        raise UsageError(f"--detector onnx:{file}: there is no such file; {hint}")
 
 
 def _beside(path: Path) -> list[Path]:
@@ -108,14 +108,14 @@ def _check(kind: plugins.Kind, given: str, ours: tuple[str, ...], more: str) -> 
     if (name := same_name(given, offered)) in ours:
         return name
     if ":" not in given and name is None:
-        raise WrongUse(_none_called(kind.name, given, offered, more))
+        raise UsageError(_none_called(kind.name, given, offered, more))
     given = name or given
     try:
         plugins.check_there(kind, given)
     except InvalidInput as error:
         near = nearest(given.partition(":")[0], offered)
         hint = f"; did you mean {near}?" if near else ""
-        raise WrongUse(error.message + hint) from error
+        raise UsageError(error.message + hint) from error
     return given
 
 

@@ -16,7 +16,7 @@ RECORDED = "recorded"  # the detector that finds what was found when it was reco
 
 
 @dataclass(frozen=True)
-class Stack:
+class ServiceSpecs:
     """What `helios up` and `helios replay` start."""
 
     robot: str  # sim, replay, spot, bus, push or package:Class

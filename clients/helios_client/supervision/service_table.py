@@ -30,7 +30,7 @@ class ServiceRow:
     pid: int
 
 
-class Board:
+class ServiceTable:
     """Thread-safe. Fed by the bus, read with the table of processes."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:

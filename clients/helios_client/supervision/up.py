@@ -17,14 +17,14 @@ from helios_core.signal_handling import on_signals
 from rich.markup import escape
 
 from helios_client.supervision import state_file
-from helios_client.supervision.bus_link import Link
+from helios_client.supervision.bus_link import BusLink
 from helios_client.supervision.child_process import Ending
-from helios_client.supervision.service_specs import Stack, port_trouble
-from helios_client.supervision.service_table import Board, ServiceRow, as_json, is_ready
+from helios_client.supervision.service_specs import ServiceSpecs, port_trouble
+from helios_client.supervision.service_table import ServiceRow, ServiceTable, as_json, is_ready
 from helios_client.supervision.supervisor import ProcessInfo, State, Supervisor
 from helios_client.supervision.unknown_variables import unread
 from helios_client.terminal_output import Screen as TextScreen
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 
 CHECK_PERIOD_S = 0.05
 WRITE_PERIOD_S = 2.0
@@ -41,7 +41,7 @@ class Screen(TextScreen):
             super().on_broken_pipe()
 
 
-def up(stack: Stack, screen: Screen) -> None:
+def up(stack: ServiceSpecs, screen: Screen) -> None:
     """Run until SIGINT, SIGTERM or SIGHUP.
 
     Raises HeliosError, with nothing left running: a port or state directory in use, wrong flags.
@@ -83,12 +83,12 @@ def check_port(port: int, flag: str) -> None:
 
 
 class _Run:
-    def __init__(self, stack: Stack, screen: Screen) -> None:
+    def __init__(self, stack: ServiceSpecs, screen: Screen) -> None:
         assert stack.port is not None
         specs = stack.specs()
         self._stack, self._screen = stack, screen
         self._supervisor = Supervisor(specs, stack.log_dir)
-        self._board = Board()
+        self._board = ServiceTable()
         self._names = [spec.name for spec in specs]
         self._state_dirs: list[Path] = [stack.state_dir]
         if (default := state_file.default_state_dir(stack.port)) != stack.state_dir:
@@ -106,7 +106,7 @@ class _Run:
         if sentence := unread(os.environ):
             self._say(f"[yellow]{escape(sentence)}[/]")
         self._supervisor.start()
-        link = Link(self._stack.router, self._stack.name, self._board, self._names)
+        link = BusLink(self._stack.router, self._stack.name, self._board, self._names)
         said_waiting = False
         try:
             while not stopping.wait(CHECK_PERIOD_S):
@@ -141,7 +141,7 @@ class _Run:
             info = rows[name]
             stays_down = info.state is State.STOPPED
             if stays_down and ending.usage_error and not self._ever_ready:
-                raise WrongUse(ending.reason)
+                raise UsageError(ending.reason)
             if stays_down:
                 self._say(f"[red]{name} ended and stays down[/]: {escape(ending.reason)}")
             elif info.state is State.RUNNING:

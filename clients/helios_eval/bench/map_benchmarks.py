@@ -12,7 +12,7 @@ from helios_map2d.grid import GridSpec, TileMask
 from helios_map2d.layers.explored_area import SearchArea
 from helios_map2d.layers.frontiers import FrontierFinder, FrontierRules
 from helios_map2d.layers.occupancy import OccupancyLayer, OccupancyRules
-from helios_map2d.layers.reachability import OpenGround
+from helios_map2d.layers.reachability import ReachableFloor
 from helios_map2d.layers.value_layers import ValueLayers, ValueRules, cone_of
 from numpy.typing import NDArray
 
@@ -107,7 +107,7 @@ class OurMaps:
         rules = FrontierRules()
         self.layer = OccupancyLayer(self.grid, OccupancyRules())
         self.search = SearchArea(self.grid)
-        self.ground = OpenGround(self.grid, rules.robot_radius_m / CELL_M)
+        self.ground = ReachableFloor(self.grid, rules.robot_radius_m / CELL_M)
         self.finder = FrontierFinder(self.grid, rules)
 
     def occupancy(self, frame: Frame) -> TileMask:

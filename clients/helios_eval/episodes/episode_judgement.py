@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from helios_sim.episode_tracker import episode_of, objectnav_episode_of
-from helios_sim.failure_causes import Said, failure_cause, objectnav_cause
+from helios_sim.failure_causes import AgentReport, failure_cause, objectnav_cause
 from helios_sim.home import Episode, Home
 from helios_sim.robot_model import description
 from helios_sim.world import World
@@ -33,7 +33,7 @@ def episode_for(benchmark: Benchmark, home: Home, seed: int) -> Episode:
     return objectnav_episode_of(home, seed, description().footprint_radius_m)
 
 
-def verdict(benchmark: Benchmark, world: World, said: Said, max_steps: int) -> Verdict:
+def verdict(benchmark: Benchmark, world: World, said: AgentReport, max_steps: int) -> Verdict:
     """On the world's thread, when the agent has ended."""
     done = world.progress
     if benchmark == "objectnav":

@@ -12,8 +12,8 @@ import numpy as np
 from helios_core.map_snapshot import FREE, OCCUPIED
 from helios_core.types import ObjectInstance
 from helios_sim.episode_events import PickTried
-from helios_sim.failure_causes import STEP_BUDGET, Said
-from helios_sim.ground_truth_solver import Oracle
+from helios_sim.failure_causes import STEP_BUDGET, AgentReport
+from helios_sim.ground_truth_solver import GroundTruthSolver
 from helios_sim.home import Home
 from helios_sim.sensor_noise import SENSORS
 from helios_sim.simulation_thread import WorldThread
@@ -24,9 +24,9 @@ from helios_eval.episodes.belief_truth import Role, judged
 from helios_eval.episodes.episode_judgement import episode_for, verdict
 from helios_eval.episodes.episode_record import Belief, EpisodeRecord
 from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec
-from helios_eval.episodes.failure_snapshot import Keepsake, Marked
-from helios_eval.episodes.in_process_stack import House
-from helios_eval.episodes.timed_world import WatchedWorld
+from helios_eval.episodes.failure_snapshot import FailureSnapshot, Marked
+from helios_eval.episodes.in_process_stack import InProcessStack
+from helios_eval.episodes.timed_world import TimedWorld
 
 BELIEFS_EVERY = 20  # steps
 LONGEST_S = 7200.0  # an episode that is stuck ends as a system error
@@ -39,7 +39,7 @@ class Played:
     """The record, and what a picture needs where it failed."""
 
     record: EpisodeRecord
-    keepsake: Keepsake | None = None
+    keepsake: FailureSnapshot | None = None
 
 
 @dataclass(frozen=True)
@@ -82,14 +82,14 @@ def play(spec: EpisodeSpec, commit: str) -> Played:
         thread.close()
 
 
-def make_world(spec: EpisodeSpec, home: Home) -> WatchedWorld:
+def make_world(spec: EpisodeSpec, home: Home) -> TimedWorld:
     """The world of an episode; on the thread that will use it."""
     episode = episode_for(spec.benchmark, home, spec.seed)
-    return WatchedWorld(home, episode, boot_id="evaluation", sensor=SENSORS[spec.sensor])
+    return TimedWorld(home, episode, boot_id="evaluation", sensor=SENSORS[spec.sensor])
 
 
 @contextmanager
-def housed(spec: EpisodeSpec) -> Iterator[tuple[WorldThread, House]]:
+def housed(spec: EpisodeSpec) -> Iterator[tuple[WorldThread, InProcessStack]]:
     """The world of an episode and the house of its agent, until the block ends.
 
     Raises HeliosError.
@@ -97,22 +97,22 @@ def housed(spec: EpisodeSpec) -> Iterator[tuple[WorldThread, House]]:
     home = home_presets.home_of(spec.preset, spec.seed)
     thread = WorldThread(lambda: make_world(spec, home))
     try:
-        with House(thread, spec.agent, spec.noise, spec.seed, spec.settings) as house:
+        with InProcessStack(thread, spec.agent, spec.noise, spec.seed, spec.settings) as house:
             yield thread, house
     finally:
         thread.close()
 
 
-def _watched(world: object) -> WatchedWorld:
-    assert isinstance(world, WatchedWorld)
+def _watched(world: object) -> TimedWorld:
+    assert isinstance(world, TimedWorld)
     return world
 
 
 # --- agents -------------------------------------------------------------------------------------
-def _walk(world: WatchedWorld, max_steps: int) -> _Told:
+def _walk(world: TimedWorld, max_steps: int) -> _Told:
     """The walker that knows the truth; on the world's thread."""
     began = time.perf_counter()
-    done = Oracle(world, max_steps).run()
+    done = GroundTruthSolver(world, max_steps).run()
     wall_s = time.perf_counter() - began
     free, origin_m = world.home.free_space(0.0, _PLAN_CELL_M)
     plan = np.where(free, FREE, OCCUPIED).astype(np.int8)
@@ -139,7 +139,7 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Told:
     roles.pop("", None)
     beliefs: list[Belief] = []
 
-    def look(house: House) -> tuple[ObjectInstance, ...]:
+    def look(house: InProcessStack) -> tuple[ObjectInstance, ...]:
         objects = tuple(house.objects())
         step = world.progress.steps
         beliefs.extend(judged(objects, thread.run(lambda w: w.things()), roles, step))
@@ -149,8 +149,8 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Told:
         if house is not None and world.progress.steps % BELIEFS_EVERY == 0:
             look(house)
 
-    house: House | None = None
-    house = House(thread, spec.agent, spec.noise, spec.seed, spec.settings, on_step)
+    house: InProcessStack | None = None
+    house = InProcessStack(thread, spec.agent, spec.noise, spec.seed, spec.settings, on_step)
     with house:
         began = time.perf_counter()
         task = house.run(episode.instruction, spec.max_steps, LONGEST_S)
@@ -170,7 +170,7 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Told:
         )
 
 
-def _stages(world: WatchedWorld) -> dict[str, float]:
+def _stages(world: TimedWorld) -> dict[str, float]:
     metrics = world.health.metrics()
     return {
         name.removesuffix("_ms_median"): round(value, 3)
@@ -180,9 +180,9 @@ def _stages(world: WatchedWorld) -> dict[str, float]:
 
 
 # --- what came of it ----------------------------------------------------------------------------
-def _played(spec: EpisodeSpec, commit: str, world: WatchedWorld, said: _Told) -> Played:
+def _played(spec: EpisodeSpec, commit: str, world: TimedWorld, said: _Told) -> Played:
     done, episode = world.progress, world.episode
-    told = Said(said.state, said.cause, said.message)
+    told = AgentReport(said.state, said.cause, said.message)
     judged_as = verdict(spec.benchmark, world, told, spec.max_steps)
     record = EpisodeRecord(
         benchmark=spec.benchmark, agent=spec.agent, semantics=spec.semantics, preset=spec.preset,
@@ -203,9 +203,9 @@ def _played(spec: EpisodeSpec, commit: str, world: WatchedWorld, said: _Told) ->
     return Played(record, None if record.success else _keepsake(record, world, said))
 
 
-def _keepsake(record: EpisodeRecord, world: WatchedWorld, said: _Told) -> Keepsake:
+def _keepsake(record: EpisodeRecord, world: TimedWorld, said: _Told) -> FailureSnapshot:
     targets = world.tracker.targets
-    return Keepsake(
+    return FailureSnapshot(
         key=record.key, agent=record.agent, semantics=record.semantics, seed=record.seed,
         instruction=record.instruction, cause=record.cause, message=record.message,
         occupancy=said.floor.occupancy, origin_m=said.floor.origin_m, cell_m=said.floor.cell_m,
@@ -219,7 +219,7 @@ def _keepsake(record: EpisodeRecord, world: WatchedWorld, said: _Told) -> Keepsa
     )  # fmt: skip
 
 
-def _true(world: WatchedWorld, names: Mapping[str, object]) -> tuple[Marked, ...]:
+def _true(world: TimedWorld, names: Mapping[str, object]) -> tuple[Marked, ...]:
     return tuple(
         Marked(thing.name, _triple(thing.center_m), _triple(thing.size_m))
         for thing in world.things()

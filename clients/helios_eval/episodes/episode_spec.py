@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.agent_presets import AGENT_NAMES
 from helios_core.errors import InvalidInput
 from helios_core.name_rules import same_name
@@ -72,7 +72,7 @@ def check_agents(agents: list[str], benchmark: Benchmark) -> list[str]:
         if agent in known:
             continue
         if ":" not in agent and agent not in offered:
-            raise WrongUse(
+            raise UsageError(
                 f"no agent of {benchmark} is called {agent!r}; wanted some of {', '.join(known)}, "
                 "or package:agent of your own"
             )
@@ -81,7 +81,7 @@ def check_agents(agents: list[str], benchmark: Benchmark) -> list[str]:
         try:
             agent_named(agent)
         except InvalidInput as error:
-            raise WrongUse(error.message) from error
+            raise UsageError(error.message) from error
     return list(dict.fromkeys(out))
 
 

@@ -37,7 +37,7 @@ class Marked:
 
 
 @dataclass(frozen=True)
-class Keepsake:
+class FailureSnapshot:
     """One failed episode.
 
     `occupancy` int8 [rows, columns] is -1 unknown, 0 free, 100 occupied; rows along y, columns
@@ -63,13 +63,13 @@ class Keepsake:
     camera_jpeg: bytes  # the last picture of the robot; empty where there is none
 
 
-def path_of(folder: Path, kept: Keepsake) -> Path:
+def path_of(folder: Path, kept: FailureSnapshot) -> Path:
     """Where a keepsake lies."""
     digest = hashlib.sha256(kept.key.encode()).hexdigest()[:12]
     return folder / FAILED / f"{kept.agent}-{kept.semantics}-{kept.seed}-{digest}.npz"
 
 
-def save(folder: Path, kept: Keepsake) -> Path:
+def save(folder: Path, kept: FailureSnapshot) -> Path:
     """Write it, whole or not at all; returns the file."""
     path = path_of(folder, kept)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -86,7 +86,7 @@ def save(folder: Path, kept: Keepsake) -> Path:
     return path
 
 
-def load(path: Path) -> Keepsake:
+def load(path: Path) -> FailureSnapshot:
     """Read one. Raises InvalidInput for a file that is none."""
     try:
         with np.load(path, allow_pickle=False) as file:
@@ -95,7 +95,7 @@ def load(path: Path) -> Keepsake:
                 words[name] = tuple(_marked(raw) for raw in words[name])
             words["origin_m"] = tuple(words["origin_m"])
             words["start_pose"] = tuple(words["start_pose"])
-            return Keepsake(
+            return FailureSnapshot(
                 occupancy=file["occupancy"],
                 trajectory_m=file["trajectory_m"],
                 camera_jpeg=file["camera_jpeg"].tobytes(),

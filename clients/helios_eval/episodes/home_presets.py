@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from functools import cache, lru_cache
 
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.errors import HeliosError
 from helios_core.name_rules import same_name
 from helios_sim.assets import Dressing, realistic
@@ -45,11 +45,11 @@ def check_kind(kind: str) -> str:
     known, or whose furniture is not there."""
     known = same_name(kind, KINDS)
     if known is None:
-        raise WrongUse(f"no preset is called {kind!r}; wanted one of {', '.join(KINDS)}")
+        raise UsageError(f"no preset is called {kind!r}; wanted one of {', '.join(KINDS)}")
     try:
         _parts(known)
     except HeliosError as error:
-        raise WrongUse(error.message) from error
+        raise UsageError(error.message) from error
     return known
 
 

@@ -70,7 +70,7 @@ def truth_of(shown: Segmentation) -> Truth:
     return Truth(shown.ids.astype(np.uint16), instances)
 
 
-class House:
+class InProcessStack:
     """See the module. A context manager: nothing is left, neither threads nor files."""
 
     def __init__(

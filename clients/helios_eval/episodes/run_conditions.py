@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import get_args
 
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.errors import InvalidInput
 from helios_core.name_rules import same_name
 from helios_sim.sensor_noise import SENSORS
@@ -45,13 +45,13 @@ def checked(
     said = same_name(semantics, get_args(Semantics))
     known_semantics = next((s for s in get_args(Semantics) if s == said), None)
     if known_benchmark is None:
-        raise WrongUse(f"--benchmark is {benchmark!r}; wanted ovmm or objectnav")
+        raise UsageError(f"--benchmark is {benchmark!r}; wanted ovmm or objectnav")
     known_agents = tuple(episode_spec.check_agents(agents, known_benchmark))
     preset = home_presets.check_kind(preset)
     if known_semantics is None:
-        raise WrongUse(f"--semantics is {semantics!r}; wanted noisy or ground-truth")
+        raise UsageError(f"--semantics is {semantics!r}; wanted noisy or ground-truth")
     if sensor not in SENSORS:
-        raise WrongUse(f"--sensor is {sensor!r}; wanted one of {', '.join(SENSORS)}")
+        raise UsageError(f"--sensor is {sensor!r}; wanted one of {', '.join(SENSORS)}")
     settings = service_settings.parsed(assignments)
     if max_steps is not None and max_steps != episode_spec.DEFAULT_STEPS[known_benchmark]:
         settings[episode_spec.MAX_STEPS] = max_steps
@@ -64,5 +64,5 @@ def checked(
                 table or home_presets.noise_of(preset), level, correlation
             )
         except InvalidInput as error:
-            raise WrongUse(error.message) from error
+            raise UsageError(error.message) from error
     return Condition(known_agents, known_benchmark, known_semantics, preset, noise, settings)

@@ -9,7 +9,7 @@ import difflib
 from collections.abc import Iterable, Mapping
 from typing import Any, cast
 
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.agent_presets import settings_for
 from helios_core.settings import ServiceSettings
 from helios_detector.settings import Settings as DetectorSettings
@@ -41,7 +41,7 @@ def parsed(assignments: Iterable[str]) -> dict[str, Setting]:
         name, equals, text = assignment.partition("=")
         service, field = _found(name.strip()) if name.strip() else ("", "")
         if not (equals and service):
-            raise WrongUse(f"--set {assignment!r} is no name=value; write --set alpha_d=0.01")
+            raise UsageError(f"--set {assignment!r} is no name=value; write --set alpha_d=0.01")
         value = _value(service, field, text.strip())
         out[f"{service}.{field}"] = value if isinstance(value, Setting) else text.strip()
     return out
@@ -72,7 +72,7 @@ def _holds_anyway(agent: str, name: str, value: Setting, ran: Mapping[str, str])
         return False
     try:
         given = _value(service, field, str(value))
-    except WrongUse:  # allowed in another version
+    except UsageError:  # allowed in another version
         return False
     if name in ran:
         return str(given) == ran[name]
@@ -108,9 +108,9 @@ def _found(name: str) -> tuple[str, str]:
         s for s in wanted if s in SERVICES and field in SERVICES[s].model_fields.keys() - _OURS
     ]
     if not having:
-        raise WrongUse(f"no service has a setting {name!r} that can be set here; {_hint(field)}")
+        raise UsageError(f"no service has a setting {name!r} that can be set here; {_hint(field)}")
     if len(having) > 1:
-        raise WrongUse(
+        raise UsageError(
             f"{' and '.join(having)} have a setting {field!r}; say whose, --set {having[0]}.{field}"
         )
     return having[0], field
@@ -145,6 +145,6 @@ def _value(service: str, field: str, text: str) -> object:
         )
         return value
     except ValidationError as error:
-        raise WrongUse(
+        raise UsageError(
             f"--set {service}.{field}={text}: {error.errors()[0]['msg'].lower()}"
         ) from error

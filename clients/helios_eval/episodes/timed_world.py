@@ -11,7 +11,7 @@ from helios_sim.ground_truth import Segmentation
 from helios_sim.world import World
 
 
-class WatchedWorld(World):
+class TimedWorld(World):
     """Changes nothing of the world. `health` has `world_act_ms`, `world_capture_ms` and
     `world_segmentation_ms`; `step_ms` holds the wall time from each action to the next."""
 

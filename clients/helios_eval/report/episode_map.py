@@ -19,7 +19,7 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
-from helios_eval.episodes.failure_snapshot import Keepsake, Marked
+from helios_eval.episodes.failure_snapshot import FailureSnapshot, Marked
 
 SIZE_IN, DPI = 4.0, 110
 COLOURS = 64  # of the PNG: a map has few
@@ -30,7 +30,7 @@ PATH, TRUTH, BELIEF = "#0072b2", "#00795a", "#d55e00"
 MOST_BELIEFS = 8
 
 
-def draw(kept: Keepsake) -> bytes:
+def draw(kept: FailureSnapshot) -> bytes:
     """What the robot knew, where it drove, what was asked for and what it believed."""
     with mpl.rc_context({"text.parse_math": False, "font.family": "sans-serif", "font.size": 9.5}):
         figure = Figure(figsize=(SIZE_IN, SIZE_IN), dpi=DPI)
@@ -51,7 +51,7 @@ def draw(kept: Keepsake) -> bytes:
     return _smaller(out.getvalue())
 
 
-def _occupancy(axes: Axes, kept: Keepsake) -> None:
+def _occupancy(axes: Axes, kept: FailureSnapshot) -> None:
     grid = kept.occupancy
     image = np.empty((*grid.shape, 3))
     image[:] = UNKNOWN
@@ -62,7 +62,7 @@ def _occupancy(axes: Axes, kept: Keepsake) -> None:
     axes.imshow(image, origin="lower", extent=extent, interpolation="nearest")
 
 
-def _trajectory(axes: Axes, kept: Keepsake) -> None:
+def _trajectory(axes: Axes, kept: FailureSnapshot) -> None:
     """The path, lighter at its beginning; a ring where it began, an arrow's head at the end."""
     path = kept.trajectory_m
     if len(path) > 1:
@@ -125,7 +125,7 @@ def _settle_labels(figure: Figure, axes: Axes) -> None:
         )  # fmt: skip
 
 
-def _frame(axes: Axes, kept: Keepsake, believed: Sequence[Marked]) -> None:
+def _frame(axes: Axes, kept: FailureSnapshot, believed: Sequence[Marked]) -> None:
     """A square around all that is known or marked, with a bar of one metre."""
     rows, columns = np.nonzero(kept.occupancy >= 0)
     points = [kept.trajectory_m, np.array([kept.start_pose[:2]])]

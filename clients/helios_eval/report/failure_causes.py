@@ -129,9 +129,9 @@ def gallery_section(folder: Path, arms: Sequence[Arm]) -> Section:
     return Section("pictures", "Failed episodes", (*damaged, intro, *galleries))
 
 
-def _kept(folder: Path) -> tuple[dict[str, failure_snapshot.Keepsake], list[Notice]]:
+def _kept(folder: Path) -> tuple[dict[str, failure_snapshot.FailureSnapshot], list[Notice]]:
     """What was kept, by the key of its episode; and which files cannot be read."""
-    by_key: dict[str, failure_snapshot.Keepsake] = {}
+    by_key: dict[str, failure_snapshot.FailureSnapshot] = {}
     damaged: list[str] = []
     for path in failure_snapshot.all_of(folder):
         try:
@@ -147,7 +147,7 @@ def _kept(folder: Path) -> tuple[dict[str, failure_snapshot.Keepsake], list[Noti
     return by_key, [Notice(told)]
 
 
-Kept = tuple[EpisodeRecord, failure_snapshot.Keepsake]
+Kept = tuple[EpisodeRecord, failure_snapshot.FailureSnapshot]
 
 
 def _spread(pairs: Sequence[Kept]) -> list[Kept]:
@@ -160,7 +160,7 @@ def _spread(pairs: Sequence[Kept]) -> list[Kept]:
     return sorted(chosen, key=lambda p: (p[0].cause, p[0].seed))
 
 
-def _picture(record: EpisodeRecord, kept: failure_snapshot.Keepsake) -> Picture:
+def _picture(record: EpisodeRecord, kept: failure_snapshot.FailureSnapshot) -> Picture:
     return Picture(
         title=f"seed {record.seed}",
         cause=record.cause,

@@ -196,7 +196,7 @@ def _outcomes(asked: Run, missing: Sequence[EpisodeSpec], here: str) -> Generato
     return play_all_on_ray(missing, asked.ray, here)
 
 
-def _keep(out: Path, kept: failure_snapshot.Keepsake) -> None:
+def _keep(out: Path, kept: failure_snapshot.FailureSnapshot) -> None:
     """For the first failures of each agent."""
     if len(failure_snapshot.all_of(out, kept.agent)) < failure_snapshot.MOST_KEPT:
         failure_snapshot.save(out, kept)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 
@@ -32,7 +32,7 @@ def episodes(folders: Sequence[Path]) -> list[EpisodeRecord]:
     for folder in folders:
         there = read(folder)
         if not there and len(folders) > 1:
-            raise WrongUse(
+            raise UsageError(
                 f"{folder} holds no episode ({EPISODES} or {PACKED}); name folders of runs, or "
                 "leave it out"
             )
@@ -70,7 +70,7 @@ def pack(folder: Path, records: Sequence[EpisodeRecord], run: dict[str, Any]) ->
     """Write the small form; the same episodes give the same bytes. Raises WrongUse for the folder
     of a run, whose own episodes would hide these."""
     if (folder / EPISODES).exists():
-        raise WrongUse(f"{folder} holds a run; give another folder with --out")
+        raise UsageError(f"{folder} holds a run; give another folder with --out")
     folder.mkdir(parents=True, exist_ok=True)
     write_file(folder / RUN, json.dumps(run, indent=1) + "\n")
     small = (r.model_copy(update={"beliefs": (), "stage_ms": {}}) for r in records)

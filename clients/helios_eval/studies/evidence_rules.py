@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numba
 import numpy as np
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError
 from helios_core.types import ObjectInstance, Role
@@ -80,7 +80,7 @@ def arm_of(text: str) -> Arm:
     """`"helios-next size_agreement=on"`: an agent, and settings that differ. Raises WrongUse."""
     agent, *assignments = text.split() or [""]
     if agent not in RULES:
-        raise WrongUse(f"--arm {text!r}: begin with an agent, {' or '.join(RULES)}")
+        raise UsageError(f"--arm {text!r}: begin with an agent, {' or '.join(RULES)}")
     settings = service_settings.of_house(agent, service_settings.parsed(assignments))
     planner = PlannerSettings(**service_settings.of_service("planner", settings))
     of_map = ObjectMapSettings(**service_settings.of_service("objectmap", settings))

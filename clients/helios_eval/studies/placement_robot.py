@@ -8,12 +8,12 @@ import numpy as np
 from helios_core.geometry import Matrix
 from helios_core.robot import Action, ActionResult
 from helios_core.types import Frame, FrameId, ObjectInstance
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.layers.parameters import MapRules
 from helios_planner.decisions.decision import Decision
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
 from helios_planner.robot.detections import Sighting
-from helios_planner.robot.interface import Body, Frontier, WhatIf
+from helios_planner.robot.interface import Frontier, RobotInterface, WhatIf
 from helios_planner.task import Cause, Phase, TaskFailed
 from helios_sim.world import World
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 MOST_STEPS = 150
 
 
-class WorldBody(Body):
+class WorldBody(RobotInterface):
     """See the module. told: what stands there."""
 
     def __init__(self, world: World, told: Sequence[ObjectInstance]) -> None:
@@ -30,7 +30,7 @@ class WorldBody(Body):
         pose = self.pose()
         self._start = pose.xy
         rules = MapRules(max_depth_m=min(MapRules.max_depth_m, self.description.max_depth_m))
-        self._map = MapState(rules, pose.xy, self.description.footprint_radius_m)
+        self._map = EpochMap(rules, pose.xy, self.description.footprint_radius_m)
         self.steps = 0
 
     def act(self, action: Action) -> ActionResult:

@@ -27,9 +27,9 @@ from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.robot import Pick
 from helios_core.types import ObjectInstance
-from helios_planner.manipulation import Skills
+from helios_planner.manipulation import Manipulation
 from helios_planner.motion_planning.base_placement import outline_of, tilt_towards
-from helios_planner.navigation.base_controller import Legs
+from helios_planner.navigation.base_controller import BaseController
 from helios_planner.search.candidate_beliefs import MapBelief
 from helios_planner.settings import PlaceRule, Settings
 from helios_planner.task import TaskFailed
@@ -138,8 +138,8 @@ def play(kind: str, trial: Trial, rule: PlaceRule) -> Outcome | None:
         furniture = told(item)
         body = WorldBody(world, [furniture])
         settings = Settings(place_rule=rule)
-        legs = Legs(body, settings)
-        skills = Skills(body, legs, settings, MapBelief(body, settings), attempts=1)
+        legs = BaseController(body, settings)
+        skills = Manipulation(body, legs, settings, MapBelief(body, settings), attempts=1)
         if not _hold(world, body, trial.thing):
             return None
         try:
@@ -173,7 +173,7 @@ def _prepared(home: Home, trial: Trial, item: Receptacle) -> tuple[Home, Episode
 
 def _hold(world: World, body: WorldBody, thing: str) -> bool:
     """Look at the thing and pick it up."""
-    legs = Legs(body, Settings())
+    legs = BaseController(body, Settings())
     x, y, z = (float(v) for v in world.position_m(thing))
     pose = body.pose()
     legs.turn_to(pose.yaw_rad + pose.bearing_rad((x, y)))

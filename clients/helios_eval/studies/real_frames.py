@@ -29,7 +29,7 @@ from pathlib import Path
 
 import numpy as np
 from helios_client.replay.class_thresholds import watch_list
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.atomic_file import write_file
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.types import Role, SearchContext
@@ -39,13 +39,13 @@ from helios_objectmap.settings import ObjectMapSettings
 from helios_replay.rgbd_folder import read_dataset
 
 from helios_eval.episodes import service_settings
-from helios_eval.studies.real_frames_beliefs import Course, Place, courses, names_in
+from helios_eval.studies.real_frames_beliefs import EpisodeProgress, Place, courses, names_in
 from helios_eval.studies.real_frames_pictures import draw_beliefs, draw_counts
 
 DEFAULT = "default"
 
 
-def table(found: dict[str, Course]) -> str:
+def table(found: dict[str, EpisodeProgress]) -> str:
     """Markdown: a row for each arm, a column for each place and class."""
     names = names_in(found)
     lines = [f"| | {' | '.join(names)} |", "|---|" + "--:|" * len(names)]
@@ -55,7 +55,7 @@ def table(found: dict[str, Course]) -> str:
     return "\n".join(lines)
 
 
-def figures(found: dict[str, Course]) -> dict:
+def figures(found: dict[str, EpisodeProgress]) -> dict:
     """For JSON: all of each map, a list with one entry a frame for each figure."""
     return {
         arm: {
@@ -98,7 +98,7 @@ def context_of(classes: str, thresholds: str, receptacles: str) -> SearchContext
     context = watch_list(classes, thresholds)
     wide = {name.strip() for name in receptacles.split(",") if name.strip()}
     if unknown := sorted(wide - {c.name for c in context.classes}):
-        raise WrongUse(f"--receptacles names {', '.join(unknown)}, which --classes does not")
+        raise UsageError(f"--receptacles names {', '.join(unknown)}, which --classes does not")
     return replace(
         context,
         classes=tuple(
@@ -140,7 +140,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         found = courses(data, detector, context, given.place, arms)
     except HeliosError as error:
         print(f"real_frames: {error.message}", file=sys.stderr)
-        return 2 if isinstance(error, InvalidInput | WrongUse) else 1
+        return 2 if isinstance(error, InvalidInput | UsageError) else 1
     given.out.mkdir(parents=True, exist_ok=True)
     write_file(given.out / "beliefs.json", json.dumps(figures(found), indent=1) + "\n")
     draw_beliefs(found, [p.name for p in given.place], given.out / "psi.png")

@@ -36,7 +36,7 @@ class Seen:
 
 
 @dataclass
-class Course:
+class EpisodeProgress:
     """How one map went; the lists have one entry a frame."""
 
     frames: list[int] = field(default_factory=list)  # their numbers in the data set
@@ -57,7 +57,7 @@ class Course:
         return f"{arm} (full at frame {self.frames[-1]})" if self.is_full else arm
 
 
-def names_in(found: dict[str, Course]) -> list[str]:
+def names_in(found: dict[str, EpisodeProgress]) -> list[str]:
     """All things that some map had at some frame, in order."""
     return sorted({name for course in found.values() for row in course.seen for name in row})
 
@@ -79,10 +79,10 @@ def courses(
     context: SearchContext,
     places: Sequence[Place],
     arms: dict[str, ObjectMapSettings],
-) -> dict[str, Course]:
+) -> dict[str, EpisodeProgress]:
     """Each arm's map after each frame; one that is full takes no more. Raises HeliosError."""
     maps = {name: ObjectMap(chosen) for name, chosen in arms.items()}
-    out = {name: Course() for name in arms}
+    out = {name: EpisodeProgress() for name in arms}
     for frame in frames_of(data):
         found = detector.detect(frame, context).detections
         for name, built in maps.items():

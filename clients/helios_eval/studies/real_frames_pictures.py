@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from helios_eval.studies.real_frames_beliefs import Course, names_in
+from helios_eval.studies.real_frames_beliefs import EpisodeProgress, names_in
 
 BELIEVED = 0.5  # the planner's threshold of Psi
 CLAIMED = 2.0  # a class this much likelier than one that nobody named has been named
@@ -35,7 +35,7 @@ class Curve:
     rival: int = 0  # 0 for Psi, from 1 on for probabilities of other classes than its own
 
 
-def drawn(found: dict[str, Course], named: Sequence[str]) -> list[str]:
+def drawn(found: dict[str, EpisodeProgress], named: Sequence[str]) -> list[str]:
     """The things that are drawn: those that were named; without names those that were believed at
     some frame, or all if none was."""
     names = names_in(found)
@@ -46,7 +46,7 @@ def drawn(found: dict[str, Course], named: Sequence[str]) -> list[str]:
     ] or names
 
 
-def belief_curves(course: Course, things: Sequence[str]) -> list[Curve]:
+def belief_curves(course: EpisodeProgress, things: Sequence[str]) -> list[Curve]:
     """Psi of each thing, and the mean probability of each class that claims it, too."""
     out, frames = [], np.array(course.frames)
     for thing in things:
@@ -64,7 +64,7 @@ def belief_curves(course: Course, things: Sequence[str]) -> list[Curve]:
     return out
 
 
-def rivals_of(course: Course, thing: str) -> list[str]:
+def rivals_of(course: EpisodeProgress, thing: str) -> list[str]:
     """The classes that claim a thing besides its own, in order.
 
     A class that nobody named at a thing is as likely as any other such one, so what is at some
@@ -81,7 +81,7 @@ def rivals_of(course: Course, thing: str) -> list[str]:
     return sorted(rivals)
 
 
-def count_curves(found: dict[str, Course]) -> list[Curve]:
+def count_curves(found: dict[str, EpisodeProgress]) -> list[Curve]:
     """Thousand Gaussians of each map."""
     return [
         Curve(arm, c.title(arm), np.array(c.frames), np.array(c.gaussians) / 1e3)
@@ -89,7 +89,7 @@ def count_curves(found: dict[str, Course]) -> list[Curve]:
     ]
 
 
-def draw_beliefs(found: dict[str, Course], named: Sequence[str], path: Path) -> None:
+def draw_beliefs(found: dict[str, EpisodeProgress], named: Sequence[str], path: Path) -> None:
     """One panel for each map."""
     things = drawn(found, named)
     colors = {thing: COLORS[i % len(COLORS)] for i, thing in enumerate(things)}
@@ -114,7 +114,7 @@ def draw_beliefs(found: dict[str, Course], named: Sequence[str], path: Path) -> 
     _finish(figure, axes[:, 0].tolist(), path)
 
 
-def draw_counts(found: dict[str, Course], path: Path) -> None:
+def draw_counts(found: dict[str, EpisodeProgress], path: Path) -> None:
     """All maps in one panel."""
     figure = Figure(figsize=(WIDTH_IN, 3.6), dpi=DPI, layout="constrained")
     axis = figure.subplots()

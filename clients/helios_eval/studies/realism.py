@@ -43,7 +43,7 @@ from helios_eval.studies.realism_judging import (
     rows_of,
     table,
 )
-from helios_eval.studies.realism_views import Eye, NotedDressing
+from helios_eval.studies.realism_views import NotedDressing, ObserverCamera
 
 LEAST_PX = 400  # smaller things are not judged
 LEAST_OPEN_BOX, LEAST_OPEN_PIXELS = 0.75, 0.35  # nor those that something else, or the edge, hides
@@ -70,7 +70,7 @@ def judge_homes(
     for looks in kinds:
         for seed in given.seeds:
             dressing = NotedDressing(realistic().pack) if looks == REALISTIC else None
-            eye = Eye(generate_home(seed, preset, dressing), dressing)
+            eye = ObserverCamera(generate_home(seed, preset, dressing), dressing)
             try:
                 views = 0
                 for view in eye.views(right.keys()):

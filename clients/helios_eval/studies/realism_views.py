@@ -72,7 +72,7 @@ class NotedDressing(Dressing):
         return next((model for visuals, model in self._made if visuals is shape.visuals), None)
 
 
-class Eye:
+class ObserverCamera:
     """Renders one home from anywhere. Holds a GL context: close it."""
 
     def __init__(self, home: Home, dressing: NotedDressing | None) -> None:

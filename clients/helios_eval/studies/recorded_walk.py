@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.types import ObjectInstance, Role, SearchContext
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
@@ -56,7 +56,7 @@ def walk(
         names = thread.run(lambda world: frozenset(world.tracker.targets.objects))
         seen = recorded(house, task.instruction, max_steps, stride_px)
     if not seen:
-        raise WrongUse(f"the walk of seed {seed} showed nothing in {max_steps} steps")
+        raise UsageError(f"the walk of seed {seed} showed nothing in {max_steps} steps")
     return Walk(
         seed, task.object_class, task.start_receptacle_class, task.goal_receptacle_class,
         things, tuple(t for t in things if t.name in names), tuple(seen),

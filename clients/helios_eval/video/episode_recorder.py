@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from helios_sim.failure_causes import Said
+from helios_sim.failure_causes import AgentReport
 
 from helios_eval.episodes.episode_judgement import verdict
 from helios_eval.episodes.episode_player import LONGEST_S, housed
@@ -50,7 +50,7 @@ def film(
         task = house.run(world.episode.instruction, spec.max_steps, LONGEST_S)
         if broken:
             raise broken[0]
-        said = Said(task.state, task.cause, task.message)
+        said = AgentReport(task.state, task.cause, task.message)
         found = thread.run(lambda w: verdict(spec.benchmark, w, said, spec.max_steps))
         told = "the truth: success" if found.success else f"the truth: {found.cause}"
         end = replace(

@@ -36,7 +36,7 @@ def video(
     ] = None,
 ) -> None:
     """Play one episode and film it. Camera, maps and decisions side by side."""
-    from helios_client.usage_errors import WrongUse
+    from helios_client.usage_errors import UsageError
     from rich.console import Console
 
     from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec
@@ -52,10 +52,10 @@ def video(
     )  # fmt: skip
     agent = under.agents[0]
     if agent == WALKER:
-        raise WrongUse(f"{agent} has no maps to film; choose another agent")
+        raise UsageError(f"{agent} has no maps to film; choose another agent")
     path = out or Path("runs/video") / f"{agent}-{seed}.mp4"
     if path.suffix.lower() != ".mp4":
-        raise WrongUse(f"--out is {str(path)!r}; a video is written as FILE.mp4")
+        raise UsageError(f"--out is {str(path)!r}; a video is written as FILE.mp4")
     asked = EpisodeSpec(
         under.benchmark,
         agent,

@@ -14,7 +14,16 @@ from helios_sim.assets import asset_pack as packs
 from helios_sim.assets.asset_pack import Look, Model, Pack
 from helios_sim.home.catalog import Catalog
 from helios_sim.home.color_palette import Palette
-from helios_sim.home.home_types import Material, Mesh, Picture, Shape, Solid, Surface, Vec3, Visual
+from helios_sim.home.home_types import (
+    CollisionBox,
+    Material,
+    Mesh,
+    Picture,
+    Shape,
+    Surface,
+    Vec3,
+    Visual,
+)
 from helios_sim.home.seating_shapes import Maker
 
 # How far a model may be scaled to the size that the home drew: furniture on each axis by itself,
@@ -104,7 +113,7 @@ class Dressing:
             size_m=size,
             visuals=tuple(self._visual(look, scale, move) for look in model.looks),
             solids=tuple(
-                Solid(
+                CollisionBox(
                     "box",
                     _vec3(np.array(box[3:]) * scale),
                     _vec3(np.array(box[:3]) * scale + move),

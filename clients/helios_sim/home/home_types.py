@@ -60,7 +60,7 @@ class Visual:
 
 
 @dataclass(frozen=True)
-class Solid:
+class CollisionBox:
     """A collision primitive; `half_extent`: half sizes of a box; radius, half height."""
 
     kind: SolidKind
@@ -89,7 +89,7 @@ class Shape:
 
     size_m: Vec3
     visuals: tuple[Visual, ...]
-    solids: tuple[Solid, ...]
+    solids: tuple[CollisionBox, ...]
     color: Rgb
     surfaces: tuple[Surface, ...] = ()
     mass_kg: float = 0.0

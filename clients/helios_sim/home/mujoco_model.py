@@ -11,6 +11,7 @@ import numpy as np
 
 from helios_sim.home import floor_plans, freespace, textures, wall_meshes
 from helios_sim.home.home_types import (
+    CollisionBox,
     Doorway,
     Fixture,
     Material,
@@ -20,7 +21,6 @@ from helios_sim.home.home_types import (
     Room,
     RoomStyle,
     SceneObject,
-    Solid,
     Visual,
 )
 
@@ -62,7 +62,7 @@ def assemble(
     for k, piece in enumerate(pieces):
         half = (*piece.half_extent_xy, (piece.z1_m - piece.z0_m) / 2)
         center = (*piece.center_xy, (piece.z0_m + piece.z1_m) / 2)
-        model.solid(walls, Solid("box", half, center), f"wall_piece_{k}")
+        model.solid(walls, CollisionBox("box", half, center), f"wall_piece_{k}")
     model.draw(walls, [wall_meshes.wall_caps(pieces)], GROUP_STRUCTURE)
     blocked = [freespace.footprint(f) for f in (*receptacles, *fixtures) if _casts_shade(f)]
     ceiling = model.body("ceiling")
@@ -70,7 +70,7 @@ def assemble(
         floor = model.body(f"floor_{room.index}")
         half_x, half_y = (room.x1 - room.x0) / 2, (room.y1 - room.y0) / 2
         center = (*room.center_xy, -0.05)
-        model.solid(floor, Solid("box", (half_x, half_y, 0.05), center), "")
+        model.solid(floor, CollisionBox("box", (half_x, half_y, 0.05), center), "")
         paint = model.body(f"wall_{room.index}")
         if visuals:
             rng = np.random.default_rng([11, room.index, *_key(bounds)])
@@ -135,7 +135,7 @@ class ModelBuilder:
             geom.condim = 6
             geom.friction = [0.8, 0.005, 0.002]
 
-    def solid(self, body: mujoco.MjsBody, solid: Solid, name: str) -> mujoco.MjsGeom:
+    def solid(self, body: mujoco.MjsBody, solid: CollisionBox, name: str) -> mujoco.MjsGeom:
         """A collision geom."""
         geom = body.add_geom(type=_GEOMS[solid.kind])
         if name:
@@ -257,7 +257,7 @@ def _repeat_m(material: Material) -> float:
     return textures.PATTERNS[material.texture][0] if material.texture else 1.0
 
 
-def _volume(solid: Solid) -> float:
+def _volume(solid: CollisionBox) -> float:
     a, b, c = solid.half_extent
     if solid.kind == "box":
         return 8 * a * b * c

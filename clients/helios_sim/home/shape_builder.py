@@ -8,11 +8,11 @@ import numpy as np
 
 from helios_sim.home import mesh_primitives
 from helios_sim.home.home_types import (
+    CollisionBox,
     Material,
     Mesh,
     Quat,
     Shape,
-    Solid,
     SolidKind,
     Surface,
     Vec3,
@@ -25,7 +25,7 @@ class ShapeBuilder:
 
     def __init__(self) -> None:
         self._meshes: dict[Material, list[Mesh]] = {}
-        self._solids: list[Solid] = []
+        self._solids: list[CollisionBox] = []
         self._surfaces: list[Surface] = []
 
     def box(
@@ -124,7 +124,7 @@ class ShapeBuilder:
         half = (size[0] / 2, size[1] / 2, size[2] / 2)
         if kind == "cylinder":
             half = (half[0], half[2], 0.0)
-        self._solids.append(Solid(kind, half, center, _quat(tilt_rad)))
+        self._solids.append(CollisionBox(kind, half, center, _quat(tilt_rad)))
 
     def surface(
         self,

@@ -7,7 +7,7 @@ import numpy as np
 
 from helios_sim.home import mesh_primitives
 from helios_sim.home.color_palette import Palette, tinted
-from helios_sim.home.home_types import Material, Quat, Shape, Solid, Vec3
+from helios_sim.home.home_types import CollisionBox, Material, Quat, Shape, Vec3
 
 Maker = Callable[[np.random.Generator, Palette], Shape]
 
@@ -102,7 +102,7 @@ def _times(values: Vec3, factor: float) -> Vec3:
     return values[0] * factor, values[1] * factor, values[2] * factor
 
 
-def _turned(solid: Solid) -> Solid:
+def _turned(solid: CollisionBox) -> CollisionBox:
     """Turned by 90 degrees about x."""
     x, y, z = solid.center
     w, i, j, k = solid.quat

@@ -17,7 +17,7 @@ from starlette.responses import JSONResponse
 
 from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import check, secured
-from helios_gateway.connection_slots import Places
+from helios_gateway.connection_slots import ConnectionSlots
 from helios_gateway.error_responses import Forbidden, Unauthorized, problem, problem_of, problems
 from helios_gateway.request_limits import MOST_LARGE
 from helios_gateway.robot_registry import At, Served
@@ -35,7 +35,7 @@ def frame_routes(prefix: str, settings: Settings) -> APIRouter:
     routes = APIRouter(prefix=prefix, tags=["frames"])
     # Of its own, so that waiting for the maps holds nobody else up.
     own_threads = CapacityLimiter(MOST_SENDERS + MOST_LARGE)
-    sockets = Places(MOST_SENDERS, "sockets for frames")
+    sockets = ConnectionSlots(MOST_SENDERS, "sockets for frames")
 
     async def give(at: Served, meta: str | bytes, color: bytes, depth: bytes | None) -> FrameTaken:
         """Raises HeliosError."""

@@ -15,7 +15,7 @@ from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import secured
 from helios_gateway.error_responses import NotFound, problems
 from helios_gateway.prometheus_metrics import Metrics
-from helios_gateway.robot_registry import At, Fleet
+from helios_gateway.robot_registry import At, RobotRegistry
 from helios_gateway.settings import Settings
 
 ROUTER = "router"
@@ -29,8 +29,8 @@ def health_routes(metrics: Metrics) -> APIRouter:
     routes = APIRouter(tags=["health"])
 
     @routes.get("/healthz", summary="Is the gateway itself well?", responses=problems())
-    async def healthz() -> api_models.Healthy:
-        return api_models.Healthy()
+    async def healthz() -> api_models.HealthAnswer:
+        return api_models.HealthAnswer()
 
     @routes.get(
         "/readyz",
@@ -40,7 +40,7 @@ def health_routes(metrics: Metrics) -> APIRouter:
     )
     async def readyz(request: Request, response: Response) -> api_models.Readiness:
         """A stopped robot is a reason, too."""
-        fleet: Fleet = request.app.state.fleet
+        fleet: RobotRegistry = request.app.state.fleet
         reasons = fleet.reasons()
         stopped = any(served.live.stopped for served in fleet.robots.values())
         response.status_code = 503 if reasons else 200
@@ -106,7 +106,7 @@ def fleet_routes() -> APIRouter:
     @routes.get("", summary="The robots served here", dependencies=secured(Scope.READ))
     async def robots(request: Request) -> api_models.RobotList:
         """Every address below `/v1` is also there below `/v1/robots/NAME`, for that robot."""
-        fleet: Fleet = request.app.state.fleet
+        fleet: RobotRegistry = request.app.state.fleet
         return api_models.RobotList(robots=[
             api_models.RobotEntry(
                 name=name, connected=served.live.robot().connected,

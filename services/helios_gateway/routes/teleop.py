@@ -18,7 +18,7 @@ from starlette.requests import HTTPConnection
 
 from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import check, key_of, secured
-from helios_gateway.connection_slots import Places
+from helios_gateway.connection_slots import ConnectionSlots
 from helios_gateway.error_responses import Forbidden, Unauthorized, problem_of, problems
 from helios_gateway.message_conversion import finite, pose_of
 from helios_gateway.request_validation import told
@@ -39,7 +39,7 @@ def teleop_routes(prefix: str, settings: Settings) -> APIRouter:
     """`/robot/teleop` and `/robot/drive`."""
     routes = APIRouter(prefix=f"{prefix}/robot", tags=["robot"])
     own_threads = CapacityLimiter(2 * MOST_DRIVERS)
-    places = Places(MOST_DRIVERS, "sockets for driving")
+    places = ConnectionSlots(MOST_DRIVERS, "sockets for driving")
     timeout_s = settings.call_timeout_s
 
     @routes.post(

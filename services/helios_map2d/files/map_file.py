@@ -17,7 +17,7 @@ from helios_core.errors import InvalidInput
 from helios_core.types import WorldId
 from numpy.typing import NDArray
 
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.files.map_contents import MapContent, check_cell, check_content
 from helios_map2d.grid import TILE, Tile
 from helios_map2d.layers.frontiers import Frontier
@@ -61,7 +61,7 @@ def encode_map(snapshot: MapSnapshot, views: tuple[SeenView, ...], world: WorldI
 
 def decode_map(
     data: bytes, rules: MapRules, footprint_radius_m: float, version: int
-) -> tuple[MapState, WorldId]:
+) -> tuple[EpochMap, WorldId]:
     """The map of a file, with a version above `version`, and the world it is of.
 
     Raises InvalidInput when the file is cut short, damaged, not ours, or of another cell size.
@@ -110,7 +110,7 @@ def decode_map(
 
 def rebuilt(
     content: MapContent, rules: MapRules, footprint_radius_m: float, version: int
-) -> MapState:
+) -> EpochMap:
     """A map that goes on from there, under a new id: who watched the old one begins afresh.
 
     Raises InvalidInput when it would be larger than allowed, or holds what no map can.
@@ -120,7 +120,7 @@ def rebuilt(
     if content.robot_pose is None and content.ground:
         row, column = next(iter(content.ground))
         centre = column * TILE * rules.cell_m, row * TILE * rules.cell_m
-    state = MapState(rules, centre, footprint_radius_m, version)
+    state = EpochMap(rules, centre, footprint_radius_m, version)
     state.context_id = content.context_id
     state.frame_id, state.stamp_ns = content.frame_id, content.stamp_ns
     state.order.newest = content.frame_id.seq if content.frame_id is not None else None

@@ -14,7 +14,7 @@ from helios_core.map_autosave import Kept, KeptFile, of_another_world
 from helios_core.map_snapshot import OCCUPIED, UNKNOWN
 from helios_core.printable_text import counted
 
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.epochs import EpochMaps
 from helios_map2d.files.map_file import FILE_NAME, decode_map, encode_map, rebuilt
 from helios_map2d.files.npz_and_ros import decode_exported, decode_ros, encode_ros
@@ -29,7 +29,7 @@ FORMATS = "map, npz, ros or png"
 LOST_VERSIONS = 10_000  # more than there can have been between the last writing and a crash
 
 
-class Keeping:
+class MapFiles:
     """Files of the present map, and what there is to say of them."""
 
     def __init__(
@@ -42,7 +42,7 @@ class Keeping:
         """say: called when `said` has changed."""
         self._trouble = ""  # what is wrong with keeping the map
         self._refused = ""  # why the kept map was, to be told as long as the process lives
-        self._restored: tuple[MapState, str, str] | None = None  # the map, when kept, what is in it
+        self._restored: tuple[EpochMap, str, str] | None = None  # the map, when kept, what is in it
         self._logged = ""  # what the log says of it
         self._lock, self._maps, self._say = lock, maps, say
         self._kept: KeptFile | None = None
@@ -199,7 +199,7 @@ def areas_m2(published: MapSnapshot) -> tuple[float, float]:
     return known_cells * cell_m2, int((published.occupancy == OCCUPIED).sum()) * cell_m2
 
 
-def loaded(request: pb.LoadMap2DRequest, maps: EpochMaps) -> MapState:
+def loaded(request: pb.LoadMap2DRequest, maps: EpochMaps) -> EpochMap:
     """The map of some files. Raises InvalidInput when they cannot be used."""
     by_ending = {PurePosixPath(f.name).suffix.lower(): f.data for f in request.files}
     if len(by_ending) < len(request.files):

@@ -23,7 +23,7 @@ from helios_map2d.layers.occupancy import OccupancyLayer
 from helios_map2d.layers.value_layers import Cone, bin_directions, cone_of
 
 
-class Exploring(Protocol):
+class ExploredAreaLayer(Protocol):
     """A way to count ground as explored."""
 
     def reach_m(self, max_depth_m: float) -> float:
@@ -51,7 +51,7 @@ class Exploring(Protocol):
         ...
 
 
-class ByDepth:
+class DepthVisibility:
     """What depth measured, and nothing else."""
 
     def reach_m(self, max_depth_m: float) -> float:
@@ -75,7 +75,7 @@ class ByDepth:
         pass
 
 
-class ByCone:
+class ConeVisibility:
     """VLFM's way to count ground as explored; see `exploring.Exploring`.
 
     Obstacles are widened by a square of the robot's diameter, an odd number of cells, as VLFM's.

@@ -18,7 +18,7 @@ from helios_map2d.kernels import frontier_cells as frontier_kernels
 from helios_map2d.kernels import frontier_clusters as cluster_kernels
 from helios_map2d.kernels import frontier_tracking as identity_kernels
 from helios_map2d.kernels.frontier_cells import VALUES
-from helios_map2d.layers.reachability import OpenGround, Reached
+from helios_map2d.layers.reachability import ReachableFloor, ReachedCells
 from helios_map2d.layers.value_layers import values_near
 
 NO_CELLS = np.empty((0, 2), np.int32)
@@ -111,7 +111,7 @@ class FrontierFinder:
     def find(
         self,
         occupancy: NDArray[np.int8],
-        ground: OpenGround,
+        ground: ReachableFloor,
         robot_xy_m: tuple[float, float],
         values: Mapping[str, NDArray[np.float32]],
     ) -> tuple[Frontier, ...]:
@@ -164,8 +164,8 @@ class FrontierFinder:
         return own, starts, ids, same
 
     def _reached(
-        self, occupancy: NDArray[np.int8], ground: OpenGround, robot_xy_m: tuple[float, float]
-    ) -> Reached:
+        self, occupancy: NDArray[np.int8], ground: ReachableFloor, robot_xy_m: tuple[float, float]
+    ) -> ReachedCells:
         """What can be reached by the robot."""
         row, column = self.grid.cell_of(*robot_xy_m)
         robot = (min(max(row, 0), self.grid.rows - 1), min(max(column, 0), self.grid.columns - 1))

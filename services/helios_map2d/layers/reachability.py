@@ -19,7 +19,7 @@ from helios_map2d.kernels import reachability as ground_kernels
 
 
 @dataclass(frozen=True)
-class Reached:
+class ReachedCells:
     """What can be reached, for `frontier_kernels.describe`.
 
     Open ground by component: `offsets` int64 [tile rows, tile columns] and `reached` uint8 by
@@ -33,7 +33,7 @@ class Reached:
     near_corner: tuple[int, int]
 
 
-class OpenGround:
+class ReachableFloor:
     """`crowd` uint16 [rows, columns]: obstacles within the robot's radius of a cell; `labels`
     uint16: the component of open ground within the cell's tile, 0 where it is not open; `counts`
     int32 [tile rows, tile columns]: components of a tile; `edges` uint16 [tile rows, tile columns,
@@ -79,7 +79,7 @@ class OpenGround:
 
     def reached_from(
         self, occupancy: NDArray[np.int8], cell: tuple[int, int], blind_cells: float
-    ) -> Reached:
+    ) -> ReachedCells:
         """What can be reached from a cell of the grid.
 
         The robot may cross unknown ground within `blind_cells`, which its camera cannot see, and
@@ -89,4 +89,4 @@ class OpenGround:
             occupancy, self.crowd, self.labels, self.edges, self._offsets, self._components,
             cell, blind_cells, self.radius_cells,
         )  # fmt: skip
-        return Reached(self._offsets, reached, near, corner)
+        return ReachedCells(self._offsets, reached, near, corner)

@@ -36,7 +36,7 @@ OBJECT_RGB: tuple[Colour, ...] = (
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
-class Sheet:
+class Canvas:
     """The picture while it is drawn: RGB pixels, and where world points fall on them."""
 
     def __init__(self, grid: GridSpec, size_px: int) -> None:

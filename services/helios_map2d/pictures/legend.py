@@ -17,11 +17,11 @@ from helios_map2d.pictures.canvas import (
     TALL_RGB,
     TRAIL_RGB,
     UNKNOWN_RGB,
-    Sheet,
+    Canvas,
 )
 
 
-def draw_foot(sheet: Sheet, layer: str, values: tuple[float, float] | None) -> None:
+def draw_foot(sheet: Canvas, layer: str, values: tuple[float, float] | None) -> None:
     """Draw the strip; of a value layer with the range of its values."""
     size = sheet.pixels.shape[0]
     top = size - FOOT_PX

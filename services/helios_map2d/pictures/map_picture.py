@@ -29,8 +29,8 @@ from helios_map2d.pictures.canvas import (
     TALL_RGB,
     TRAIL_RGB,
     UNKNOWN_RGB,
+    Canvas,
     Colour,
-    Sheet,
     plain,
 )
 from helios_map2d.pictures.label_placement import Rect, Wanted, lead, placed
@@ -83,7 +83,7 @@ def render(
         )
     if path_m is not None and not np.isfinite(path_m).all():
         raise InvalidInput("the path to draw holds NaN or infinity: send finite metres")
-    sheet = Sheet(snapshot.grid, size_px)
+    sheet = Canvas(snapshot.grid, size_px)
     sheet.paint(cell_colours(snapshot, layer))
     for frontier in snapshot.frontiers:
         _draw_frontier_cells(sheet, snapshot, frontier.cells, frontier.reachable)
@@ -137,7 +137,7 @@ def value_range(snapshot: MapSnapshot, layer: str) -> tuple[float, float]:
 
 
 def _draw_frontier_cells(
-    sheet: Sheet, snapshot: MapSnapshot, cells: NDArray[np.int32], reachable: bool
+    sheet: Canvas, snapshot: MapSnapshot, cells: NDArray[np.int32], reachable: bool
 ) -> None:
     radius = max(1, round(sheet.scale * 0.8), sheet.line_px)
     colour = FRONTIER_RGB if reachable else BEYOND_RGB
@@ -145,7 +145,7 @@ def _draw_frontier_cells(
         cv2.circle(sheet.pixels, sheet.at(x_m, y_m), radius, colour, -1, cv2.LINE_AA)
 
 
-def _draw_frontier_centres(sheet: Sheet, snapshot: MapSnapshot, layer: str) -> list[_Label]:
+def _draw_frontier_centres(sheet: Canvas, snapshot: MapSnapshot, layer: str) -> list[_Label]:
     """Labels of those that the robot can choose, the most valuable first."""
     labels = []
     for frontier in sorted(snapshot.frontiers, key=lambda f: -max(f.values.values(), default=0.0)):
@@ -162,7 +162,7 @@ def _draw_frontier_centres(sheet: Sheet, snapshot: MapSnapshot, layer: str) -> l
     return labels
 
 
-def _draw_objects(sheet: Sheet, objects: Sequence[Marked]) -> list[_Label]:
+def _draw_objects(sheet: Canvas, objects: Sequence[Marked]) -> list[_Label]:
     """Their labels, the surest first."""
     labels = []
     names = sorted({thing.label for thing in objects})
@@ -182,7 +182,7 @@ def _draw_objects(sheet: Sheet, objects: Sequence[Marked]) -> list[_Label]:
     return labels[::-1]
 
 
-def _draw_labels(sheet: Sheet, labels: Sequence[_Label], taken: Sequence[Rect]) -> None:
+def _draw_labels(sheet: Canvas, labels: Sequence[_Label], taken: Sequence[Rect]) -> None:
     """Each beside what it names and over no other; one without room is left out."""
     size = sheet.pixels.shape[0]
     wanted = [
@@ -202,7 +202,7 @@ def _draw_labels(sheet: Sheet, labels: Sequence[_Label], taken: Sequence[Rect]) 
             sheet.text(label.text, at, label.colour)
 
 
-def _draw_robot(sheet: Sheet, x_m: float, y_m: float, yaw_rad: float) -> Rect:
+def _draw_robot(sheet: Canvas, x_m: float, y_m: float, yaw_rad: float) -> Rect:
     """Where it is in the picture."""
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     corners = [(0.30, 0.0), (-0.20, 0.19), (-0.11, 0.0), (-0.20, -0.19)]

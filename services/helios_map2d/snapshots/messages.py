@@ -63,7 +63,7 @@ def snapshot_to_proto(snapshot: MapSnapshot, layers: bool) -> pb.MapSnapshot:
     return out
 
 
-class EncodedOnce:
+class CachedEncoding:
     """The newest version's message, encoded once for all who ask; safe from any thread."""
 
     def __init__(self) -> None:

@@ -11,7 +11,7 @@ from helios_core.types import Detection, Frame, Observation
 
 
 @dataclass(frozen=True)
-class Sighted:
+class DetectedNames:
     """A class that was detected in a view."""
 
     class_name: str
@@ -20,15 +20,17 @@ class Sighted:
     y_m: float
 
 
-def sighted(observation: Observation, min_depth_m: float, max_depth_m: float) -> list[Sighted]:
+def sighted(
+    observation: Observation, min_depth_m: float, max_depth_m: float
+) -> list[DetectedNames]:
     """The surest detection of each class whose depth was measured, surest first."""
-    out: dict[str, Sighted] = {}
+    out: dict[str, DetectedNames] = {}
     for detection in sorted(observation.detections, key=lambda d: -d.score):
         if detection.class_name in out or not math.isfinite(detection.score):
             continue
         place = _place(observation.frame, detection, min_depth_m, max_depth_m)
         if place is not None:
-            out[detection.class_name] = Sighted(detection.class_name, detection.score, *place)
+            out[detection.class_name] = DetectedNames(detection.class_name, detection.score, *place)
     return list(out.values())
 
 

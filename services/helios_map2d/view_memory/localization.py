@@ -23,7 +23,7 @@ DOUBT = 2.0  # so many views, with the usual score, count everywhere
 NEAR_BEST = 0.99  # the place is the middle of the cells that are nearly as good as the best
 
 
-class Whereabouts:
+class Localization:
     """Likely places of one thing; `fit` float64 [rows, columns] over all ground that was seen."""
 
     def __init__(self, seen: Sequence[tuple[Cone, float]]) -> None:

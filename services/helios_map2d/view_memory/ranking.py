@@ -14,7 +14,7 @@ from helios_core.name_rules import names
 from helios_core.types import Embedding
 
 from helios_map2d.layers.value_layers import Cone
-from helios_map2d.view_memory.localization import Whereabouts
+from helios_map2d.view_memory.localization import Localization
 from helios_map2d.view_memory.stored_views import SeenView
 
 APART_M = 1.0  # two answers lie at least this far apart, or look in other directions
@@ -92,7 +92,7 @@ def as_layer(fits: Sequence[tuple[SeenView, float]]) -> list[tuple[Cone, float]]
 
 def located(fits: Sequence[tuple[SeenView, float]]) -> list[Answer]:
     """The views with the place in each where the thing is likeliest."""
-    whereabouts = Whereabouts(as_layer(fits))
+    whereabouts = Localization(as_layer(fits))
     return [Answer(view, score, whereabouts.within(view.cone)) for view, score in fits]
 
 

@@ -28,7 +28,7 @@ from helios_core.types import Embedding, FrameId
 from numpy.typing import NDArray
 
 from helios_map2d.layers.value_layers import Cone, bin_directions
-from helios_map2d.view_memory.detected_names import Sighted
+from helios_map2d.view_memory.detected_names import DetectedNames
 
 PICTURE_PX = 320  # along the longer side
 PATCH_M = 0.5  # ground is compared by squares of this size
@@ -47,7 +47,7 @@ class SeenView:
     cone: Cone
     embedding: Embedding | None
     jpeg: bytes
-    named: tuple[Sighted, ...] = ()
+    named: tuple[DetectedNames, ...] = ()
 
     @cached_property
     def patches(self) -> frozenset[tuple[int, int, int]]:
@@ -116,7 +116,7 @@ def read_view(message: pb.KeptView) -> SeenView:
     return SeenView(
         frame_id_from_proto(message.id), message.stamp_ns, cone,
         embedding_from_proto(message.embedding) if message.HasField("embedding") else None,
-        message.jpeg, tuple(Sighted(s.class_name, s.score, s.x_m, s.y_m) for s in message.named),
+        message.jpeg, tuple(DetectedNames(s.class_name, s.score, s.x_m, s.y_m) for s in message.named),
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ OTHER_LABEL = 0
 
 
 @dataclass(frozen=True)
-class Reading:
+class LabelImage:
     """Depth, colour and class labels of one view."""
 
     view: View
@@ -29,7 +29,7 @@ def read(
     stride: int,
     min_depth_m: float,
     max_depth_m: float,
-) -> Reading:
+) -> LabelImage:
     """Sample an observation every `stride` pixels and paint its masks."""
     frame, camera = observation.frame, observation.frame.camera
     view = View(
@@ -57,12 +57,12 @@ def read(
         if d.class_name in number and d.score >= threshold[d.class_name]:
             labels[d.mask[grid]] = number[d.class_name]
     # Colours are wanted of few pixels: a view, no copy.
-    return Reading(view.strided(stride), depth_m, frame.color[grid], labels)
+    return LabelImage(view.strided(stride), depth_m, frame.color[grid], labels)
 
 
 def without_held(
-    reading: Reading, context: SearchContext, held: str, held_object_m: float
-) -> Reading:
+    reading: LabelImage, context: SearchContext, held: str, held_object_m: float
+) -> LabelImage:
     """The reading without what the robot holds: near pixels of things that can be held.
 
     A detector may take the held thing for another one, so all classes of objects count; receptacles

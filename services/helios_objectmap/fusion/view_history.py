@@ -22,7 +22,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from helios_objectmap.camera import View, offset
-from helios_objectmap.fusion.label_image import Reading
+from helios_objectmap.fusion.label_image import LabelImage
 
 WIDTH_PX = 160  # of a past view at most; a mug at 3 m still has nine of its pixels
 AGREES_M, AGREES_SHARE = 0.08, 0.05  # depth differs less, metres or share of the depth
@@ -43,7 +43,7 @@ class PastView:
 
 
 @dataclass(frozen=True)
-class Shown:
+class VisiblePoints:
     """Points that a past view shows."""
 
     past: PastView
@@ -60,7 +60,7 @@ class PastViews:
     def __len__(self) -> int:
         return len(self._views)
 
-    def note(self, reading: Reading, names: Sequence[str], weights: NDArray[np.float32]) -> None:
+    def note(self, reading: LabelImage, names: Sequence[str], weights: NDArray[np.float32]) -> None:
         """Keep what a view said of the classes that it asked for, unless it counts for none.
 
         weights: [names] share in [0, 1] of a view, of those that came before it.
@@ -88,7 +88,7 @@ class PastViews:
             names = tuple("" if is_gone(name) else name for name in past.names)
             self._views[k] = replace(past, names=names)
 
-    def of(self, points: NDArray[np.float32]) -> Iterator[Shown]:
+    def of(self, points: NDArray[np.float32]) -> Iterator[VisiblePoints]:
         """The views that show some of the points [n, 3], the oldest first."""
         if not len(points) or not self._views:
             return
@@ -103,7 +103,7 @@ class PastViews:
                 NEAREST_M, AGREES_M, AGREES_SHARE, which, labels,
             )  # fmt: skip
             if n:
-                yield Shown(past, which[:n].copy(), labels[:n].copy())
+                yield VisiblePoints(past, which[:n].copy(), labels[:n].copy())
 
     def _near(self, middle: NDArray[np.floating], radius_m: float) -> NDArray[np.intp]:
         """Views that a ball may reach into."""

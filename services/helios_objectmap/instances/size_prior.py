@@ -50,7 +50,7 @@ Extents = NDArray[np.float64]  # [3] longest horizontal side, the other one, hei
 
 
 @dataclass(frozen=True)
-class Usual:
+class UsualSize:
     """What things of a class usually measure."""
 
     least_m: Extents
@@ -65,7 +65,7 @@ def extents_of(outline_m: NDArray[np.float64], height_m: float) -> Extents:
     return np.array([max(across), min(across), height_m])
 
 
-def usual_extents(class_name: str) -> Usual | None:
+def usual_extents(class_name: str) -> UsualSize | None:
     """None where nothing is known of the class."""
     name = " ".join(class_name.replace("_", " ").replace("-", " ").lower().split())
     return _table().get(name)
@@ -98,13 +98,13 @@ def _ways_to_lie(measured_m: Extents) -> tuple[Extents, ...]:
     return tuple(out)
 
 
-def _short(usual: Usual, measured_m: Extents, side: int) -> float:
+def _short(usual: UsualSize, measured_m: Extents, side: int) -> float:
     """Square of how far a side is below what is usual, in sigmas."""
     short = math.log(usual.least_m[side] / (measured_m[side] + BOX_ERROR_M)) / EDGE_SIGMA
     return max(short, 0.0) ** 2
 
 
-def _likelihood(usual: Usual, measured_m: Extents, views: float, too_low: float = 0.0) -> float:
+def _likelihood(usual: UsualSize, measured_m: Extents, views: float, too_low: float = 0.0) -> float:
     beyond = np.log(np.maximum(measured_m - BOX_ERROR_M, LEAST_M) / usual.most_m) / EDGE_SIGMA
     large = float((np.maximum(beyond, 0) ** 2).sum()) + too_low
     whole = views / (views + HALF_WHOLE_VIEWS)
@@ -113,12 +113,12 @@ def _likelihood(usual: Usual, measured_m: Extents, views: float, too_low: float 
 
 
 @cache
-def _table() -> Mapping[str, Usual]:
+def _table() -> Mapping[str, UsualSize]:
     text = resources.files("helios_objectmap").joinpath("sizes.toml").read_text()
     out = {}
     for kind, rows in tomllib.loads(text).items():
         for names, ranges in rows.items():
             least, most = np.array(ranges, np.float64).T
             for name in names.split(", "):
-                out[name] = Usual(least, most, kind == "lies", kind == "floor")
+                out[name] = UsualSize(least, most, kind == "lies", kind == "floor")
     return out

@@ -33,7 +33,7 @@ PATIENCE = 0.6  # share of the steps that are left when the search begins
 
 
 @dataclass(frozen=True)
-class Standard:
+class AcceptanceThreshold:
     """What a candidate must meet. anywhere: wherever it is, not only where it was said to be."""
 
     score: float
@@ -41,14 +41,14 @@ class Standard:
 
 
 @dataclass(frozen=True)
-class Standards:
+class AcceptanceThresholds:
     """From the highest down. firm: how many of them hold until everything was searched twice.
     patience: share of the steps that are left when the search begins, after which the lowest holds,
     the others at even distances before; None: steps do not count. by_place: a candidate's score
     counts times how likely it is where it was said to be. at_last: share of the task's steps after
     which the last one holds, which patience leaves out."""
 
-    steps: tuple[Standard, ...]
+    steps: tuple[AcceptanceThreshold, ...]
     firm: int
     patience: float | None = None
     by_place: bool = False
@@ -66,31 +66,35 @@ class Standards:
         return min(int(gone * usual), usual - 1)
 
 
-Rule = Callable[[float, bool], Standards]  # threshold of Table 3, whether its place is known
+Rule = Callable[
+    [float, bool], AcceptanceThresholds
+]  # threshold of Table 3, whether its place is known
 
 
-def paper(threshold: float, place_known: bool) -> Standards:
+def paper(threshold: float, place_known: bool) -> AcceptanceThresholds:
     """One threshold (τ of Table 3); at first only in its place, where that is known."""
-    anywhere = (Standard(threshold, True),)
-    steps = (Standard(threshold, False), *anywhere) if place_known else anywhere
-    return Standards(steps, len(steps))
+    anywhere = (AcceptanceThreshold(threshold, True),)
+    steps = (AcceptanceThreshold(threshold, False), *anywhere) if place_known else anywhere
+    return AcceptanceThresholds(steps, len(steps))
 
 
-def patient(threshold: float, place_known: bool) -> Standards:
+def patient(threshold: float, place_known: bool) -> AcceptanceThresholds:
     """Sure, then the threshold, then the best there is."""
     shares = _OF_OBJECTS if place_known else _OF_RECEPTACLES
-    steps = tuple(Standard(share * threshold, True) for share in shares)
+    steps = tuple(AcceptanceThreshold(share * threshold, True) for share in shares)
     firm = sum(share >= 1 for share in shares)
-    return Standards(steps, firm, PATIENCE, by_place=place_known)
+    return AcceptanceThresholds(steps, firm, PATIENCE, by_place=place_known)
 
 
-def in_the_end(within: Standards, at_last: float) -> Standards:
+def in_the_end(within: AcceptanceThresholds, at_last: float) -> AcceptanceThresholds:
     """The same, and after that share of the task's steps anything that may be it at all.
 
     The paper is silent on what to do when everything has been searched in vain, or the steps run
     out: the likeliest thing is brought, to the likeliest place, and that is said.
     """
-    return replace(within, steps=(*within.steps, Standard(ANY_SCORE, True)), at_last=at_last)
+    return replace(
+        within, steps=(*within.steps, AcceptanceThreshold(ANY_SCORE, True)), at_last=at_last
+    )
 
 
 def act_or_look(

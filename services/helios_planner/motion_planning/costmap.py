@@ -240,7 +240,7 @@ def blind_m(robot: RobotDescription) -> float:
     return max(0.0, robot.camera_forward_m + robot.camera_height_m / math.tan(lowest_rad))
 
 
-class BlindRing:
+class BlindZone:
     """Of one robot in one task. `discs`: where its ring was taken as free."""
 
     def __init__(self, robot: RobotDescription, rim_m: float, most_m: float) -> None:

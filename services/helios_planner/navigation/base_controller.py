@@ -13,7 +13,7 @@ from helios_core.robot import Forward, Observe, Tilt, Turn
 from helios_core.types import RobotDescription
 from numpy.typing import NDArray
 
-from helios_planner.motion_planning.costmap import BlindRing, GroundMap, Pose2, facing, unknown_near
+from helios_planner.motion_planning.costmap import BlindZone, GroundMap, Pose2, facing, unknown_near
 from helios_planner.motion_planning.lattice_planner import Capsule, PoseReach, pose_reach
 from helios_planner.motion_planning.path_planner import (
     MotionRules,
@@ -23,15 +23,15 @@ from helios_planner.motion_planning.path_planner import (
     reach,
     straightened,
 )
-from helios_planner.navigation.motion_monitor import NO_MOTION_M, Mishaps
-from helios_planner.robot.interface import Body
+from helios_planner.navigation.motion_monitor import NO_MOTION_M, MotionMonitor
+from helios_planner.robot.interface import RobotInterface
 from helios_planner.settings import Settings
 
 
-class OnTheSpot:
+class TurnController:
     """Turns a Body where it stands, and looks."""
 
-    def __init__(self, body: Body, settings: Settings) -> None:
+    def __init__(self, body: RobotInterface, settings: Settings) -> None:
         robot = body.description
         self.body, self.settings = body, settings
         self.rules = MotionRules(
@@ -44,7 +44,7 @@ class OnTheSpot:
             min_turn_rad=robot.min_turn_rad,
             max_turn_rad=robot.max_turn_rad,
         )
-        self.mishaps = Mishaps(body)
+        self.mishaps = MotionMonitor(body)
 
     def turn_to(self, yaw_rad: float) -> None:
         """Turn on the spot until the heading is within the smallest turn."""
@@ -138,7 +138,7 @@ class Outcome(Enum):
 
 
 @dataclass(frozen=True)
-class Barred:
+class BlockedPath:
     """Where a way leaves the ground that can be reached: its first place beyond (`at`), its last
     one before (`stand`), and how far it leads before and after that; metres."""
 
@@ -152,13 +152,13 @@ def never() -> bool:
     return False
 
 
-class Legs(OnTheSpot):
+class BaseController(TurnController):
     """Moves a Body over known ground only. Remembers what it felt and could not see."""
 
-    def __init__(self, body: Body, settings: Settings) -> None:
+    def __init__(self, body: RobotInterface, settings: Settings) -> None:
         super().__init__(body, settings)
         self.felt: list[tuple[float, float, float]] = []  # x, y, radius: unseen, but met
-        self.blind_ring = BlindRing(body.description, self.rules.footprint_m, settings.blind_m)
+        self.blind_ring = BlindZone(body.description, self.rules.footprint_m, settings.blind_m)
         self._cached: dict[tuple, Reach] = {}
         self._cleared: list[tuple[float, float]] = []  # unknown ground that was gone to look at
 
@@ -330,7 +330,7 @@ class Legs(OnTheSpot):
 
     def way_ends(
         self, ground: GroundMap, target: tuple[float, float], within_m: float
-    ) -> Barred | None:
+    ) -> BlockedPath | None:
         """Where the shortest way to within `within_m` of a place leaves the ground that can be
         reached, were all unknown ground of a map free. None where none leads there even so, or
         where all of it can be reached."""
@@ -349,11 +349,11 @@ class Legs(OnTheSpot):
         stand = route[max(first - 1, 0)]
         steps_m = np.hypot(*np.diff(route, axis=0).T)
         before_m = float(steps_m[: max(first - 1, 0)].sum())
-        return Barred(
+        return BlockedPath(
             at, (float(stand[0]), float(stand[1])), before_m, float(steps_m.sum()) - before_m
         )
 
-    def look_past(self, barred: Barred, stop: Callable[[], bool] = never) -> None:
+    def look_past(self, barred: BlockedPath, stop: Callable[[], bool] = never) -> None:
         """Go to where the known way ends, and look at the unknown ground beyond, until `stop`."""
         unknown = unknown_near(self.body.ground(), barred.at, self.rules.footprint_m + 0.2)
         goal = facing(*barred.stand, unknown)
@@ -368,20 +368,24 @@ class Legs(OnTheSpot):
         self.tilt(math.atan2(robot.camera_height_m, ahead_m))
 
 
-def legs_of(body: Body, settings: Settings) -> Legs:
+def legs_of(body: RobotInterface, settings: Settings) -> BaseController:
     """The legs that fit the robot's footprint."""
     box = body.description.footprint_box_m
-    return Legs(body, settings) if box is None else PoseLegs(body, settings, Capsule.around(*box))
+    return (
+        BaseController(body, settings)
+        if box is None
+        else PoseBaseController(body, settings, Capsule.around(*box))
+    )
 
 
-class PoseLegs(Legs):
+class PoseBaseController(BaseController):
     """See the module."""
 
-    def __init__(self, body: Body, settings: Settings, capsule: Capsule) -> None:
+    def __init__(self, body: RobotInterface, settings: Settings, capsule: Capsule) -> None:
         super().__init__(body, settings)
         self.capsule = capsule
         self.rules = replace(self.rules, footprint_m=capsule.reach_m)
-        self.blind_ring = BlindRing(body.description, capsule.reach_m, settings.blind_m)
+        self.blind_ring = BlindZone(body.description, capsule.reach_m, settings.blind_m)
         self._lattice_xy: tuple[float, float] | None = None
 
     def reach(self, level: int = 0) -> PoseReach:

@@ -14,7 +14,7 @@ from helios_core.geometry import wrap_angle
 from helios_core.robot import Action, ActionResult, Forward, Observe, Place, Turn
 
 from helios_planner.motion_planning.costmap import Pose2
-from helios_planner.robot.interface import Body
+from helios_planner.robot.interface import RobotInterface
 from helios_planner.task import Cause, TaskFailed
 
 NO_MOTION_M = 0.05  # a move forward that gave less met something
@@ -32,11 +32,11 @@ class Dropped(Exception):
         self.point_m, self.reason = point_m, reason
 
 
-class Mishaps:
+class MotionMonitor:
     """Does the actions of one task and counts what went wrong. `jumped` is set by a jump of the
     localisation and cleared by who has dealt with it; `carrying` by who picked something up."""
 
-    def __init__(self, body: Body) -> None:
+    def __init__(self, body: RobotInterface) -> None:
         self.body = body
         self.jumped = self.carrying = False
         self.blocks = self.wedged = self.jumps = 0

@@ -18,7 +18,7 @@ from helios_core.geometry import wrap_angle
 
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
 from helios_planner.motion_planning.path_planner import Reach
-from helios_planner.navigation.base_controller import Barred, Legs, Outcome
+from helios_planner.navigation.base_controller import BaseController, BlockedPath, Outcome
 from helios_planner.task import Cause, TaskFailed
 
 MOST_AWAY_M = 100.0  # from the robot to the point; the plan's arrays grow with it
@@ -38,7 +38,11 @@ class PointGoal:
     """
 
     def __init__(
-        self, legs: Legs, xy_m: XY, within_m: float, on_stage: Callable[[Barred], None]
+        self,
+        legs: BaseController,
+        xy_m: XY,
+        within_m: float,
+        on_stage: Callable[[BlockedPath], None],
     ) -> None:
         """within_m: where the robot cannot stand on the point, the nearest place will do that is no
         further from it."""
@@ -104,7 +108,7 @@ class PointGoal:
             self.walls.append(barred.at)
         return True
 
-    def _seen_past(self, barred: Barred) -> bool:
+    def _seen_past(self, barred: BlockedPath) -> bool:
         """Whether the place beyond the known way can be reached by now."""
         reached = self._legs.reach(self._legs.levels[-1])
         return bool(np.isfinite(reached.at(np.array([barred.at])))[0])

@@ -25,7 +25,7 @@ from helios_core.errors import (
     InvalidInput,
 )
 from helios_core.geometry import Matrix
-from helios_core.keyframe_acks import AckBook
+from helios_core.keyframe_acks import KeyframeAcks
 from helios_core.map_snapshot import decode_snapshot
 from helios_core.printable_text import counted
 from helios_core.robot import Action, ActionResult, Observe
@@ -40,10 +40,10 @@ from numpy.typing import NDArray
 
 from helios_planner.decisions.decision import Decision
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
-from helios_planner.robot.detections import PART, Inbox, Sighting
+from helios_planner.robot.detections import PART, MessageBuffer, Sighting
 from helios_planner.robot.detector_status import DetectorStatus
-from helios_planner.robot.interface import Body, Frontier, WhatIf
-from helios_planner.robot.rpc import RETRY_S, Driver, Line, system_error
+from helios_planner.robot.interface import Frontier, RobotInterface, WhatIf
+from helios_planner.robot.rpc import RETRY_S, Driver, RobotConnection, system_error
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed
 
@@ -52,7 +52,7 @@ log = logging.getLogger(__name__)
 ACK_PATIENCE_S = 6.0  # then the keyframe is taken anew: a service that restarted has lost it
 
 
-class Listener(Protocol):
+class TaskListener(Protocol):
     """Who is told how a task goes."""
 
     def on_phase(self, phase: Phase, seeking: str, message: str) -> None: ...
@@ -65,7 +65,7 @@ class Listener(Protocol):
     def on_wait(self, what: str | None) -> None: ...
 
 
-class BusBody(Body):
+class RobotClient(RobotInterface):
     """One task's hold on the robot. Used from one thread; `cancelled` may be set from any."""
 
     def __init__(
@@ -73,19 +73,19 @@ class BusBody(Body):
         bus: Bus,
         settings: Settings,
         description: pb.RobotDescription,
-        acks: AckBook,
+        acks: KeyframeAcks,
         task_id: str,
         context_id: str,
         max_steps: int,
-        listener: Listener,
+        listener: TaskListener,
         cancelled: threading.Event,
         parts: Sequence[str],
     ) -> None:
         """parts: of a keyframe that must be answered before the next action (`acks.PARTS`)."""
         self._settings, self._acks, self._parts = settings, acks, parts
-        self._inbox = Inbox(bus, acks, context_id) if PART in parts else None
+        self._inbox = MessageBuffer(bus, acks, context_id) if PART in parts else None
         self._detector = DetectorStatus(bus)
-        self._line = Line(bus, settings, cancelled, listener.on_wait)
+        self._line = RobotConnection(bus, settings, cancelled, listener.on_wait)
         self._driver = Driver(self._line, settings, task_id, self._on_pause)
         self.description = description_from_proto(description)
         self._context_id, self._max_steps, self._listener = context_id, max_steps, listener

@@ -13,7 +13,7 @@ from helios_core.bus import Bus
 from helios_core.codec import observation_from_proto
 from helios_core.errors import HeliosError
 from helios_core.geometry import Matrix, Pinhole
-from helios_core.keyframe_acks import AckBook
+from helios_core.keyframe_acks import KeyframeAcks
 from helios_core.topics import OBSERVATION
 from helios_core.types import Detection, Observation
 from numpy.typing import NDArray
@@ -121,10 +121,10 @@ log = logging.getLogger(__name__)
 PART = "detections"
 
 
-class Inbox:
+class MessageBuffer:
     """Collects sightings and answers each keyframe in the book. Thread-safe."""
 
-    def __init__(self, bus: Bus, acks: AckBook, context_id: str) -> None:
+    def __init__(self, bus: Bus, acks: KeyframeAcks, context_id: str) -> None:
         self._acks, self._context_id = acks, context_id
         self._lock = threading.Lock()
         self._sightings: list[Sighting] = []

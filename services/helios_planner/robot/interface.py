@@ -39,7 +39,7 @@ class WhatIf:
     gains_nats: tuple[float, ...]
 
 
-class Body(ABC):
+class RobotInterface(ABC):
     """The robot and its maps. Every method may raise TaskFailed or TaskCancelled."""
 
     description: RobotDescription

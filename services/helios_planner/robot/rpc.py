@@ -69,7 +69,7 @@ def number_of(action_id: str) -> tuple[int, int]:
     return (int(parts[1] or 0), int(parts[2])) if parts else (0, 0)
 
 
-class Line:
+class RobotConnection:
     """Calls for one task: patient with services that are away, and ended by a cancel. `on_wait` is
     told what is waited for, and None when it came."""
 
@@ -134,7 +134,7 @@ class Driver:
 
     def __init__(
         self,
-        line: Line,
+        line: RobotConnection,
         settings: Settings,
         task_id: str,
         on_pause: Callable[[str | None], None],

@@ -15,8 +15,8 @@ from helios_planner.decisions.acceptance import give_up
 from helios_planner.decisions.decision import Decision, Do, FrontierOption
 from helios_planner.motion_planning.costmap import Pose2, facing
 from helios_planner.motion_planning.path_planner import Reach
-from helios_planner.navigation.base_controller import Legs, Outcome
-from helios_planner.robot.interface import Body, Frontier
+from helios_planner.navigation.base_controller import BaseController, Outcome
+from helios_planner.robot.interface import Frontier, RobotInterface
 from helios_planner.search.candidate_beliefs import Belief
 from helios_planner.search.view_selection import Looking, Places
 from helios_planner.settings import Settings
@@ -29,12 +29,12 @@ MOST_WAITS, MOST_OF_ONE = 8, 3
 
 
 @dataclass
-class Kit:
+class SearchTools:
     """What the searches of one task work with."""
 
-    body: Body
+    body: RobotInterface
     settings: Settings
-    legs: Legs
+    legs: BaseController
     looking: Looking
     belief: Belief
     rng: np.random.Generator
@@ -45,7 +45,7 @@ class Search(ABC):
     """Looks for one class until there is one to act on. What an agent adds: how it decides about
     what it knows of, and where it explores."""
 
-    def __init__(self, kit: Kit, phase: Phase, name: str, refused_m: float) -> None:
+    def __init__(self, kit: SearchTools, phase: Phase, name: str, refused_m: float) -> None:
         """refused_m: how near to a refused candidate nothing is tried again."""
         self.kit, self.phase, self.name = kit, phase, name
         self.body, self.settings = kit.body, kit.settings
@@ -56,7 +56,7 @@ class Search(ABC):
         self._waited_at: list[tuple[float, float]] = []  # middles of what was out of reach, in m
         self._doubts: dict[int, int] = {}  # by instance: how often it did not hold up
         self._round = self._first_round = 0
-        self._patrol = Patrol(self.legs, kit.settings.patrol_m)
+        self._patrol = RevisitSearch(self.legs, kit.settings.patrol_m)
         self._acted_from: Pose2 | None = None
         self._first = -1.0, ""  # what is said first, while this share of the steps is used
         self._left_at = 0  # version of the map when a candidate was last found out of reach
@@ -308,10 +308,10 @@ def _xy(candidate: ObjectInstance) -> tuple[float, float]:
 GRID_M = 0.2  # between the places that are considered
 
 
-class Patrol:
+class RevisitSearch:
     """Goes to the nearest place that is `apart_m` from all places where it has looked around."""
 
-    def __init__(self, legs: Legs, apart_m: float) -> None:
+    def __init__(self, legs: BaseController, apart_m: float) -> None:
         self._legs, self._apart_m = legs, apart_m
         self.seen_from: list[tuple[float, float]] = []  # x, y in m
 

@@ -23,9 +23,9 @@ from helios_planner.motion_planning.base_placement import (
     outline_of,
 )
 from helios_planner.robot.detections import Sighting
-from helios_planner.search.base import PICK_LAYER, PLACE_LAYER, Kit, Search
+from helios_planner.search.base import PICK_LAYER, PLACE_LAYER, Search, SearchTools
 from helios_planner.search.candidate_beliefs import SAME_THING_M, TrustingBelief
-from helios_planner.search.frontier_exploration import Explorer, Pursuit
+from helios_planner.search.frontier_exploration import Explorer, TargetPursuit
 from helios_planner.search.scored_search import ScoredSearch
 from helios_planner.task import Phase
 
@@ -36,7 +36,7 @@ class TrustingSearch(Search):
 
     def __init__(
         self,
-        kit: Kit,
+        kit: SearchTools,
         phase: Phase,
         name: str,
         explorer: Callable[[Search, str], Explorer],
@@ -89,10 +89,10 @@ class StopSearch(ScoredSearch):
 
     kind, what = "object", "stop"
 
-    def __init__(self, kit: Kit, name: str) -> None:
+    def __init__(self, kit: SearchTools, name: str) -> None:
         within = paper(kit.settings.tau_g, False)
         super().__init__(kit, Phase.FIND_OBJECT, name, within, refused_m=0.15)
-        self._explorer = Pursuit(self, PICK_LAYER)
+        self._explorer = TargetPursuit(self, PICK_LAYER)
 
     def candidates(self) -> list[ObjectInstance]:
         return [

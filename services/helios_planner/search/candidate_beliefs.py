@@ -14,7 +14,7 @@ from helios_core.types import ObjectInstance
 
 from helios_planner.motion_planning.base_placement import nearest_to
 from helios_planner.robot.detections import Sighting
-from helios_planner.robot.interface import Body
+from helios_planner.robot.interface import RobotInterface
 from helios_planner.settings import Settings
 
 SAME_THING_M = 0.3  # two detections of a class nearer than this are of one thing
@@ -25,7 +25,7 @@ class Belief(ABC):
 
     answered: ClassVar[tuple[str, ...]]  # parts of a keyframe that must be there to decide
 
-    def __init__(self, body: Body, settings: Settings) -> None:
+    def __init__(self, body: RobotInterface, settings: Settings) -> None:
         self.body, self.settings = body, settings
 
     @abstractmethod
@@ -88,7 +88,7 @@ class TrustingBelief(Belief):
 
     answered = ("occupancy", "value", "detections")
 
-    def __init__(self, body: Body, settings: Settings) -> None:
+    def __init__(self, body: RobotInterface, settings: Settings) -> None:
         super().__init__(body, settings)
         self._things: list[ObjectInstance] = []
         self._read = self._ids = 0

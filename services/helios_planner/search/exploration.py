@@ -14,7 +14,7 @@ from helios_planner.decisions.global_search import WayOption, nearest_by_way
 from helios_planner.motion_planning.costmap import facing
 from helios_planner.motion_planning.path_planner import Reach
 from helios_planner.motion_planning.unknown_borders import Border, borders_of, floor_m2
-from helios_planner.navigation.base_controller import Legs, Outcome
+from helios_planner.navigation.base_controller import BaseController, Outcome
 from helios_planner.navigation.point_goal import told
 from helios_planner.settings import Settings
 from helios_planner.task import Phase
@@ -27,7 +27,7 @@ XY = tuple[float, float]
 class Exploration:
     """Of one task. `given_up`: middles of borders that stayed when they were looked at."""
 
-    def __init__(self, legs: Legs, settings: Settings) -> None:
+    def __init__(self, legs: BaseController, settings: Settings) -> None:
         self._legs, self._body, self._settings = legs, legs.body, settings
         self.given_up: list[XY] = []
         self._ids: list[XY] = []  # of the borders that were chosen from, in the order of coming

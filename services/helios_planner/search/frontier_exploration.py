@@ -64,7 +64,7 @@ class ByRule(Explorer):
         """It goes by what is there now."""
 
 
-class Pursuit(Explorer):
+class TargetPursuit(Explorer):
     """VLFM: the frontier of the highest value, left for another as soon as its value falls."""
 
     def __init__(self, search: Search, layer: str) -> None:

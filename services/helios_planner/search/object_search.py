@@ -18,7 +18,7 @@ from helios_planner.decisions.global_search import (
 )
 from helios_planner.motion_planning.base_placement import near_outline
 from helios_planner.navigation.base_controller import Outcome
-from helios_planner.search.base import PICK_LAYER, Kit
+from helios_planner.search.base import PICK_LAYER, SearchTools
 from helios_planner.search.scored_search import ScoredSearch
 from helios_planner.search.view_selection import Places
 from helios_planner.task import Phase
@@ -51,7 +51,7 @@ class ObjectSearch(ScoredSearch):
     kind, what = "object", "pick"
 
     def __init__(
-        self, kit: Kit, name: str, start: str | None, rule: SearchRule, standards: Rule
+        self, kit: SearchTools, name: str, start: str | None, rule: SearchRule, standards: Rule
     ) -> None:
         within = standards(kit.settings.tau_g, start is not None)
         super().__init__(kit, Phase.FIND_OBJECT, name, within, refused_m=0.15)

@@ -10,7 +10,7 @@ from helios_planner.decisions.acceptance import paper
 from helios_planner.decisions.decision import Decision, FrontierOption, ReceptacleOption
 from helios_planner.decisions.global_search import by_objective
 from helios_planner.decisions.plugin_rule import ExplorationRule, by_own_rule
-from helios_planner.search.base import PICK_LAYER, PLACE_LAYER, Kit, Search
+from helios_planner.search.base import PICK_LAYER, PLACE_LAYER, Search, SearchTools
 from helios_planner.search.frontier_exploration import Explorer
 from helios_planner.search.object_search import ObjectSearch
 from helios_planner.search.scored_search import ReceptacleSearch
@@ -39,7 +39,9 @@ class ByOwnRule(Explorer):
 class OwnObjectSearch(ObjectSearch):
     """Candidate receptacles and frontiers by the rule's scores."""
 
-    def __init__(self, kit: Kit, name: str, start: str | None, rule: ExplorationRule) -> None:
+    def __init__(
+        self, kit: SearchTools, name: str, start: str | None, rule: ExplorationRule
+    ) -> None:
         super().__init__(kit, name, start, by_objective, paper)
         self._own_rule = rule
 
@@ -54,7 +56,7 @@ class OwnReceptacleSearch(ReceptacleSearch):
     """Frontiers by the rule's scores, until the goal is known."""
 
     def __init__(
-        self, kit: Kit, name: str, not_at: np.ndarray | None, rule: ExplorationRule
+        self, kit: SearchTools, name: str, not_at: np.ndarray | None, rule: ExplorationRule
     ) -> None:
         super().__init__(kit, name, not_at, paper)
         self._explorer = ByOwnRule(self, PLACE_LAYER, rule)

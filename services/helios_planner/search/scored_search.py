@@ -13,12 +13,18 @@ from helios_core import proto as pb
 from helios_core.codec import object_from_proto, object_to_proto
 from helios_core.types import ObjectInstance
 
-from helios_planner.decisions.acceptance import Rule, Standard, Standards, act_or_look, in_the_end
+from helios_planner.decisions.acceptance import (
+    AcceptanceThreshold,
+    AcceptanceThresholds,
+    Rule,
+    act_or_look,
+    in_the_end,
+)
 from helios_planner.decisions.decision import Decision, Do
 from helios_planner.decisions.explanations import less
 from helios_planner.decisions.global_search import highest_value
 from helios_planner.motion_planning.base_placement import near_outline
-from helios_planner.search.base import PLACE_LAYER, Kit, Search
+from helios_planner.search.base import PLACE_LAYER, Search, SearchTools
 from helios_planner.search.frontier_exploration import ByRule, Explorer
 from helios_planner.search.view_selection import BestView
 from helios_planner.task import Phase
@@ -31,14 +37,19 @@ class ScoredSearch(Search):
     what: str  # is done with it
 
     def __init__(
-        self, kit: Kit, phase: Phase, name: str, standards: Standards, refused_m: float
+        self,
+        kit: SearchTools,
+        phase: Phase,
+        name: str,
+        standards: AcceptanceThresholds,
+        refused_m: float,
     ) -> None:
         super().__init__(kit, phase, name, refused_m)
         self._standards, self._since = standards, kit.body.budget_used()
         self._step = 0  # of the standards
         self._acted = standards.steps[0]  # what the newest decision was taken by
         self._views: dict[int, BestView | None] = {}
-        self._remembered = Remembered()
+        self._remembered = CandidateMemory()
         self._from_memory = False  # whether what the newest decision is about is believed no more
 
     @abstractmethod
@@ -74,7 +85,7 @@ class ScoredSearch(Search):
         return self._standard.anywhere
 
     @property
-    def _standard(self) -> Standard:
+    def _standard(self) -> AcceptanceThreshold:
         due = self._standards.least_at(self.body.budget_used(), self._since)
         self._step = max(self._step, due)
         return self._standards.steps[self._step]
@@ -113,7 +124,7 @@ class ScoredSearch(Search):
         """Whether the newest decision was taken because it had come to that."""
         return self._standards.at_last is not None and self._acted is self._standards.steps[-1]
 
-    def _meets(self, thing: ObjectInstance, standard: Standard) -> bool:
+    def _meets(self, thing: ObjectInstance, standard: AcceptanceThreshold) -> bool:
         sure = thing.score * self._place(thing) >= standard.score
         return sure and (standard.anywhere or self.in_place(thing))
 
@@ -192,7 +203,9 @@ class ReceptacleSearch(ScoredSearch):
 
     kind, what = "receptacle", "place"
 
-    def __init__(self, kit: Kit, name: str, not_at: np.ndarray | None, standards: Rule) -> None:
+    def __init__(
+        self, kit: SearchTools, name: str, not_at: np.ndarray | None, standards: Rule
+    ) -> None:
         """not_at: where the object was taken from, when start and goal are of one class."""
         s = kit.settings
         within = standards(s.tau_b, False)
@@ -219,7 +232,7 @@ class ReceptacleSearch(ScoredSearch):
 MOST_WRITTEN = 16
 
 
-class Remembered:
+class CandidateMemory:
     """Candidates as they were when they were believed last, by id."""
 
     def __init__(self) -> None:

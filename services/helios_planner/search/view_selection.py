@@ -16,8 +16,8 @@ from helios_planner.decisions.acceptance import best_view
 from helios_planner.decisions.decision import ViewOption
 from helios_planner.motion_planning.base_placement import GazePoint, GazeRules, gaze_points
 from helios_planner.motion_planning.costmap import Pose2
-from helios_planner.navigation.base_controller import Legs, Outcome, never
-from helios_planner.robot.interface import Body
+from helios_planner.navigation.base_controller import BaseController, Outcome, never
+from helios_planner.robot.interface import RobotInterface
 from helios_planner.settings import Settings
 
 
@@ -63,7 +63,11 @@ class Looking:
     """Knows from where each candidate was looked at on purpose."""
 
     def __init__(
-        self, body: Body, legs: Legs, settings: Settings, other_share: float = 0.0
+        self,
+        body: RobotInterface,
+        legs: BaseController,
+        settings: Settings,
+        other_share: float = 0.0,
     ) -> None:
         """other_share: of what a local search may see, what speaks for something else."""
         self.body, self.legs, self.settings = body, legs, settings

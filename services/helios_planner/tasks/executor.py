@@ -11,30 +11,30 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import context_to_proto
 from helios_core.errors import HeliosError
-from helios_core.keyframe_acks import AckBook
+from helios_core.keyframe_acks import KeyframeAcks
 from helios_core.topics import CONTEXT, VOCABULARY
 
 from helios_planner.agents import agent_named
-from helios_planner.robot.client import BusBody
-from helios_planner.robot.rpc import Line
+from helios_planner.robot.client import RobotClient
+from helios_planner.robot.rpc import RobotConnection
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, State, Task, TaskCancelled, TaskFailed, TimeIsUp
 from helios_planner.tasks.mission import Mission
 from helios_planner.tasks.move_mission import MoveMission
-from helios_planner.tasks.registry import TaskBook, TaskVoice
-from helios_planner.tasks.run_control import Hold, Journal, TaskBus, last_action
+from helios_planner.tasks.registry import TaskRegistry, TaskReporter
+from helios_planner.tasks.run_control import Journal, PauseControl, TaskBus, last_action
 from helios_planner.tasks.search_context import check_able, in_vocabulary, search_context
 from helios_planner.tasks.store import Entry, Store
 
 log = logging.getLogger(__name__)
 
 
-class TaskRun:
+class TaskExecutor:
     """One life of a task. `cancelled` ends it within an action, `hold` pauses it."""
 
     def __init__(
-        self, bus: Bus, settings: Settings, robot: pb.RobotDescription, acks: AckBook,
-        store: Store, book: TaskBook, task: Task, cancelled: threading.Event, hold: Hold,
+        self, bus: Bus, settings: Settings, robot: pb.RobotDescription, acks: KeyframeAcks,
+        store: Store, book: TaskRegistry, task: Task, cancelled: threading.Event, hold: PauseControl,
     ) -> None:  # fmt: skip
         self._settings, self._robot, self._acks = settings, robot, acks
         self._book, self._task, self._cancelled = book, task, cancelled
@@ -42,12 +42,12 @@ class TaskRun:
         self._again = kept is not None
         entry = Entry() if kept is None else replace(kept, life=kept.life + 1)
         self._journal = Journal(store, task.id, entry)
-        self._voice = TaskVoice(book, task, settings, store.last_number(task.id) + 1)
+        self._voice = TaskReporter(book, task, settings, store.last_number(task.id) + 1)
         self._bus = TaskBus(bus, self._journal, hold, self._voice, settings.keep_within_s)
 
     def run(self) -> None:
         """Until it has ended, or was cancelled because the planner ends; that is the book's."""
-        body: BusBody | None = None
+        body: RobotClient | None = None
         mission: Mission | MoveMission | None = None
         try:
             if not self._task.instruction.kind.only_moves:
@@ -91,14 +91,14 @@ class TaskRun:
         seen = mission and mission.seen_at_goal
         self._book.end(self._task.id, state, message, cause, seen_at_goal=seen)
 
-    def _left(self, body: BusBody | None) -> str:
+    def _left(self, body: RobotClient | None) -> str:
         """How the robot is left by a task that does not go on."""
         if not self._journal.settled:
             return "the robot has not answered its last action and may still be at it"
         held = self._held(body)
         return f"the robot stands; {held}" if held else "the robot stands"
 
-    def _held(self, body: BusBody | None) -> str:
+    def _held(self, body: RobotClient | None) -> str:
         """What the robot still holds; empty for nothing, and where it is not asked."""
         if body is None or not self._journal.settled:
             return ""
@@ -108,13 +108,13 @@ class TaskRun:
             return ""
         return f"it holds a {thing} (“put the {thing} on the …” sets it down)" if thing else ""
 
-    def _line(self) -> Line:
-        return Line(self._bus, self._settings, self._cancelled, self._voice.on_wait)
+    def _line(self) -> RobotConnection:
+        return RobotConnection(self._bus, self._settings, self._cancelled, self._voice.on_wait)
 
-    def _body(self, context_id: str) -> BusBody:
+    def _body(self, context_id: str) -> RobotClient:
         """Each life has its own ids of actions, so that none is taken for an earlier one."""
         life = self._journal.entry.life
-        body = BusBody(
+        body = RobotClient(
             self._bus, self._settings, self._robot, self._acks,
             f"{self._task.id}.{life}" if life else self._task.id, context_id,
             self._task.max_steps, self._voice, self._cancelled,
@@ -123,7 +123,7 @@ class TaskRun:
         body.steps = self._task.steps
         return body
 
-    def _mission(self, body: BusBody) -> Mission | MoveMission:
+    def _mission(self, body: RobotClient) -> Mission | MoveMission:
         instruction = self._task.instruction
         if instruction.kind.only_moves:
             return MoveMission(body, instruction, self._settings)
@@ -149,7 +149,7 @@ class TaskRun:
         self._task = self._book.change(self._task.id, instruction=named)
 
 
-def _contacts(body: BusBody | None) -> str:
+def _contacts(body: RobotClient | None) -> str:
     if body is None or not body.collisions:
         return ""
     return f" (with {body.collisions} contact{'' if body.collisions == 1 else 's'} on the way)"

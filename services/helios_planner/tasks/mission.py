@@ -12,12 +12,12 @@ from helios_core.types import ObjectInstance
 from helios_planner.agents import agent_named
 from helios_planner.decisions.explanations import less
 from helios_planner.instruction.parser import Instruction, Kind
-from helios_planner.manipulation import Done, Seen, Skills, look_after
+from helios_planner.manipulation import Done, Manipulation, Seen, look_after
 from helios_planner.motion_planning.base_placement import GazePoint, nearest_to
 from helios_planner.navigation.base_controller import Outcome, legs_of
 from helios_planner.navigation.motion_monitor import Dropped
-from helios_planner.robot.interface import Body
-from helios_planner.search.base import Kit, Search
+from helios_planner.robot.interface import RobotInterface
+from helios_planner.search.base import Search, SearchTools
 from helios_planner.search.scored_search import ScoredSearch
 from helios_planner.search.view_selection import Looking
 from helios_planner.settings import Settings
@@ -29,19 +29,19 @@ class Mission:
     """One task from beginning to end; `run` returns the sentence of its success."""
 
     def __init__(
-        self, body: Body, instruction: Instruction, settings: Settings, agent: str = ""
+        self, body: RobotInterface, instruction: Instruction, settings: Settings, agent: str = ""
     ) -> None:
         """agent: a name of `agents.AGENTS`; empty for that of the settings."""
         self.body, self.instruction, self.settings = body, instruction, settings
         self.agent = agent_named(agent or settings.agent)
         legs = legs_of(body, settings)
         belief = self.agent.belief(body, settings)
-        self.kit = Kit(
+        self.kit = SearchTools(
             body, settings, legs, Looking(body, legs, settings, self.agent.other_share), belief,
             np.random.default_rng(settings.agent_seed),
         )  # fmt: skip
         attempts = settings.picks_per_object if self.agent.retries else 1
-        self.skills = Skills(body, legs, settings, belief, attempts)
+        self.skills = Manipulation(body, legs, settings, belief, attempts)
         self.looked_around = self.placed = False
         self.seen_at_goal: bool | None = (
             None  # of what was placed; None: nothing was that it knows of

@@ -10,9 +10,9 @@ from helios_planner.decisions import explanations
 from helios_planner.decisions.acceptance import Candidate
 from helios_planner.decisions.decision import Decision, Do
 from helios_planner.instruction.parser import Instruction, Kind
-from helios_planner.navigation.base_controller import Barred, legs_of
+from helios_planner.navigation.base_controller import BlockedPath, legs_of
 from helios_planner.navigation.point_goal import PointGoal, told
-from helios_planner.robot.interface import Body
+from helios_planner.robot.interface import RobotInterface
 from helios_planner.search.exploration import Exploration
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, Phase, TaskFailed, TimeIsUp
@@ -27,7 +27,7 @@ class MoveMission:
 
     seen_at_goal: bool | None = None  # nothing is placed
 
-    def __init__(self, body: Body, instruction: Instruction, settings: Settings) -> None:
+    def __init__(self, body: RobotInterface, instruction: Instruction, settings: Settings) -> None:
         self.body, self.instruction, self.settings = body, instruction, settings
         self.legs = legs_of(body, settings)
         self.looked_around = False
@@ -88,7 +88,7 @@ class MoveMission:
         facing = "" if yaw_rad is None else f", facing {math.degrees(pose.yaw_rad):.0f}°"
         return f"stands at {told(pose.xy)}{facing}, {left_m:.2f} m from {what}"
 
-    def _on_stage(self, xy_m: tuple[float, float], barred: Barred) -> None:
+    def _on_stage(self, xy_m: tuple[float, float], barred: BlockedPath) -> None:
         why = explanations.way_ends(told(xy_m), *barred.stand, barred.before_m, barred.after_m)
         terms = {
             "way_m": barred.before_m, "unknown_m": barred.after_m,

@@ -40,7 +40,7 @@ CREEP = 0.001  # share of what is left that a step is worth at least
 MOST_PROGRESS = 0.99  # before it has succeeded
 
 
-class Pace:
+class ProgressEstimate:
     """Of one life of a task; told of all that it does, by one thread. `progress` never falls."""
 
     def __init__(self, kind: Kind, max_steps: int, steps: int, progress: float) -> None:

@@ -29,7 +29,7 @@ from helios_planner.tasks.messages import (
     task_from_proto,
     task_to_proto,
 )
-from helios_planner.tasks.progress import Pace
+from helios_planner.tasks.progress import ProgressEstimate
 from helios_planner.tasks.store import Store
 
 log = logging.getLogger(__name__)
@@ -43,7 +43,7 @@ UNPROVEN = (
 NOT_KEPT = "this could not be kept: a planner that is restarted will not know it"
 
 
-class TaskBook:
+class TaskRegistry:
     """Thread-safe; no lock is held while the bus is used. While `closing` is set, a cancelled task
     is one that the planner left, and `close` ends it.
 
@@ -301,7 +301,7 @@ def waiting_words(instruction: Instruction, robot_known: bool, reserved: str = "
 PLACES = ("frontier", "receptacle")  # candidates that are places to go to and look
 
 
-class Desk(Protocol):
+class TaskUpdates(Protocol):
     """Where tasks and decisions are kept and told from."""
 
     def known(self, id: str) -> Task: ...
@@ -310,12 +310,16 @@ class Desk(Protocol):
     def publish(self, topic: Topic[M], message: M) -> None: ...
 
 
-class TaskVoice:
+class TaskReporter:
     """Tells how one task goes; called from the worker alone."""
 
-    def __init__(self, desk: Desk, task: Task, settings: Settings, first_decision: int = 0) -> None:
+    def __init__(
+        self, desk: TaskUpdates, task: Task, settings: Settings, first_decision: int = 0
+    ) -> None:
         self._desk, self._id, self._settings = desk, task.id, settings
-        self._pace = Pace(task.instruction.kind, task.max_steps, task.steps, task.progress)
+        self._pace = ProgressEstimate(
+            task.instruction.kind, task.max_steps, task.steps, task.progress
+        )
         limit_s = task.time_limit_s
         self._ends_s = task.started_s + limit_s if limit_s else math.inf
         self._decisions = first_decision

@@ -23,13 +23,13 @@ from helios_core.robot import Action
 from helios_core.topics import ACT, GET_STATE, LEASE, M, Method, Rep, Req, Topic
 from helios_core.types import RobotState
 
-from helios_planner.robot.rpc import HOLDER, RETRY_S, Line, number_of
+from helios_planner.robot.rpc import HOLDER, RETRY_S, RobotConnection, number_of
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskCancelled, TaskFailed, TimeIsUp
 from helios_planner.tasks.store import Entry, Memory
 
 
-class Keeper(Protocol):
+class JournalStore(Protocol):
     """Where entries are kept; `fault`: why they cannot be, and what to do."""
 
     def keep(self, task_id: str, entry: Entry) -> bool: ...
@@ -40,7 +40,7 @@ class Keeper(Protocol):
 class Journal:
     """Of one running task; used by its worker alone. `memory` gives what the mission remembers."""
 
-    def __init__(self, keeper: Keeper, task_id: str, entry: Entry) -> None:
+    def __init__(self, keeper: JournalStore, task_id: str, entry: Entry) -> None:
         self._keeper, self.task_id, self.entry = keeper, task_id, entry
         self.memory: Callable[[], Memory] = lambda: self.entry.memory
 
@@ -89,7 +89,7 @@ class TaskBus(Bus):
     action is in the journal before the robot is asked for it."""
 
     def __init__(
-        self, bus: Bus, journal: Journal, hold: Hold, waiter: Waiter, keep_within_s: float
+        self, bus: Bus, journal: Journal, hold: PauseControl, waiter: Waiter, keep_within_s: float
     ) -> None:
         """keep_within_s: for how long an action may wait until it can be written down."""
         self.robot = bus.robot
@@ -155,7 +155,7 @@ class TaskBus(Bus):
         """The task's bus has nothing of its own."""
 
 
-class Hold:
+class PauseControl:
     """Of one running task. Thread-safe: asked by its worker, set from anywhere."""
 
     def __init__(self, limit_s: float, ends_s: float, cancelled: threading.Event) -> None:
@@ -224,7 +224,10 @@ class LastAction:
 
 
 def last_action(
-    line: Line, settings: Settings, journal: Journal, held_s: Callable[[], float] = lambda: 0.0
+    line: RobotConnection,
+    settings: Settings,
+    journal: Journal,
+    held_s: Callable[[], float] = lambda: 0.0,
 ) -> LastAction:
     """Settle what was in flight, and say what came of it. held_s: for how long somebody has paused
     the task until now, which is nobody's fault.
@@ -245,7 +248,7 @@ def last_action(
     return LastAction(action, result.succeeded, result.reason, held)
 
 
-def _same_world(line: Line, journal: Journal) -> None:
+def _same_world(line: RobotConnection, journal: Journal) -> None:
     epoch = journal.entry.epoch
     state = _state(line)
     now = (state.robot_boot_id, state.world_epoch)
@@ -271,12 +274,12 @@ def _not_stale(done: str, journal: Journal) -> None:
         )
 
 
-def _state(line: Line) -> RobotState:
+def _state(line: RobotConnection) -> RobotState:
     return state_from_proto(line.call(GET_STATE, pb.Empty()))
 
 
 def _again(
-    line: Line,
+    line: RobotConnection,
     settings: Settings,
     journal: Journal,
     request: pb.ActionRequest,

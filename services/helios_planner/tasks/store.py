@@ -23,7 +23,7 @@ from google.protobuf.message import DecodeError
 from helios_core import proto as pb
 
 from helios_planner.tasks.database import MAKE_ROOM, has_room, opened, remedy, shorten_log
-from helios_planner.tasks.write_proof import Proof
+from helios_planner.tasks.write_proof import WriteProof
 
 Memory = dict[str, Any]  # of JSON
 
@@ -61,7 +61,7 @@ class Store:
         self._most_decisions = most_decisions
         self.path = directory / "tasks.sqlite"
         self._db, self.said = opened(self.path)
-        self._proof = Proof(directory / "tasks.complete")
+        self._proof = WriteProof(directory / "tasks.complete")
         self.proven = self._proof.holds and not self.said
         self._fault, self._fault_since_s = "", 0.0
         self._closed = False

@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 _TEXT = b"All that was told of the tasks is in tasks.sqlite.\n"
 
 
-class Proof:
+class WriteProof:
     """See the module. Not thread-safe: its store calls it under its lock."""
 
     def __init__(self, path: Path) -> None:

@@ -11,11 +11,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from helios_bridge.driver_executor import Crew
+from helios_bridge.driver_executor import DriverExecutor
 from helios_bridge.keyframe_acks import PARTS
 from helios_core import proto as pb
 from helios_core.errors import Conflict, DeadlineExceeded, Unavailable
-from helios_core.keyframe_acks import AckBook
+from helios_core.keyframe_acks import KeyframeAcks
 from helios_core.topics import CLEAR_STOP, FRAME, STOP, status_topic
 from helios_core.types import FrameId
 
@@ -124,7 +124,7 @@ def test_closing_names_what_hangs_and_does_not_wait_for_it() -> None:
 
 
 def test_ending_ends_the_wait_for_the_maps() -> None:
-    book, crew = AckBook(), Crew()
+    book, crew = KeyframeAcks(), DriverExecutor()
 
     def wait() -> None:
         book.wait(FrameId("a", 0, 1), PARTS, 60.0)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from helios_core import proto as pb
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError
-from helios_core.keyframe_acks import AckBook
+from helios_core.keyframe_acks import KeyframeAcks
 from helios_core.topics import LEASE, STOP
 from helios_core.types import FrameId
 
@@ -87,7 +87,7 @@ def test_a_robot_that_hangs_keeps_an_action_waiting_no_longer_than_its_time() ->
 
 
 def test_answers_of_the_newest_frames_are_remembered() -> None:
-    book = AckBook(remembered=2)
+    book = KeyframeAcks(remembered=2)
     for seq in range(4):
         for part in ("occupancy", "value"):
             book.add(pb.Ack(service="map2d", part=part, id=pb.FrameId(robot_boot_id="b", seq=seq)))

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from helios_client.supervision.child_process import ProcessSpec
-from helios_client.supervision.service_specs import Stack, free_port
+from helios_client.supervision.service_specs import ServiceSpecs, free_port
 from helios_client.supervision.up import Screen, up
 from helios_core.bus import Bus
 from helios_core.errors import HeliosError
@@ -31,7 +31,7 @@ class Small:
         return
 
 
-class SmallStack(Stack):
+class SmallStack(ServiceSpecs):
     """The router, and services that need nothing else."""
 
     def specs(self) -> tuple[ProcessSpec, ...]:

@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 from helios_client.supervision.bus_link import supervisor_status
-from helios_client.supervision.service_table import SILENT_S, Board, ServiceRow, as_json, is_ready
+from helios_client.supervision.service_table import (
+    SILENT_S,
+    ServiceRow,
+    ServiceTable,
+    as_json,
+    is_ready,
+)
 from helios_client.supervision.supervisor import ProcessInfo, State
 from helios_core import proto as pb
 
@@ -19,28 +25,28 @@ def running(name: str = "map2d", pid: int = 7, restarts: int = 0, reason: str = 
     return ProcessInfo(name, pid, restarts, State.RUNNING, reason)
 
 
-def row(board: Board, info: ProcessInfo) -> ServiceRow:
+def row(board: ServiceTable, info: ProcessInfo) -> ServiceRow:
     return board.rows([info])[0]
 
 
 def test_a_process_that_has_not_spoken_is_starting() -> None:
-    assert row(Board(), running()).state == "starting"
+    assert row(ServiceTable(), running()).state == "starting"
 
 
 def test_a_service_is_what_it_says() -> None:
-    board = Board()
+    board = ServiceTable()
     board.note(pb.ServiceStatus(service="map2d", pid=7, state="waiting", reason="for a frame"))
     assert row(board, running()) == ServiceRow("map2d", "waiting", "for a frame", 0, 7)
 
 
 def test_the_word_of_an_earlier_process_does_not_count() -> None:
-    board = Board()
+    board = ServiceTable()
     board.note(pb.ServiceStatus(service="map2d", pid=6, state="ready"))
     assert row(board, running()).state == "starting"
 
 
 def test_a_restart_is_told_with_its_reason() -> None:
-    board = Board()
+    board = ServiceTable()
     board.note(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
     told = row(board, running(restarts=1, reason="ended by SIGKILL"))
     assert (told.state, told.restarts) == ("ready", 1)
@@ -49,21 +55,21 @@ def test_a_restart_is_told_with_its_reason() -> None:
 
 def test_a_silent_service_is_degraded() -> None:
     clock = Clock()
-    board = Board(clock)
+    board = ServiceTable(clock)
     board.note(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
     clock.now_s = SILENT_S + 1
     assert row(board, running()).state == "degraded"
 
 
 def test_a_process_that_is_down_is_so_whatever_it_said() -> None:
-    board = Board()
+    board = ServiceTable()
     board.note(pb.ServiceStatus(service="map2d", pid=7, state="ready"))
     down = row(board, ProcessInfo("map2d", 0, 3, State.RESTARTING, "no model"))
     assert (down.state, down.reason, down.pid) == ("restarting", "no model", 0)
 
 
 def test_a_running_router_is_ready() -> None:
-    assert row(Board(), running("router")).state == "ready"
+    assert row(ServiceTable(), running("router")).state == "ready"
 
 
 def test_all_is_ready_when_every_service_is() -> None:

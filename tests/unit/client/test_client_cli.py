@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from helios_client.cli import run
 from helios_client.commands.doctor import examine
-from helios_client.supervision.service_specs import Stack
+from helios_client.supervision.service_specs import ServiceSpecs
 from helios_client.version import helios_version
 
 from tests.support import free_port
@@ -200,7 +200,7 @@ def test_a_variable_makes_every_start_record(
     set_to: str | None, folder: Path | None, helios: Helios, monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
 ) -> None:  # fmt: skip
-    started: list[Stack] = []
+    started: list[ServiceSpecs] = []
     monkeypatch.setattr("helios_client.supervision.up.up", lambda stack, _: started.append(stack))
     if set_to is not None:
         monkeypatch.setenv("HELIOS_RECORD", set_to)

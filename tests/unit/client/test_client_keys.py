@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from helios_client.commands.api_keys import add_key
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from hypothesis import given
 from hypothesis import strategies as st
@@ -27,7 +27,7 @@ def test_every_name_is_refused_or_comes_back_as_it_is(
     for name in names:
         try:
             add_key(file, name, "read")
-        except WrongUse:
+        except UsageError:
             continue
         taken.append(name)
     read = tomllib.loads(file.read_text("utf-8")) if taken else {"key": []}
@@ -46,7 +46,7 @@ def test_a_name_may_have_any_letters(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["", "  ", "a\nb", "\x7f", "\ud83e"])
 def test_a_name_that_cannot_be_read_is_refused(name: str, tmp_path: Path) -> None:
-    with pytest.raises(WrongUse, match="can be read"):
+    with pytest.raises(UsageError, match="can be read"):
         add_key(tmp_path / "keys.toml", name, "read")
     assert list(tmp_path.iterdir()) == []
 

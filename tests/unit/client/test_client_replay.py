@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helios_client.replay.frame_answers import PARTS, Tally
+from helios_client.replay.frame_answers import PARTS, FrameAnswers
 from helios_client.replay.results import Results, collect, stage_medians_ms
-from helios_client.supervision.service_table import Board
+from helios_client.supervision.service_table import ServiceTable
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.map_snapshot import decode_snapshot
@@ -29,7 +29,7 @@ def ack(part: str, seq: int, accepted: bool = True, update_ms: float = 5.0) -> p
 
 
 def test_a_frame_counts_when_all_parts_have_answered() -> None:
-    tally = Tally()
+    tally = FrameAnswers()
     for part in PARTS[:-1]:
         tally.note_ack(ack(part, 1))
     assert tally.frames == 0
@@ -39,7 +39,7 @@ def test_a_frame_counts_when_all_parts_have_answered() -> None:
 
 
 def test_a_frame_that_the_detector_refused_is_over_once_its_occupancy_is_there() -> None:
-    tally = Tally()
+    tally = FrameAnswers()
     tally.note_ack(ack("occupancy", 1))
     done = ack("observation", 1)
     done.accepted = True
@@ -53,7 +53,7 @@ def test_a_frame_that_the_detector_refused_is_over_once_its_occupancy_is_there()
 
 
 def test_frames_that_only_the_occupancy_answers_are_over_when_the_next_begins() -> None:
-    tally = Tally()
+    tally = FrameAnswers()
     assert (tally.over, tally.mapped) == (0, 0)
     tally.note_ack(ack("occupancy", 1))
     assert (tally.over, tally.mapped) == (0, 1)
@@ -65,14 +65,14 @@ def test_frames_that_only_the_occupancy_answers_are_over_when_the_next_begins() 
 
 
 def test_refusals_are_counted_with_their_reason_and_not_timed() -> None:
-    tally = Tally()
+    tally = FrameAnswers()
     tally.note_ack(ack("objects", 1, accepted=False, update_ms=99))
     assert tally.refusals == {"objectmap: another search context": 1}
     assert tally.median_ms() == {}
 
 
 def test_stages_are_medians_of_answers_and_of_what_services_report() -> None:
-    tally, board = Tally(), Board()
+    tally, board = FrameAnswers(), ServiceTable()
     for seq, ms in enumerate((1.0, 9.0, 2.0)):
         tally.note_ack(ack("occupancy", seq, update_ms=ms))
     metrics = {"detect_ms_median": 31.5, "keyframes": 3.0}
@@ -94,7 +94,7 @@ def test_results_are_asked_for_and_written(tmp_path: Path) -> None:
     maps.serve(OBJECTS, lambda _: pb.ObjectsReply(objects=[worse, cup]))
     maps.serve(PICTURE, lambda request: pb.PictureReply(png=request.layer.encode()))
     maps.serve(SNAPSHOT, lambda _: snapshot)
-    tally = Tally()
+    tally = FrameAnswers()
     tally.listen(client)
     for part, topic in (
         ("occupancy", MAP2D_ACK), ("value", MAP2D_ACK), ("objects", OBJECTMAP_ACK)
@@ -102,7 +102,7 @@ def test_results_are_asked_for_and_written(tmp_path: Path) -> None:
         maps.publish(topic, ack(part, 1))
     maps.publish(ROBOT_STATE, pb.RobotState(finished=True))
     assert tally.finished
-    collect(client, tally, Board(), frames=1, wall_s=2.5).write(tmp_path)
+    collect(client, tally, ServiceTable(), frames=1, wall_s=2.5).write(tmp_path)
     objects = json.loads((tmp_path / "objects.json").read_text())
     assert [o["id"] for o in objects] == [3, 2]
     assert objects[0]["class"] == "cup"
@@ -153,4 +153,4 @@ def test_a_disk_that_is_full_keeps_the_files_of_before_and_is_said(
 
 def test_a_map_that_is_not_there_is_an_error() -> None:
     with pytest.raises(Unavailable):
-        collect(MemoryBus(MemoryHub(), "robot"), Tally(), Board(), 1, 1.0)
+        collect(MemoryBus(MemoryHub(), "robot"), FrameAnswers(), ServiceTable(), 1, 1.0)

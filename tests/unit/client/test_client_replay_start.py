@@ -9,14 +9,14 @@ from typing import cast
 import pytest
 from helios_client.interrupt_signals import Interrupts
 from helios_client.replay import run as module
-from helios_client.replay.frame_answers import PARTS, Tally
-from helios_client.replay.input_checks import Examined
+from helios_client.replay.frame_answers import PARTS, FrameAnswers
+from helios_client.replay.input_checks import CheckedInput
 from helios_client.replay.progress import Watch, waits_for
 from helios_client.replay.results import unreadable_frames
 from helios_client.replay.run import ReplayJob
-from helios_client.supervision.service_table import Board, ServiceRow
+from helios_client.supervision.service_table import ServiceRow, ServiceTable
 from helios_client.supervision.supervisor import ProcessInfo, State, Supervisor
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core import proto as pb
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from rich.console import Console
@@ -38,20 +38,20 @@ def status(service: str, state: str, reason: str = "", **metrics: float) -> pb.S
     return pb.ServiceStatus(service=service, state=state, reason=reason, pid=7, metrics=metrics)
 
 
-def board_of(*statuses: pb.ServiceStatus) -> Board:
-    board = Board()
+def board_of(*statuses: pb.ServiceStatus) -> ServiceTable:
+    board = ServiceTable()
     for one in statuses:
         board.note(one)
     return board
 
 
 def play(
-    job: ReplayJob, board: Board, tally: Tally, *searches: str,
+    job: ReplayJob, board: ServiceTable, tally: FrameAnswers, *searches: str,
     interrupts: Interrupts | None = None,
 ) -> None:  # fmt: skip
     """searches: what each looks for."""
     quiet = Console(quiet=True)
-    known = Examined(4, 0.0, tuple(frozenset({name}) for name in searches or ("cup",)), {})
+    known = CheckedInput(4, 0.0, tuple(frozenset({name}) for name in searches or ("cup",)), {})
     watch = Watch(job, known, board, quiet)
     module._play(watch, cast(Supervisor, Processes()), tally, interrupts or Interrupts(), quiet)
 
@@ -66,7 +66,7 @@ def test_services_that_do_not_start_in_time_are_named_with_their_reasons_and_log
     loading = status("detector", "starting", "loading the model")
     board = board_of(status("bridge", "ready"), loading)
     with pytest.raises(DeadlineExceeded) as late:
-        play(job(tmp_path, start_s=0.1), board, Tally())
+        play(job(tmp_path, start_s=0.1), board, FrameAnswers())
     said = late.value.message
     assert "not ready within 0.1 s" in said
     assert f"detector is starting (loading the model; log {tmp_path / 'logs/detector.log'})" in said
@@ -80,11 +80,11 @@ def test_a_first_frame_that_nobody_answers_ends_the_replay_with_what_the_service
     ready = [status(name, "ready") for name in NAMES[2:]]
     board = board_of(*ready, status("bridge", "ready", "keyframe a/0/1 waits for map2d/occupancy"))
     with pytest.raises(DeadlineExceeded, match=r"after 0 of 4.*waits for map2d/occupancy"):
-        play(job(tmp_path, start_s=60, patience_s=0.1), board, Tally())
+        play(job(tmp_path, start_s=60, patience_s=0.1), board, FrameAnswers())
 
 
 def test_a_replay_that_starts_and_ends_is_over(tmp_path: Path) -> None:
-    tally = Tally()
+    tally = FrameAnswers()
     for part in PARTS:
         tally.note_ack(pb.Ack(part=part, id=pb.FrameId(seq=1), accepted=True))
     tally.note_state(pb.RobotState(finished=True))
@@ -97,10 +97,10 @@ def test_a_model_may_take_its_time_to_load_but_one_that_is_not_there_ends_the_re
     monkeypatch.setattr("helios_client.replay.progress.TROUBLE_S", 0.0)
     loading = status("detector", "waiting", "loading onnx:a")
     with pytest.raises(DeadlineExceeded, match="loading onnx:a"):
-        play(job(tmp_path, start_s=0.3), board_of(loading), Tally())
+        play(job(tmp_path, start_s=0.3), board_of(loading), FrameAnswers())
     missing = status("detector", "waiting", "a is not there")
     with pytest.raises(Unavailable, match="detector: a is not there"):
-        play(job(tmp_path, start_s=60), board_of(missing), Tally())
+        play(job(tmp_path, start_s=60), board_of(missing), FrameAnswers())
 
 
 def test_a_detector_that_knows_none_of_the_classes_ends_the_replay_as_wrong_use(
@@ -108,8 +108,8 @@ def test_a_detector_that_knows_none_of_the_classes_ends_the_replay_as_wrong_use(
 ) -> None:
     refused = {"contexts_unknown": 1, "classes_refused": 1}
     board = board_of(status("detector", "degraded", "'cup' is not painted", **refused))
-    with pytest.raises(WrongUse, match=r"recorded knows nothing.*'cup' is not painted"):
-        play(job(tmp_path, start_s=60), board, Tally(), "cup", "cup")
+    with pytest.raises(UsageError, match=r"recorded knows nothing.*'cup' is not painted"):
+        play(job(tmp_path, start_s=60), board, FrameAnswers(), "cup", "cup")
 
 
 def test_a_class_that_is_not_known_is_told_once_and_the_others_go_on(
@@ -118,7 +118,7 @@ def test_a_class_that_is_not_known_is_told_once_and_the_others_go_on(
     figures = {"contexts_sought": 1, "classes_refused": 1}
     board = board_of(status("detector", "degraded", "'cup' is not painted", **figures))
     classes = Watch(
-        job(tmp_path), Examined(4, 0.0, (frozenset({"cup", "box"}),), {}), board, Console()
+        job(tmp_path), CheckedInput(4, 0.0, (frozenset({"cup", "box"}),), {}), board, Console()
     ).classes
     for over in (False, False, True):
         classes.check(board, over, Console(width=200))
@@ -131,21 +131,21 @@ def test_a_search_that_may_still_be_known_is_waited_for(tmp_path: Path) -> None:
         *(status(name, "ready") for name in NAMES[1:]),
         status("detector", "degraded", "'cup' is not painted", **refused),
     )
-    tally = Tally()
+    tally = FrameAnswers()
     tally.note_state(pb.RobotState(finished=True))
     play(job(tmp_path, start_s=60), board, tally, "cup", "box")
     watch = Watch(
-        job(tmp_path), Examined(4, 0.0, (frozenset({"cup"}), frozenset({"box"})), {}), board,
+        job(tmp_path), CheckedInput(4, 0.0, (frozenset({"cup"}), frozenset({"box"})), {}), board,
         Console(quiet=True),
     )  # fmt: skip
-    with pytest.raises(WrongUse):
+    with pytest.raises(UsageError):
         watch.classes.check(board, over=True, console=Console(quiet=True))
 
 
 def test_an_interrupt_ends_it_with_what_came_so_far_and_before_that_with_nothing(
     tmp_path: Path,
 ) -> None:
-    tally, interrupts = Tally(), Interrupts()
+    tally, interrupts = FrameAnswers(), Interrupts()
     interrupts.note()
     with pytest.raises(KeyboardInterrupt):
         play(job(tmp_path), board_of(), tally, interrupts=interrupts)
@@ -177,4 +177,4 @@ def test_frames_left_out_are_told_and_none_left_is_an_error(
     with pytest.raises(InvalidInput, match="none of the 4 frames"):
         say(4)
     assert unreadable_frames(board_of(status("bridge", "ready", unreadable_frames=3))) == 3
-    assert unreadable_frames(Board()) == 0
+    assert unreadable_frames(ServiceTable()) == 0

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 from helios_client.replay.input_selection import default_detector, what_to_seek
-from helios_client.supervision.service_specs import RECORDED, Stack
+from helios_client.supervision.service_specs import RECORDED, ServiceSpecs
 from helios_client.supervision.service_table import ServiceRow, is_ready
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 
 TAPE, FOLDER = Path("tour.mcap"), Path("folder")
 
@@ -34,19 +34,19 @@ def test_a_recording_needs_no_words() -> None:
 def test_what_is_missing_is_asked_for(
     source: Path, classes: str | None, thresholds: str, detector: str | None
 ) -> None:
-    with pytest.raises(WrongUse):
+    with pytest.raises(UsageError):
         what_to_seek(source, classes, thresholds, detector)
 
 
 def test_detectors_that_need_not_be_named() -> None:
     assert default_detector("sim", None) == "simulated"
     assert default_detector("replay", TAPE) == RECORDED
-    with pytest.raises(WrongUse):
+    with pytest.raises(UsageError):
         default_detector("replay", FOLDER)
 
 
 def test_a_replay_and_a_recorder_are_called_so(tmp_path: Path) -> None:
-    stack = Stack(
+    stack = ServiceSpecs(
         "replay", 7447, tmp_path, detector=RECORDED, source=TAPE, from_s=2.0, to_s=5.0, rate=1.0,
         record=tmp_path / "out",
     )  # fmt: skip

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from helios_client.supervision.service_specs import Stack
+from helios_client.supervision.service_specs import ServiceSpecs
 from helios_core.agent_presets import AGENT_SETTINGS
 
 
 def flags_of(service: str, agent: str | None) -> dict[str, str]:
     """What the service's process is called with, after `python -m MODULE`."""
-    specs = Stack("sim", 7447, Path("state"), port=8080, agent=agent).specs()
+    specs = ServiceSpecs("sim", 7447, Path("state"), port=8080, agent=agent).specs()
     (argv,) = (spec.argv[3:] for spec in specs if spec.name == service)
     return dict(zip(argv[::2], argv[1::2], strict=True))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from helios_client.replay.class_thresholds import DEFAULT_THRESHOLD, watch_list
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.types import Role
 from hypothesis import given
 from hypothesis import strategies as st
@@ -28,13 +28,13 @@ def test_names_may_be_in_any_case_and_with_underscores() -> None:
 
 @pytest.mark.parametrize("classes", ["", ",", "cup,", "cup,cup", "cup, Cup"])
 def test_wrong_classes_are_wrong_use(classes: str) -> None:
-    with pytest.raises(WrongUse, match="--classes"):
+    with pytest.raises(UsageError, match="--classes"):
         watch_list(classes, "")
 
 
 @pytest.mark.parametrize("text", ["cup", "cup=", "cup=x", "cup=1.5", "cup=nan", "=0.3", "fork=0.2"])
 def test_wrong_thresholds_are_wrong_use(text: str) -> None:
-    with pytest.raises(WrongUse, match="--thresholds"):
+    with pytest.raises(UsageError, match="--thresholds"):
         watch_list("cup", text)
 
 
@@ -42,7 +42,7 @@ def test_wrong_thresholds_are_wrong_use(text: str) -> None:
 def test_any_words_give_a_context_or_wrong_use(classes: str, thresholds: str) -> None:
     try:
         context = watch_list(classes, thresholds)
-    except WrongUse:
+    except UsageError:
         return
     assert context.classes
     assert all(0 <= c.threshold <= 1 and c.name for c in context.classes)

@@ -28,10 +28,10 @@ from helios_core.topics import (
     status_topic,
 )
 from helios_core.zenoh_bus import ZenohBus
-from helios_detector.detector_fleet import HOME, Desk, Fleet
+from helios_detector.detector_fleet import HOME, Fleet, RobotSlot
 from helios_detector.lexical_scorer import LexicalScorer
 from helios_detector.model_set import Models
-from helios_detector.model_usage import Workload
+from helios_detector.model_usage import ModelUsage
 from helios_detector.robot_assignment import Members
 from helios_detector.settings import Settings
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
@@ -217,11 +217,11 @@ def test_a_robot_is_told_what_keeps_the_models_away_until_they_work_and_never_af
     told: list[str] = []
     MemoryBus(hub, "ada").subscribe(status_topic("detector"), lambda s: told.append(s.state))
     loading.waiting("loading the models")
-    desk = Desk("ada", MemoryBus(hub, "ada"), members, threading.Lock(), loading)
+    desk = RobotSlot("ada", MemoryBus(hub, "ada"), members, threading.Lock(), loading)
     try:
         wait_until(lambda: told[-1:] == ["waiting"], 10, "it is told to wait")
         models = Models(GroundTruthDetector(SceneTruth()), LexicalScorer())
-        desk.begin(models, Workload(), preview_quality=80)
+        desk.begin(models, ModelUsage(), preview_quality=80)
         members.change(members.me, True, 0.0)
         wait_until(lambda: told[-1:] == ["ready"], 10, "it is told that they work")
         del told[:]

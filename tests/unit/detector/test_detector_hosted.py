@@ -16,10 +16,10 @@ from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, VOCABULARY
 from helios_core.types import Role, SearchClass, SearchContext
 from helios_detector import model_set as models_module
-from helios_detector.backend import DetectorBackend, DetectorOptions, Findings
+from helios_detector.backend import DetectorBackend, DetectorOptions, FrameAnswers
 from helios_detector.lexical_scorer import LexicalScorer, furniture_names
 from helios_detector.model_set import Models, landmarks_of, open_models
-from helios_detector.robot_detector import Hosted
+from helios_detector.robot_detector import RobotDetector
 from helios_detector.service import DetectorService
 from helios_detector.settings import Settings
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
@@ -53,7 +53,7 @@ def test_models_of_a_folder_become_a_ready_service_that_answers(owl: Path, clip:
             SearchContext("c", context_of("mug", threshold=0.01).classes, {"pick": "a mug"})
         ),
     )
-    service = Hosted(
+    service = RobotDetector(
         MemoryBus(hub), health,
         settings(detector=f"transformers:{owl}", scorer=f"transformers:{clip}", device="cpu"),
     )  # fmt: skip
@@ -72,7 +72,7 @@ def test_models_of_a_folder_become_a_ready_service_that_answers(owl: Path, clip:
 
 def test_until_the_model_is_there_it_waits_and_says_for_what(owl: Path, tmp_path: Path):
     hub, health, link = MemoryHub(), Health(), tmp_path / "model"
-    service = Hosted(MemoryBus(hub), health, settings(detector=f"transformers:{link}"))
+    service = RobotDetector(MemoryBus(hub), health, settings(detector=f"transformers:{link}"))
     wait_until(lambda: "is not there; put config.json" in health.state[1], 10, "the reason")
     assert health.state[0] == "waiting"
     with pytest.raises(Unavailable, match=r"the detector is not ready: .*is not there; put c"):
@@ -85,7 +85,7 @@ def test_until_the_model_is_there_it_waits_and_says_for_what(owl: Path, tmp_path
 
 def test_a_wrong_setting_is_said_once_and_not_tried_again():
     health = Health()
-    service = Hosted(MemoryBus(MemoryHub()), health, settings(scorer="oracle"))
+    service = RobotDetector(MemoryBus(MemoryHub()), health, settings(scorer="oracle"))
     wait_until(lambda: health.state[0] == "degraded", 10, "degraded")
     assert "there is no scorer 'oracle'" in health.state[1]
     service.close()
@@ -103,7 +103,7 @@ def test_a_model_that_fails_in_its_warm_up_is_never_ready(monkeypatch: pytest.Mo
         return Models(Starved(truth), LexicalScorer(), None)
 
     monkeypatch.setattr(models_module, "open_models", open_starved)
-    service = Hosted(MemoryBus(MemoryHub()), health, settings())
+    service = RobotDetector(MemoryBus(MemoryHub()), health, settings())
     wait_until(lambda: len(opened) > 2, 10, "three tries")  # tried again
     wait_until(lambda: "too little memory for a/b" in health.state[1], 10, "the reason")
     assert health.state[0] == "waiting"
@@ -158,11 +158,11 @@ class Slow(DetectorBackend):
     def refused(self, context):
         return {}
 
-    def detect(self, frame, context) -> Findings:
+    def detect(self, frame, context) -> FrameAnswers:
         self.frames.append(frame.id.seq)
         self.begun.set()
         assert self.go.wait(10)
-        return Findings((), ())
+        return FrameAnswers((), ())
 
     def warm_up(self) -> None:
         """Always warm."""
@@ -264,7 +264,7 @@ def test_a_hosted_model_leaves_the_memory_when_idle_and_comes_back(
     bus = MemoryBus(hub)
     bus.subscribe(OBSERVATION, seen.append)
     bus.publish(CONTEXT, context_to_proto(context_of("mug", threshold=0.01)))
-    service = Hosted(
+    service = RobotDetector(
         MemoryBus(hub), health,
         settings(detector=f"transformers:{owl}", device="cpu", unload_after_s=0.05),
     )  # fmt: skip

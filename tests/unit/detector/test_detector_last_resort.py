@@ -13,12 +13,12 @@ from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, VOCABULARY, Method, status_topic
 from helios_detector import detector_fleet as fleet_module
 from helios_detector import robot_detector as hosted_module
-from helios_detector.detector_fleet import Desk, Fleet
+from helios_detector.detector_fleet import Fleet, RobotSlot
 from helios_detector.lexical_scorer import LexicalScorer
 from helios_detector.model_set import Models
-from helios_detector.model_usage import Workload
+from helios_detector.model_usage import ModelUsage
 from helios_detector.robot_assignment import Members
-from helios_detector.robot_detector import Hosted
+from helios_detector.robot_detector import RobotDetector
 from helios_detector.settings import Settings
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 
@@ -35,7 +35,7 @@ def test_a_detector_whose_start_fails_unforeseen_says_so(monkeypatch: pytest.Mon
 
     monkeypatch.setattr(hosted_module, "load_models", broken)
     hub, health = MemoryHub(), Health()
-    service = Hosted(MemoryBus(hub), health, Settings())
+    service = RobotDetector(MemoryBus(hub), health, Settings())
     wait_until(lambda: health.state[0] == "degraded", 10, "it is said")
     assert "the detector is not at work: RuntimeError: torch is torn" in health.state[1]
     with pytest.raises(Unavailable, match=r"is not ready: .*torch is torn"):
@@ -64,7 +64,7 @@ def test_a_hosted_detector_tries_a_context_again_that_its_back_end_could_not_tak
     monkeypatch.setattr(hosted_module, "CHECK_S", 0.01)
     monkeypatch.setattr("helios_detector.service.AGAIN_S", 0.0)
     MemoryBus(hub).publish(CONTEXT, context_to_proto(context_of("mug")))
-    service = Hosted(MemoryBus(hub), health, Settings())
+    service = RobotDetector(MemoryBus(hub), health, Settings())
     wait_until(lambda: health.state == ("ready", ""), 10, "the context is sought")
     assert health.metrics()["context_retries"] == 2
     service.close()
@@ -77,10 +77,10 @@ def test_so_does_one_that_serves_several_robots_and_answers_the_keyframes_that_c
     hub, truth, members = MemoryHub(), SceneTruth(), Members("me", ["ada"])
     bus, answers = MemoryBus(hub, "ada"), []
     bus.subscribe(OBSERVATION, answers.append)
-    desk = Desk("ada", MemoryBus(hub, "ada"), members, threading.Lock(), Health())
+    desk = RobotSlot("ada", MemoryBus(hub, "ada"), members, threading.Lock(), Health())
     try:
         members.change(members.me, True, -10.0)
-        desk.begin(Models(Moody(truth), LexicalScorer()), Workload(), preview_quality=80)
+        desk.begin(Models(Moody(truth), LexicalScorer()), ModelUsage(), preview_quality=80)
         bus.publish(CONTEXT, context_to_proto(context_of("mug")))
         bus.publish(KEYFRAME, frame_to_proto(truth.frame()))
         wait_until(lambda: len(answers) == 1, 10, "the keyframe is answered")
@@ -138,12 +138,12 @@ def test_a_desk_outlives_what_nobody_foresaw_and_says_it_meanwhile():
     hub, loading, members = MemoryHub(), Health(), Members("me", ["ada"])
     bus, told = Torn(hub, "ada"), pb.ServiceStatus()
     MemoryBus(hub, "ada").subscribe(status_topic("detector"), told.CopyFrom)
-    desk = Desk("ada", bus, members, threading.Lock(), loading)
+    desk = RobotSlot("ada", bus, members, threading.Lock(), loading)
     try:
         wait_until(lambda: "RuntimeError: the session is torn" in told.reason, 10, "it is told")
         assert told.state == "degraded"
         bus.torn = False
-        desk.begin(models_that_work(), Workload(), preview_quality=80)
+        desk.begin(models_that_work(), ModelUsage(), preview_quality=80)
         members.change(members.me, True, -10.0)
         wait_until(lambda: told.state == "ready", 10, "it works")
     finally:

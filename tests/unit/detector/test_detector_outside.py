@@ -14,7 +14,7 @@ from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION
 from helios_core.types import SearchContext
 from helios_detector.backend import DetectorOptions
 from helios_detector.model_loading import check_plugins, open_detector, open_scorer
-from helios_detector.robot_detector import Hosted
+from helios_detector.robot_detector import RobotDetector
 from helios_detector.settings import Settings
 
 from tests.support import wait_until
@@ -48,7 +48,9 @@ def test_a_service_of_outside_back_ends_answers(outside: Path):
     bus.subscribe(OBSERVATION, seen.append)
     context = SearchContext("c", context_of("mug").classes, {"pick": "a mug"})
     bus.publish(CONTEXT, context_to_proto(context))
-    service = Hosted(MemoryBus(hub), health, Settings(detector="patient:0", scorer="half:0.25"))
+    service = RobotDetector(
+        MemoryBus(hub), health, Settings(detector="patient:0", scorer="half:0.25")
+    )
     wait_until(lambda: health.state[0] == "ready", 20, "ready")
     bus.publish(KEYFRAME, frame_to_proto(frame_of()))
     assert (seen[0].detector, seen[0].scorer) == ("patient:0", "half")
@@ -58,7 +60,7 @@ def test_a_service_of_outside_back_ends_answers(outside: Path):
 
 def test_a_back_end_that_breaks_while_it_warms_up_is_said_and_not_tried_again(outside: Path):
     health = Health()
-    service = Hosted(MemoryBus(MemoryHub()), health, Settings(detector="patient:-1"))
+    service = RobotDetector(MemoryBus(MemoryHub()), health, Settings(detector="patient:-1"))
     wait_until(lambda: health.state[0] == "degraded", 20, "degraded")
     assert "patient:-1 or lexical cannot be loaded (ValueError: time runs" in health.state[1]
     service.close()

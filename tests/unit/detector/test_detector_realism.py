@@ -13,7 +13,7 @@ from helios_detector.coco_classes import COCO_NAMES
 from helios_eval.studies import realism
 from helios_eval.studies.realism import main
 from helios_eval.studies.realism_judging import Row, Sight, judged, names_for, rows_of, table
-from helios_eval.studies.realism_views import Eye, Thing, iou, looking, outline_of
+from helios_eval.studies.realism_views import ObserverCamera, Thing, iou, looking, outline_of
 from helios_sim.home import PRESETS, generate_home
 
 MODEL = Path(__file__).resolve().parents[4] / "shared" / "models" / "yolox_nano.onnx"
@@ -83,7 +83,7 @@ def test_the_outline_of_a_thing_is_that_of_its_points():
 
 def test_a_view_tells_what_is_open_to_it():
     home = generate_home(0, PRESETS["demo-v1"])
-    eye = Eye(home, None)
+    eye = ObserverCamera(home, None)
     try:
         views = list(eye.views({home.objects[0].class_name}))
     finally:

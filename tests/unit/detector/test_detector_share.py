@@ -1,7 +1,13 @@
 """Several detectors share several robots: pure rules, against every order of what happens."""
 
 from helios_core import proto as pb
-from helios_detector.robot_assignment import MOST_REMEMBERED, SETTLE_S, Ledger, Members, key_of
+from helios_detector.robot_assignment import (
+    MOST_REMEMBERED,
+    SETTLE_S,
+    AssignmentTable,
+    Members,
+    key_of,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -56,7 +62,7 @@ def test_a_detector_of_another_list_is_a_stranger_and_shares_nothing():
 
 
 def test_keyframes_are_taken_oldest_first_and_once():
-    ledger, there = Ledger(), frozenset({"a", "b"})
+    ledger, there = AssignmentTable(), frozenset({"a", "b"})
     for seq in (1, 2, 2, 3):
         ledger.add(frame(seq))
     taken = []
@@ -67,7 +73,7 @@ def test_keyframes_are_taken_oldest_first_and_once():
 
 
 def test_what_somebody_took_and_did_not_answer_is_free_when_he_is_gone():
-    ledger = Ledger()
+    ledger = AssignmentTable()
     ledger.add(frame(1))
     ledger.add(frame(2))
     ledger.note(claim(1, "a", answered=True))
@@ -79,14 +85,14 @@ def test_what_somebody_took_and_did_not_answer_is_free_when_he_is_gone():
 
 
 def test_a_claim_may_come_before_its_keyframe():
-    ledger = Ledger()
+    ledger = AssignmentTable()
     ledger.note(claim(1, "a", answered=True))
     ledger.add(frame(1))
     assert ledger.next(frozenset()) is None
 
 
 def test_what_was_answered_long_ago_is_forgotten_and_the_rest_is_not():
-    ledger = Ledger()
+    ledger = AssignmentTable()
     for seq in range(1000):
         ledger.note(claim(seq, "a", answered=True))
     assert len(ledger._entries) == MOST_REMEMBERED
@@ -97,7 +103,7 @@ def test_what_was_answered_long_ago_is_forgotten_and_the_rest_is_not():
 @settings(deadline=None)
 @given(st.lists(st.integers(1, 60), max_size=80))
 def test_few_keyframes_are_held_and_those_are_the_newest(seqs: list[int]):
-    ledger = Ledger()
+    ledger = AssignmentTable()
     for seq in seqs:
         before = {key for key, entry in ledger._entries.items() if entry.message is not None}
         before.add(key_of(frame(seq).id))

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from helios_eval.episodes import episode_record, failure_snapshot
 from helios_eval.episodes.episode_record import Belief, EpisodeRecord, Noise
-from helios_eval.episodes.failure_snapshot import Keepsake, Marked
+from helios_eval.episodes.failure_snapshot import FailureSnapshot, Marked
 
 NOISE = Noise(table="synthetic", digest="0" * 64, level=1.0, correlation=None)
 OBJECTS = ("mug", "toy animal", "spray bottle", "book", "sushi mat")
@@ -86,7 +86,7 @@ def _beliefs(rng: np.random.Generator, steps: int) -> list[Belief]:
     return out
 
 
-def kept(episode: EpisodeRecord) -> Keepsake:
+def kept(episode: EpisodeRecord) -> FailureSnapshot:
     """An invented map to a failed episode."""
     rng = np.random.default_rng(episode.seed)
     cell_m, size = 0.05, 220
@@ -103,7 +103,7 @@ def kept(episode: EpisodeRecord) -> Keepsake:
     path = np.array([2.0, 2.2]) + np.linspace(0, 1, 150)[:, None] * [4.0, 3.8] + walk * 0.4
     camera = rng.integers(60, 200, (12, 9, 3), dtype=np.uint8)
     camera = cv2.resize(camera, (120, 160), interpolation=cv2.INTER_CUBIC)
-    return Keepsake(
+    return FailureSnapshot(
         key=episode.key, agent=episode.agent, semantics=episode.semantics, seed=episode.seed,
         instruction=episode.instruction, cause=episode.cause, message=episode.message,
         occupancy=grid, origin_m=(0.0, 0.0), cell_m=cell_m,

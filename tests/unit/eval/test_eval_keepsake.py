@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_eval.episodes import failure_snapshot
-from helios_eval.episodes.failure_snapshot import Keepsake, Marked
+from helios_eval.episodes.failure_snapshot import FailureSnapshot, Marked
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-KEPT = Keepsake(
+KEPT = FailureSnapshot(
     key="ovmm|helios|noisy|demo-v1|7||{}", agent="helios", semantics="noisy", seed=7,
     instruction="Move the mug",
     cause="object not found", message="nowhere",

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from eval_constructed_records import record
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.errors import Conflict, InvalidInput, Unavailable
 from helios_eval import run_folder
 from helios_eval.episodes import episode_record as records
@@ -223,7 +223,7 @@ def test_a_file_is_no_folder(stage: Stage, tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("mine")
     for out in (file, file / "below"):
-        with pytest.raises(WrongUse, match="a file is there"):
+        with pytest.raises(UsageError, match="a file is there"):
             run(asked(out), quiet())
     assert file.read_text() == "mine"
     assert not stage.played

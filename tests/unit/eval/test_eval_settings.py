@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.agent_presets import AGENT_SETTINGS
 from helios_eval.episodes import episode_spec, home_presets, service_settings
 from helios_eval.episodes.run_conditions import checked
@@ -69,18 +69,18 @@ def test_every_setting_of_an_agent_is_one_of_a_service() -> None:
     ],
 )  # fmt: skip
 def test_a_wrong_setting_is_wrong_use(text: str, words: str) -> None:
-    with pytest.raises(WrongUse, match=words):
+    with pytest.raises(UsageError, match=words):
         service_settings.parsed([text])
 
 
 def test_agents_and_presets_are_known_by_name() -> None:
     episode_spec.check_agents(["helios", "ground-truth-walker"], "ovmm")
     home_presets.check_kind("demo-v1")
-    with pytest.raises(WrongUse, match="helios"):
+    with pytest.raises(UsageError, match="helios"):
         episode_spec.check_agents(["hal"], "ovmm")
-    with pytest.raises(WrongUse, match="walker"):
+    with pytest.raises(UsageError, match="walker"):
         episode_spec.check_agents(["ground-truth-walker"], "objectnav")
-    with pytest.raises(WrongUse, match="demo-v1"):
+    with pytest.raises(UsageError, match="demo-v1"):
         home_presets.check_kind("palace")
 
 
@@ -106,5 +106,5 @@ def test_an_agent_of_another_package_is_loaded_before_anything_is_played() -> No
         ("surely_not_there:agent", "no package or module"),
         ("hal", "or package:agent of your own"),
     ):
-        with pytest.raises(WrongUse, match=said):
+        with pytest.raises(UsageError, match=said):
             episode_spec.check_agents([agent], "objectnav")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.types import ObjectInstance, Role
 from helios_eval.episodes.belief_truth import Role as BeliefRole
 from helios_eval.episodes.belief_truth import judged
@@ -57,7 +57,7 @@ def test_an_arm_is_an_agent_with_its_settings_and_those_that_are_given() -> None
     ],
 )
 def test_what_is_no_arm_is_refused(text: str, says: str) -> None:
-    with pytest.raises(WrongUse, match=says):
+    with pytest.raises(UsageError, match=says):
         arm_of(text)
 
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.types import Detection, Frame, Role, SearchContext
-from helios_detector.backend import DetectorBackend, Findings
+from helios_detector.backend import DetectorBackend, FrameAnswers
 from helios_eval.studies import real_frames
 from helios_eval.studies.real_frames import arms_of, context_of, figures, place, table
-from helios_eval.studies.real_frames_beliefs import Course, Seen, courses, frames_of
+from helios_eval.studies.real_frames_beliefs import EpisodeProgress, Seen, courses, frames_of
 from helios_eval.studies.real_frames_pictures import (
     belief_curves,
     count_curves,
@@ -63,10 +63,10 @@ class Painter(DetectorBackend):
     def close(self):
         return
 
-    def detect(self, frame: Frame, context: SearchContext) -> Findings:
+    def detect(self, frame: Frame, context: SearchContext) -> FrameAnswers:
         mask = np.zeros(SHAPE, bool)
         mask[THING] = True
-        return Findings((Detection("cup", 0.9, (24, 16, 40, 32), mask),), ())
+        return FrameAnswers((Detection("cup", 0.9, (24, 16, 40, 32), mask),), ())
 
 
 def test_the_thing_at_a_place_is_told_by_its_name_in_every_arm(folder):
@@ -103,7 +103,7 @@ def cup(psi: float, **probabilities: float) -> Seen:
 
 
 FOUND = {
-    "a": Course(
+    "a": EpisodeProgress(
         [0, 4, 8],
         [1000, 2000, 2500],
         [
@@ -112,7 +112,7 @@ FOUND = {
             {"mine": cup(0.5, bowl=0.05, tv=0.03)},
         ],
     ),
-    "b": Course(
+    "b": EpisodeProgress(
         [0, 4], [1000, 9000], [{}, {"table": Seen("table", 0.2, {"cup": 0.1}, (0, 0, 0))}], True
     ),
 }
@@ -169,14 +169,14 @@ def test_the_figures_and_both_pictures_are_left_as_files(tmp_path):
 def test_classes_that_are_receptacles_are_searched_as_such():
     roles = {c.name: c.role for c in context_of("cup,table", "", "table").classes}
     assert roles == {"cup": Role.OBJECT, "table": Role.START_RECEPTACLE}
-    with pytest.raises(WrongUse, match="desk"):
+    with pytest.raises(UsageError, match="desk"):
         context_of("cup,table", "", "desk")
 
 
 def test_what_makes_no_sense_is_said(capsys, tmp_path):
     with pytest.raises(argparse.ArgumentTypeError, match="NAME=CLASS@X,Y,Z"):
         place("mug A=1,2,3")
-    with pytest.raises(WrongUse, match="colour"):
+    with pytest.raises(UsageError, match="colour"):
         arms_of(["colour=red"])
     told = ["--detector", "onnx:x", "--classes", "cup", "--out", str(tmp_path)]
     assert real_frames.main([str(tmp_path / "nowhere"), *told]) == 2

@@ -105,11 +105,7 @@ def test_the_fewest_are_those_with_which_an_exact_test_can_tell_at_all():
     def p_of_unanimous(homes: int) -> float:
         return sign_test(np.ones(homes), np.zeros(homes))
 
-    assert (
-        p_of_unanimous(FEWEST)
-        <= 0.05
-        < p_of_unanimous(FEWEST - 1)
-    )
+    assert p_of_unanimous(FEWEST) <= 0.05 < p_of_unanimous(FEWEST - 1)
 
 
 @given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=40))

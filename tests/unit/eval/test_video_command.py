@@ -5,12 +5,12 @@ import io
 import cv2
 import pytest
 from helios_client import cli
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core.topics import CONTEXT
 from helios_eval import eval_command
 from helios_eval.episodes.episode_player import play
 from helios_eval.episodes.episode_spec import EpisodeSpec
-from helios_eval.episodes.in_process_stack import House
+from helios_eval.episodes.in_process_stack import InProcessStack
 from helios_eval.video import episode_recorder
 from helios_eval.video.progress import counted
 from helios_eval.video.video_command import video
@@ -52,14 +52,14 @@ def test_a_film_counts_its_steps_for_a_log_and_for_a_terminal():
 def test_what_is_filmed_is_what_is_played(tmp_path, monkeypatch, agent):
     """The same house: its planner asks the detector for the same classes above the same scores."""
     asked = []
-    run = House.run
+    run = InProcessStack.run
 
     def heard(house, *given):
         asked.append([])
         house.bus().subscribe(CONTEXT, lambda context: asked[-1].append(context.classes))
         return run(house, *given)
 
-    monkeypatch.setattr(House, "run", heard)
+    monkeypatch.setattr(InProcessStack, "run", heard)
     spec = EpisodeSpec("ovmm", agent, "ground-truth", "demo-v1", 4, None, {"max_steps": 1})
     play(spec, "here")
     episode_recorder.film(spec, tmp_path / "film.mp4", 8.0)
@@ -97,8 +97,8 @@ def test_a_film_is_of_the_episode_that_the_same_flags_play(tmp_path, monkeypatch
     ],
 )
 def test_wrong_use_is_told(tmp_path, wrong, told):
-    with pytest.raises(WrongUse, match=told):
+    with pytest.raises(UsageError, match=told):
         video(**{"seed": 1, "out": tmp_path / "a.mp4", "preset": "demo-v1", **wrong})
-    with pytest.raises(WrongUse, match=r"FILE\.mp4"):
+    with pytest.raises(UsageError, match=r"FILE\.mp4"):
         video(seed=1, out=tmp_path / "film.avi", preset="demo-v1")
     assert not list(tmp_path.iterdir())

@@ -6,8 +6,8 @@ import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_gateway.bus_listener import Live
-from helios_gateway.robot_registry import Fleet, Served
+from helios_gateway.bus_listener import BusListener
+from helios_gateway.robot_registry import RobotRegistry, Served
 from helios_gateway.settings import Settings
 from helios_gateway.web_app import create_app
 
@@ -34,9 +34,9 @@ def backend(hub: MemoryHub) -> Backend:
 
 
 @pytest.fixture
-def live(hub: MemoryHub) -> Iterator[Live]:
+def live(hub: MemoryHub) -> Iterator[BusListener]:
     """Without its ticker: tests call `tick`."""
-    live = Live(MemoryBus(hub), PATIENT)
+    live = BusListener(MemoryBus(hub), PATIENT)
     yield live
     live.close()
 
@@ -50,12 +50,12 @@ def served() -> dict[str, Served]:
 @pytest.fixture(scope="session")
 def app(served: dict[str, Served]) -> FastAPI:
     """Without keys. One for all tests of a process: its routes take most of a second to make."""
-    return create_app(Fleet(served), PATIENT)
+    return create_app(RobotRegistry(served), PATIENT)
 
 
 @pytest.fixture
 def client(
-    app: FastAPI, served: dict[str, Served], hub: MemoryHub, live: Live
+    app: FastAPI, served: dict[str, Served], hub: MemoryHub, live: BusListener
 ) -> Iterator[TestClient]:
     served["robot"] = Served(MemoryBus(hub), live)
     with TestClient(app, "http://localhost", raise_server_exceptions=False) as client:

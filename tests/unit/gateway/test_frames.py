@@ -14,9 +14,9 @@ from helios_core import proto as pb
 from helios_core.codec import frame_from_proto
 from helios_core.geometry import se2_to_se3
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_gateway.bus_listener import Live
+from helios_gateway.bus_listener import BusListener
 from helios_gateway.request_limits import MOST_LARGE
-from helios_gateway.robot_registry import Fleet, Served
+from helios_gateway.robot_registry import RobotRegistry, Served
 from helios_gateway.routes.frames import MOST_SENDERS
 from helios_gateway.settings import Settings
 from helios_gateway.uploaded_frames import taken
@@ -93,12 +93,12 @@ def test_places_are_given_back(client: TestClient, bridge: Bridge) -> None:
 
 @pytest.mark.parametrize(("scope", "may"), [("", False), ("read", False), ("operate", True)])
 def test_frames_need_a_key_that_may_operate(
-    hub: MemoryHub, live: Live, bridge: Bridge, tmp_path: Path, scope: str, may: bool
+    hub: MemoryHub, live: BusListener, bridge: Bridge, tmp_path: Path, scope: str, may: bool
 ) -> None:
     file = tmp_path / "keys.toml"
     keys = {name: add_key(file, name, name) for name in ("read", "operate")}
     app = create_app(
-        Fleet({"robot": Served(MemoryBus(hub), live)}), Settings.load(["--keys", str(file)])
+        RobotRegistry({"robot": Served(MemoryBus(hub), live)}), Settings.load(["--keys", str(file)])
     )
     header = {"authorization": f"Bearer {keys[scope]}"} if scope else {}
     client = TestClient(app, "http://localhost", headers=header)

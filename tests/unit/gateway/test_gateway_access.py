@@ -13,9 +13,9 @@ from fastapi.testclient import TestClient
 from helios_client.commands.api_keys import add_key
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_gateway.api_keys import Keys, Scope
-from helios_gateway.bus_listener import Live
-from helios_gateway.robot_registry import Fleet, Served
+from helios_gateway.api_keys import ApiKeys, Scope
+from helios_gateway.bus_listener import BusListener
+from helios_gateway.robot_registry import RobotRegistry, Served
 from helios_gateway.service import check_open
 from helios_gateway.settings import Settings
 from helios_gateway.web_app import create_app
@@ -29,9 +29,9 @@ TASK = {"instruction": "move the mug to the kitchen counter"}
 class Door:
     """An application with these flags, and clients with or without a key."""
 
-    def __init__(self, hub: MemoryHub, live: Live, *flags: str) -> None:
+    def __init__(self, hub: MemoryHub, live: BusListener, *flags: str) -> None:
         self.app: FastAPI = create_app(
-            Fleet({"robot": Served(MemoryBus(hub), live)}), Settings.load(list(flags))
+            RobotRegistry({"robot": Served(MemoryBus(hub), live)}), Settings.load(list(flags))
         )
 
     def client(self, key: str = "", **headers: str) -> TestClient:
@@ -51,7 +51,9 @@ def keys(file: Path) -> dict[str, str]:
 
 
 @pytest.fixture
-def door(hub: MemoryHub, backend: Backend, live: Live, keys: dict[str, str], file: Path) -> Door:
+def door(
+    hub: MemoryHub, backend: Backend, live: BusListener, keys: dict[str, str], file: Path
+) -> Door:
     backend.serve_settings("planner", {"agent": "helios"})
     return Door(hub, live, "--keys", str(file))
 
@@ -164,24 +166,24 @@ def test_the_file_holds_no_key_and_is_its_owner_s_alone(keys: dict[str, str], fi
 def test_a_file_of_keys_that_is_wrong_is_refused(file: Path, text: str, says: str) -> None:
     file.write_text(text)
     with pytest.raises(InvalidInput, match=says):
-        Keys(file)
+        ApiKeys(file)
     with pytest.raises(InvalidInput, match="helios key"):
-        Keys(file.parent / "none.toml")
+        ApiKeys(file.parent / "none.toml")
 
 
 def test_a_file_of_keys_that_is_no_text_is_refused(file: Path) -> None:
     file.write_bytes(b"\xff\xfe")
     with pytest.raises(InvalidInput, match="no TOML"):
-        Keys(file)
+        ApiKeys(file)
 
 
 def test_beyond_loopback_keys_are_needed(file: Path, keys: dict[str, str]) -> None:
-    check_open("127.0.0.1", Settings.load([]), Keys(None))
-    check_open("::1", Settings.load([]), Keys(None))
-    check_open("0.0.0.0", Settings.load([]), Keys(file))
-    check_open("0.0.0.0", Settings.load(["--without-keys"]), Keys(None))
+    check_open("127.0.0.1", Settings.load([]), ApiKeys(None))
+    check_open("::1", Settings.load([]), ApiKeys(None))
+    check_open("0.0.0.0", Settings.load([]), ApiKeys(file))
+    check_open("0.0.0.0", Settings.load(["--without-keys"]), ApiKeys(None))
     with pytest.raises(InvalidInput, match="helios key"):
-        check_open("0.0.0.0", Settings.load([]), Keys(None))
+        check_open("0.0.0.0", Settings.load([]), ApiKeys(None))
 
 
 def test_without_keys_only_this_machine_s_names_lead_here(client: TestClient) -> None:
@@ -223,7 +225,7 @@ def test_a_large_body_is_not_read_before_its_key_is_known(
 
 
 def test_too_many_requests_of_one_client_wait_and_stop_now_never_does(
-    hub: MemoryHub, backend: Backend, live: Live
+    hub: MemoryHub, backend: Backend, live: BusListener
 ) -> None:
     client = Door(hub, live, "--requests-per-s", "3").client()
     answers = [client.get("/v1/robot") for _ in range(20)]
@@ -234,7 +236,7 @@ def test_too_many_requests_of_one_client_wait_and_stop_now_never_does(
 
 
 def test_requests_at_the_same_time_are_bounded(
-    hub: MemoryHub, backend: Backend, live: Live
+    hub: MemoryHub, backend: Backend, live: BusListener
 ) -> None:
     door = Door(hub, live, "--max-requests", "1", "--body-timeout-s", "30")
 
@@ -264,7 +266,9 @@ def test_requests_at_the_same_time_are_bounded(
     asyncio.run(run())
 
 
-def test_a_body_that_dribbles_is_given_up(hub: MemoryHub, backend: Backend, live: Live) -> None:
+def test_a_body_that_dribbles_is_given_up(
+    hub: MemoryHub, backend: Backend, live: BusListener
+) -> None:
     door = Door(hub, live, "--body-timeout-s", "0.05")
 
     async def run() -> httpx.Response:
@@ -281,7 +285,7 @@ def test_a_body_that_dribbles_is_given_up(hub: MemoryHub, backend: Backend, live
 
 
 def test_pages_of_listed_sites_may_ask_and_others_may_not(
-    hub: MemoryHub, backend: Backend, live: Live
+    hub: MemoryHub, backend: Backend, live: BusListener
 ) -> None:
     door = Door(hub, live, "--origins", "https://ops.example")
     ours, theirs = (

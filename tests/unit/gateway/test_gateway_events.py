@@ -13,8 +13,8 @@ from helios_core import proto as pb
 from helios_core.errors import Unavailable
 from helios_core.topics import TASK
 from helios_gateway.api_map_models import MapChange
-from helios_gateway.api_models import Healthy, RobotPose
-from helios_gateway.bus_listener import Live
+from helios_gateway.api_models import HealthAnswer, RobotPose
+from helios_gateway.bus_listener import BusListener
 from helios_gateway.event_hub import KEEPALIVE, EventHub, as_sse
 
 from tests.gateway_backend import Backend
@@ -59,7 +59,7 @@ def test_a_newcomer_is_given_the_newest_of_each_state() -> None:
     hub = EventHub(backlog=100, max_viewers=9, keepalive_s=5)
     for n in range(4):
         hub.publish("map", change(n), "map")
-    hub.publish("alive", Healthy())
+    hub.publish("alive", HealthAnswer())
     hub.publish("map", change(9), "other map")
 
     async def run() -> None:
@@ -156,11 +156,11 @@ def test_numbers_that_are_not_finite_become_null() -> None:
     asyncio.run(run())
 
 
-def types_since(live: Live, past: int) -> list[str]:
+def types_since(live: BusListener, past: int) -> list[str]:
     return [event.type for event in live.events._past][past:]
 
 
-def test_tasks_decisions_and_plans_are_told_at_once(live: Live, backend: Backend) -> None:
+def test_tasks_decisions_and_plans_are_told_at_once(live: BusListener, backend: Backend) -> None:
     live.tick()
     past = len(live.events._past)
     backend.bus.publish(TASK, pb.Task(id="t1", state="running", kind="move", phase="pick"))
@@ -169,7 +169,9 @@ def test_tasks_decisions_and_plans_are_told_at_once(live: Live, backend: Backend
     assert types_since(live, past) == ["task", "decision", "plan"]
 
 
-def test_the_pose_is_told_once_a_tick_and_a_stop_at_once(live: Live, backend: Backend) -> None:
+def test_the_pose_is_told_once_a_tick_and_a_stop_at_once(
+    live: BusListener, backend: Backend
+) -> None:
     live.tick()
     past = len(live.events._past)
     for step in range(20):
@@ -184,7 +186,7 @@ def test_the_pose_is_told_once_a_tick_and_a_stop_at_once(live: Live, backend: Ba
     assert types_since(live, past) == ["robot", "robot", "ready"]
 
 
-def test_a_service_that_goes_is_told_once(live: Live, backend: Backend) -> None:
+def test_a_service_that_goes_is_told_once(live: BusListener, backend: Backend) -> None:
     live.tick()
     past = len(live.events._past)
     backend.report("detector", 4102, "waiting", "waits for a model")

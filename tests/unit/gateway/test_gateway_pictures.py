@@ -16,7 +16,7 @@ from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, FRAME, KEYFRAME, PREVIEW, SNAPSHOT
 from helios_gateway.box_drawing import Box, draw_boxes
 from helios_gateway.class_colors import class_rgb
-from helios_gateway.request_coalescing import SharedResults
+from helios_gateway.request_coalescing import RequestCoalescer
 
 from tests.gateway_backend import Backend
 
@@ -195,7 +195,7 @@ def test_boxes_that_reach_outside_are_cut_off() -> None:
 
 def test_many_who_ask_at_once_share_one_answer() -> None:
     made: list[int] = []
-    results: SharedResults[int] = SharedResults(max_age_s=60)
+    results: RequestCoalescer[int] = RequestCoalescer(max_age_s=60)
     together = threading.Barrier(8)
 
     def make() -> int:
@@ -224,7 +224,7 @@ def test_a_failure_is_shared_by_those_who_waited_and_the_next_tries_again() -> N
         asked.release()
         return time.monotonic()
 
-    results: SharedResults[int] = SharedResults(max_age_s=60, clock=clock)
+    results: RequestCoalescer[int] = RequestCoalescer(max_age_s=60, clock=clock)
 
     def fail() -> int:
         tried.append(1)

@@ -6,8 +6,8 @@ import pytest
 from fastapi.testclient import TestClient
 from helios_core import proto as pb
 from helios_core.topics import status_topic
-from helios_gateway.bus_listener import Live
-from helios_gateway.service_registry import Roster
+from helios_gateway.bus_listener import BusListener
+from helios_gateway.service_registry import ServiceRegistry
 
 from tests.gateway_backend import Backend
 
@@ -27,27 +27,27 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def roster(clock: Clock) -> Roster:
-    return Roster(silent_after_s=5, clock=clock)
+def roster(clock: Clock) -> ServiceRegistry:
+    return ServiceRegistry(silent_after_s=5, clock=clock)
 
 
 def says(service: str, state: str, reason: str = "", instance: str = "1") -> pb.ServiceStatus:
     return pb.ServiceStatus(service=service, instance=instance, state=state, reason=reason, pid=7)
 
 
-def state_of(roster: Roster, name: str) -> tuple[str, str]:
+def state_of(roster: ServiceRegistry, name: str) -> tuple[str, str]:
     [service] = [s for s in roster.services() if s.name == name]
     return service.state, service.reason
 
 
-def test_a_known_service_that_was_never_seen_is_down_with_a_reason(roster: Roster) -> None:
+def test_a_known_service_that_was_never_seen_is_down_with_a_reason(roster: ServiceRegistry) -> None:
     names = [s.name for s in roster.services()]
     assert names == ["router", "bridge", "detector", "objectmap", "map2d", "planner", "gateway"]
     assert state_of(roster, "map2d") == ("down", "it has not been seen; start it")
     assert len(roster.reasons()) == 5
 
 
-def test_its_own_word_counts_while_it_is_alive(roster: Roster) -> None:
+def test_its_own_word_counts_while_it_is_alive(roster: ServiceRegistry) -> None:
     roster.on_status(says("map2d", "waiting", "waits for a frame"))
     assert state_of(roster, "map2d")[0] == "down"
     roster.on_alive("map2d", "1", True)
@@ -56,7 +56,7 @@ def test_its_own_word_counts_while_it_is_alive(roster: Roster) -> None:
     assert state_of(roster, "map2d") == ("down", "it was there and is gone; start it again")
 
 
-def test_the_word_of_a_dead_instance_is_not_that_of_its_successor(roster: Roster) -> None:
+def test_the_word_of_a_dead_instance_is_not_that_of_its_successor(roster: ServiceRegistry) -> None:
     roster.on_alive("map2d", "1", True)
     roster.on_status(says("map2d", "ready"))
     roster.on_alive("map2d", "2", True)
@@ -66,7 +66,7 @@ def test_the_word_of_a_dead_instance_is_not_that_of_its_successor(roster: Roster
     assert state_of(roster, "map2d") == ("ready", "")
 
 
-def test_one_that_falls_silent_is_degraded(roster: Roster, clock: Clock) -> None:
+def test_one_that_falls_silent_is_degraded(roster: ServiceRegistry, clock: Clock) -> None:
     roster.on_alive("map2d", "1", True)
     roster.on_status(says("map2d", "ready"))
     clock.now += 6
@@ -74,7 +74,9 @@ def test_one_that_falls_silent_is_degraded(roster: Roster, clock: Clock) -> None
     assert state_of(roster, "router") == ("down", "nothing has been heard over it for 6 s")
 
 
-def test_the_gateway_s_own_word_is_no_proof_of_the_router(roster: Roster, clock: Clock) -> None:
+def test_the_gateway_s_own_word_is_no_proof_of_the_router(
+    roster: ServiceRegistry, clock: Clock
+) -> None:
     roster.on_status(says("gateway", "ready"))
     assert state_of(roster, "router") == ("starting", "nothing has been heard over it")
     roster.on_status(says("map2d", "ready"))
@@ -84,7 +86,7 @@ def test_the_gateway_s_own_word_is_no_proof_of_the_router(roster: Roster, clock:
     assert state_of(roster, "router") == ("down", "nothing has been heard over it for 6 s")
 
 
-def test_the_supervisor_gives_restarts_and_why_one_is_down(roster: Roster) -> None:
+def test_the_supervisor_gives_restarts_and_why_one_is_down(roster: ServiceRegistry) -> None:
     process = pb.ProcessStatus(
         name="map2d", pid=12, restarts=3, state="restarting", reason="killed by signal 9"
     )
@@ -94,7 +96,7 @@ def test_the_supervisor_gives_restarts_and_why_one_is_down(roster: Roster) -> No
     assert (service.restarts, service.pid) == (3, 12)
 
 
-def test_the_world_is_listed_only_where_it_is_simulated(roster: Roster) -> None:
+def test_the_world_is_listed_only_where_it_is_simulated(roster: ServiceRegistry) -> None:
     assert "world" not in [s.name for s in roster.services()]
     roster.on_description(pb.RobotDescription(simulated=True))
     assert [s.name for s in roster.services()][:2] == ["router", "world"]
@@ -122,7 +124,7 @@ def test_a_latched_stop_is_in_the_way_and_said(backend: Backend, client: TestCli
 
 
 def test_why_the_robot_is_stopped_is_said_wherever_the_stop_is(
-    backend: Backend, client: TestClient, live: Live
+    backend: Backend, client: TestClient, live: BusListener
 ) -> None:
     for reason in ("child on the floor", "a cat\x1b[31m"):  # the second says more of one stop
         said = reason.replace("\x1b", "\ufffd")
@@ -137,7 +139,9 @@ def test_why_the_robot_is_stopped_is_said_wherever_the_stop_is(
 
 
 @pytest.mark.parametrize("name", ["", "planner", "map2d/../bridge"])
-def test_a_status_that_names_another_service_or_none_is_refused(roster: Roster, name: str) -> None:
+def test_a_status_that_names_another_service_or_none_is_refused(
+    roster: ServiceRegistry, name: str
+) -> None:
     before = [s.name for s in roster.services()]
     roster.listener("map2d")(says(name, "ready"))
     assert [s.name for s in roster.services()] == before

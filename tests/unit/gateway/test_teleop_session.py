@@ -6,7 +6,7 @@ import anyio
 import pytest
 from anyio import CapacityLimiter
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_gateway.bus_listener import Live
+from helios_gateway.bus_listener import BusListener
 from helios_gateway.robot_registry import Served
 from helios_gateway.settings import Settings
 from helios_gateway.teleop.driver import TeleopDriver
@@ -18,7 +18,7 @@ from tests.gateway_backend import Backend
 
 @pytest.mark.parametrize("then", [Command(), Command(forward=-1.0)], ids=["let go", "turned round"])
 def test_a_command_that_changed_while_no_thread_was_free_moves_nothing(
-    hub: MemoryHub, live: Live, backend: Backend, then: Command
+    hub: MemoryHub, live: BusListener, backend: Backend, then: Command
 ) -> None:
     driver = TeleopDriver(Served(MemoryBus(hub), live), "", 5.0)
     settings = Settings.load(["--teleop-hold-s", "2"])

@@ -6,19 +6,19 @@ import numpy as np
 from helios_core import proto as pb
 from helios_core.topics import LOAD_MAP2D, SAVE_MAP2D
 from helios_core.types import WorldId
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.epochs import EpochMaps
 from map2d_house import House
 
 
-def state_of(house: House) -> MapState:
+def state_of(house: House) -> EpochMap:
     maps = house.service._maps
     assert maps is not None
     assert maps.current is not None
     return maps.current
 
 
-def parked(maps: EpochMaps) -> dict[WorldId, MapState]:
+def parked(maps: EpochMaps) -> dict[WorldId, EpochMap]:
     """The maps of earlier world epochs, oldest first."""
     return dict(maps._parked)
 
@@ -42,7 +42,7 @@ def walked(*flags: str) -> House:
     return house
 
 
-def assert_same_state(one: MapState, other: MapState) -> None:
+def assert_same_state(one: EpochMap, other: EpochMap) -> None:
     a, b = one.published, other.published
     assert a.grid == b.grid
     for name in ("occupancy", "explored_for_search", "z_low_m", "z_high_m"):

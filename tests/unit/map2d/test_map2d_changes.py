@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
-from helios_core.map_replica import MapMirror
+from helios_core.map_replica import MapReplica
 from helios_core.map_snapshot import OCCUPIED, decode_snapshot
 from helios_core.topics import MAP_CHANGES, RESET_MAP2D
 from helios_map2d.snapshots import tiles
@@ -17,7 +17,7 @@ from map2d_house import House
 from map2d_kept import state_of
 
 
-def follow(house: House, mirror: MapMirror) -> int:
+def follow(house: House, mirror: MapReplica) -> int:
     """Bring a mirror up to date; how many tiles that took."""
     taken = 0
     while True:
@@ -27,7 +27,7 @@ def follow(house: House, mirror: MapMirror) -> int:
             return taken
 
 
-def assert_same(house: House, mirror: MapMirror) -> None:
+def assert_same(house: House, mirror: MapReplica) -> None:
     whole = decode_snapshot(house.snapshot())
     got, origin_m = mirror.occupancy()
     row, column = (round((a - b) / whole.cell_m)
@@ -46,7 +46,7 @@ def assert_same(house: House, mirror: MapMirror) -> None:
 def test_a_late_viewer_gets_the_whole_in_chunks_and_then_only_changes() -> None:
     house = House()
     house.settle()
-    mirror = MapMirror(layers=True, tiles_at_once=3)
+    mirror = MapReplica(layers=True, tiles_at_once=3)
     whole = follow(house, mirror)
     assert whole > 6
     assert_same(house, mirror)
@@ -62,7 +62,7 @@ def test_a_late_viewer_gets_the_whole_in_chunks_and_then_only_changes() -> None:
 def test_a_map_that_changes_while_it_is_read_is_read_right() -> None:
     house = House()
     house.search("first")
-    mirror = MapMirror(layers=True, tiles_at_once=2)
+    mirror = MapReplica(layers=True, tiles_at_once=2)
     for frame in house.walk.look_around(2.0, 1.5):
         house.keyframe(frame)
         house.observe(frame, "first")
@@ -74,7 +74,7 @@ def test_a_map_that_changes_while_it_is_read_is_read_right() -> None:
 def test_another_search_and_another_map_are_noticed() -> None:
     house = House()
     house.settle()
-    mirror = MapMirror(layers=True)
+    mirror = MapReplica(layers=True)
     follow(house, mirror)
     assert set(mirror.values) == {"pick", "place"}
     house.search("second", {"third": "a sofa"})
@@ -94,11 +94,11 @@ def test_a_tile_is_encoded_once_whatever_the_number_of_viewers(
     house.settle()
     packed, calls = tiles.packed, []
     monkeypatch.setattr(tiles, "packed", lambda array: (calls.append(1), packed(array))[1])
-    follow(house, MapMirror(layers=True))
+    follow(house, MapReplica(layers=True))
     first = len(calls)
     assert first > 0
     for _ in range(5):
-        follow(house, MapMirror(layers=True))
+        follow(house, MapReplica(layers=True))
     assert len(calls) == first
 
 
@@ -117,7 +117,7 @@ def test_the_whole_snapshot_is_encoded_once_too(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_before_the_first_keyframe_there_is_nothing_to_mirror() -> None:
-    house, mirror = House(), MapMirror()
+    house, mirror = House(), MapReplica()
     assert follow(house, mirror) == 0
     assert mirror.occupancy()[0].size == 0
 
@@ -126,7 +126,7 @@ def test_the_lowest_obstacles_heights_travel_with_the_whole_and_with_the_changes
     """Those who plan over and under things ask for them; nobody in HELIOS does."""
     house = House()
     house.settle()
-    mirror = MapMirror()
+    mirror = MapReplica()
     follow(house, mirror)
     published = state_of(house).published
     whole = np.frombuffer(zlib.decompress(house.snapshot().bottom_mm), "<u2")
@@ -141,7 +141,7 @@ def test_the_lowest_obstacles_heights_travel_with_the_whole_and_with_the_changes
 
 
 def test_a_damaged_tile_is_refused() -> None:
-    mirror = MapMirror()
+    mirror = MapReplica()
     tile = pb.MapTile(ground=pb.GroundTile(occupancy=b"no zlib"))
     with pytest.raises(InvalidInput, match="tile of the map is corrupt"):
         mirror.apply(pb.MapChanges(tile_cells=64, cell_m=0.025, tiles=[tile]))

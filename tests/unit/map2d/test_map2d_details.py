@@ -9,7 +9,7 @@ import pytest
 from helios_core import proto as pb
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.types import FrameId, Observation, SearchContext, WorldId
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.epochs import EpochMaps
 from helios_map2d.frame_order import FrameOrder
 from helios_map2d.grid import GridSpec
@@ -40,7 +40,7 @@ def test_what_is_near_the_body_is_held_only_by_a_robot_with_a_body_that_holds_so
     body_m: float, holding: bool, stands: bool
 ) -> None:
     walk = Walk([*room(), Block((1.46, 1.3, 0), (1.52, 1.7, 1.0))])  # 0.46 m ahead of the robot
-    state = MapState(RULES, (1.0, 1.5), body_m)
+    state = EpochMap(RULES, (1.0, 1.5), body_m)
     for _ in range(3):
         state.integrate_frame(walk.frame(1.0, 1.5, 0.0), holding=holding)
     row, column = state.stack.grid.cell_of(1.47, 1.5)
@@ -77,7 +77,7 @@ def test_where_the_robot_stands_is_free_and_only_what_changed_by_it_is_told(
 
 
 def test_a_viewer_of_another_map_gets_all_of_this_one() -> None:
-    walk, state = Walk(room()), MapState(RULES, (2.0, 1.5), 0.2)
+    walk, state = Walk(room()), EpochMap(RULES, (2.0, 1.5), 0.2)
     for frame in walk.look_around(2.0, 1.5):
         state.integrate_frame(frame)
     snapshot = state.published
@@ -112,7 +112,7 @@ def test_clearance_is_told_to_the_edge_of_an_obstacles_cell() -> None:
     flat, blank = np.zeros((64, 64), np.float32), np.zeros((64, 64), np.uint8)
     tile = GroundTile((0, 0), 1, 1, occupancy, blank, flat, flat, blank, blank)
     snapshot = dataclasses.replace(
-        MapState(RULES, (0.5, 0.5), 0.0).published,
+        EpochMap(RULES, (0.5, 0.5), 0.0).published,
         grid=GridSpec(0.025, 64, 64, (0, 0)), ground={(0, 0): tile},
     )  # fmt: skip
     way = np.array([[8.5, 10.5], [10.5, 10.5]]) * 0.025  # from cell to cell along a row
@@ -176,7 +176,7 @@ def test_of_many_parked_maps_the_newest_are_kept() -> None:
 
 def test_ground_right_around_the_robot_counts_as_searched_up_to_obstacles() -> None:
     walk = Walk([*room(), Block((1.5, 0.5, 0), (1.6, 2.5, 1.0))])  # it ends beyond that ground
-    state = MapState(RULES, (2.0, 1.5), 0.2)
+    state = EpochMap(RULES, (2.0, 1.5), 0.2)
     for frame in walk.look_around(2.0, 1.5):
         state.integrate_frame(frame)
     state.reset_search(SearchContext("now", (), {}))

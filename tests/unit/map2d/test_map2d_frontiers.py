@@ -12,7 +12,7 @@ from helios_map2d.kernels import frontier_clusters as cluster_kernels
 from helios_map2d.kernels import frontier_tracking as identity_kernels
 from helios_map2d.layers.explored_area import SearchArea, near_ground
 from helios_map2d.layers.frontiers import NO_CELLS, Frontier, FrontierFinder, FrontierRules
-from helios_map2d.layers.reachability import OpenGround
+from helios_map2d.layers.reachability import ReachableFloor
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -168,7 +168,7 @@ class World:
         self.occupancy = np.full(GRID.shape, -1, np.int8)
         self.area = SearchArea(GRID)
         self.finder = FrontierFinder(GRID, rules)
-        self.ground = OpenGround(GRID, rules.robot_radius_m / GRID.cell_m)
+        self.ground = ReachableFloor(GRID, rules.robot_radius_m / GRID.cell_m)
         self.values = {"pick": np.zeros(GRID.shape, np.float32)}
         self._before = self.occupancy.copy()
 

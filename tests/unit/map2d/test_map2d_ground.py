@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from helios_map2d.grid import EMPTY, TILE, Box, GridSpec
 from helios_map2d.layers.explored_area import near_ground
-from helios_map2d.layers.reachability import OpenGround, Reached
+from helios_map2d.layers.reachability import ReachableFloor, ReachedCells
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ def brute(
     return labels == labels[row, column]
 
 
-def mask_of(ground: OpenGround, reached: Reached) -> NDArray[np.bool_]:
+def mask_of(ground: ReachableFloor, reached: ReachedCells) -> NDArray[np.bool_]:
     """The cells that can be reached, over the whole grid."""
     out = np.zeros(ground.grid.shape, np.bool_)
     offsets = np.repeat(np.repeat(reached.offsets, TILE, 0), TILE, 1)
@@ -73,7 +73,7 @@ def scribble(rng: np.random.Generator, occupancy: NDArray[np.int8]) -> Box:
 def test_what_can_be_reached_equals_brute_force_as_the_map_changes(
     rng: np.random.Generator, radius: float, blind: float
 ) -> None:
-    ground = OpenGround(GRID, radius)
+    ground = ReachableFloor(GRID, radius)
     occupancy = np.full(GRID.shape, -1, np.int8)
     for change in range(4):
         before = occupancy.copy()
@@ -97,7 +97,7 @@ def test_ground_near_the_robot_that_a_narrow_gap_cuts_off_is_reached_from_outsid
     occupancy[85:96, 80:93] = 0  # beyond unknown ground, which may be crossed near the robot
     occupancy[50:141, 70] = 100
     occupancy[96, 70] = -1  # too narrow
-    ground = OpenGround(GRID, 4.1)
+    ground = ReachableFloor(GRID, 4.1)
     ground.update(occupancy, np.full(GRID.shape, -1, np.int8), GRID.whole)
     got = mask_of(ground, ground.reached_from(occupancy, (96, 60), 40.0))
     assert got[85:96, 80:93].all()
@@ -107,7 +107,7 @@ def test_ground_near_the_robot_that_a_narrow_gap_cuts_off_is_reached_from_outsid
 def test_room_around_an_obstacle_at_the_edge_of_what_is_known_grows_too() -> None:
     occupancy = np.full(GRID.shape, -1, np.int8)
     occupancy[100, 60] = 100
-    ground = OpenGround(GRID, 6.2)
+    ground = ReachableFloor(GRID, 6.2)
     ground.update(occupancy, np.full(GRID.shape, -1, np.int8), GRID.whole)
     before = ground.crowd.sum()
     large = GridSpec(0.025, 6 * TILE, 5 * TILE, (-3 * TILE, 3 * TILE))
@@ -122,12 +122,12 @@ def test_a_grown_grid_gives_what_a_large_one_gives(rng: np.random.Generator) -> 
     occupancy = rooms(rng)
     # The margin that a map keeps around what it knows.
     occupancy[:20], occupancy[-20:], occupancy[:, :20], occupancy[:, -20:] = -1, -1, -1, -1
-    ground = OpenGround(GRID, 6.2)
+    ground = ReachableFloor(GRID, 6.2)
     ground.update(occupancy, np.full(GRID.shape, -1, np.int8), GRID.whole)
     ground.grow(large, GRID.to_world(GRID.whole))
     over = np.full(large.shape, -1, np.int8)
     over[large.to_local(GRID.to_world(GRID.whole)).slices] = occupancy
-    anew = OpenGround(large, 6.2)
+    anew = ReachableFloor(large, 6.2)
     anew.update(over, np.full(large.shape, -1, np.int8), large.whole)
     np.testing.assert_array_equal(ground.crowd, anew.crowd)
     np.testing.assert_array_equal(ground.labels, anew.labels)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_core.types import Observation, SearchContext
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.grid import Box, GridSpec
 from helios_map2d.layers.grid_growth import grown_for
 from helios_map2d.layers.parameters import MapRules
@@ -25,9 +25,9 @@ def hall() -> Walk:
     return Walk([*room(width=24.0), *tables], noise_at_1_m=0.001)
 
 
-def walked(rules: MapRules) -> MapState:
+def walked(rules: MapRules) -> EpochMap:
     """Down the hall, looking around every fourth metre."""
-    walk, state = hall(), MapState(rules, (1.0, 1.0), 0.2)
+    walk, state = hall(), EpochMap(rules, (1.0, 1.0), 0.2)
     state.reset_search(CONTEXT)
     for x in range(1, 24, 4):
         for frame in walk.look_around(float(x), 1.0)[::3]:
@@ -54,7 +54,7 @@ def test_a_map_that_grew_is_the_map_that_was_large_from_the_start() -> None:
 
 
 def test_what_was_known_stays_where_it_was_when_the_map_grows() -> None:
-    walk, state = hall(), MapState(MapRules(size_cells=64), (1.0, 1.0), 0.2)
+    walk, state = hall(), EpochMap(MapRules(size_cells=64), (1.0, 1.0), 0.2)
     for frame in walk.look_around(1.0, 1.0):
         state.integrate_frame(frame)
     before, grid = state.published, state.stack.grid
@@ -80,7 +80,7 @@ def test_a_grid_grows_so_that_a_margin_is_left_around_what_is_needed() -> None:
 def test_a_map_does_not_grow_beyond_its_limit_and_says_what_to_do() -> None:
     walk, state = (
         hall(),
-        MapState(MapRules(size_cells=64, most_cells=600, most_leap_m=500), (1.0, 1.0), 0.2),
+        EpochMap(MapRules(size_cells=64, most_cells=600, most_leap_m=500), (1.0, 1.0), 0.2),
     )
     state.integrate_frame(walk.frame(1.0, 1.0, 0.0))
     before = state.published
@@ -110,7 +110,7 @@ def test_a_cells_place_does_not_depend_on_where_the_map_began(
 
 def test_a_wall_far_from_the_worlds_origin_is_where_it_is() -> None:
     walk = Walk([Block((102.0, -50, 0), (102.1, 50, 2.5))])
-    state = MapState(MapRules(size_cells=64), (100.0, -40.0), 0.2)
+    state = EpochMap(MapRules(size_cells=64), (100.0, -40.0), 0.2)
     state.integrate_frame(walk.frame(100.0, -40.0, 0.0))
     rows, columns = np.nonzero(state.published.occupancy == 100)
     x = np.array([state.published.grid.centre_of(int(r), int(c))[0]

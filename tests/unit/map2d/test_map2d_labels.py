@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.layers.frontiers import Frontier
 from helios_map2d.layers.parameters import MapRules
-from helios_map2d.pictures.canvas import FOOT_PX, INK_RGB, UNKNOWN_RGB, Sheet
+from helios_map2d.pictures.canvas import FOOT_PX, INK_RGB, UNKNOWN_RGB, Canvas
 from helios_map2d.pictures.label_placement import Rect, Wanted, lead, placed
 from helios_map2d.pictures.map_picture import render
 from hypothesis import given
@@ -26,7 +26,7 @@ def overlap(a: Rect, b: Rect) -> bool:
 
 def ink_px(at_px: tuple[int, int]) -> int:
     """How many pixels a label changes."""
-    sheet = Sheet(MapState(MapRules(size_cells=64), (0, 0), 0.0).published.grid, 600)
+    sheet = Canvas(EpochMap(MapRules(size_cells=64), (0, 0), 0.0).published.grid, 600)
     sheet.text("side table 0.48", at_px)
     return int((sheet.pixels != np.array(UNKNOWN_RGB)).any(-1).sum())
 
@@ -63,7 +63,7 @@ def test_a_thing_alone_has_its_label_right_above() -> None:
 
 def test_only_a_frontier_that_can_be_chosen_has_its_value_beside_it() -> None:
     """What is out of reach is shown, without words: there may be many, behind every chair."""
-    state = MapState(MapRules(size_cells=64), (0, 0), 0.0)
+    state = EpochMap(MapRules(size_cells=64), (0, 0), 0.0)
     cells = np.array([[30, 30], [30, 31], [31, 31]], np.int32)
 
     def ink(reachable: bool, values: dict[str, float]) -> int:

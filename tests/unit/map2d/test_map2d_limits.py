@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from helios_core.geometry import Pinhole, camera_on_base, se2_to_se3
 from helios_core.types import Frame, FrameId, Observation, SearchContext
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.layers.frontiers import FrontierRules
 from helios_map2d.layers.parameters import MapRules
 from helios_map2d.snapshots.path_cost import cost_along
@@ -38,7 +38,7 @@ def test_a_map_of_any_frames_has_a_version_without_nan(data: st.DataObject) -> N
         frontiers=replace(FrontierRules(), robot_radius_m=footprint_m, min_size_m=0.0),
         explored_by_cone=data.draw(st.booleans()),
     )  # fmt: skip
-    state = MapState(rules, data.draw(poses)[:2], data.draw(st.sampled_from([0.0, footprint_m])))
+    state = EpochMap(rules, data.draw(poses)[:2], data.draw(st.sampled_from([0.0, footprint_m])))
     state.reset_search(SearchContext("search", (), {"pick": "a mug"}))
     for seq in range(1, data.draw(st.integers(1, 4)) + 1):
         base = se2_to_se3(*data.draw(poses))

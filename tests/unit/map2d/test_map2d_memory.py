@@ -15,10 +15,10 @@ from helios_core.geometry import lift_pixels
 from helios_core.map_snapshot import decode_snapshot
 from helios_core.topics import EMBED_TEXT, RECALL
 from helios_core.types import Detection, Embedding, FrameId, Observation
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.layers.parameters import MapRules
 from helios_map2d.layers.value_layers import Cone
-from helios_map2d.view_memory.detected_names import Sighted
+from helios_map2d.view_memory.detected_names import DetectedNames
 from helios_map2d.view_memory.ranking import Question, questions, scored
 from helios_map2d.view_memory.stored_views import SeenView, ViewMemory, read_view
 from helios_map2d.view_search import MOST_LATE_LAYERS
@@ -183,7 +183,7 @@ def test_a_scorer_that_looks_at_no_image_leaves_views_of_what_the_detector_named
 SEEN = Embedding("model", np.array([[1.0, 0.0]], np.float32))
 
 
-def view(seq: int, x: float, y: float, yaw: float, *named: Sighted) -> SeenView:
+def view(seq: int, x: float, y: float, yaw: float, *named: DetectedNames) -> SeenView:
     reach = np.zeros(400, np.float32)
     reach[180:220] = 3.0
     cone = Cone(x, y, (math.cos(yaw), math.sin(yaw)), 0.4, reach)
@@ -237,7 +237,7 @@ def test_a_scorer_without_finite_numbers_is_refused() -> None:
 
 
 def test_a_layer_made_anew_makes_room_and_leaves_nothing_of_the_old_one() -> None:
-    walk, state = Walk(room()[:3]), MapState(MapRules(size_cells=64), (1.0, 1.5), 0.2)
+    walk, state = Walk(room()[:3]), EpochMap(MapRules(size_cells=64), (1.0, 1.5), 0.2)
     for frame in walk.look_around(1.0, 1.5):
         state.integrate_frame(frame)
         state.integrate_values(Observation(frame, "", (), {"pick": 0.9}, "test"))
@@ -268,7 +268,7 @@ def test_many_views_of_one_room_stay_within_the_bound_and_the_far_one_is_kept() 
 
 
 def test_a_kept_view_round_trips_and_a_damaged_one_is_refused() -> None:
-    one = view(7, 1.0, 2.0, 0.5, Sighted("mug", 0.5, 3.0, 4.0))
+    one = view(7, 1.0, 2.0, 0.5, DetectedNames("mug", 0.5, 3.0, 4.0))
     message = pb.KeptMap.FromString(one.kept).views[0]
     again = read_view(message)
     np.testing.assert_array_equal(again.cone.reach_m, one.cone.reach_m)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_core.types import Frame
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.layers.occupancy import OccupancyRules
 from helios_map2d.layers.parameters import MapRules
 from helios_map2d.settings import Settings
@@ -21,19 +21,19 @@ RULES = MapRules(size_cells=480)
 RADIUS_M = 0.2
 
 
-def mapped(frames: list[Frame], rules: MapRules = RULES) -> MapState:
+def mapped(frames: list[Frame], rules: MapRules = RULES) -> EpochMap:
     base = frames[0].T_world_base
-    state = MapState(rules, (base[0, 3], base[1, 3]), RADIUS_M)
+    state = EpochMap(rules, (base[0, 3], base[1, 3]), RADIUS_M)
     for frame in frames:
         state.integrate_frame(frame)
     return state
 
 
-def at(state: MapState, x: float, y: float) -> int:
+def at(state: EpochMap, x: float, y: float) -> int:
     return int(state.stack.occupancy.occupancy[state.stack.grid.cell_of(x, y)])
 
 
-def distances_to_walls(state: MapState, width: float, depth: float) -> NDArray[np.float64]:
+def distances_to_walls(state: EpochMap, width: float, depth: float) -> NDArray[np.float64]:
     """Distance (m) of every occupied cell's centre to the nearest inner wall face of the room."""
     cells = np.argwhere(state.stack.occupancy.occupancy == 100)
     x, y = np.array([state.stack.grid.centre_of(r, c) for r, c in cells]).T
@@ -153,7 +153,7 @@ def test_what_the_robot_holds_leaves_nothing_while_it_holds_it() -> None:
     held = Block((2.35, 1.42, 0.7), (2.45, 1.58, 0.9))  # beyond its radius of 0.2 m
     walk = Walk([*room(), held])
     for holding in (True, False):
-        state = MapState(RULES, (2.0, 1.5), RADIUS_M)
+        state = EpochMap(RULES, (2.0, 1.5), RADIUS_M)
         for _ in range(3):
             state.integrate_frame(walk.frame(2.0, 1.5, 0.0), holding=holding)
         assert (at(state, 2.36, 1.5) == 100) is not holding
@@ -241,7 +241,7 @@ def test_floor_behind_a_box_is_neither_explored_nor_searched() -> None:
 
 
 def test_a_map_begins_with_two_thousand_cells_a_side_of_two_and_a_half_centimetres() -> None:
-    grid = MapState(Settings.load([]).rules(10.0, 0.2), (0.0, 0.0), RADIUS_M).stack.grid
+    grid = EpochMap(Settings.load([]).rules(10.0, 0.2), (0.0, 0.0), RADIUS_M).stack.grid
     assert grid.cell_m == 0.025
     assert min(grid.shape) >= 2000
 

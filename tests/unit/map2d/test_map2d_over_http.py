@@ -12,8 +12,8 @@ from helios_client.http.requests import arrays
 from helios_core import proto as pb
 from helios_core.health import Health
 from helios_core.topics import RESERVE
-from helios_gateway.bus_listener import Live
-from helios_gateway.robot_registry import Fleet, Served
+from helios_gateway.bus_listener import BusListener
+from helios_gateway.robot_registry import RobotRegistry, Served
 from helios_gateway.settings import Settings as GatewaySettings
 from helios_gateway.web_app import create_app
 from helios_objectmap.service import ObjectMapService
@@ -33,9 +33,9 @@ def front_door(house: House) -> Iterator[TestClient]:
     house.bus.serve(RESERVE, lambda _: pb.ReserveReply(token="r"))
     house.scorer.serve(house.bus)
     settings = GatewaySettings.load([])
-    live = Live(house.bus, settings)
+    live = BusListener(house.bus, settings)
     yield TestClient(
-        create_app(Fleet({"robot": Served(house.bus, live)}), settings), "http://localhost"
+        create_app(RobotRegistry({"robot": Served(house.bus, live)}), settings), "http://localhost"
     )
     live.close()
 

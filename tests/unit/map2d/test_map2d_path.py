@@ -9,7 +9,7 @@ import pytest
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.topics import PATH_COST
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.layers.parameters import MapRules
 from helios_map2d.snapshots.path_cost import cost_along
 from helios_map2d.snapshots.snapshot import MapSnapshot
@@ -19,7 +19,7 @@ from map2d_scene import Walk, room
 
 def empty_room() -> MapSnapshot:
     """A room of 4 x 3 m, seen from two places."""
-    walk, state = Walk(room()), MapState(MapRules(size_cells=400), (2.0, 1.5), 0.2)
+    walk, state = Walk(room()), EpochMap(MapRules(size_cells=400), (2.0, 1.5), 0.2)
     for x in (1.0, 3.0):
         for frame in walk.look_around(x, 1.5):
             state.integrate_frame(frame)

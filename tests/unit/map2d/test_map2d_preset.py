@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.layers.explored_area import part_around, seen_of_cone
 from helios_map2d.layers.parameters import MapRules
 from helios_map2d.settings import Settings
 from map2d_scene import Walk, room, table
 
 
-def mapped(rules: MapRules, walk: Walk) -> MapState:
-    state = MapState(rules, (1.0, 1.5), 0.0)
+def mapped(rules: MapRules, walk: Walk) -> EpochMap:
+    state = EpochMap(rules, (1.0, 1.5), 0.0)
     state.integrate_frame(walk.frame(1.0, 1.5, 0.0))
     return state
 
@@ -58,7 +58,7 @@ def test_of_what_is_explored_the_part_around_the_robot_stays_with_its_holes_fill
 def test_the_preset_sees_the_same_whichever_way_it_looks() -> None:
     areas = []
     for k in range(4):
-        state = MapState(rules("--preset", "vlfm-compatible"), (0.0, 0.0), 0.0)
+        state = EpochMap(rules("--preset", "vlfm-compatible"), (0.0, 0.0), 0.0)
         state.integrate_frame(Walk([]).frame(0.0, 0.0, k * math.pi / 2))
         areas.append(int(state.stack.search.explored.sum()))
     assert max(areas) - min(areas) < 0.02 * max(areas)

@@ -55,7 +55,7 @@ def test_maps_that_cannot_be_started_say_why(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(main, "warm_up", lambda: None)
     health = Health()
-    hosted = main.Hosted(Broken(MemoryHub()), health, Settings.load([]))
+    hosted = main.MapHost(Broken(MemoryHub()), health, Settings.load([]))
     wait_until(lambda: health.state[0] == "degraded", 10, "the trouble is told of")
     assert "could not be started (RuntimeError: the bus is gone)" in health.state[1]
     hosted.close()
@@ -64,4 +64,4 @@ def test_maps_that_cannot_be_started_say_why(monkeypatch: pytest.MonkeyPatch) ->
 def test_settings_that_no_map_can_have_are_refused_before_any_robot_comes() -> None:
     settings = Settings.load(["--band-lo-m", "2.0"])
     with pytest.raises(InvalidInput, match="raise its top"):
-        main.Hosted(MemoryBus(MemoryHub()), Health(), settings)
+        main.MapHost(MemoryBus(MemoryHub()), Health(), settings)

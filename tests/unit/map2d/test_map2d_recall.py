@@ -13,7 +13,7 @@ from helios_core.topics import RECALL
 from helios_core.types import Detection, Embedding, Frame, FrameId, Observation
 from helios_map2d.layers.value_layers import Cone
 from helios_map2d.view_memory.detected_names import sighted
-from helios_map2d.view_memory.localization import CELL_M, MOST_CELLS, Whereabouts
+from helios_map2d.view_memory.localization import CELL_M, MOST_CELLS, Localization
 from helios_map2d.view_memory.ranking import Answer, best_places
 from helios_map2d.view_memory.stored_views import SeenView
 from map2d_house import MODEL, House, Scorer
@@ -148,26 +148,26 @@ def test_of_a_class_the_surest_detection_with_believed_depth_is_kept() -> None:
 
 def test_where_two_views_that_fit_cross_is_likelier_than_where_one_looks_alone() -> None:
     east, north, other = cone(0, 0, 0), cone(2.5, -2.5, math.pi / 2), cone(0, 0, math.pi)
-    found = Whereabouts([(east, 0.8), (north, 0.8), (other, 0.1)])
+    found = Localization([(east, 0.8), (north, 0.8), (other, 0.1)])
     assert found.within(east) == pytest.approx((2.5, 0.0), abs=0.4)
     assert found.within(north) == pytest.approx((2.5, 0.0), abs=0.4)
 
 
 def test_ground_that_a_view_without_the_thing_saw_is_less_likely() -> None:
     far, near = cone(0, 0, 0), cone(0, 0, 0, reach_m=2.0)
-    x, _ = Whereabouts([(far, 0.8), (near, 0.1), (cone(9, 9, 0), 0.1)]).within(far)
+    x, _ = Localization([(far, 0.8), (near, 0.1), (cone(9, 9, 0), 0.1)]).within(far)
     assert x > 2.0
 
 
 def test_a_view_that_measured_nothing_tells_where_its_camera_stood() -> None:
     blind = cone(1.0, 2.0, 0.3, reach_m=0.0)
-    assert Whereabouts([(blind, 0.9)]).within(blind) == (1.0, 2.0)
-    assert Whereabouts([]).within(blind) == (1.0, 2.0)
+    assert Localization([(blind, 0.9)]).within(blind) == (1.0, 2.0)
+    assert Localization([]).within(blind) == (1.0, 2.0)
 
 
 def test_very_large_ground_is_looked_at_in_larger_cells() -> None:
     apart = [(cone(0, 0, 0), 0.9), (cone(600, 600, 0), 0.2)]
-    found = Whereabouts(apart)
+    found = Localization(apart)
     assert 600**2 / CELL_M**2 > MOST_CELLS >= found.fit.size
     x, y = found.within(apart[0][0])
     assert 0 < x < 4.2

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.types import Frame, Observation, SearchContext
-from helios_map2d.epoch_map import MapState
+from helios_map2d.epoch_map import EpochMap
 from helios_map2d.epochs import EpochMaps
 from helios_map2d.grid import Box
 from helios_map2d.layers.parameters import MapRules
@@ -28,8 +28,8 @@ def observed(frame: Frame, context_id: str, **scores: float) -> Observation:
     return Observation(frame, context_id, (), scores, "test")
 
 
-def searching(walk: Walk) -> MapState:
-    state = MapState(RULES, (2.0, 1.5), 0.2)
+def searching(walk: Walk) -> EpochMap:
+    state = EpochMap(RULES, (2.0, 1.5), 0.2)
     state.reset_search(context("first"))
     for frame in walk.look_around(2.0, 1.5):
         state.integrate_frame(frame)
@@ -140,7 +140,7 @@ def broken_frames() -> list[tuple[str, Frame]]:
 def test_a_broken_frame_is_refused_with_its_reason_and_changes_nothing(
     reason: str, frame: Frame
 ) -> None:
-    state = MapState(RULES, (2.0, 1.5), 0.2)
+    state = EpochMap(RULES, (2.0, 1.5), 0.2)
     before = state.published
     with pytest.raises(InvalidInput, match=reason):
         state.integrate_frame(frame)
@@ -188,7 +188,7 @@ def test_a_published_version_never_changes() -> None:
 
 def test_a_published_version_holds_all_that_the_map_remembers() -> None:
     walk = Walk(open_room().blocks, noise_at_1_m=0.01, outliers=0.02)
-    state = MapState(RULES, (2.0, 1.5), 0.2)
+    state = EpochMap(RULES, (2.0, 1.5), 0.2)
     for x in (1.0, 1.2, 1.4, 1.6, 1.8):  # over ground that noise left evidence on
         for yaw in (0.0, 2.0, 4.0):
             state.integrate_frame(walk.frame(x, 1.5, yaw))
@@ -242,7 +242,7 @@ def test_a_snapshot_round_trips_through_npz() -> None:
 
 @pytest.mark.parametrize(
     "data",
-    [b"", b"no zip", encode_npz(MapState(RULES, (0, 0), 0).published)[:90]],
+    [b"", b"no zip", encode_npz(EpochMap(RULES, (0, 0), 0).published)[:90]],
     ids=["empty", "no zip", "cut"],
 )
 def test_bytes_that_are_no_snapshot_are_refused(data: bytes) -> None:

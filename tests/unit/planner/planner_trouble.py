@@ -7,7 +7,7 @@ from typing import Any
 
 from helios_core.robot import Action, ActionResult
 from helios_planner.instruction.parser import parse
-from helios_planner.navigation.base_controller import Legs
+from helios_planner.navigation.base_controller import BaseController
 from helios_planner.settings import Settings
 from helios_planner.tasks.mission import Mission
 from planner_flat import MOVE
@@ -28,9 +28,9 @@ def bring(world: FakeWorld, **settings: Any) -> None:
     Mission(world, parse(MOVE), Settings(**settings)).run()
 
 
-def legs_in(world: FakeWorld) -> Legs:
+def legs_in(world: FakeWorld) -> BaseController:
     """Of a robot that has looked around."""
-    legs = Legs(world, Settings())
+    legs = BaseController(world, Settings())
     legs.look_around()
     return legs
 

@@ -13,14 +13,14 @@ from helios_core.types import ObjectInstance, RobotDescription
 from helios_planner.decisions.decision import Decision
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
 from helios_planner.robot.detections import Sighting, sighting_of
-from helios_planner.robot.interface import Body, Frontier, WhatIf
+from helios_planner.robot.interface import Frontier, RobotInterface, WhatIf
 from helios_planner.task import Cause, Phase, TaskCancelled, TaskFailed
 from numpy.typing import NDArray
 from planner_eye import CAMERA, CELL_M, ROBOT, floor_seen, frontiers_of, sees, under_robot
 from planner_things import Box, Thing, corners_of
 
 
-class FakeWorld(Body):
+class FakeWorld(RobotInterface):
     """See the module. Contacts are counted in `contacts`."""
 
     description: RobotDescription = ROBOT

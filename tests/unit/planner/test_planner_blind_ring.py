@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 from helios_core.types import RobotDescription
-from helios_planner.motion_planning.costmap import SEEN_M, BlindRing, Pose2, blind_m
-from helios_planner.navigation.base_controller import Legs, Outcome, legs_of
+from helios_planner.motion_planning.costmap import SEEN_M, BlindZone, Pose2, blind_m
+from helios_planner.navigation.base_controller import BaseController, Outcome, legs_of
 from helios_planner.navigation.motion_monitor import MOST_WEDGED
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
@@ -23,7 +23,7 @@ LEVEL = replace(ROBOT, camera_height_m=0.5, tilt_range_rad=(0.0, 0.0))  # blind 
 TALL = replace(LEVEL, camera_height_m=1.3)  # blind for 3.0 m
 
 
-def blind(world: FakeWorld, robot: RobotDescription = LEVEL) -> Legs:
+def blind(world: FakeWorld, robot: RobotDescription = LEVEL) -> BaseController:
     world.description = robot
     world._known[:] = False  # what was seen before its camera was fixed
     world.look()
@@ -79,14 +79,14 @@ def test_a_ring_wider_than_allowed_is_not_driven_over_and_the_task_says_why() ->
 
 
 def test_a_robot_that_sees_its_feet_trusts_no_ground() -> None:
-    legs = Legs(flat(start=START), Settings())
+    legs = BaseController(flat(start=START), Settings())
     assert legs.blind_ring.width_m == 0
     assert not legs.blind_ring.trust(START)
     assert legs.blind_ring.too_wide() == ""
 
 
 def test_rings_do_not_add_up_to_a_way_through_the_unknown() -> None:
-    ring = BlindRing(LEVEL, 0.3, 1.5)
+    ring = BlindZone(LEVEL, 0.3, 1.5)
     radius_m = blind_m(LEVEL) + SEEN_M
     assert ring.trust(Pose2(0.0, 0.0, 0.0))
     assert not ring.trust(Pose2(radius_m - 0.01, 0.0, 0.0))

@@ -17,7 +17,7 @@ from helios_planner.robot.rpc import number_of
 from helios_planner.service import PlannerService
 from helios_planner.task import State, Task
 from helios_planner.tasks.messages import task_to_proto
-from helios_planner.tasks.registry import TaskBook
+from helios_planner.tasks.registry import TaskRegistry
 from helios_planner.tasks.store import Store
 from planner_bus import ended, hasty, submit, task
 from planner_flat import GO, flat_with_mug
@@ -186,11 +186,11 @@ def test_how_long_a_task_was_paused_does_not_count_as_the_planner_being_away(
     store = Store(tmp_path)
     settings, bus = hasty(tmp_path), MemoryBus(MemoryHub())
     store.pulse(time.time())
-    book = TaskBook(bus, settings, Health(), store)
+    book = TaskRegistry(bus, settings, Health(), store)
     assert book.restore() == ["a"]
     assert book.known("a").state is State.PAUSED
     store.pulse(long_ago_s)
-    book = TaskBook(bus, settings, Health(), store)
+    book = TaskRegistry(bus, settings, Health(), store)
     assert book.restore() == []
     assert book.known("a").state is State.FAILED
 

@@ -11,7 +11,7 @@ from helios_core.robot import Place
 from helios_core.types import ObjectInstance
 from helios_planner.decisions.acceptance import paper
 from helios_planner.decisions.decision import GIVEN_UP
-from helios_planner.manipulation import GROWN_M, Done, Skills
+from helios_planner.manipulation import GROWN_M, Done, Manipulation
 from helios_planner.search.base import MOST_DOUBTS
 from helios_planner.search.candidate_beliefs import MapBelief
 from helios_planner.search.scored_search import ReceptacleSearch
@@ -98,11 +98,11 @@ def test_what_is_doubted_again_and_again_is_left(
 ) -> None:
     asked: list[int] = []
 
-    def doubting(_: Skills, thing: ObjectInstance, *__: object) -> Done:
+    def doubting(_: Manipulation, thing: ObjectInstance, *__: object) -> Done:
         asked.append(thing.id)
         return Done.DOUBTED
 
-    monkeypatch.setattr(Skills, skill, doubting)
+    monkeypatch.setattr(Manipulation, skill, doubting)
     with pytest.raises(TaskFailed):
         bring(flat([coffee_table(), counter(), mug()]), rounds=1)
     assert asked == [3 if skill == "pick" else 2] * MOST_DOUBTS

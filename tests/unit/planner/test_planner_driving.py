@@ -13,10 +13,10 @@ from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Tilt
 from helios_core.topics import ACT, GET_STATE, LEASE
 from helios_planner.robot import rpc
-from helios_planner.robot.rpc import MOST_IN_VAIN, RECENT, Driver, Line
+from helios_planner.robot.rpc import MOST_IN_VAIN, RECENT, Driver, RobotConnection
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed, TimeIsUp
-from helios_planner.tasks.run_control import Hold, Journal, TaskBus
+from helios_planner.tasks.run_control import Journal, PauseControl, TaskBus
 from helios_planner.tasks.store import Entry
 
 Trouble = Callable[[int], HeliosError | None]  # by the action's number, when it is first asked for
@@ -61,7 +61,7 @@ WAITED: list[str | None] = []  # for what, newest last; None: it came
 
 
 def drive(robot: Robot, actions: int) -> None:
-    line = Line(robot.bus, Settings(), threading.Event(), WAITED.append)
+    line = RobotConnection(robot.bus, Settings(), threading.Event(), WAITED.append)
     driver = Driver(line, Settings(), "task", lambda _: None)
     for _ in range(actions):
         driver.do(Tilt(0.3))
@@ -150,7 +150,7 @@ def test_a_task_waits_for_as_long_as_somebody_else_drives() -> None:
         return pb.LeaseReply(token=1, duration_s=10)
 
     MemoryBus(robot.hub).serve(LEASE, lease)
-    line = Line(robot.bus, Settings(away_s=0.001), threading.Event(), WAITED.append)
+    line = RobotConnection(robot.bus, Settings(away_s=0.001), threading.Event(), WAITED.append)
     WAITED.clear()
     assert Driver(line, Settings(away_s=0.001), "task", lambda _: None).do(Tilt(0.3)).succeeded
     assert WAITED == ["the bridge: teleop drives the robot for 10 s more", None]
@@ -181,10 +181,13 @@ def test_a_task_whose_time_is_over_gives_the_robot_back(monkeypatch: pytest.Monk
 
     MemoryBus(robot.hub).serve(LEASE, lease)
     cancelled = threading.Event()
-    hold = Hold(limit_s=5.0, ends_s=105.0, cancelled=cancelled)
+    hold = PauseControl(limit_s=5.0, ends_s=105.0, cancelled=cancelled)
     bus = TaskBus(robot.bus, Journal(Keeper(), "task", Entry()), hold, Waiter(), 1.0)
     driver = Driver(
-        Line(bus, Settings(), cancelled, WAITED.append), Settings(), "task", lambda _: None
+        RobotConnection(bus, Settings(), cancelled, WAITED.append),
+        Settings(),
+        "task",
+        lambda _: None,
     )
     driver.do(Tilt(0.3))
     clock[0] = 106.0

@@ -10,13 +10,13 @@ import pytest
 from helios_core import proto as pb
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import ACT
-from helios_planner.tasks.run_control import Hold, Journal, TaskBus
+from helios_planner.tasks.run_control import Journal, PauseControl, TaskBus
 from helios_planner.tasks.store import Entry
 
 from tests.support import wait_until
 
 
-class PausedLate(Hold):
+class PausedLate(PauseControl):
     """Somebody pauses the task just after it was seen not to be paused, once."""
 
     late = True
@@ -33,7 +33,7 @@ class Notes:
 
     fault = ""
 
-    def __init__(self, hold: Hold) -> None:
+    def __init__(self, hold: PauseControl) -> None:
         self.kept: list[Entry] = []
         self.held: list[bool] = []
         self.acted: list[str] = []
@@ -66,7 +66,7 @@ class Notes:
         return pb.ActionResult(action_id=request.action_id, succeeded=True)
 
 
-def hold_of(kind: type[Hold]) -> Hold:
+def hold_of(kind: type[PauseControl]) -> PauseControl:
     return kind(0.0, 0.0, threading.Event())
 
 
@@ -84,7 +84,7 @@ def test_a_pause_just_before_an_action_holds_it_back_and_nothing_is_written_down
 
 
 def test_a_pause_is_answered_after_what_began_before_it() -> None:
-    hold = hold_of(Hold)
+    hold = hold_of(PauseControl)
     notes = Notes(hold)
     writes, go_on, answered = threading.Event(), threading.Event(), threading.Event()
 
@@ -115,7 +115,7 @@ def test_a_pause_is_answered_after_what_began_before_it() -> None:
 
 @pytest.mark.parametrize("kept", [True, False])
 def test_what_begins_says_whether_it_was_written_down(kept: bool) -> None:
-    hold = hold_of(Hold)
+    hold = hold_of(PauseControl)
     assert hold.begin(lambda: kept) is kept
     hold.pause()
     assert hold.begin(lambda: cast(bool, pytest.fail("it began while paused"))) is None

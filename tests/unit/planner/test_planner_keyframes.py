@@ -10,13 +10,13 @@ import pytest
 from helios_core import proto as pb
 from helios_core.codec import description_to_proto
 from helios_core.errors import Conflict
-from helios_core.keyframe_acks import AckBook
+from helios_core.keyframe_acks import KeyframeAcks
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Action, ActionResult, Observe, Turn
 from helios_core.topics import ACT, MAP2D_ACK, OBJECTMAP_ACK
 from helios_planner.robot import client
-from helios_planner.robot.client import BusBody, Listener
-from helios_planner.robot.rpc import Line
+from helios_planner.robot.client import RobotClient, TaskListener
+from helios_planner.robot.rpc import RobotConnection
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
 from helios_planner.tasks import run_control
@@ -38,12 +38,12 @@ class Scene:
     """One task's hold on a robot of arrays; everybody answers before a call comes back."""
 
     def __init__(self) -> None:
-        hub, acks = MemoryHub(), AckBook()
+        hub, acks = MemoryHub(), KeyframeAcks()
         self.peers, self.bus = Peers(hub, flat()), MemoryBus(hub)
         self.bus.subscribe(MAP2D_ACK, acks.add)
         self.bus.subscribe(OBJECTMAP_ACK, acks.add)
-        self.listener = create_autospec(Listener, instance=True)
-        self.body = BusBody(
+        self.listener = create_autospec(TaskListener, instance=True)
+        self.body = RobotClient(
             self.bus, IMPATIENT, description_to_proto(self.peers.world.description), acks, "task",
             "", 100, self.listener, threading.Event(), IN_PARTS,
         )  # fmt: skip
@@ -67,7 +67,7 @@ def test_poses_of_another_world_end_the_task(what: str, new: object) -> None:
 def test_a_task_of_another_world_is_not_taken_up_again(what: str, new: object) -> None:
     peers = Peers(hub := MemoryHub(), flat())
     setattr(peers, what, new)
-    line = Line(MemoryBus(hub), IMPATIENT, threading.Event(), lambda _: None)
+    line = RobotConnection(MemoryBus(hub), IMPATIENT, threading.Event(), lambda _: None)
     journal = Journal(create_autospec(Store, instance=True), "task", Entry(epoch=("boot", 1)))
     with pytest.raises(TaskFailed, match="jumped while the planner was away"):
         last_action(line, IMPATIENT, journal)
@@ -125,7 +125,7 @@ def test_a_long_pause_does_not_count_against_settling_the_last_action(
     peers, clock = Peers(hub := MemoryHub(), flat()), [0.0]
     monkeypatch.setattr(run_control.time, "monotonic", lambda: clock[0])
     late = Settings(away_s=20.0)
-    line = Line(MemoryBus(hub), late, threading.Event(), lambda _: None)
+    line = RobotConnection(MemoryBus(hub), late, threading.Event(), lambda _: None)
     asked: list[pb.ActionRequest] = []
 
     def act(request: pb.ActionRequest) -> pb.ActionResult:

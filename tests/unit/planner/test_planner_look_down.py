@@ -6,7 +6,7 @@ import pytest
 from helios_core.robot import Tilt
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.navigation import base_controller as legs_module
-from helios_planner.navigation.base_controller import Legs, Outcome, legs_of
+from helios_planner.navigation.base_controller import BaseController, Outcome, legs_of
 from helios_planner.settings import Settings
 from planner_eye import CELL_M
 from planner_flat import flat
@@ -34,7 +34,7 @@ def test_a_robot_that_stands_among_ground_it_did_not_see_is_not_wedged() -> None
     row, column = round(3.0 / CELL_M), round(2.0 / CELL_M)
     near = round(0.9 / CELL_M)  # its camera sees the ground from 1 m on
     world._known[row - near : row + near, column - near : column + near] = False
-    legs = Legs(world, Settings())
+    legs = BaseController(world, Settings())
     legs.tilt(legs.settings.travel_tilt_rad)
     assert legs._wedged()
     assert legs.go_to(Pose2(3.5, 3.0, 0.0), "test") is Outcome.ARRIVED
@@ -44,7 +44,7 @@ def test_a_robot_that_stands_among_ground_it_did_not_see_is_not_wedged() -> None
 def test_where_no_motion_helps_the_ground_at_the_feet_is_looked_at_before_the_goal_is_given_up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    legs = Legs(flat(start=Pose2(1.5, 3.0, 0.0)), Settings())
+    legs = BaseController(flat(start=Pose2(1.5, 3.0, 0.0)), Settings())
     legs.look_around()
     looks = [True, False]  # whether there was anything to see
 

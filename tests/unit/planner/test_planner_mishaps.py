@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from helios_core.robot import Action, ActionResult, Forward, Turn
 from helios_planner.motion_planning.costmap import Pose2
-from helios_planner.navigation.base_controller import Legs, Outcome
+from helios_planner.navigation.base_controller import BaseController, Outcome
 from helios_planner.navigation.motion_monitor import MOST_BLOCKS, MOST_JUMPS, MOST_WEDGED
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
@@ -57,7 +57,7 @@ def test_what_was_felt_and_is_no_longer_there_does_not_wedge_the_robot_for_good(
     assert legs.mishaps.wedged == 1
 
 
-def lane(max_back_m: float) -> Legs:
+def lane(max_back_m: float) -> BaseController:
     """A robot that stands in a lane in which it just fits, 0.4 m from where it came in."""
     walls = [Box(1.6, 2.0, 3.2, 2.7, 1.0), Box(1.6, 3.325, 3.2, 4.0, 1.0)]
     world = flat(start=Pose2(2.0, 3.0125, 0.0), extra=walls)
@@ -127,7 +127,7 @@ def test_a_jump_of_the_heading_alone_is_one_too() -> None:
             pose = world.pose()
             world._pose = Pose2(pose.x_m, pose.y_m, pose.yaw_rad + 1.0)
 
-    mishaps = Legs(troubled(world, turned), Settings()).mishaps
+    mishaps = BaseController(troubled(world, turned), Settings()).mishaps
     mishaps.act(Forward(0.2))
     assert mishaps.jumped
 

@@ -8,7 +8,7 @@ from helios_core import proto as pb
 from helios_core.topics import TASK
 from helios_planner.instruction.parser import Kind
 from helios_planner.task import Phase
-from helios_planner.tasks.progress import LEAST_STEPS, MOST_PROGRESS, Pace
+from helios_planner.tasks.progress import LEAST_STEPS, MOST_PROGRESS, ProgressEstimate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from planner_bus import Start, ended, submit
@@ -30,7 +30,7 @@ events = st.one_of(
 def test_progress_never_falls_and_a_range_is_one(
     kind: Kind, max_steps: int, told: list[tuple[str, object]], left_s: float
 ) -> None:
-    pace, now_s, steps, before = Pace(kind, max_steps, 0, 0.0), 0.0, 0, 0.0
+    pace, now_s, steps, before = ProgressEstimate(kind, max_steps, 0, 0.0), 0.0, 0, 0.0
     for what, value in told:
         match what, value:
             case "step", float(took_s):
@@ -57,7 +57,7 @@ def test_progress_never_falls_and_a_range_is_one(
 
 
 def test_the_range_is_the_pace_of_the_task_and_a_pause_is_none_of_it() -> None:
-    pace = Pace(Kind.FIND, 1000, 0, 0.0)
+    pace = ProgressEstimate(Kind.FIND, 1000, 0, 0.0)
     pace.on_phase(Phase.FIND_OBJECT)
     for n in range(1, 11):
         pace.on_step(n, 2.0 * n)
@@ -73,7 +73,7 @@ def test_the_range_is_the_pace_of_the_task_and_a_pause_is_none_of_it() -> None:
 
 
 def test_fewer_places_left_to_search_bring_the_end_nearer() -> None:
-    pace = Pace(Kind.FIND, 1000, 0, 0.0)
+    pace = ProgressEstimate(Kind.FIND, 1000, 0, 0.0)
     pace.on_phase(Phase.FIND_OBJECT)
     most = []
     for places in (20, 10, 3, 1):
@@ -83,7 +83,7 @@ def test_fewer_places_left_to_search_bring_the_end_nearer() -> None:
 
 
 def test_a_task_that_goes_on_after_its_planner_died_keeps_its_progress() -> None:
-    pace = Pace(Kind.MOVE, 1000, 120, 0.4)
+    pace = ProgressEstimate(Kind.MOVE, 1000, 120, 0.4)
     assert pace.progress == 0.4
     pace.on_step(121, 1.0)
     assert pace.progress > 0.4

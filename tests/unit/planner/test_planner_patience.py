@@ -16,8 +16,8 @@ from helios_planner.instruction.parser import parse
 from helios_planner.search.object_search import ObjectSearch
 from helios_planner.search.scored_search import (
     MOST_WRITTEN,
+    CandidateMemory,
     ReceptacleSearch,
-    Remembered,
     ScoredSearch,
 )
 from helios_planner.settings import Settings
@@ -265,7 +265,7 @@ def test_what_was_believed_once_is_remembered_over_a_restart() -> None:
 
 @given(st.permutations(range(1, MOST_WRITTEN + 10)))
 def test_of_many_that_were_believed_the_likeliest_are_written_down(views: list[int]) -> None:
-    before, after = Remembered(), Remembered()
+    before, after = CandidateMemory(), CandidateMemory()
     before.note(replace(instance(counter(), id=v), views=v) for v in views)
     assert len(before.memory()) == MOST_WRITTEN
     after.recall(before.memory())

@@ -10,11 +10,11 @@ import pytest
 from helios_core.robot import Turn
 from helios_planner.decisions.acceptance import paper
 from helios_planner.instruction.parser import parse
-from helios_planner.manipulation import Skills
+from helios_planner.manipulation import Manipulation
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
 from helios_planner.motion_planning.path_planner import MotionRules, reach
-from helios_planner.navigation.base_controller import Legs
-from helios_planner.search.base import Patrol, next_place
+from helios_planner.navigation.base_controller import BaseController
+from helios_planner.search.base import RevisitSearch, next_place
 from helios_planner.search.scored_search import ReceptacleSearch
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
@@ -56,9 +56,9 @@ def test_places_are_apart_and_leave_no_ground_that_is_farther_away(
 
 def test_a_patrol_goes_the_shortest_way_first_and_looks_all_around_at_each_place() -> None:
     world = flat()
-    legs = Legs(world, Settings())
+    legs = BaseController(world, Settings())
     legs.look_around()
-    patrol = Patrol(legs, 1.5)
+    patrol = RevisitSearch(legs, 1.5)
     patrol.begin()
     begun = len(world.log)
     place = next_place(legs.reach(), patrol.seen_from, 1.5)
@@ -74,9 +74,9 @@ def test_a_patrol_goes_the_shortest_way_first_and_looks_all_around_at_each_place
 
 def test_a_patrol_is_left_as_soon_as_something_is_found() -> None:
     world = flat()
-    legs = Legs(world, Settings())
+    legs = BaseController(world, Settings())
     legs.look_around()
-    patrol = Patrol(legs, 1.5)
+    patrol = RevisitSearch(legs, 1.5)
     patrol.begin()
     steps = world.steps
     assert patrol.step("look", lambda: True)
@@ -103,14 +103,14 @@ def test_a_counter_that_is_only_seen_on_the_second_search_is_found() -> None:
     late.rate = 0.0
     world = flat([coffee_table(), late, mug()])
     mission = Mission(world, parse(MOVE), Settings())
-    begin = Patrol.begin
+    begin = RevisitSearch.begin
 
-    def begin_and_show(patrol: Patrol) -> None:
+    def begin_and_show(patrol: RevisitSearch) -> None:
         late.rate = 1.0
         begin(patrol)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Patrol, "begin", begin_and_show)
+        patch.setattr(RevisitSearch, "begin", begin_and_show)
         mission.run()
     assert world.released is world.things[3]
 
@@ -129,9 +129,9 @@ def test_at_last_it_is_placed_whatever_it_looks_like_from_near() -> None:
 def test_what_vanished_from_near_is_placed_on_where_it_was_if_that_has_to_do() -> None:
     world = flat([coffee_table(), counter(), mug()])
     Mission(world, parse("go to the counter"), Settings()).run()
-    legs, asked = Legs(world, Settings()), []
+    legs, asked = BaseController(world, Settings()), []
     mission = Mission(world, parse(MOVE), Settings())
-    skills = Skills(world, legs, Settings(), mission.kit.belief, 1)
+    skills = Manipulation(world, legs, Settings(), mission.kit.belief, 1)
     thing = next(o for o in world.objects("counter"))
     world._held = world.things[3]
     with pytest.MonkeyPatch.context() as patch:

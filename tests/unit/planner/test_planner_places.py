@@ -9,7 +9,7 @@ import pytest
 from helios_core.robot import ActionResult, Place
 from helios_core.types import ObjectInstance
 from helios_planner.instruction.parser import parse
-from helios_planner.manipulation import Done, Skills
+from helios_planner.manipulation import Done, Manipulation
 from helios_planner.motion_planning.base_placement import (
     OTHER_SIDE_M,
     AheadRules,
@@ -217,13 +217,13 @@ def test_the_robot_faces_the_place_that_it_chose_anew(monkeypatch: pytest.Monkey
         return place(point_m)
 
     def half_a_metre_aside(
-        _: Skills, receptacle: ObjectInstance, spot: Spot, failed: object
+        _: Manipulation, receptacle: ObjectInstance, spot: Spot, failed: object
     ) -> tuple[float, float, float]:
         x, y, z = spot.point_m
         return x + (0.5 if x < 2.2 else -0.5), y, z
 
     monkeypatch.setattr(world, "_place", watched)
-    monkeypatch.setattr(Skills, "_point_from_here", half_a_metre_aside)
+    monkeypatch.setattr(Manipulation, "_point_from_here", half_a_metre_aside)
     mission.skills.place(goal, "counter")
     assert aside
     assert max(np.abs(aside)) < np.radians(5)  # the least that it can turn
@@ -234,7 +234,7 @@ def test_the_last_try_does_with_the_place_that_was_chosen_from_afar(
 ) -> None:
     world = flat([counter(), mug()], Pose2(2.2, 5.0, 1.57))
     mission, goal = placing(world)
-    monkeypatch.setattr(Skills, "_point_from_here", lambda *_: None)
+    monkeypatch.setattr(Manipulation, "_point_from_here", lambda *_: None)
     assert mission.skills.place(goal, "counter") is Done.SUCCEEDED
     (point,) = put_points(world)
     assert point[2] == pytest.approx(0.9 + Settings().place_drop_m, abs=0.02)

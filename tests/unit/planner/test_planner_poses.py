@@ -12,7 +12,12 @@ from helios_core.robot import Action, ActionResult, Forward, Turn
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
 from helios_planner.motion_planning.lattice_planner import Capsule, PoseReach, pose_reach
 from helios_planner.motion_planning.path_planner import MotionRules, reach
-from helios_planner.navigation.base_controller import Legs, Outcome, PoseLegs, legs_of
+from helios_planner.navigation.base_controller import (
+    BaseController,
+    Outcome,
+    PoseBaseController,
+    legs_of,
+)
 from helios_planner.settings import Settings
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -206,7 +211,7 @@ def test_its_legs_go_through_an_unknown_home_without_contact() -> None:
     walls = [Box(3.4, 0, 3.5, 1.5, 2.5), Box(3.4, 2.4, 3.5, 4, 2.5)]
     world = BoxWorld((7, 4), walls, [], Pose2(1.5, 2.0, 0.4))
     legs = legs_of(world, Settings())
-    assert isinstance(legs, PoseLegs)
+    assert isinstance(legs, PoseBaseController)
     legs.look_around()
     assert legs.go_to(Pose2(2.6, 1.95, 0.0), "test") is Outcome.ARRIVED
     assert legs.go_to(Pose2(5.2, 2.0, 0.0), "test") is Outcome.ARRIVED
@@ -226,4 +231,4 @@ def test_a_box_that_never_comes_nearer_gives_the_goal_up(monkeypatch: pytest.Mon
 
 def test_a_disc_keeps_its_own_legs() -> None:
     world = FakeWorld((7, 4), [], [], Pose2(1.5, 2.0, 0.4))
-    assert type(legs_of(world, Settings())) is Legs
+    assert type(legs_of(world, Settings())) is BaseController

@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 import pytest
-from helios_planner.decisions.acceptance import PATIENCE, Rule, Standard, in_the_end, paper, patient
+from helios_planner.decisions.acceptance import (
+    PATIENCE,
+    AcceptanceThreshold,
+    Rule,
+    in_the_end,
+    paper,
+    patient,
+)
 from helios_planner.decisions.decision import ANY_SCORE
 from hypothesis import given
 from hypothesis import strategies as st
@@ -21,8 +28,11 @@ def test_the_paper_has_one_threshold_however_late_it_is(tau: float, used: float,
 
 
 def test_where_a_place_is_known_things_elsewhere_wait_until_nothing_else_is_left():
-    assert paper(0.5, True).steps == (Standard(0.5, False), Standard(0.5, True))
-    assert paper(0.5, False).steps == (Standard(0.5, True),)
+    assert paper(0.5, True).steps == (
+        AcceptanceThreshold(0.5, False),
+        AcceptanceThreshold(0.5, True),
+    )
+    assert paper(0.5, False).steps == (AcceptanceThreshold(0.5, True),)
     anywhere = [s.anywhere for s in patient(0.5, True).steps]
     assert anywhere == sorted(anywhere)
     assert anywhere[-1]
@@ -62,4 +72,4 @@ def test_the_same_holds_until_at_last_anything_does(
     if used < at_last:
         assert now == usual.steps[usual.least_at(used, since)]
     else:
-        assert now == Standard(ANY_SCORE, True)
+        assert now == AcceptanceThreshold(ANY_SCORE, True)

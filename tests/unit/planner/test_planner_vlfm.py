@@ -13,7 +13,7 @@ from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.robot.detections import Sighting, lies_at_side, sighting_of
 from helios_planner.robot.interface import Frontier
 from helios_planner.search.baselines import UnfilteredBelief, VlfmBelief
-from helios_planner.search.frontier_exploration import Pursuit
+from helios_planner.search.frontier_exploration import TargetPursuit
 from helios_planner.settings import Settings
 from helios_planner.task import Phase, TaskFailed
 from helios_planner.tasks.mission import Mission
@@ -137,7 +137,7 @@ def test_without_a_frontier_nothing_is_left() -> None:
     assert kept([], "pick", ChosenFrontier((0.0, 0.0), 0.5)).do is Do.NOTHING_LEFT
 
 
-def chased(values: list[float]) -> tuple[FakeWorld, Pursuit]:
+def chased(values: list[float]) -> tuple[FakeWorld, TargetPursuit]:
     """A robot on its way to a frontier 4 m ahead, whose value after each look is the next one."""
     world = flat(start=Pose2(0.6, 1.2, 0.0))
     mission = Mission(world, parse(FIND), Settings(agent="vlfm"))
@@ -153,7 +153,7 @@ def chased(values: list[float]) -> tuple[FakeWorld, Pursuit]:
 
     world.look = looking
     world.frontiers = lambda: [Frontier(1, (4.0, 1.2), 1.0, {"pick": worth[0]})]
-    return world, Pursuit(search, "pick")
+    return world, TargetPursuit(search, "pick")
 
 
 def test_a_frontier_whose_value_falls_on_the_way_is_left() -> None:

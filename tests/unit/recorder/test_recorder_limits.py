@@ -17,7 +17,7 @@ from helios_recorder import recording_thread as recording_module
 from helios_recorder.mcap_writer import DiskFull
 from helios_recorder.recording_thread import Recording
 from helios_recorder.service import Gaps
-from helios_recorder.write_queue import Inbox
+from helios_recorder.write_queue import MessageQueue
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -27,7 +27,7 @@ from tests.unit.recorder.recorder_bus import Recorded, frame
 
 
 def test_a_full_inbox_drops_streams_first_and_never_waits() -> None:
-    inbox = Inbox(limit_bytes=10 * frame(0).ByteSize())
+    inbox = MessageQueue(limit_bytes=10 * frame(0).ByteSize())
     streams = [inbox.put("/s", frame(0, keyframe=False), droppable=True) for _ in range(20)]
     keyframes = [inbox.put("/k", frame(0), droppable=False) for _ in range(20)]
     assert sum(streams) == 5
@@ -40,7 +40,7 @@ def test_log_times_rise_strictly(step_ns: int, monkeypatch: pytest.MonkeyPatch) 
     """Whatever the clock does."""
     clock = itertools.count(10**15, step_ns)
     monkeypatch.setattr(time, "monotonic_ns", lambda: next(clock))
-    inbox = Inbox(1e6)
+    inbox = MessageQueue(1e6)
     for _ in range(200):
         inbox.put("/t", pb.Empty(), droppable=False)
     times = [item.log_time_ns for _ in range(200) if (item := inbox.take(0))]

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 import pytest
 from helios_client.cli import run
-from helios_client.supervision.service_specs import Stack
+from helios_client.supervision.service_specs import ServiceSpecs
 from helios_core.errors import Unavailable
 from helios_sim.assets import Dressing, realistic
 from helios_sim.assets.asset_baking import bake
@@ -23,7 +23,7 @@ from helios_sim.episode_tracker import episode_of
 from helios_sim.home import PRESETS, Home, generate_home
 from helios_sim.home.catalogs import CATALOGS
 from helios_sim.home.color_palette import draw_palette
-from helios_sim.home.home_types import Receptacle, Shape, Solid, Surface
+from helios_sim.home.home_types import CollisionBox, Receptacle, Shape, Surface
 from helios_sim.settings import Settings
 from helios_sim.world import World
 from pydantic import ValidationError
@@ -99,7 +99,9 @@ def test_it_is_drawn_with_its_own_picture(homes: list[Home]) -> None:
 
 def shape(size: tuple[float, float, float], *surfaces: Surface, ball: bool = False) -> Shape:
     kind = "sphere" if ball else "box"
-    return Shape(size, (), (Solid(kind, (1, 1, 1), (0, 0, 0)),), (1, 1, 1), surfaces, rolls=ball)
+    return Shape(
+        size, (), (CollisionBox(kind, (1, 1, 1), (0, 0, 0)),), (1, 1, 1), surfaces, rolls=ball
+    )
 
 
 def table(size: tuple[float, float, float], top_m: float) -> Model:
@@ -164,6 +166,6 @@ def test_other_kinds_of_furniture_are_refused() -> None:
 
 def test_the_stack_passes_the_furniture_on_and_refuses_other_kinds() -> None:
     assert run(["up", "--furniture", "golden"]) == 2
-    stack = Stack("sim", 7447, Path("state"), furniture="realistic")
+    stack = ServiceSpecs("sim", 7447, Path("state"), furniture="realistic")
     (world,) = (spec for spec in stack.specs() if spec.name == "world")
     assert "--furniture realistic" in " ".join(world.argv)

@@ -7,19 +7,19 @@ import math
 
 import numpy as np
 import pytest
-from helios_sim.navigable_area import Ground, clearance_m
+from helios_sim.navigable_area import NavigableArea, clearance_m
 from helios_sim.objectnav_metrics import spl
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-OPEN = Ground(np.ones((80, 80), bool), (-1.0, -2.0), 0.05)  # x from -1 to 3, y from -2 to 2
+OPEN = NavigableArea(np.ones((80, 80), bool), (-1.0, -2.0), 0.05)  # x from -1 to 3, y from -2 to 2
 
 
-def walled() -> Ground:
+def walled() -> NavigableArea:
     """A wall at x in [1, 1.1] from below up to y = 1."""
     free = OPEN.free.copy()
     free[:60, 40:42] = False
-    return Ground(free, OPEN.origin_m, OPEN.cell_m)
+    return NavigableArea(free, OPEN.origin_m, OPEN.cell_m)
 
 
 def test_points_lie_in_their_cells():
@@ -49,13 +49,13 @@ def test_the_nearest_goal_is_the_one_that_is_nearest_to_go_to():
 def test_where_no_way_leads_there_is_no_length():
     free = OPEN.free.copy()
     free[:, 40] = False
-    shut = Ground(free, OPEN.origin_m, OPEN.cell_m)
+    shut = NavigableArea(free, OPEN.origin_m, OPEN.cell_m)
     assert shut.shortest_m((0.5, 0.0), np.array([[1.6, 0.0]])) == math.inf
     assert OPEN.shortest_m((0.5, 0.0), np.zeros((0, 2))) == math.inf
     assert OPEN.shortest_m((0.5, 0.0), np.array([[9.0, 0.0]])) == math.inf
 
 
-def plain_search(ground: Ground) -> np.ndarray:
+def plain_search(ground: NavigableArea) -> np.ndarray:
     """Shortest ways from the middle of cell (0, 0) over 8 neighbours [rows, columns]."""
     rows, columns = ground.free.shape
     away = np.full((rows, columns), np.inf)
@@ -84,7 +84,7 @@ def test_ways_through_clutter_are_no_longer_than_a_plain_search_finds(seed: int,
     rng = np.random.default_rng(seed)
     free = rng.random((14, 14)) >= share
     free[0, 0] = True
-    ground = Ground(free, (0.0, 0.0), 0.1)
+    ground = NavigableArea(free, (0.0, 0.0), 0.1)
     away = plain_search(ground)
     for row, column in np.argwhere(free)[::9]:
         goal = np.array([[(column + 0.5) * 0.1, (row + 0.5) * 0.1]])

@@ -7,18 +7,18 @@ from dataclasses import replace
 import pytest
 from helios_sim import failure_causes
 from helios_sim.episode_events import Collided, Event, PickTried, PlaceTried
-from helios_sim.failure_causes import CAUSES, Said, failure_cause, objectnav_cause
+from helios_sim.failure_causes import CAUSES, AgentReport, failure_cause, objectnav_cause
 from helios_sim.ovmm_metrics import Progress
 from hypothesis import given
 from hypothesis import strategies as st
 
 MAX = 1250
-GAVE_UP = Said("failed", "object not found", "nothing left to explore")
-DONE = Said("succeeded")
-STUCK = Said("failed", failure_causes.STUCK)
-SPENT = Said("failed", failure_causes.STEP_BUDGET)
-BROKEN = Said("failed", failure_causes.SYSTEM_ERROR)
-GONE = Said("running")
+GAVE_UP = AgentReport("failed", "object not found", "nothing left to explore")
+DONE = AgentReport("succeeded")
+STUCK = AgentReport("failed", failure_causes.STUCK)
+SPENT = AgentReport("failed", failure_causes.STEP_BUDGET)
+BROKEN = AgentReport("failed", failure_causes.SYSTEM_ERROR)
+GONE = AgentReport("running")
 
 NOTHING = Progress(steps=80, path_m=20.0)
 FOUND = replace(NOTHING, find_object=True)
@@ -80,13 +80,13 @@ BUMP = Collided(5, ("walls",))
         (PICKED, [GRASP], STUCK, failure_causes.STUCK),
         (NOTHING, [], SPENT, failure_causes.OBJECT_NOT_FOUND),
         (FOUND, [], SPENT, failure_causes.STEP_BUDGET),
-        (replace(FOUND, steps=MAX), [], Said("cancelled"), failure_causes.STEP_BUDGET),
+        (replace(FOUND, steps=MAX), [], AgentReport("cancelled"), failure_causes.STEP_BUDGET),
         (PICKED, [GRASP], SPENT, failure_causes.RECEPTACLE_NOT_FOUND),
         (AT_GOAL, [GRASP], SPENT, failure_causes.STEP_BUDGET),
         (AT_GOAL, [GRASP], GAVE_UP, failure_causes.RECEPTACLE_NOT_FOUND),
     ],
 )
-def test_the_cause_is(progress: Progress, events: list[Event], said: Said, cause: str):
+def test_the_cause_is(progress: Progress, events: list[Event], said: AgentReport, cause: str):
     assert failure_cause(progress, events, said, MAX) == cause
 
 
@@ -96,10 +96,10 @@ EVENTS = st.lists(st.sampled_from([GRASP, WRONG, VAIN, VAIN_AT_THE_END, ROLLED, 
 @given(
     st.sampled_from([NOTHING, FOUND, PICKED, AT_GOAL, BUMPED, PLACED]),
     EVENTS,
-    st.sampled_from([GAVE_UP, DONE, STUCK, SPENT, BROKEN, GONE, Said("", "", "")]),
+    st.sampled_from([GAVE_UP, DONE, STUCK, SPENT, BROKEN, GONE, AgentReport("", "", "")]),
 )
 def test_every_failure_has_one_cause_of_the_list(
-    progress: Progress, events: list[Event], said: Said
+    progress: Progress, events: list[Event], said: AgentReport
 ):
     cause = failure_cause(progress, events, said, MAX)
     assert (cause in CAUSES) != progress.success
@@ -114,7 +114,7 @@ def test_words_of_the_agent_about_the_rest_change_nothing(
         for c in CAUSES
         if c not in (failure_causes.STUCK, failure_causes.STEP_BUDGET, failure_causes.SYSTEM_ERROR)
     ]
-    causes = {failure_cause(progress, events, Said("failed", c, word), MAX) for c in others}
+    causes = {failure_cause(progress, events, AgentReport("failed", c, word), MAX) for c in others}
     assert len(causes) == 1
 
 
@@ -131,5 +131,7 @@ def test_words_of_the_agent_about_the_rest_change_nothing(
         (False, 100, BROKEN, failure_causes.SYSTEM_ERROR),
     ],
 )
-def test_the_cause_of_a_failed_object_navigation(success: bool, steps: int, said: Said, cause: str):
+def test_the_cause_of_a_failed_object_navigation(
+    success: bool, steps: int, said: AgentReport, cause: str
+):
     assert objectnav_cause(success, steps, said, 500) == cause

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from helios_sim.navigable_area import Ground
+from helios_sim.navigable_area import NavigableArea
 from helios_sim.ovmm_metrics import (
     Progress,
     Released,
@@ -18,7 +18,7 @@ from helios_sim.ovmm_metrics import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-GROUND = Ground(np.ones((200, 200), bool), (0.0, 0.0), 0.05)
+GROUND = NavigableArea(np.ones((200, 200), bool), (0.0, 0.0), 0.05)
 TARGETS = Targets(
     objects={"mug_0": np.array([[1.0, 1.0]]), "mug_1": np.array([[5.0, 5.0]])},
     goals={"sofa_0": np.array([[3.0, 1.0]])},
@@ -191,7 +191,7 @@ def test_viewpoints_lie_on_the_grid_within_a_metre_of_the_box():
 def test_viewpoints_stand_where_the_robot_fits():
     free = np.zeros((100, 100), bool)
     free[:, :50] = True
-    points = viewpoints_of((2.4, 2.0), (2.6, 2.3), Ground(free, (0.0, 0.0), 0.05))
+    points = viewpoints_of((2.4, 2.0), (2.6, 2.3), NavigableArea(free, (0.0, 0.0), 0.05))
     assert len(points) > 0
     assert points[:, 0].max() < 2.5
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import pytest
 from helios_sim.episode_events import PlaceTried
-from helios_sim.episode_tracker import Tracker, episode_of
+from helios_sim.episode_tracker import EpisodeTracker, episode_of
 from helios_sim.home import Home
 from helios_sim.ovmm_metrics import Released
 from helios_sim.robot_model import BASE_BODY
 
 
 @pytest.fixture
-def tracker(sim_home: Home) -> Tracker:
-    return Tracker(sim_home, episode_of(sim_home, 0), 0.3)
+def tracker(sim_home: Home) -> EpisodeTracker:
+    return EpisodeTracker(sim_home, episode_of(sim_home, 0), 0.3)
 
 
-def released_on(tracker: Tracker, body: str) -> PlaceTried:
+def released_on(tracker: EpisodeTracker, body: str) -> PlaceTried:
     name = next(iter(tracker.targets.objects))
     tracker.place_tried(name, Released(name, True, {body: 0.2}, 0.25), "")
     (event,) = tracker.events
@@ -24,13 +24,13 @@ def released_on(tracker: Tracker, body: str) -> PlaceTried:
 
 
 def test_a_thing_that_falls_onto_the_robot_is_neither_placed_nor_on_the_floor(
-    tracker: Tracker,
+    tracker: EpisodeTracker,
 ) -> None:
     event = released_on(tracker, BASE_BODY)
     assert event.on == (BASE_BODY,)
     assert not any((event.met_goal, event.placed, event.on_floor))
 
 
-def test_a_thing_on_the_floor_is_said_to_be_there(tracker: Tracker, sim_home: Home) -> None:
+def test_a_thing_on_the_floor_is_said_to_be_there(tracker: EpisodeTracker, sim_home: Home) -> None:
     floor = next(n for n in sim_home.body_names() if sim_home.class_of(n) == "floor")
     assert released_on(tracker, floor).on_floor

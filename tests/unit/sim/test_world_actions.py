@@ -10,7 +10,7 @@ from helios_core.errors import InvalidInput
 from helios_core.geometry import wrap_angle, yaw_of
 from helios_core.robot import Forward, Observe, Pick, Place, Tilt, Turn
 from helios_sim.episode_tracker import reachable
-from helios_sim.ground_truth_solver import Oracle
+from helios_sim.ground_truth_solver import GroundTruthSolver
 from helios_sim.home import Home
 from helios_sim.world import World
 
@@ -22,7 +22,7 @@ def position(world: World) -> np.ndarray:
 def fetch_the_object(world: World) -> str:
     """Let the oracle pick the task's object; its name."""
     name = next(iter(world.tracker.targets.objects))
-    assert Oracle(world).fetch(name)
+    assert GroundTruthSolver(world).fetch(name)
     return name
 
 
@@ -119,7 +119,7 @@ def test_a_pick_from_across_the_home_is_out_of_reach(world: World, sim_home: Hom
 
 def test_what_is_not_in_view_is_not_picked(world: World):
     name = next(iter(world.tracker.targets.objects))
-    oracle = Oracle(world)
+    oracle = GroundTruthSolver(world)
     assert oracle.approach(name)
     world.act(Tilt(-0.6), "look up")
     x, y, z = (float(v) for v in world.position_m(name))
@@ -155,7 +155,7 @@ def test_a_held_thing_is_carried_unseen_and_dropped_by_physics(world: World):
 
 def test_pushing_a_movable_thing_is_no_collision(world: World):
     name = fetch_the_object(world)
-    oracle = Oracle(world)
+    oracle = GroundTruthSolver(world)
     assert oracle.go_to_most_room()
     x, y = position(world)
     yaw = yaw_of(world.state().T_world_base)
@@ -177,7 +177,7 @@ def test_a_place_with_an_empty_gripper_or_out_of_reach_fails(world: World):
 
 def test_nothing_is_placed_through_a_wall(world: World, sim_home: Home):
     fetch_the_object(world)
-    oracle = Oracle(world)
+    oracle = GroundTruthSolver(world)
     free, origin_m = reachable(sim_home, 0.35)
     rows, columns = np.nonzero(free)
     nearest_wall = int(np.argmin(columns))

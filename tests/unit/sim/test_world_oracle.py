@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from helios_sim.episode_tracker import episode_of
-from helios_sim.ground_truth_solver import Oracle
+from helios_sim.ground_truth_solver import GroundTruthSolver
 from helios_sim.home import PRESETS, generate_home
 from helios_sim.world import World
 
@@ -13,7 +13,7 @@ from helios_sim.world import World
 def test_who_knows_the_truth_succeeds_without_a_collision(seed: int):
     home = generate_home(seed, PRESETS["demo-v1"])
     world = World(home, episode_of(home, seed))
-    done = Oracle(world).run()
+    done = GroundTruthSolver(world).run()
     world.close()
     assert (done.find_object, done.pick, done.find_receptacle, done.place) == (True,) * 4
     assert done.collisions == 0

@@ -10,7 +10,7 @@ import pytest
 from helios_core.errors import InvalidInput
 from helios_core.geometry import camera_on_base, lift_pixels, project
 from helios_core.robot import Observe, Tilt, Turn
-from helios_sim.ground_truth_solver import Oracle
+from helios_sim.ground_truth_solver import GroundTruthSolver
 from helios_sim.home import Home
 from helios_sim.home.floor_plans import WALL_HALF_M
 from helios_sim.past_frame_truth import REMEMBERED_CAPTURES
@@ -70,7 +70,7 @@ def test_lifted_floor_and_walls_lie_where_they_are(world: World, sim_home: Home)
 
 
 def test_things_are_seen_where_the_truth_says(world: World, sim_home: Home):
-    oracle = Oracle(world)
+    oracle = GroundTruthSolver(world)
     for thing in sim_home.objects[:4]:
         assert oracle.approach(thing.name)
         shot = world.capture()

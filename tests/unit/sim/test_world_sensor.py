@@ -10,7 +10,7 @@ import pytest
 from helios_core.geometry import camera_on_base
 from helios_core.robot import Forward, Pick, Turn
 from helios_sim.episode_tracker import episode_of
-from helios_sim.ground_truth_solver import Oracle
+from helios_sim.ground_truth_solver import GroundTruthSolver
 from helios_sim.home import Home
 from helios_sim.robot_model import CAMERA_HEIGHT_M
 from helios_sim.sensor_noise import SENSORS, SensorRealism
@@ -58,7 +58,7 @@ def test_a_pick_is_meant_where_the_robot_believes_itself(sim_home: Home):
     world = World(sim_home, episode_of(sim_home, 0), sensor=sensor)
     try:
         name = next(iter(world.tracker.targets.objects))
-        assert Oracle(world).approach(name)
+        assert GroundTruthSolver(world).approach(name)
         # The heading does not drift here: belief and truth are a shift apart.
         dx, dy = world.state().T_world_base[:2, 3] - world.trajectory_m[-1]
         assert math.hypot(dx, dy) > 0.01

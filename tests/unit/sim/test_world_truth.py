@@ -9,8 +9,8 @@ import pytest
 from helios_core.robot import Forward, Observe, Pick, Place, Turn
 from helios_sim.episode_events import PickTried, PlaceTried
 from helios_sim.episode_tracker import objectnav_episode_of
-from helios_sim.failure_causes import Said, failure_cause
-from helios_sim.ground_truth_solver import Oracle
+from helios_sim.failure_causes import AgentReport, failure_cause
+from helios_sim.ground_truth_solver import GroundTruthSolver
 from helios_sim.home import Home
 from helios_sim.object_states import upright_box
 from helios_sim.objectnav_metrics import MIN_SHORTEST_M
@@ -35,7 +35,7 @@ def test_all_things_are_listed_where_they_stand(world: World, sim_home: Home):
 
 def test_a_carried_and_dropped_thing_is_listed_where_it_is(world: World):
     name = next(iter(world.tracker.targets.objects))
-    oracle = Oracle(world)
+    oracle = GroundTruthSolver(world)
     assert oracle.fetch(name)
     held = next(thing for thing in world.things() if thing.name == name)
     assert held.on == ""
@@ -103,7 +103,7 @@ def test_object_navigation_succeeds_at_a_viewpoint_and_nowhere_else(sim_home: Ho
         shortest_m = world.tracker.shortest_path_m()
         assert shortest_m >= MIN_SHORTEST_M
         viewpoints = np.concatenate(list(world.tracker.targets.objects.values()))
-        oracle = Oracle(world)
+        oracle = GroundTruthSolver(world)
         arrived = []
         for x, y in viewpoints[:: max(1, len(viewpoints) // 6)]:
             assert oracle.go_near((x, y))
@@ -127,7 +127,7 @@ def test_grazing_a_wall_is_counted_as_leaving_the_navigable_area(world: World):
 def test_what_falls_from_the_edge_of_the_goal_rolled_off(world: World, sim_home: Home):
     name = next(iter(world.tracker.targets.objects))
     goal = next(iter(world.tracker.targets.goals))
-    oracle = Oracle(world)
+    oracle = GroundTruthSolver(world)
     assert oracle.fetch(name)
     surface = sim_home.receptacle(goal).surfaces[0]
     c, s = math.cos(surface.yaw_rad), math.sin(surface.yaw_rad)
@@ -140,5 +140,5 @@ def test_what_falls_from_the_edge_of_the_goal_rolled_off(world: World, sim_home:
     assert isinstance(fell, PlaceTried)
     assert (fell.rolled_off, fell.on_floor, fell.placed) == (True, True, False)
     assert not world.progress.place
-    cause = failure_cause(world.progress, world.events, Said("succeeded"), 1250)
+    cause = failure_cause(world.progress, world.events, AgentReport("succeeded"), 1250)
     assert cause == "object rolled off"

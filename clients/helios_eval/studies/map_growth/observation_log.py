@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from helios_client.usage_errors import WrongUse
+from helios_client.usage_errors import UsageError
 from helios_core import proto as pb
 from helios_core.codec import context_from_proto, observation_from_proto, state_from_proto
 from helios_core.topics import CONTEXT, OBSERVATION, ROBOT_STATE
@@ -14,7 +14,7 @@ from helios_eval.episodes import home_presets
 from helios_eval.episodes.episode_player import LONGEST_S, housed
 from helios_eval.episodes.episode_record import Setting
 from helios_eval.episodes.episode_spec import EpisodeSpec, noise_of
-from helios_eval.episodes.in_process_stack import House
+from helios_eval.episodes.in_process_stack import InProcessStack
 from helios_eval.studies.map_growth.simulated_walk import strided
 
 
@@ -42,11 +42,11 @@ def play(preset: str, seed: int, max_steps: int, stride_px: int) -> list[Seen]:
         instruction = thread.run(lambda world: world.episode.instruction)
         tape = recorded(house, instruction, max_steps, stride_px)
     if not tape:
-        raise WrongUse(f"the episode of seed {seed} showed nothing in {max_steps} steps")
+        raise UsageError(f"the episode of seed {seed} showed nothing in {max_steps} steps")
     return tape
 
 
-def recorded(house: House, instruction: str, max_steps: int, stride_px: int) -> list[Seen]:
+def recorded(house: InProcessStack, instruction: str, max_steps: int, stride_px: int) -> list[Seen]:
     """What a house's object map hears during one task, on the pixels of a stride."""
     recorder = _Recorder(stride_px)
     bus = house.bus()

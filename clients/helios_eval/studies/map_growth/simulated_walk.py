@@ -18,7 +18,7 @@ from helios_core.types import Frame, FrameId, Observation, Role, SearchClass, Se
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 from helios_detector.simulator_truth import Truth
 from helios_objectmap.camera import View, offset
-from helios_sim.ground_truth_solver import Oracle
+from helios_sim.ground_truth_solver import GroundTruthSolver
 from helios_sim.home import Home
 from helios_sim.world import World
 from numpy.typing import NDArray
@@ -139,7 +139,7 @@ class _SeenWorld(World):
 
 def _wander(world: World, rng: np.random.Generator) -> None:
     """From place to place, and before each thing once; until something is raised."""
-    guide = Oracle(world)
+    guide = GroundTruthSolver(world)
     low_x, low_y, high_x, high_y = world.home.bounds
     names = [r.name for r in world.home.receptacles]
     while True:
