@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
 from helios_core.types import Detection, Frame
-from helios_detector.backend import FrameAnswers, Seen
+from helios_detector.backend import Findings, Seen
 from helios_detector.output_checks import held_findings
 
 from helios_contract.bench import UNKNOWN, DetectorBench, odd, searching, views
@@ -62,7 +62,7 @@ class DetectorContract(BackEndContract[DetectorBench]):
     def test_it_gives_findings_of_detections_and_seen(self, bench: DetectorBench) -> None:
         for frame in _all_frames(bench):
             found = bench.detector.detect(frame, searching(bench.asked))
-            assert isinstance(found, FrameAnswers)
+            assert isinstance(found, Findings)
             assert all(isinstance(d, Detection) for d in found.detections)
             assert all(isinstance(s, Seen) and isinstance(s.class_name, str) for s in found.seen)
 
@@ -124,7 +124,7 @@ class DetectorContract(BackEndContract[DetectorBench]):
     @pytest.mark.parametrize("kind", sorted(odd()))
     def test_an_odd_frame_is_answered(self, bench: DetectorBench, kind: str) -> None:
         found = _found(bench, odd()[kind])
-        assert isinstance(found, FrameAnswers)
+        assert isinstance(found, Findings)
 
     def test_a_frame_stays_as_it_was(self, bench: DetectorBench) -> None:
         for frame in views(bench.pictures):
@@ -150,15 +150,15 @@ class DetectorContract(BackEndContract[DetectorBench]):
 
     def test_warming_up_twice_is_as_once(self, bench: DetectorBench) -> None:
         bench.detector.warm_up()
-        assert isinstance(_found(bench, views(())[0]), FrameAnswers)
+        assert isinstance(_found(bench, views(())[0]), Findings)
 
     def test_it_works_again_after_its_memory_was_freed(self, bench: DetectorBench) -> None:
         bench.detector.unload()
         bench.detector.unload()
-        assert isinstance(_found(bench, views(())[0]), FrameAnswers)
+        assert isinstance(_found(bench, views(())[0]), Findings)
 
 
-def _found(bench: DetectorBench, frame: Frame) -> FrameAnswers:
+def _found(bench: DetectorBench, frame: Frame) -> Findings:
     return bench.detector.detect(frame, searching(bench.asked))
 
 
@@ -172,7 +172,7 @@ def _detections(bench: DetectorBench) -> Iterator[tuple[Frame, Detection]]:
             yield frame, d
 
 
-def _told(found: FrameAnswers) -> list[object]:
+def _told(found: Findings) -> list[object]:
     """The findings as what can be compared."""
     things = [(d.class_name, d.score, d.box_xyxy, d.mask.tobytes()) for d in found.detections]
     return [things, [(s.class_name, s.score) for s in found.seen]]

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from helios_core.errors import InvalidInput
 from helios_core.types import Detection, Frame, SearchContext
-from helios_detector.backend import DetectorBackend, DetectorOptions, FrameAnswers, Seen
+from helios_detector.backend import DetectorBackend, DetectorOptions, Findings, Seen
 from numpy.typing import NDArray
 
 PAINTS = {"table": (40, 70, 200), "box": (210, 40, 40), "shelf": (50, 150, 70)}  # RGB
@@ -32,12 +32,12 @@ class PaintDetector(DetectorBackend):
             if c.name not in PAINTS
         }
 
-    def detect(self, frame: Frame, context: SearchContext) -> FrameAnswers:
+    def detect(self, frame: Frame, context: SearchContext) -> Findings:
         masks = {name: (frame.color == paint).all(-1) for name, paint in PAINTS.items()}
         shown = {name: mask for name, mask in masks.items() if mask.sum() >= MIN_PX}
         for sentence in self.refused(context).values():
             raise InvalidInput(sentence)
-        return FrameAnswers(
+        return Findings(
             detections=tuple(
                 Detection(c.name, 1.0, _box(shown[c.name]), shown[c.name])
                 for c in context.classes

@@ -25,7 +25,7 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class FrameAnswers:
+class Findings:
     """All that a detector made of one frame."""
 
     detections: tuple[Detection, ...]  # of the classes asked for, under the names asked for
@@ -63,7 +63,7 @@ class DetectorBackend(ABC):
         """Asked class name -> why it cannot be found, in a sentence; empty when all can."""
 
     @abstractmethod
-    def detect(self, frame: Frame, context: SearchContext) -> FrameAnswers:
+    def detect(self, frame: Frame, context: SearchContext) -> Findings:
         """Raises InvalidInput when a class of the context cannot be found."""
 
     @abstractmethod

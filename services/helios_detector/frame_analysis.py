@@ -16,7 +16,7 @@ from helios_core.health import Health
 from helios_core.log_location import log_place
 from helios_core.types import Frame, SearchContext
 
-from helios_detector.backend import DetectorBackend, FrameAnswers, Judgement, ScorerBackend
+from helios_detector.backend import DetectorBackend, Findings, Judgement, ScorerBackend
 from helios_detector.log_rate_limit import LogRateLimit
 from helios_detector.memory_usage import resident_mb
 from helios_detector.model_set import Models
@@ -52,14 +52,14 @@ class FrameAnalyzer:
         detector = self.models.detector
         return self._checked(detector, "refused", lambda: held_refusals(detector.refused(context)))
 
-    def detect(self, frame: Frame, context: SearchContext) -> tuple[FrameAnswers, str]:
+    def detect(self, frame: Frame, context: SearchContext) -> tuple[Findings, str]:
         """And what of it had to be left out, in a sentence; empty for nothing.
 
         Asks again where what the back end needs did not answer; nothing is asked where no class is
         sought. Raises HeliosError.
         """
         if not context.classes:
-            return FrameAnswers((), ()), ""
+            return Findings((), ()), ""
         detector = self.models.detector
         asked = {c.name for c in context.classes}
         for attempt in range(1, ATTEMPTS + 1):
@@ -79,7 +79,7 @@ class FrameAnalyzer:
         raise AssertionError("not reached")
 
     def judge(
-        self, frame: Frame, findings: FrameAnswers, context: SearchContext
+        self, frame: Frame, findings: Findings, context: SearchContext
     ) -> tuple[Judgement, str]:
         """Scores of all prompts in one pass, and what of them had to be left out; nothing is asked
         where the context seeks nothing. Raises HeliosError."""

@@ -25,7 +25,7 @@ import numpy as np
 from helios_core.errors import Internal
 from helios_core.types import Detection, Embedding
 
-from helios_detector.backend import FrameAnswers, Judgement, Seen
+from helios_detector.backend import Findings, Judgement, Seen
 from helios_detector.box_to_mask import Box
 from helios_detector.detection_filtering import box_of
 
@@ -62,13 +62,13 @@ class ConfusedName:
 
 def held_findings(
     findings: object, shape: tuple[int, int], asked: Collection[str] | None = None
-) -> tuple[FrameAnswers, ConfusedName]:
+) -> tuple[Findings, ConfusedName]:
     """(what may be sent, what was wrong).
 
     shape: (height, width) of the image. asked: the names of the search's classes; None: any.
     Raises Internal where nothing of it can be used.
     """
-    if not isinstance(findings, FrameAnswers):
+    if not isinstance(findings, Findings):
         raise Internal(f"{_a(findings)}, wanted Findings(detections, seen)")
     wrong = ConfusedName()
     given = [
@@ -79,7 +79,7 @@ def held_findings(
         s for s in [_seen(s, wrong) for s in _entries(findings.seen, "seen")] if s is not None
     )
     as_it_is = not wrong and (detections, seen) == (findings.detections, findings.seen)
-    return (findings if as_it_is else FrameAnswers(detections, seen)), wrong
+    return (findings if as_it_is else Findings(detections, seen)), wrong
 
 
 def held_judgement(judgement: object, layers: Collection[str]) -> tuple[Judgement, ConfusedName]:

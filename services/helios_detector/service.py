@@ -27,7 +27,7 @@ from helios_core.health import Health
 from helios_core.topics import CONTEXT, DETECTOR_ACK, FRAME, KEYFRAME, OBSERVATION, PREVIEW
 from helios_core.types import Frame, Observation, SearchContext
 
-from helios_detector.backend import DepthBackend, DetectorBackend, FrameAnswers, ScorerBackend
+from helios_detector.backend import DepthBackend, DetectorBackend, Findings, ScorerBackend
 from helios_detector.exception_guard import typed
 from helios_detector.frame_analysis import FrameAnalyzer
 from helios_detector.memory_usage import resident_mb
@@ -218,7 +218,7 @@ class DetectorService:
             began = time.perf_counter()
             try:
                 frame = frame_from_proto(message)
-                findings = FrameAnswers((), ())
+                findings = Findings((), ())
                 if context is not None:
                     findings, _ = self._analyst.detect(frame, context)
                 self._publish_preview(message, frame, findings)
@@ -257,7 +257,7 @@ class DetectorService:
         except Exception as error:  # the keyframe is answered all the same
             self._refuse("previews_refused", message, typed(error))
 
-    def _publish_preview(self, message: pb.Frame, frame: Frame, findings: FrameAnswers) -> None:
+    def _publish_preview(self, message: pb.Frame, frame: Frame, findings: Findings) -> None:
         bgr = cv2.cvtColor(frame.color, cv2.COLOR_RGB2BGR)
         quality = [cv2.IMWRITE_JPEG_QUALITY, self._preview_quality]
         good, jpeg = cv2.imencode(".jpg", bgr, quality)

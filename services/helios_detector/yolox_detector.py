@@ -12,7 +12,7 @@ from helios_core.errors import InvalidInput, Unavailable
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.backend import SEEN_SCORE, DetectorBackend, FrameAnswers, Seen
+from helios_detector.backend import SEEN_SCORE, DetectorBackend, Findings, Seen
 from helios_detector.box_to_mask import box_to_mask, clip_box
 from helios_detector.detection_filtering import suppressed
 from helios_detector.onnx_class_names import class_names
@@ -153,7 +153,7 @@ class YoloxDetector(DetectorBackend):
         """The session is freed with this object."""
         self.unload()
 
-    def detect(self, frame: Frame, context: SearchContext) -> FrameAnswers:
+    def detect(self, frame: Frame, context: SearchContext) -> Findings:
         wanted, refused = fixed_wanted(context, self._names, self._similar)
         refuse_unknown(refused)
         boxes, scores = self._run(frame.color)
@@ -176,7 +176,7 @@ class YoloxDetector(DetectorBackend):
         seen = tuple(
             Seen(self._names[i], float(best[i])) for i in np.flatnonzero(best >= SEEN_SCORE)
         )
-        return FrameAnswers(tuple(detections), seen)
+        return Findings(tuple(detections), seen)
 
     def _run(self, color: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """(boxes [n, 4] in image pixels, scores [n, classes])."""

@@ -22,7 +22,7 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CLEAR_STOP, GET_TASK, SUBMIT, TASK
 from helios_core.types import Detection, Frame, SearchContext
-from helios_detector.backend import DetectorBackend, FrameAnswers, Seen
+from helios_detector.backend import DetectorBackend, Findings, Seen
 from helios_detector.model_loading import open_scorer
 from helios_detector.service import DetectorService
 from helios_map2d.service import Map2DService
@@ -56,7 +56,7 @@ class ColourDetector(DetectorBackend):
     def refused(self, context: SearchContext) -> Mapping[str, str]:
         return {c.name: f"{c.name} has no colour" for c in context.classes if c.name not in HUES}
 
-    def detect(self, frame: Frame, context: SearchContext) -> FrameAnswers:
+    def detect(self, frame: Frame, context: SearchContext) -> Findings:
         if self.refused(context):
             raise InvalidInput("a class without a colour")
         hsv = cv2.cvtColor(frame.color, cv2.COLOR_RGB2HSV)
@@ -71,7 +71,7 @@ class ColourDetector(DetectorBackend):
                 if area >= 25:
                     found.append(Detection(wanted.name, 0.9, (x, y, x + w, y + h), labels == k))
         seen = tuple(Seen(d.class_name, d.score) for d in found)
-        return FrameAnswers(tuple(found), seen)
+        return Findings(tuple(found), seen)
 
     def warm_up(self) -> None:
         """It is warm."""

@@ -9,7 +9,7 @@ from helios_core.geometry import Pinhole
 from helios_core.types import Detection, Frame, FrameId, Role, SearchClass, SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.backend import DetectorBackend, FrameAnswers, Seen
+from helios_detector.backend import DetectorBackend, Findings, Seen
 from helios_detector.box_to_mask import Box, box_to_mask, clip_box
 from helios_detector.detection_filtering import box_of, near_box, one_class_each
 from helios_detector.hf import sam3_detection
@@ -74,10 +74,10 @@ class HfDetector(DetectorBackend):
     def close(self) -> None:
         self.unload()
 
-    def detect(self, frame: Frame, context: SearchContext) -> FrameAnswers:
+    def detect(self, frame: Frame, context: SearchContext) -> Findings:
         phrases = phrases_of(context, self._landmarks)
         if not phrases.texts:
-            return FrameAnswers((), ())
+            return Findings((), ())
         floors = phrases.thresholds[phrases.owner]
         found = self._finder.find(frame.color, phrases.texts, floors)
         scores = phrases.by_class(found.scores)
@@ -100,7 +100,7 @@ class HfDetector(DetectorBackend):
             name = phrases.wanted[c].name
             detections.append(Detection(name, float(scores[i, c]), box, mask))
         seen = chosen + [(i, asked + c) for i, c in marks]
-        return FrameAnswers(tuple(detections), _seen(seen, scores, phrases))
+        return Findings(tuple(detections), _seen(seen, scores, phrases))
 
     def _masks(
         self, frame: Frame, found: Found, phrases: Phrases, picks: list[tuple[int, int, Box]]

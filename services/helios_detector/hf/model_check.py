@@ -26,7 +26,7 @@ from helios_core.geometry import Pinhole, camera_on_base
 from helios_core.types import Frame, FrameId, Role, SearchClass, SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.backend import DetectorOptions, FrameAnswers, Seen
+from helios_detector.backend import DetectorOptions, Findings, Seen
 from helios_detector.memory_usage import resident_mb
 from helios_detector.model_loading import open_depth, open_detector, open_scorer
 
@@ -72,7 +72,7 @@ def _check(args: argparse.Namespace) -> None:
     camera = Pinhole(focal_px, focal_px, width / 2, height / 2, width, height)
     T_world_cam = camera_on_base(np.eye(4), CAMERA_M, 0.0)
     frame = Frame(FrameId("check", 0, 1), 0, True, color, depth_m, camera, T_world_cam, np.eye(4))
-    findings = FrameAnswers((), ())
+    findings = Findings((), ())
     if args.detector:
         detector = open_detector(args.detector, options)
         context = SearchContext("check", _classes(args.classes))
@@ -96,7 +96,7 @@ def _check(args: argparse.Namespace) -> None:
         print(f"picture: {out}")
 
 
-def drawn(color: NDArray[np.uint8], findings: FrameAnswers) -> NDArray[np.uint8]:
+def drawn(color: NDArray[np.uint8], findings: Findings) -> NDArray[np.uint8]:
     """The image with masks tinted and boxes named."""
     out = color.copy()
     for i, d in enumerate(findings.detections):

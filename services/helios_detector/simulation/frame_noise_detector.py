@@ -10,7 +10,7 @@ from helios_core.geometry import Pinhole, lift_pixels
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.backend import SEEN_SCORE, DetectorBackend, FrameAnswers, Seen
+from helios_detector.backend import SEEN_SCORE, DetectorBackend, Findings, Seen
 from helios_detector.lexical_scorer import household_names
 from helios_detector.simulation.frame_noise import Draws, NoiseTable, hashed_voxels
 from helios_detector.simulation.ground_truth_detector import Visible, detection, visible
@@ -42,7 +42,7 @@ class SimulatedDetector(DetectorBackend):
     def close(self) -> None:
         """Holds nothing."""
 
-    def detect(self, frame: Frame, context: SearchContext) -> FrameAnswers:
+    def detect(self, frame: Frame, context: SearchContext) -> Findings:
         truth = truth_of(frame, self._source)
         wanted = open_wanted(context)
         shape = frame.depth_m.shape
@@ -62,7 +62,7 @@ class SimulatedDetector(DetectorBackend):
                 erode_px = round(self._table.erode_px * self._table.level)
                 box, crop = eroded(thing.box_xyxy, thing.crop, erode_px)
                 detections += [detection(w.name, score, box, crop, shape) for w in takers]
-        return FrameAnswers(tuple(detections), tuple(seen.values()))
+        return Findings(tuple(detections), tuple(seen.values()))
 
     def _draws(self, thing: Visible, frame: Frame) -> tuple[Draws, float]:
         """The thing's draws in this view, and its distance from the camera in metres."""

@@ -9,7 +9,7 @@ import numpy as np
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.backend import DetectorBackend, FrameAnswers, Seen
+from helios_detector.backend import DetectorBackend, Findings, Seen
 from helios_detector.simulator_truth import Truth, TruthInstance, TruthSource, truth_of
 from helios_detector.vocabulary_matching import normalised, open_wanted
 
@@ -89,7 +89,7 @@ class GroundTruthDetector(DetectorBackend):
     def close(self) -> None:
         """Holds nothing."""
 
-    def detect(self, frame: Frame, context: SearchContext) -> FrameAnswers:
+    def detect(self, frame: Frame, context: SearchContext) -> Findings:
         truth = truth_of(frame, self._source)
         wanted = open_wanted(context)
         detections: list[Detection] = []
@@ -102,4 +102,4 @@ class GroundTruthDetector(DetectorBackend):
                     detections.append(
                         detection(want.name, 1.0, thing.box_xyxy, thing.crop, truth.ids.shape)
                     )
-        return FrameAnswers(tuple(detections), tuple(seen.values()))
+        return Findings(tuple(detections), tuple(seen.values()))

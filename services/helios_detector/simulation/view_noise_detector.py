@@ -13,7 +13,7 @@ import numpy as np
 from helios_core.types import Detection, Frame, SearchContext
 from numpy.typing import NDArray
 
-from helios_detector.backend import DetectorBackend, FrameAnswers, Seen
+from helios_detector.backend import DetectorBackend, Findings, Seen
 from helios_detector.lexical_scorer import household_names
 from helios_detector.simulation.false_positives import ghosts
 from helios_detector.simulation.ground_truth_detector import Visible, detection, visible
@@ -59,7 +59,7 @@ class ViewDetector(DetectorBackend):
     def close(self) -> None:
         """Holds nothing."""
 
-    def detect(self, frame: Frame, context: SearchContext) -> FrameAnswers:
+    def detect(self, frame: Frame, context: SearchContext) -> Findings:
         truth = truth_of(frame, self._source)
         wanted = open_wanted(context)
         shape = frame.depth_m.shape
@@ -82,7 +82,7 @@ class ViewDetector(DetectorBackend):
         for g in ghosts(frame, truth, wanted, self._table, self._key):
             see(g.want.name, g.score)
             detections.append(detection(g.want.name, g.score, g.box_xyxy, g.crop, shape))
-        return FrameAnswers(tuple(detections), tuple(seen.values()))
+        return Findings(tuple(detections), tuple(seen.values()))
 
     def verdicts(self, frame: Frame, truth: Truth, wanted: tuple[Wanted, ...]) -> list[Verdict]:
         """What the detector makes of everything in view, asked for or not."""

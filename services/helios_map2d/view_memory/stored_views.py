@@ -116,7 +116,8 @@ def read_view(message: pb.KeptView) -> SeenView:
     return SeenView(
         frame_id_from_proto(message.id), message.stamp_ns, cone,
         embedding_from_proto(message.embedding) if message.HasField("embedding") else None,
-        message.jpeg, tuple(DetectedNames(s.class_name, s.score, s.x_m, s.y_m) for s in message.named),
+        message.jpeg,
+        tuple(DetectedNames(s.class_name, s.score, s.x_m, s.y_m) for s in message.named),
     )  # fmt: skip
 
 

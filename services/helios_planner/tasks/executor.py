@@ -34,7 +34,8 @@ class TaskExecutor:
 
     def __init__(
         self, bus: Bus, settings: Settings, robot: pb.RobotDescription, acks: KeyframeAcks,
-        store: Store, book: TaskRegistry, task: Task, cancelled: threading.Event, hold: PauseControl,
+        store: Store, book: TaskRegistry, task: Task, cancelled: threading.Event,
+        hold: PauseControl,
     ) -> None:  # fmt: skip
         self._settings, self._robot, self._acks = settings, robot, acks
         self._book, self._task, self._cancelled = book, task, cancelled

@@ -7,7 +7,7 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, DETECTOR_ACK, OBSERVATION, PREVIEW
 from helios_core.types import SearchContext
-from helios_detector.backend import DetectorBackend, FrameAnswers, ScorerBackend
+from helios_detector.backend import DetectorBackend, Findings, ScorerBackend
 from helios_detector.coco_classes import COCO_NAMES
 from helios_detector.lexical_scorer import LexicalScorer
 from helios_detector.service import DetectorService
@@ -61,7 +61,7 @@ class Faulty(DetectorBackend):
     def refused(self, context):
         return fixed_wanted(context, COCO_NAMES)[1]
 
-    def detect(self, frame, context) -> FrameAnswers:
+    def detect(self, frame, context) -> Findings:
         raise ZeroDivisionError("model")
 
     def warm_up(self) -> None:

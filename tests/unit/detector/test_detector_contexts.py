@@ -9,7 +9,7 @@ from helios_core.codec import context_to_proto
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.topics import CONTEXT, KEYFRAME
 from helios_core.types import SearchContext
-from helios_detector.backend import FrameAnswers
+from helios_detector.backend import Findings
 from helios_detector.coco_classes import COCO_NAMES
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 from helios_detector.vocabulary_matching import fixed_wanted, refuse_unknown
@@ -44,7 +44,7 @@ def test_a_context_that_seeks_nothing_is_answered_without_asking_the_models():
         def refused(self, context):
             raise AssertionError("it was asked")
 
-        def detect(self, frame, context) -> FrameAnswers:
+        def detect(self, frame, context) -> Findings:
             raise AssertionError("it was asked")
 
     house = House(Untouched())
@@ -80,9 +80,9 @@ def test_a_context_beyond_all_measure_is_refused_and_counted(context: pb.SearchC
 
 def test_a_class_outside_the_vocabulary_in_two_spellings_keeps_nothing_from_being_sought():
     class Strict(Faulty):
-        def detect(self, frame, context) -> FrameAnswers:
+        def detect(self, frame, context) -> Findings:
             refuse_unknown(fixed_wanted(context, COCO_NAMES)[1])
-            return FrameAnswers((), ())
+            return Findings((), ())
 
     house = House(Strict())
     house.look_for(context_of("cup", "Sofa foot", "sofa  foot"))

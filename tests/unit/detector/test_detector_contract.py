@@ -16,7 +16,7 @@ from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION
 from helios_core.types import Detection, Observation
-from helios_detector.backend import FrameAnswers, Judgement, Seen
+from helios_detector.backend import Findings, Judgement, Seen
 from helios_detector.detection_filtering import box_of, near_box
 from helios_detector.lexical_scorer import LexicalScorer
 from helios_detector.output_checks import held_findings, held_judgement
@@ -35,7 +35,7 @@ def detection(score: float = 0.5, box: tuple[int, int, int, int] = (5, 5, 15, 15
 
 
 def test_good_findings_pass_as_they_are():
-    good = FrameAnswers((detection(0.0), detection(1.0)), (Seen("mug", 0.3),))
+    good = Findings((detection(0.0), detection(1.0)), (Seen("mug", 0.3),))
     held, wrong = held_findings(good, SHAPE)
     assert held is good
     assert not wrong
@@ -43,7 +43,7 @@ def test_good_findings_pass_as_they_are():
 
 @pytest.mark.parametrize(("score", "sent"), [(1.7, 1.0), (-0.2, 0.0), (float("inf"), 1.0)])
 def test_a_score_outside_0_to_1_is_cut_to_it_and_counted(score: float, sent: float):
-    held, wrong = held_findings(FrameAnswers((detection(score),), (Seen("mug", score),)), SHAPE)
+    held, wrong = held_findings(Findings((detection(score),), (Seen("mug", score),)), SHAPE)
     assert [d.score for d in held.detections] == [sent]
     assert [s.score for s in held.seen] == [sent]
     assert wrong.counts == {"scores_clipped": 2}
@@ -61,13 +61,13 @@ def test_a_score_outside_0_to_1_is_cut_to_it_and_counted(score: float, sent: flo
     ],
 )
 def test_what_fits_no_image_is_left_out_and_counted(bad: Detection):
-    held, wrong = held_findings(FrameAnswers((bad, detection()), ()), SHAPE)
+    held, wrong = held_findings(Findings((bad, detection()), ()), SHAPE)
     assert len(held.detections) == 1
     assert wrong.counts == {"detections_refused": 1}
 
 
 def test_a_box_is_widened_to_its_mask_because_only_what_is_in_it_is_sent():
-    held, wrong = held_findings(FrameAnswers((detection(box=(10, 5, 15, 15)),), ()), SHAPE)
+    held, wrong = held_findings(Findings((detection(box=(10, 5, 15, 15)),), ()), SHAPE)
     assert held.detections[0].box_xyxy == (8, 5, 15, 15)
     assert wrong.counts == {"boxes_widened": 1}
     assert wrong.sentence == ""
@@ -85,7 +85,7 @@ def test_whatever_a_back_end_gives_can_be_sent_and_read(
     mask = np.zeros(frame.depth_m.shape, bool)
     mask[8:12, 8:12] = True
     held, _ = held_findings(
-        FrameAnswers((Detection("mug", score, box, mask),), ()), frame.depth_m.shape
+        Findings((Detection("mug", score, box, mask),), ()), frame.depth_m.shape
     )
     sent = observation_to_proto(Observation(frame, "c", held.detections, {}, "d"))
     for d in observation_from_proto(sent).detections:
@@ -106,10 +106,10 @@ def test_the_service_counts_what_a_foreign_back_end_does_wrong_and_sends_the_res
     class Boasting(GroundTruthDetector):
         name = "boasting"
 
-        def detect(self, frame, context) -> FrameAnswers:
+        def detect(self, frame, context) -> Findings:
             found = super().detect(frame, context)
             louder = tuple(replace(d, score=3.0) for d in found.detections)
-            return FrameAnswers(louder, found.seen)
+            return Findings(louder, found.seen)
 
     truth, hub, health, seen = SceneTruth(), MemoryHub(), Health(), []
     bus = MemoryBus(hub)

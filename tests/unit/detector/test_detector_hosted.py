@@ -16,7 +16,7 @@ from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, VOCABULARY
 from helios_core.types import Role, SearchClass, SearchContext
 from helios_detector import model_set as models_module
-from helios_detector.backend import DetectorBackend, DetectorOptions, FrameAnswers
+from helios_detector.backend import DetectorBackend, DetectorOptions, Findings
 from helios_detector.lexical_scorer import LexicalScorer, furniture_names
 from helios_detector.model_set import Models, landmarks_of, open_models
 from helios_detector.robot_detector import RobotDetector
@@ -158,11 +158,11 @@ class Slow(DetectorBackend):
     def refused(self, context):
         return {}
 
-    def detect(self, frame, context) -> FrameAnswers:
+    def detect(self, frame, context) -> Findings:
         self.frames.append(frame.id.seq)
         self.begun.set()
         assert self.go.wait(10)
-        return FrameAnswers((), ())
+        return Findings((), ())
 
     def warm_up(self) -> None:
         """Always warm."""

@@ -16,14 +16,14 @@ from helios_core.codec import observation_from_proto
 from helios_core.errors import Internal
 from helios_core.topics import KEYFRAME, VOCABULARY
 from helios_core.types import SearchContext
-from helios_detector.backend import FrameAnswers
+from helios_detector.backend import Findings
 from helios_detector.lexical_scorer import LexicalScorer
 from helios_detector.log_rate_limit import LogRateLimit
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 
-Slip = Callable[[FrameAnswers], Any]
+Slip = Callable[[Findings], Any]
 
-LOOSE: Any = FrameAnswers  # takes what a plug-in without types would give it
+LOOSE: Any = Findings  # takes what a plug-in without types would give it
 
 
 class Slipping(GroundTruthDetector):
@@ -60,14 +60,14 @@ def slipping(slip: Slip | None = None) -> tuple[House, Slipping]:
 def each(**changes: Any) -> Slip:
     """A slip that changes a field of every detection."""
 
-    def slip(found: FrameAnswers) -> FrameAnswers:
-        return FrameAnswers(tuple(replace(d, **changes) for d in found.detections), found.seen)
+    def slip(found: Findings) -> Findings:
+        return Findings(tuple(replace(d, **changes) for d in found.detections), found.seen)
 
     return slip
 
 
-def small_masks(found: FrameAnswers) -> FrameAnswers:
-    return FrameAnswers(tuple(replace(d, mask=d.mask[:100]) for d in found.detections), found.seen)
+def small_masks(found: Findings) -> Findings:
+    return Findings(tuple(replace(d, mask=d.mask[:100]) for d in found.detections), found.seen)
 
 
 @pytest.mark.parametrize(
@@ -103,9 +103,9 @@ def test_what_cannot_be_used_is_left_out_and_the_detector_says_why(slip: Slip, s
 
 
 def test_what_is_good_of_a_frame_is_used() -> None:
-    def one_bad(found: FrameAnswers) -> FrameAnswers:
+    def one_bad(found: Findings) -> Findings:
         first, *rest = found.detections
-        return FrameAnswers((replace(first, score=float("nan")), *rest), found.seen)
+        return Findings((replace(first, score=float("nan")), *rest), found.seen)
 
     house, _ = slipping(one_bad)
     house.bus.publish(KEYFRAME, house.frame(1))
@@ -150,7 +150,7 @@ def test_findings_of_another_type_fail_the_frame_with_what_was_wanted(
 def test_a_frame_without_a_find_does_not_make_a_slipping_detector_ready() -> None:
     house, detector = slipping(small_masks)
     house.bus.publish(KEYFRAME, house.frame(1))
-    detector.slip = lambda found: FrameAnswers((), ())
+    detector.slip = lambda found: Findings((), ())
     house.bus.publish(KEYFRAME, house.frame(2))
     assert house.health.state[0] == "degraded"
     house.look_for(context_of("mug", id="another search"))
@@ -207,7 +207,7 @@ def test_scores_of_another_type_fail_the_frame_with_what_was_wanted(given: Any) 
 def test_a_fault_is_logged_with_its_traceback_once_and_not_at_every_frame(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    def boom(_: FrameAnswers) -> FrameAnswers:
+    def boom(_: Findings) -> Findings:
         raise RuntimeError("the GPU fell off")
 
     house, _ = slipping(boom)

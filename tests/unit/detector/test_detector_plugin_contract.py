@@ -21,7 +21,7 @@ from helios_contract.bench import DetectorBench, ScorerBench, odd, room
 from helios_contract.plugin_suite import DetectorContract, ScorerContract
 from helios_core.errors import HeliosError
 from helios_core.types import Detection, Embedding, Frame
-from helios_detector.backend import FrameAnswers, Judgement, Seen
+from helios_detector.backend import Findings, Judgement, Seen
 from helios_detector.lexical_scorer import LexicalScorer
 from helios_detector.yolox_detector import YoloxDetector
 from helios_examples.on_furniture import OnFurniture
@@ -79,7 +79,7 @@ class TestMiniLm(ScorerContract):
 # --- slips of a detector -------------------------------------------------------------------------
 Edit = Callable[[Detection], Any]
 
-LOOSE: Any = FrameAnswers  # takes what a plug-in without types would give it
+LOOSE: Any = Findings  # takes what a plug-in without types would give it
 
 
 class Slip(PaintDetector):
@@ -96,16 +96,16 @@ def each(edit: Edit) -> Callable[[], PaintDetector]:
     def make() -> PaintDetector:
         right = PaintDetector()
 
-        def detect(frame: Frame, context: Any) -> FrameAnswers:
+        def detect(frame: Frame, context: Any) -> Findings:
             found = right.detect(frame, context)
-            return FrameAnswers(tuple(edit(d) for d in found.detections), found.seen)
+            return Findings(tuple(edit(d) for d in found.detections), found.seen)
 
         return Slip(detect=detect)
 
     return make
 
 
-def told(change: Callable[[FrameAnswers, Frame, Any], Any]) -> Callable[[], PaintDetector]:
+def told(change: Callable[[Findings, Frame, Any], Any]) -> Callable[[], PaintDetector]:
     """The findings go through a slip."""
 
     def make() -> PaintDetector:
@@ -115,7 +115,7 @@ def told(change: Callable[[FrameAnswers, Frame, Any], Any]) -> Callable[[], Pain
     return make
 
 
-def always(context_free: FrameAnswers) -> Callable[[], PaintDetector]:
+def always(context_free: Findings) -> Callable[[], PaintDetector]:
     return lambda: Slip(detect=lambda frame, context: context_free)
 
 
@@ -125,7 +125,7 @@ def speck(frame: Frame, name: str = "table", score: float = 0.5) -> Detection:
     return Detection(name, score, (1, 1, 2, 2), mask)
 
 
-def painted_over(found: FrameAnswers, frame: Frame, context: Any) -> FrameAnswers:
+def painted_over(found: Findings, frame: Frame, context: Any) -> Findings:
     frame.color[:] = 0
     return found
 
@@ -136,9 +136,9 @@ class Counting:
     def __init__(self) -> None:
         self._count = itertools.count()
 
-    def __call__(self, found: FrameAnswers, frame: Frame, context: Any) -> FrameAnswers:
+    def __call__(self, found: Findings, frame: Frame, context: Any) -> Findings:
         score = 0.5 + 0.001 * next(self._count)
-        return FrameAnswers(tuple(replace(d, score=score) for d in found.detections), found.seen)
+        return Findings(tuple(replace(d, score=score) for d in found.detections), found.seen)
 
 
 class OneBuffer:
@@ -148,7 +148,7 @@ class OneBuffer:
         self._right = PaintDetector()
         self._threads: set[int] = set()
 
-    def __call__(self, frame: Frame, context: Any) -> FrameAnswers:
+    def __call__(self, frame: Frame, context: Any) -> Findings:
         self._threads.add(threading.get_ident())
         self._frame = frame
         time.sleep(0.005 * len(self._threads))
@@ -162,7 +162,7 @@ class Growing(PaintDetector):
     def vocabulary(self) -> tuple[str, ...]:
         return self._names
 
-    def detect(self, frame: Frame, context: Any) -> FrameAnswers:
+    def detect(self, frame: Frame, context: Any) -> Findings:
         found = super().detect(frame, context)
         self._names = (*self._names, "new")
         return found
@@ -190,17 +190,17 @@ def raise_key_error(*_: Any) -> Any:
     raise KeyError("nothing")
 
 
-def big_only(found: FrameAnswers, frame: Frame, context: Any) -> FrameAnswers:
+def big_only(found: Findings, frame: Frame, context: Any) -> Findings:
     assert min(frame.depth_m.shape) > 32
     return found
 
 
-def with_depth(found: FrameAnswers, frame: Frame, context: Any) -> FrameAnswers:
+def with_depth(found: Findings, frame: Frame, context: Any) -> Findings:
     assert frame.depth_m.any()
     return found
 
 
-def needs_paint(found: FrameAnswers, frame: Frame, context: Any) -> FrameAnswers:
+def needs_paint(found: Findings, frame: Frame, context: Any) -> Findings:
     assert frame.color.std() > 0
     return found
 
@@ -226,7 +226,7 @@ SLIPS: list[tuple[Callable[[], PaintDetector], str]] = [
         "test_a_name_that_it_does_not_know_is_refused_with_a_sentence",
     ),
     (
-        lambda: Slip(detect=lambda f, c: FrameAnswers((), ())),
+        lambda: Slip(detect=lambda f, c: Findings((), ())),
         "test_detect_raises_invalid_input_for_a_name_that_it_does_not_know",
     ),
     (
@@ -239,7 +239,7 @@ SLIPS: list[tuple[Callable[[], PaintDetector], str]] = [
         "test_it_gives_findings_of_detections_and_seen",
     ),
     (
-        told(lambda x, f, c: FrameAnswers((*x.detections, speck(f, "zebra")), ())),
+        told(lambda x, f, c: Findings((*x.detections, speck(f, "zebra")), ())),
         "test_only_what_was_asked_for_is_detected",
     ),
     (each(lambda d: replace(d, mask=d.mask[:10])), "test_masks_are_bool_and_as_large_as_the_image"),
@@ -262,17 +262,17 @@ SLIPS: list[tuple[Callable[[], PaintDetector], str]] = [
     (each(lambda d: replace(d, score=float("nan"))), "test_scores_are_numbers_from_0_to_1"),
     (each(lambda d: replace(d, score=80.0)), "test_scores_are_numbers_from_0_to_1"),
     (
-        told(lambda x, f, c: FrameAnswers((), (Seen("table", -1.0),))),
+        told(lambda x, f, c: Findings((), (Seen("table", -1.0),))),
         "test_scores_are_numbers_from_0_to_1",
     ),
     (
-        told(lambda x, f, c: FrameAnswers((speck(f),), ())),
+        told(lambda x, f, c: Findings((speck(f),), ())),
         "test_nothing_below_the_threshold_of_its_class_is_detected",
     ),
     (each(lambda d: replace(d, score=1.5)), "test_the_service_finds_nothing_to_refuse"),
-    (always(FrameAnswers((), ())), "test_it_finds_something_in_the_pictures_that_were_given"),
+    (always(Findings((), ())), "test_it_finds_something_in_the_pictures_that_were_given"),
     (
-        told(lambda x, f, c: FrameAnswers((speck(f),), ())),
+        told(lambda x, f, c: Findings((speck(f),), ())),
         "test_a_search_for_nothing_detects_nothing",
     ),
     (told(painted_over), "test_a_frame_stays_as_it_was"),

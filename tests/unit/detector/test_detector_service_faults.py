@@ -12,7 +12,7 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.errors import Unavailable
 from helios_core.topics import FRAME, KEYFRAME, OBSERVATION, PREVIEW, Topic
-from helios_detector.backend import FrameAnswers
+from helios_detector.backend import Findings
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 
 
@@ -116,7 +116,7 @@ def test_a_back_end_that_does_not_answer_is_asked_three_times(silent: int, answe
     class Shy(GroundTruthDetector):
         asked = 0
 
-        def detect(self, frame, context) -> FrameAnswers:
+        def detect(self, frame, context) -> Findings:
             self.asked += 1
             if self.asked <= silent:
                 raise Unavailable("the world does not answer")

@@ -21,7 +21,7 @@ from detector_scene import (
     looking,
 )
 from helios_core.types import Detection, Frame, Role, SearchClass, SearchContext
-from helios_detector.backend import DetectorOptions, FrameAnswers, Seen
+from helios_detector.backend import DetectorOptions, Findings, Seen
 from helios_detector.lexical_scorer import PRIOR, LexicalScorer
 from helios_detector.model_loading import open_detector
 from helios_detector.simulation.frame_noise import load_noise
@@ -70,7 +70,7 @@ def haunted(on_structure: float, on_furniture: float) -> ViewTable:
     return replace(table, file=table.file.model_copy(update={"false_positive": false}))
 
 
-def told(found: FrameAnswers) -> list[tuple]:
+def told(found: Findings) -> list[tuple]:
     return [(d.class_name, round(d.score, 9), d.box_xyxy, d.mask.sum()) for d in found.detections]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from helios_client.usage_errors import UsageError
 from helios_core.types import Detection, Frame, Role, SearchContext
-from helios_detector.backend import DetectorBackend, FrameAnswers
+from helios_detector.backend import DetectorBackend, Findings
 from helios_eval.studies import real_frames
 from helios_eval.studies.real_frames import arms_of, context_of, figures, place, table
 from helios_eval.studies.real_frames_beliefs import EpisodeProgress, Seen, courses, frames_of
@@ -63,10 +63,10 @@ class Painter(DetectorBackend):
     def close(self):
         return
 
-    def detect(self, frame: Frame, context: SearchContext) -> FrameAnswers:
+    def detect(self, frame: Frame, context: SearchContext) -> Findings:
         mask = np.zeros(SHAPE, bool)
         mask[THING] = True
-        return FrameAnswers((Detection("cup", 0.9, (24, 16, 40, 32), mask),), ())
+        return Findings((Detection("cup", 0.9, (24, 16, 40, 32), mask),), ())
 
 
 def test_the_thing_at_a_place_is_told_by_its_name_in_every_arm(folder):
