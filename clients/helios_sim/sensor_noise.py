@@ -8,7 +8,7 @@ shadow behind a depth edge, and where a surface is met at a grazing angle.
 
 Colour: slightly out of focus, and smeared along a line, by an amount of its own for each picture.
 
-Poses: `drift.py`. The truth (segmentation, metrics) knows nothing of all this.
+Poses: `odometry_drift.py`. The truth (segmentation, metrics) knows nothing of all this.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The simulated world: a home, a robot in it, physics, pictures, truth and the task's metrics.
 
 One thread uses a World (it holds a GL context), except for `stop`, which may come from any. In its
-own process it is served by `service.py`; `thread.py` gives it a thread within a process.
+own process it is served by `service.py`; `simulation_thread.py` gives it a thread within a process.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """The bridge's shell: one driver behind the bus.
 
 The driver is used by one thread at a time (`_turn`), except for stop. Actions come by `bridge/act`;
-after each the robot looks, and the frame goes out as a keyframe (`lookout.py`). Threads of its own
-(`crew.py`) stream frames while the robot stands, play a recording (`play.py`), and stop an action
-that outlives its time. Where the driver is `push`, frames come by `bridge/push` (`push.py`).
+after each the robot looks, and the frame goes out as a keyframe (`frame_publisher.py`). Threads of its own
+(`driver_executor.py`) stream frames while the robot stands, play a recording (`recording_player.py`), and stop an action
+that outlives its time. Where the driver is `push`, frames come by `bridge/push` (`pushed_frames.py`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a detector, a scorer and a depth model are to the service; `opening.py` has them by name."""
+"""What a detector, a scorer and a depth model are to the service; `model_loading.py` opens them by name."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """A frame through the models: what was found, how it scores, and what each of it took.
 
-Whatever a back end raises becomes a typed error; whatever it gives is checked (`contract.py`). What
+Whatever a back end raises becomes a typed error; whatever it gives is checked (`output_checks.py`). What
 is said of it names the back end, its method, and where the log is.
 """
 

@@ -1,4 +1,4 @@
-"""The store: a growable structure of arrays, one row a Gaussian."""
+"""The Gaussians as a growable structure of arrays, one row each, and the limit of their number."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class GaussianStore:
 
     @property
     def votes(self) -> NDArray[np.uint16]:
-        """[n, classes, sectors, 2] from each sector for the class, and in all; see `sides.py`."""
+        """[n, classes, sectors, 2] from each sector for the class, and in all; see `viewing_sectors.py`."""
         return self._votes[: self._n]
 
     @property

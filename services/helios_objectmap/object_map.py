@@ -1,4 +1,4 @@
-"""What the map knows, and what it can be asked: objects, what-ifs, pictures, files."""
+"""The object map: updates from observations, and the answers about what it holds."""
 
 from __future__ import annotations
 

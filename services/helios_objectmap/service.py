@@ -1,9 +1,4 @@
-"""The object map's shell: observations in, acknowledgements out, questions answered.
-
-Every observation gets one acknowledgement on `objectmap/ack`: accepted, or the reason. One that
-comes before the search context it names waits for it. One lock guards the maps; it is never held
-while the bus is used.
-"""
+"""The object map as a service: observations in, acknowledgements out, methods answered."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where in space the rows are: cubes of half a metre, and which of them a view can see."""
+"""A spatial index of the Gaussians: blocks of half a metre, and which of them a view can see."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@
 | vlfm-unfiltered     | and at an image's side | highest value, kept         | highest value, kept |
 | vlfm-helios-stop    | object map, by score   | highest value, kept         | highest value       |
 
-`helios-next` waits before it acts on what it is not sure of (`standards.py`), and its house runs
+`helios-next` waits before it acts on what it is not sure of (`acceptance.py`), and its house runs
 with the settings of `helios_core.agent_presets`. The last three are for object navigation (Table
 2); they can do every task.
 """

@@ -1,4 +1,4 @@
-"""Pick and place: approach, look once more, act, look at what came of it."""
+"""Pick and place: approach, look once more, act, and check the result."""
 
 from __future__ import annotations
 

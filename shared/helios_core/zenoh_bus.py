@@ -3,7 +3,7 @@
 How the qualities of service map (why: `docs/decisions/0002-bus.md`):
 
     LATEST_WINS   never blocks: a full link drops messages, and the newest is repeated until it got
-                  through (`zenoh_latest.py`); read through a ring of one
+                  through (`latest_value_sender.py`); read through a ring of one
     NEVER_DROP    blocks; read through a queue, senders pace themselves by acknowledgements
     RETAINED      as NEVER_DROP, kept by the publisher for whoever comes later
 """

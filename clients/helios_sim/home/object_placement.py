@@ -1,6 +1,6 @@
 """Puts things on furniture: within reach, apart from one another, room left for one more.
 
-For homes of the "demo" catalog; `scatter.py` does it for the benchmark.
+For homes of the "demo" catalog; `distractor_placement.py` does it for the benchmark.
 """
 
 import math

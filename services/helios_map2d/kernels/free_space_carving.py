@@ -1,6 +1,6 @@
 """Numba kernels that ask of believed obstacles whether a view sees through them.
 
-Reached through `kernels/fuse.py`. Most are told by one pixel, many at a time in SIMD; only where
+Reached through `kernels/occupancy_fusion.py`. Most are told by one pixel, many at a time in SIMD; only where
 that leaves it open are all pixels asked that a cell covers.
 """
 

@@ -1,6 +1,6 @@
 """Numba kernels of the frontiers: their cells, what can be reached of them, sight.
 
-Reached through `frontiers.py` and `sight.py`; readable twins stand in the tests.
+Reached through `frontiers.py` and `line_of_sight.py`; readable twins stand in the tests.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Numba kernels of the open ground: obstacles in reach, components by tile, the walk over them.
 
-Reached through `ground.py`; a readable twin stands in its test.
+Reached through `layers/reachability.py`; a readable twin stands in its test.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Numba kernels that follow up on what came of a frame: what was searched, which tiles changed.
 
-Reached through `explored.py` and `stack.py`.
+Reached through `explored_area.py` and `layer_stack.py`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Numba kernels of the value layers; they touch only the box that a view reached.
 
-Reached through `value.py`; VLFM's formula stands beside them in the tests.
+Reached through `value_layers.py`; VLFM's formula stands beside them in the tests.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Which ground a view counts as explored: the one place where our way and VLFM's part.
+"""Which floor a view counts as explored, by depth (default) or by the cone of view (VLFM).
 
-Ours (`ByDepth`) believes only what depth measured, which `occupancy` has marked already. VLFM's
-(`reveal.ByCone`) takes the whole cone of view up to known obstacles.
+`DepthVisibility` counts only what depth measured, which `occupancy` has marked. `ConeVisibility`
+counts the whole cone of view up to known obstacles.
 """
 
 from __future__ import annotations

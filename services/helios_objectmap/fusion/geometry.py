@@ -1,9 +1,9 @@
-"""Where new Gaussians are made (appendix, Gaussian creation).
+"""Where Gaussians are created, where they fade, and which pixels observe them again.
 
-The paper makes a Gaussian wherever measured and rendered depth differ by more than 1 mm: with real
-depth noise of a centimetre that never ends. The default rule creates where nothing is modelled or
-where the measured surface lies in front of the rendered one by more than the depth noise explains.
-`paper` is the literal rule.
+Creation (appendix): the paper makes a Gaussian wherever measured and rendered depth differ by more
+than 1 mm, which never ends with the noise of a real camera. The default rule creates where nothing
+is modelled, or where the measured surface lies in front of the rendered one by more than the noise
+explains. `paper` is the literal rule. Free-space carving: what a view sees through fades.
 """
 
 from __future__ import annotations

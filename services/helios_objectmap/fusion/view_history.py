@@ -4,7 +4,7 @@ Gaussians are made where something is detected, so their evidence begins with th
 for them, and all the views that had shown the same place before and named nothing there are lost.
 A detector that errs in one view in thirty is then believed as much as one that is right each time.
 With `evidence = "hindsight"` the map keeps its past views, small, and tells each new Gaussian what
-those said that had it in view: the same votes, by the same rule (`sides.py`), as if it had been
+those said that had it in view: the same votes, by the same rule (`viewing_sectors.py`), as if it had been
 there from the start. So what is believed no longer depends on the order of the views.
 
 A past view shows a Gaussian where its depth agrees with it. What was not asked for says nothing.

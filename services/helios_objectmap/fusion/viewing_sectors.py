@@ -1,21 +1,4 @@
-"""Evidence by sides: what is seen again from one side says little new.
-
-Detectors err by object and viewpoint, so ten views from one side are not ten opinions. With the
-setting `evidence = "sides"` a Gaussian remembers for each class, and each sector of 30 degrees
-around it, how many votes it had from there and how many of them were for the class. A view is one
-vote at most, however many pixels it has. With v votes from a side, v_c of them for class c,
-eq. 3 becomes
-
-    positive_c = alpha_side * sum over sides of v_c / max(v, side_views)
-    asked_c    = alpha_side * sum over sides of v   / max(v, side_views)
-
-so a side counts by the mean of its votes, in full from `side_views` votes on, and the concentration
-grows with the sides that were seen, not with the time spent at one: it is at most 12 alpha_side.
-
-Votes are kept in whole numbers of 1/UNIT, so that their order does not matter. A side that is told
-more than MOST_VOTES halves what it was told before; with at most 100 `side_views` it still counts
-in full.
-"""
+"""Evidence by viewing sector: another view from the same side adds little (not the paper's)."""
 
 from __future__ import annotations
 

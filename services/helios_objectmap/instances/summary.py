@@ -1,4 +1,4 @@
-"""What the map answers: instances with their figures, and their Gaussians."""
+"""What is told of an instance: score, box, outline, grasp box, and its Gaussians."""
 
 from __future__ import annotations
 

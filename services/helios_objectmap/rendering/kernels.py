@@ -1,4 +1,4 @@
-"""Spheres to splats: what of each Gaussian a pinhole camera draws, and on which tiles."""
+"""Numba kernels that turn Gaussians into splats: projection, tile lists, depth order, merging."""
 
 from __future__ import annotations
 

@@ -1,11 +1,8 @@
-"""How sure an agent must be before it acts, and when it settles for less.
+"""When a candidate is good enough to act on (eq. 7 and 11), and when the search ends.
 
-The paper acts on the first candidate whose score passes one threshold. But of the many things in a
-home some false one passes it too, the earlier the more places are still unseen, and a wrong pick or
-place is not undone. A patient agent acts at once only on what is nearly beyond doubt. It goes on
-searching for the rest, and takes the best it knows when nothing is left to search or when its share
-of the steps is used up: by then what is sought is likely to be among what was seen, and the
-candidates can be compared.
+The paper acts on the first candidate whose score passes one threshold. The patient agent acts at
+once only above a higher one, keeps searching otherwise, and takes the best candidate when nothing
+is left to search or when its share of the steps is used up.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""One option of a decision."""
+"""A decision as data: its candidates with every term, the winner, and the rule that chose it."""
 
 from __future__ import annotations
 

@@ -1,10 +1,4 @@
-"""The global search objective (eq. 8, 9 and 10).
-
-Units: the paper multiplies a class score by an information gain that is summed over all Gaussians
-of a candidate and subtracts metres times alpha_d. With thousands of Gaussians the distance hardly
-counts and the largest receptacle always wins, so by default the gain is divided by the number of
-Gaussians (`per_gaussian`: nats a Gaussian, roughly 0 to 3); `sum` is the paper's rule.
-"""
+"""The global search objective (eq. 8, 9 and 10), and the rules that choose among frontiers."""
 
 from __future__ import annotations
 

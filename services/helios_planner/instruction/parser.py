@@ -1,8 +1,9 @@
-"""From what people type to what the planner does, without a language model.
+"""Parses an instruction into what the planner does, without a language model.
 
-"Move (object) from the (start receptacle) to the (goal receptacle)" and its relatives: `clauses`
-reads the sentence, `roles` tells what its phrases name, here it is decided what is asked for. What
-cannot be read is refused with what was understood and what is missing.
+"Move (object) from the (start receptacle) to the (goal receptacle)" and its relatives. `grammar`
+cuts the sentence into clauses; this module decides which phrase is the object, the start and the
+goal, and which kind of task is asked for. Raises InvalidInput with what was understood and what is
+missing.
 """
 
 from __future__ import annotations

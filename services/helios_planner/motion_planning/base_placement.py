@@ -1,4 +1,8 @@
-"""Gaze points: where to stand to look at a candidate (paper section 3.2, local search)."""
+"""Where the base stands to look at a candidate, to pick, or to place.
+
+Gaze points are the paper's (section 3.2, local search): reachable places around a candidate from
+which its centre is in sight. Places to pick and to put down are scored by reach and by room.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Ground as the planner sees it: one version of the occupancy map, and poses on it."""
+"""The costmap of one occupancy map: clearance, what a robot's footprint can reach, its blind zone.
+
+Clearance is the exact distance to the nearest obstacle, in metres, read between cells. The blind
+zone is the floor at the robot's feet that its camera cannot see.
+"""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""Ways of a robot that is no disc: a lattice of poses, every intermediate one checked.
+"""A pose lattice planner for robots that are not discs; every pose on the way is checked.
 
-Its box is taken for a capsule that contains it: a straight move sweeps one longer capsule, whose
-clearance is the least along one line. The lattice has nodes 0.1 m apart, one where the robot
-stands, and the 32 headings of the steps between them, so each step ahead (0.10 to 0.36 m) and each
-turn to the next heading (7 to 18 degrees) is a motion that the robot can be told. A robot that
-comes where it wanted keeps its lattice, and with it a way through a gap that another may miss.
+The robot's box is enclosed in a capsule. A straight move sweeps one longer capsule, whose clearance
+is the least along one line. The lattice has nodes 0.1 m apart, one of them where the robot stands,
+and the 32 headings of the steps between them. Each step ahead (0.10 to 0.36 m) and each turn to the
+next heading (7 to 18 degrees) is one motion that the robot can carry out. The lattice is kept while
+the robot follows it, so a way through a gap stays open.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Fast Marching Square: paths that keep away from obstacles (Garrido et al. 2007; appendix 6.1).
+"""Fast Marching Square (FM²): paths that keep away from obstacles (Garrido et al. 2007; appendix 6.1).
 
-Velocity rises with the distance to the nearest obstacle and saturates; the arrival time of a front
-with that velocity has no local minimum but its source, so descending it gives the path.
+Speed rises with the distance to the nearest obstacle up to a maximum. The arrival time of a front
+with that speed has one minimum, its source, so descending it gives the path. `next_motion` turns
+the path into the next single motion of the robot.
 """
 
 from __future__ import annotations

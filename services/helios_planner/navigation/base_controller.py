@@ -1,4 +1,8 @@
-"""Turning on the spot, pointing the head, and the looks around that both make up."""
+"""Drives the base: turns, looks around, follows a path one motion at a time, and recovers.
+
+`TurnController` turns and looks, `BaseController` drives robots that are discs, `PoseBaseController`
+those that are not. The map is read again before every motion.
+"""
 
 from __future__ import annotations
 

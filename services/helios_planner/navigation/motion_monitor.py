@@ -1,10 +1,4 @@
-"""What goes wrong with motions: felt, told, counted. Each has a limit, then the task fails.
-
-- No motion when told to move: the legs mark what was felt and go another way; MOST_BLOCKS.
-- Wedged, no way leads out: forget what was felt, look around; MOST_WEDGED.
-- The localisation jumped, the pose changed by more than the robot moved: likewise; MOST_JUMPS.
-- What was carried is held no more: `Dropped`, it is searched and picked again; setting `falls`.
-"""
+"""Counts what goes wrong with motions. Each kind has a limit; beyond it the task fails."""
 
 from __future__ import annotations
 

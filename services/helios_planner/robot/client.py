@@ -1,4 +1,4 @@
-"""The robot and its maps over the bus: the `Body` that a real task has."""
+"""The robot and its maps over the bus: implements `RobotInterface` for a real task."""
 
 from __future__ import annotations
 

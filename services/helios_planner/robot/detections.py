@@ -1,4 +1,4 @@
-"""What the detector reports, as things in the world: masks lifted with the frame's depth."""
+"""The newest detections as points in the world: masks lifted with the frame's depth."""
 
 from __future__ import annotations
 

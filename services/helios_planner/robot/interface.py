@@ -1,7 +1,4 @@
-"""What the flow needs of the world: eyes, maps and limbs behind one small interface.
-
-`bus_body.BusBody` is the real one; the tests have one over plain arrays.
-"""
+"""What a mission needs of the robot and its maps, as one small interface."""
 
 from __future__ import annotations
 

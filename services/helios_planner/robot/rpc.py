@@ -1,4 +1,4 @@
-"""Calls to services that may be away for a while."""
+"""Calls to services that retry while a service is away, and the robot's actions over the lease."""
 
 from __future__ import annotations
 

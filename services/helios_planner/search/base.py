@@ -1,4 +1,4 @@
-"""What every search shares: its loop, frontiers, candidates that must wait, second rounds."""
+"""The loop that every search shares: frontiers, candidates, the second round, and its memory."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""The search of an agent that trusts its detector: explore until it reports the thing, then act.
+"""The searches of the baselines: the trusting agent (paper, section 4) and VLFM.
 
-Paper, section 4, trusting agent: no 3D map, no gaze points, no objective. Nothing here asks the
-object map.
+The trusting agent explores until its detector reports the object, then acts: no 3D map, no gaze
+points, no objective. VLFM explores by its value map (Yokoyama et al. 2024). Neither asks the object
+map.
 """
 
 from __future__ import annotations

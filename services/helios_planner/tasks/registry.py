@@ -1,4 +1,4 @@
-"""The tasks as they are: kept, changed, told, ended, and read again after a restart."""
+"""The tasks of this planner: added, changed, reported, ended, and read again after a restart."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""What a task needs to go on after its planner died: written before every action of the robot.
+"""Controls one running task: its journal before every action, pause, time limit, and recovery.
 
-An entry holds the newest action that the robot was asked for, under its id, what came of it, and
-what the mission remembered until then. A planner that takes the task up again asks for that action
-once more under the same id: the bridge does it once, so that nothing is done twice and nothing is
-left out.
+A journal entry holds the newest action, its id, its result, and the memory of the mission. A
+planner that takes the task up again repeats that action under the same id. The bridge carries out
+an id once, so no action is repeated and none is left out.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Rows hold the messages as they travel, so that what is told later is what was to
 
 What is to be believed after a restart is on the disk before it is told. Where the disk refuses (it
 is full), `fault` says so from the first write that failed until `mend` has written everything
-again, and `proof.py` tells the next planner that something may be missing.
+again, and `write_proof.py` tells the next planner that something may be missing.
 """
 
 from __future__ import annotations
