@@ -1,4 +1,4 @@
-"""What a replay plays, whatever it was read from; `format_detection.py` finds out what lies there."""
+"""What a replay plays, whatever it was read from; `format_detection` finds the format."""
 
 from __future__ import annotations
 

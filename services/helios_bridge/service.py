@@ -1,9 +1,10 @@
-"""The bridge's shell: one driver behind the bus.
+"""The bridge's service: one driver behind the bus.
 
-The driver is used by one thread at a time (`_turn`), except for stop. Actions come by `bridge/act`;
-after each the robot looks, and the frame goes out as a keyframe (`frame_publisher.py`). Threads of its own
-(`driver_executor.py`) stream frames while the robot stands, play a recording (`recording_player.py`), and stop an action
-that outlives its time. Where the driver is `push`, frames come by `bridge/push` (`pushed_frames.py`).
+One thread at a time uses the driver (`_turn`), except for stop. Actions come by `bridge/act`. After
+each the robot looks, and the frame goes out as a keyframe (`frame_publisher`). Threads of their own
+(`driver_executor`) stream frames while the robot stands, play a recording (`recording_player`), and
+stop an action that exceeds its time. With the driver `push`, frames come by `bridge/push`
+(`pushed_frames`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a detector, a scorer and a depth model are to the service; `model_loading.py` opens them by name."""
+"""The interfaces of a detector, a scorer and a depth model; `model_loading` opens them by name."""
 
 from __future__ import annotations
 

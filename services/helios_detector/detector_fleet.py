@@ -1,4 +1,4 @@
-"""One detector process for several robots; several such processes share them (`robot_assignment.py`).
+"""One detector process for several robots; several processes share them (`robot_assignment`).
 
 The models are loaded once. Each robot has a bus of its own, where it is told how its detector is.
 """

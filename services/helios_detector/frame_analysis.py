@@ -1,7 +1,7 @@
-"""A frame through the models: what was found, how it scores, and what each of it took.
+"""One frame through the models: detections, scores, and the time each of them took.
 
-Whatever a back end raises becomes a typed error; whatever it gives is checked (`output_checks.py`). What
-is said of it names the back end, its method, and where the log is.
+Whatever a back end raises becomes a typed error; whatever it returns is checked (`output_checks`).
+An error names the back end, its method, and the log.
 """
 
 from __future__ import annotations

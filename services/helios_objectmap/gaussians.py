@@ -106,7 +106,7 @@ class GaussianStore:
 
     @property
     def votes(self) -> NDArray[np.uint16]:
-        """[n, classes, sectors, 2] from each sector for the class, and in all; see `viewing_sectors.py`."""
+        """[n, classes, sectors, 2] from each sector for the class, and in all."""
         return self._votes[: self._n]
 
     @property

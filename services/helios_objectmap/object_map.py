@@ -41,10 +41,25 @@ from helios_objectmap.viewpoint_weights import NEVER, ViewingDirection, Viewpoin
 
 SEEN_BEYOND_M = 1.0  # Gaussians this far beyond the depth that is used still cover what is behind
 HALF = 0.5
+WHOLE = 0.999  # sums of float32 shares that make a whole view
 
 
-class Knowledge:
-    """The state of a map with its answers. `ObjectMap` changes it."""
+@dataclass(frozen=True)
+class UpdateReport:
+    """What one observation did to the map."""
+
+    created: int
+    carved: int
+    in_view: int
+    fused: int  # Gaussians that took evidence; 0 from a viewpoint that has counted already
+    total: int
+
+
+class ObjectMap:
+    """Sparse 3D Gaussian map of the objects of interest. Not thread-safe: its owner locks.
+
+    An update costs what is in view, whatever the size of the map.
+    """
 
     def __init__(self, settings: ObjectMapSettings) -> None:
         self._settings = settings
@@ -58,11 +73,93 @@ class Knowledge:
         self._viewpoints = self.no_viewpoints()
         self._context: SearchContext | None = None
         self._roles: dict[str, Role] = {}
+        self._past = PastViews(self._settings.past_views)
         self._updates = 0
         self._described: dict[int, ObjectInstance | None] = {}  # None: too small to be reported
 
     def __len__(self) -> int:
         return len(self._store)
+
+    # Updates ----------------------------------------------------------------------------------
+
+    def set_context(self, context: SearchContext) -> None:
+        """Ask for the classes of a context from now on; what is known of others stays."""
+        if context == self._context:
+            return
+        store = self._store
+        classes = {r.class_name for r in self._registry.records.values()}
+        voxels = {name: self._voxel_m(name) for name in classes}
+        self._context = context
+        for c in context.distinct():
+            store.column(c.name)
+            self._roles.pop(c.name, None)  # those at the end were asked for last
+            self._roles[c.name] = c.role
+        self._forget_classes(
+            list(self._roles)[: -max(self._settings.max_classes, len(self._names))]
+        )
+        for name in sorted(classes & self._roles.keys()):
+            if self._voxel_m(name) != voxels[name]:
+                self._registry.recluster(store, name, self._voxel_m(name))
+        self._believe(np.arange(len(store)))
+        self._described.clear()
+
+    def update(
+        self, observation: Observation, context: SearchContext, held: str = ""
+    ) -> UpdateReport:
+        """Integrate one observation made for a context. held: class of what the robot holds."""
+        self.set_context(context)
+        s, store = self._settings, self._store
+        reading = without_held(
+            read(observation, context, s.stride_px, s.min_depth_m, s.max_depth_m),
+            context, held, s.held_object_m,
+        )  # fmt: skip
+        look = self._viewpoints.look(reading.view.T_world_cam)
+        projection = self._project(reading.view)
+        gone = np.empty(0, np.int32)
+        if s.creation_rule != "paper":
+            projection, gone = self._carve(projection, reading, look)
+        rendering = projection.render()
+
+        created_mask = self._creation_mask(reading, rendering)
+        created = self._create(reading, created_mask)
+        if created:  # what was out of view still is
+            new = np.arange(len(store) - created, len(store), dtype=np.int32)
+            self._look_back(new)
+            projection = projection.renewed(gone[:0], self._project(reading.view, rows=new))
+        seen = reobserved(
+            reading.depth_m, rendering, created_mask, s.reobserve_agreement_m, s.closing_px
+        )
+        labels = np.where(seen, reading.labels, -1).astype(np.int32)
+        eye_m = reading.view.T_world_cam[:3, 3]
+        weights = self._weights_of_all_before(look)
+        fused = self._fuse(projection, labels, look, eye_m, observation.frame.stamp_ns)
+        if weights is not None:
+            self._past.note(reading, self._names, weights)
+        self._updates += 1
+        store.remove(gone)
+        self._remove(surplus(store.believed, store.seen, s.max_gaussians))
+        return UpdateReport(created, len(gone), len(projection.rows), fused, len(store))
+
+    def retire(self, instance_id: int) -> int:
+        """Remove an object that was picked; the number of Gaussians removed, 0 if unknown.
+
+        Everything in its box that is not believed to be a receptacle goes with it.
+        """
+        store = self._store
+        member = store.instances.rows_of(np.array([instance_id]))
+        if not len(member):
+            return 0
+        low, high = store.means[member].min(axis=0), store.means[member].max(axis=0)
+        near = store.blocks.near(store.means[member], float((high - low).max()))
+        inside = ((store.means[near] >= low) & (store.means[near] <= high)).all(axis=1)
+        receptacles = [i for i, name in enumerate(store.class_names) if self._is_receptacle(name)]
+        inside &= ~np.isin(store.believed[near], receptacles)
+        gone = np.union1d(member, near[inside])
+        self._remove(gone)
+        self._past.forget(lambda name: not self._is_receptacle(name))
+        return len(gone)
+
+    # Queries ----------------------------------------------------------------------------------
 
     def nearest_object(self, point_m: NDArray[np.float64], within_m: float) -> int | None:
         """Id of the nearest instance that is no receptacle, or None where none is that near."""
@@ -190,7 +287,7 @@ class Knowledge:
         own = rows[mean > self._least(instance_id, mean)]
         return grasp(store.means[own if len(own) else rows])
 
-    # On disk ------------------------------------------------------------------------------------
+    # On disk ----------------------------------------------------------------------------------
 
     def memory(self) -> Memory:
         """All that is known; its parts are the map's own, not copies."""
@@ -212,204 +309,7 @@ class Knowledge:
         """Empty ones, as this map's settings want them."""
         return Viewpoints(self._settings.viewpoint_moved_m, self._settings.viewpoint_turned_rad)
 
-    # Parts ----------------------------------------------------------------------------------------
-
-    @property
-    def _sectors(self) -> int:
-        """Around each Gaussian, of which votes are kept."""
-        return viewing_sectors.SECTORS if self._settings.by_sides else 0
-
-    @property
-    def _columns(self) -> list[int]:
-        """Of the context's classes in the store."""
-        return [self._store.class_names.index(name) for name in self._names]
-
-    @property
-    def _names(self) -> list[str]:
-        return [c.name for c in self._context.distinct()] if self._context is not None else []
-
-    @property
-    def _n_classes(self) -> int:
-        """Classes that the prior speaks of, "other" included."""
-        return max(len(self._names) + 1, self._settings.prior_classes)
-
-    def _project(
-        self, view: View, far_m: float | None = None, rows: NDArray[np.int32] | None = None
-    ) -> Projection:
-        """What a view shows of some rows, default all."""
-        store = self._store
-        far_m = self._settings.max_depth_m + SEEN_BEYOND_M if far_m is None else far_m
-        rows = store.seen_by(view, far_m) if rows is None else rows
-        return self._back_end(store.means, store.radius_m, store.opacity, view, rows, far_m)
-
-    def _is_receptacle(self, class_name: str) -> bool:
-        return self._roles[class_name].is_receptacle
-
-    def _voxel_m(self, class_name: str) -> float:
-        s = self._settings
-        return s.receptacle_voxel_m if self._is_receptacle(class_name) else s.object_voxel_m
-
-    def _belief(self, label: int) -> Belief | None:
-        """In an instance for its own class; None where it is too small to be reported."""
-        store, s = self._store, self._settings
-        rows = store.instances.rows_of(np.array([label]))
-        if len(rows) < s.min_gaussians:
-            return None
-        class_name, names = self._registry.records[label].class_name, list(self._names)
-        if class_name not in names:
-            names.append(class_name)
-        trust = self._trust(label)
-        belief = self._believed(rows, class_name, names, trust)
-        if s.size_agreement == "off":
-            return belief
-        return self._believed(rows, class_name, names, trust * self._size_agreement(label, belief))
-
-    def _believed(
-        self, rows: NDArray[np.integer], class_name: str, names: list[str], trust: float
-    ) -> Belief:
-        s = self._settings
-        return believed(
-            self._store, rows, class_name, names, s.prior_concentration, self._n_classes,
-            s.alpha_cs, trust,
-        )  # fmt: skip
-
-    def _trust(self, label: int) -> float:
-        """Share of the detections of an instance that is true by what became of such ones."""
-        trust = self._settings.detector_trust
-        return 1.0 if trust == "full" else self._registry.trust(label, trust == "class-distance")
-
-    def _size_agreement(self, label: int, belief: Belief) -> float:
-        """How well what was seen of an instance fits what its class usually measures."""
-        s, record = self._settings, self._registry.records[label]
-        shape = self._shape(label, belief)
-        measured_m = extents_of(shape.outline_m, float(shape.high_m[2] - shape.low_m[2]))
-        top_m = None if s.floor_m is None else float(shape.high_m[2]) - s.floor_m
-        views = record.views if s.size_agreement == "on" else 0.0
-        return agreement(record.class_name, measured_m, views, top_m)
-
-    def _shape(self, label: int, belief: Belief) -> Shape:
-        return shape_of(self._store.means, belief, self._least(label, belief.mean))
-
-    def _least(self, label: int, mean: NDArray[np.floating]) -> float:
-        """Probability from which a Gaussian of an instance is part of its box; mean: [n]."""
-        least = self._settings.named_from
-        if self._settings.by_sides and not self._is_receptacle(self.class_of(label)):
-            least = max(least, sure_part(mean))
-        return least
-
-    def _describe(self, label: int) -> ObjectInstance | None:
-        belief = self._belief(label)
-        if belief is None:
-            return None
-        shape = self._shape(label, belief)
-        return describe(label, self._registry.records[label], shape, belief)
-
-
-WHOLE = 0.999  # sums of float32 shares that make a whole view
-
-
-@dataclass(frozen=True)
-class UpdateReport:
-    """What one observation did to the map."""
-
-    created: int
-    carved: int
-    in_view: int
-    fused: int  # Gaussians that took evidence; 0 from a viewpoint that has counted already
-    total: int
-
-
-class ObjectMap(Knowledge):
-    """Sparse 3D Gaussian map of the objects of interest. Not thread-safe: its owner locks.
-
-    What an update costs follows what is in view, not the size of the map.
-    """
-
-    def reset(self) -> None:
-        """Forget everything."""
-        super().reset()
-        self._past = PastViews(self._settings.past_views)
-
-    # Updates ------------------------------------------------------------------------------------
-
-    def set_context(self, context: SearchContext) -> None:
-        """Ask for the classes of a context from now on; what is known of others stays."""
-        if context == self._context:
-            return
-        store = self._store
-        classes = {r.class_name for r in self._registry.records.values()}
-        voxels = {name: self._voxel_m(name) for name in classes}
-        self._context = context
-        for c in context.distinct():
-            store.column(c.name)
-            self._roles.pop(c.name, None)  # those at the end were asked for last
-            self._roles[c.name] = c.role
-        self._forget_classes(
-            list(self._roles)[: -max(self._settings.max_classes, len(self._names))]
-        )
-        for name in sorted(classes & self._roles.keys()):
-            if self._voxel_m(name) != voxels[name]:
-                self._registry.recluster(store, name, self._voxel_m(name))
-        self._believe(np.arange(len(store)))
-        self._described.clear()
-
-    def update(
-        self, observation: Observation, context: SearchContext, held: str = ""
-    ) -> UpdateReport:
-        """Integrate one observation made for a context. held: class of what the robot holds."""
-        self.set_context(context)
-        s, store = self._settings, self._store
-        reading = without_held(
-            read(observation, context, s.stride_px, s.min_depth_m, s.max_depth_m),
-            context, held, s.held_object_m,
-        )  # fmt: skip
-        look = self._viewpoints.look(reading.view.T_world_cam)
-        projection = self._project(reading.view)
-        gone = np.empty(0, np.int32)
-        if s.creation_rule != "paper":
-            projection, gone = self._carve(projection, reading, look)
-        rendering = projection.render()
-
-        created_mask = self._creation_mask(reading, rendering)
-        created = self._create(reading, created_mask)
-        if created:  # what was out of view still is
-            new = np.arange(len(store) - created, len(store), dtype=np.int32)
-            self._look_back(new)
-            projection = projection.renewed(gone[:0], self._project(reading.view, rows=new))
-        seen = reobserved(
-            reading.depth_m, rendering, created_mask, s.reobserve_agreement_m, s.closing_px
-        )
-        labels = np.where(seen, reading.labels, -1).astype(np.int32)
-        eye_m = reading.view.T_world_cam[:3, 3]
-        weights = self._weights_of_all_before(look)
-        fused = self._fuse(projection, labels, look, eye_m, observation.frame.stamp_ns)
-        if weights is not None:
-            self._past.note(reading, self._names, weights)
-        self._updates += 1
-        store.remove(gone)
-        self._remove(surplus(store.believed, store.seen, s.max_gaussians))
-        return UpdateReport(created, len(gone), len(projection.rows), fused, len(store))
-
-    def retire(self, instance_id: int) -> int:
-        """Remove an object that was picked; the number of Gaussians removed, 0 if unknown.
-
-        Everything in its box that is not believed to be a receptacle goes with it.
-        """
-        store = self._store
-        member = store.instances.rows_of(np.array([instance_id]))
-        if not len(member):
-            return 0
-        low, high = store.means[member].min(axis=0), store.means[member].max(axis=0)
-        near = store.blocks.near(store.means[member], float((high - low).max()))
-        inside = ((store.means[near] >= low) & (store.means[near] <= high)).all(axis=1)
-        receptacles = [i for i, name in enumerate(store.class_names) if self._is_receptacle(name)]
-        inside &= ~np.isin(store.believed[near], receptacles)
-        gone = np.union1d(member, near[inside])
-        self._remove(gone)
-        self._past.forget(lambda name: not self._is_receptacle(name))
-        return len(gone)
-
-    # Parts ----------------------------------------------------------------------------------------
+    # Parts of an update -----------------------------------------------------------------------
 
     def _forget_classes(self, names: list[str]) -> None:
         """All evidence for some classes goes, and the instances of them."""
@@ -561,3 +461,95 @@ class ObjectMap(Knowledge):
         changed = self._registry.join(self._store, rows, self._voxel_m, taken_out=taken_out)
         for label in changed:
             self._described.pop(label, None)
+
+    # Parts of a query -------------------------------------------------------------------------
+
+    @property
+    def _sectors(self) -> int:
+        """Around each Gaussian, of which votes are kept."""
+        return viewing_sectors.SECTORS if self._settings.by_sides else 0
+
+    @property
+    def _columns(self) -> list[int]:
+        """Of the context's classes in the store."""
+        return [self._store.class_names.index(name) for name in self._names]
+
+    @property
+    def _names(self) -> list[str]:
+        return [c.name for c in self._context.distinct()] if self._context is not None else []
+
+    @property
+    def _n_classes(self) -> int:
+        """Classes that the prior speaks of, "other" included."""
+        return max(len(self._names) + 1, self._settings.prior_classes)
+
+    def _project(
+        self, view: View, far_m: float | None = None, rows: NDArray[np.int32] | None = None
+    ) -> Projection:
+        """What a view shows of some rows, default all."""
+        store = self._store
+        far_m = self._settings.max_depth_m + SEEN_BEYOND_M if far_m is None else far_m
+        rows = store.seen_by(view, far_m) if rows is None else rows
+        return self._back_end(store.means, store.radius_m, store.opacity, view, rows, far_m)
+
+    def _is_receptacle(self, class_name: str) -> bool:
+        return self._roles[class_name].is_receptacle
+
+    def _voxel_m(self, class_name: str) -> float:
+        s = self._settings
+        return s.receptacle_voxel_m if self._is_receptacle(class_name) else s.object_voxel_m
+
+    def _belief(self, label: int) -> Belief | None:
+        """In an instance for its own class; None where it is too small to be reported."""
+        store, s = self._store, self._settings
+        rows = store.instances.rows_of(np.array([label]))
+        if len(rows) < s.min_gaussians:
+            return None
+        class_name, names = self._registry.records[label].class_name, list(self._names)
+        if class_name not in names:
+            names.append(class_name)
+        trust = self._trust(label)
+        belief = self._believed(rows, class_name, names, trust)
+        if s.size_agreement == "off":
+            return belief
+        return self._believed(rows, class_name, names, trust * self._size_agreement(label, belief))
+
+    def _believed(
+        self, rows: NDArray[np.integer], class_name: str, names: list[str], trust: float
+    ) -> Belief:
+        s = self._settings
+        return believed(
+            self._store, rows, class_name, names, s.prior_concentration, self._n_classes,
+            s.alpha_cs, trust,
+        )  # fmt: skip
+
+    def _trust(self, label: int) -> float:
+        """Share of the detections of an instance that is true by what became of such ones."""
+        trust = self._settings.detector_trust
+        return 1.0 if trust == "full" else self._registry.trust(label, trust == "class-distance")
+
+    def _size_agreement(self, label: int, belief: Belief) -> float:
+        """How well what was seen of an instance fits what its class usually measures."""
+        s, record = self._settings, self._registry.records[label]
+        shape = self._shape(label, belief)
+        measured_m = extents_of(shape.outline_m, float(shape.high_m[2] - shape.low_m[2]))
+        top_m = None if s.floor_m is None else float(shape.high_m[2]) - s.floor_m
+        views = record.views if s.size_agreement == "on" else 0.0
+        return agreement(record.class_name, measured_m, views, top_m)
+
+    def _shape(self, label: int, belief: Belief) -> Shape:
+        return shape_of(self._store.means, belief, self._least(label, belief.mean))
+
+    def _least(self, label: int, mean: NDArray[np.floating]) -> float:
+        """Probability from which a Gaussian of an instance is part of its box; mean: [n]."""
+        least = self._settings.named_from
+        if self._settings.by_sides and not self._is_receptacle(self.class_of(label)):
+            least = max(least, sure_part(mean))
+        return least
+
+    def _describe(self, label: int) -> ObjectInstance | None:
+        belief = self._belief(label)
+        if belief is None:
+            return None
+        shape = self._shape(label, belief)
+        return describe(label, self._registry.records[label], shape, belief)

@@ -6,7 +6,6 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,6 +58,9 @@ log = logging.getLogger(__name__)
 
 MOST_WAITING = 4  # observations kept until their search context is known
 MOST_POSES = 256
+FILE_NAME = "objects.npz"
+MOST_PIXELS = 1920 * 1200
+_FORMATS = {"ply": export.ply, "npz": export.npz}
 
 
 @dataclass(frozen=True)
@@ -89,12 +91,20 @@ class ObjectMapService:
         bus.serve(RETIRE, self.retire)
         bus.serve(RESET_OBJECTS, self.reset)
         bus.serve(GAUSSIANS, self.gaussians)
-        self._exchange = Exchange(
-            bus, settings, health, self._lock, self._maps, lambda: self._version, self._replaced,
-            self._say,
-        )  # fmt: skip
+        bus.serve(SAVE_OBJECTS, self.save)
+        bus.serve(LOAD_OBJECTS, self.load)
+        bus.serve(EXPORT_OBJECTS, self.export)
+        bus.serve(RENDER_OBJECTS, self.render)
+        bus.serve(OBJECT_DETAIL, self.detail)
         self._warm, self._ending = False, threading.Event()
-        self._exchange.begin()
+        self._refused = ""  # why the map of an earlier process was, as long as this one lives
+        self._restored: tuple[ObjectMap, str, str] | None = None  # map, time of writing, content
+        self._trouble = ""  # with keeping the present one
+        self._kept: KeptFile | None = None
+        if settings.state_dir is not None:
+            path = settings.state_dir / FILE_NAME
+            self._kept = KeptFile(path, settings.save_every_s, self._unkept, self._troubled)
+        self._take_up_kept_map()
         bus.subscribe(OBSERVATION, self.on_observation)
 
     def warm_up(self) -> None:
@@ -111,13 +121,14 @@ class ObjectMapService:
     def close(self) -> None:
         """Keep the map. The bus ends with the process."""
         self._ending.set()
-        self._exchange.close()
+        if self._kept is not None:
+            self._kept.close()
 
     def _say(self) -> None:
         if self._warm:
-            self._health.ready(self._exchange.said)
+            self._health.ready(self._said)
 
-    # --- what comes in ------------------------------------------------------------------------
+    # Messages ---------------------------------------------------------------------------------
     def on_context(self, message: pb.SearchContext) -> None:
         """What is looked for from now on; observations that waited for it are integrated."""
         try:
@@ -153,7 +164,7 @@ class ObjectMapService:
             if another:
                 self._replaced()
         if another:
-            log.warning("%s", self._exchange.said)
+            log.warning("%s", self._said)
             self._say()
 
     def on_observation(self, message: pb.Observation) -> None:
@@ -182,7 +193,7 @@ class ObjectMapService:
         if not is_unknown:
             self._integrate(message, observation)
 
-    # --- what is asked ------------------------------------------------------------------------
+    # Queries ----------------------------------------------------------------------------------
     def objects(self, request: pb.ObjectsRequest) -> pb.ObjectsReply:
         """All instances, or those of some classes above a class score."""
         wanted = set(request.class_names)
@@ -268,7 +279,9 @@ class ObjectMapService:
         with self._lock:
             self._maps.forget()
             self._replaced()
-        self._exchange.forget()
+            self._restored = None
+        if self._kept is not None:
+            self._kept.forget()
         self._say()
         return pb.Empty()
 
@@ -287,148 +300,7 @@ class ObjectMapService:
             opacities=g.opacity.astype("<f4").tobytes(),
         )
 
-    # --- parts --------------------------------------------------------------------------------
-    def _integrate(self, message: pb.Observation, observation: Observation) -> None:
-        began = time.perf_counter()
-        try:
-            with self._lock:
-                report = self._update(observation)
-                version = self._version
-        except HeliosError as error:
-            self._refuse(message, error.message)
-            return
-        except Exception as error:  # a fault of ours must not end the process: it is said instead
-            log.exception("observation %s failed", observation.frame.id)
-            self._refuse(message, f"a fault in the object map: {type(error).__name__}: {error}")
-            return
-        update_ms = (time.perf_counter() - began) * 1e3
-        if self._exchange.superseded():
-            self._say()
-        self._health.count("observations_accepted")
-        self._health.sample("update_ms", update_ms)
-        self._health.set("gaussians", report.total)
-        self._bus.publish(
-            OBJECTMAP_ACK,
-            pb.Ack(
-                service="objectmap", part="objects", id=message.frame.id, accepted=True,
-                version=version, update_ms=update_ms, context_id=observation.context_id,
-            ),
-        )  # fmt: skip
-
-    def _update(self, observation: Observation):
-        context = self._context
-        if context is None or observation.context_id != context.id:
-            raise Conflict(
-                f"the observation answers search context {observation.context_id!r}; the present "
-                f"one is {context.id if context else None!r}: observe again"
-            )
-        present = self._maps.map_for(observation.frame)
-        held = observation.frame.held
-        report = present.update(observation, context, self._held if held is None else held)
-        self._maps.newest = observation.frame.id
-        self._changed()
-        return report
-
-    def _replaced(self) -> None:
-        """Another map took the present one's place."""
-        if self._context is not None:
-            self._maps.current.set_context(self._context)
-        self._changed()
-
-    def _changed(self) -> None:
-        self._version += 1
-        self._published = None
-
-    def _refuse(self, message: pb.Observation, reason: str) -> None:
-        self._health.count("observations_refused")
-        log.warning("observation of frame %d refused: %s", message.frame.id.seq, reason)
-        with self._lock:
-            version = self._version
-        self._bus.publish(
-            OBJECTMAP_ACK,
-            pb.Ack(
-                service="objectmap", part="objects", id=message.frame.id, accepted=False,
-                reason=reason, version=version, context_id=message.context_id,
-            ),
-        )  # fmt: skip
-
-
-FILE_NAME = "objects.npz"
-MOST_PIXELS = 1920 * 1200
-_FORMATS = {"ply": export.ply, "npz": export.npz}
-
-
-class Exchange:
-    """Answers from the maps of the service, under its lock."""
-
-    def __init__(
-        self,
-        bus: Bus,
-        settings: ObjectMapSettings,
-        health: Health,
-        lock: threading.Lock,
-        maps: EpochMaps,
-        version: Callable[[], int],
-        replaced: Callable[[], None],
-        say: Callable[[], None],
-    ) -> None:
-        """version: of the map, under the lock; replaced: called under it after a load; say: called
-        when `said` has changed."""
-        self._lock, self._maps, self._health = lock, maps, health
-        self._version, self._replaced, self._say = version, replaced, say
-        self._refused = ""  # why the map of an earlier process was, as long as this one lives
-        self._restored: tuple[ObjectMap, str, str] | None = None  # map, time of writing, content
-        self._trouble = ""  # with keeping the present one
-        self._kept: KeptFile | None = None
-        if settings.state_dir is not None:
-            path = settings.state_dir / FILE_NAME
-            self._kept = KeptFile(path, settings.save_every_s, self._unkept, self._troubled)
-        bus.serve(SAVE_OBJECTS, self.save)
-        bus.serve(LOAD_OBJECTS, self.load)
-        bus.serve(EXPORT_OBJECTS, self.export)
-        bus.serve(RENDER_OBJECTS, self.render)
-        bus.serve(OBJECT_DETAIL, self.detail)
-
-    @property
-    def said(self) -> str:
-        """What is wrong with keeping the map; what became of the kept one, until another takes its
-        place."""
-        return "; ".join(part for part in (self._trouble, self._refused, self._fate()) if part)
-
-    def superseded(self) -> bool:
-        """The present map is no longer what an earlier process kept; whether `said` has changed."""
-        was, self._restored = self._restored, None
-        return was is not None
-
-    def begin(self) -> None:
-        """Take up the map of an earlier process, if one was kept, and begin to keep."""
-        if self._kept is None:
-            return
-        try:
-            found = self._kept.found()
-            if found is not None:
-                self._restore(found)
-        except InvalidInput as error:
-            self._health.count("maps_refused")
-            self._refused = f"the kept map was refused and {self._kept.put_aside()}: {error}"
-        except OSError as error:
-            self._refused = f"the kept map cannot be read: {error}"
-        if self.said:
-            log.warning("%s", self.said)
-        self._kept.start()
-
-    def forget(self) -> None:
-        """Keep nothing of what was known until now."""
-        self._restored = None
-        if self._kept is not None:
-            self._kept.forget()
-
-    def close(self) -> None:
-        """Keep what is not kept yet."""
-        if self._kept is not None:
-            self._kept.close()
-
-    # --- what is asked ------------------------------------------------------------------------
+    # Files, pictures, one object --------------------------------------------------------------
     def save(self, _: pb.Empty) -> pb.ObjectMapFile:
         """The present map as a file."""
         with self._lock:
@@ -441,7 +313,7 @@ class Exchange:
         The file's world frame is taken to be the present one.
         """
         loaded = self._recall(request.data, same_world=False)
-        if self.superseded():
+        if self._superseded():
             self._say()
         return loaded
 
@@ -493,7 +365,100 @@ class Exchange:
             box_yaw_rad=grasp.yaw_rad,
         )
 
-    # --- parts --------------------------------------------------------------------------------
+    # Parts ------------------------------------------------------------------------------------
+    def _integrate(self, message: pb.Observation, observation: Observation) -> None:
+        began = time.perf_counter()
+        try:
+            with self._lock:
+                report = self._update(observation)
+                version = self._version
+        except HeliosError as error:
+            self._refuse(message, error.message)
+            return
+        except Exception as error:  # a fault of ours must not end the process: it is said instead
+            log.exception("observation %s failed", observation.frame.id)
+            self._refuse(message, f"a fault in the object map: {type(error).__name__}: {error}")
+            return
+        update_ms = (time.perf_counter() - began) * 1e3
+        if self._superseded():
+            self._say()
+        self._health.count("observations_accepted")
+        self._health.sample("update_ms", update_ms)
+        self._health.set("gaussians", report.total)
+        self._bus.publish(
+            OBJECTMAP_ACK,
+            pb.Ack(
+                service="objectmap", part="objects", id=message.frame.id, accepted=True,
+                version=version, update_ms=update_ms, context_id=observation.context_id,
+            ),
+        )  # fmt: skip
+
+    def _update(self, observation: Observation):
+        context = self._context
+        if context is None or observation.context_id != context.id:
+            raise Conflict(
+                f"the observation answers search context {observation.context_id!r}; the present "
+                f"one is {context.id if context else None!r}: observe again"
+            )
+        present = self._maps.map_for(observation.frame)
+        held = observation.frame.held
+        report = present.update(observation, context, self._held if held is None else held)
+        self._maps.newest = observation.frame.id
+        self._changed()
+        return report
+
+    def _replaced(self) -> None:
+        """Another map took the present one's place."""
+        if self._context is not None:
+            self._maps.current.set_context(self._context)
+        self._changed()
+
+    def _changed(self) -> None:
+        self._version += 1
+        self._published = None
+
+    def _refuse(self, message: pb.Observation, reason: str) -> None:
+        self._health.count("observations_refused")
+        log.warning("observation of frame %d refused: %s", message.frame.id.seq, reason)
+        with self._lock:
+            version = self._version
+        self._bus.publish(
+            OBJECTMAP_ACK,
+            pb.Ack(
+                service="objectmap", part="objects", id=message.frame.id, accepted=False,
+                reason=reason, version=version, context_id=message.context_id,
+            ),
+        )  # fmt: skip
+
+    # The map kept on disk ---------------------------------------------------------------------
+    @property
+    def _said(self) -> str:
+        """What is wrong with keeping the map; what became of the kept one, until another takes its
+        place."""
+        return "; ".join(part for part in (self._trouble, self._refused, self._fate()) if part)
+
+    def _superseded(self) -> bool:
+        """The present map is no longer what an earlier process kept; whether `said` has changed."""
+        was, self._restored = self._restored, None
+        return was is not None
+
+    def _take_up_kept_map(self) -> None:
+        """Take up the map of an earlier process, if one was kept, and begin to keep."""
+        if self._kept is None:
+            return
+        try:
+            found = self._kept.found()
+            if found is not None:
+                self._restore(found)
+        except InvalidInput as error:
+            self._health.count("maps_refused")
+            self._refused = f"the kept map was refused and {self._kept.put_aside()}: {error}"
+        except OSError as error:
+            self._refused = f"the kept map cannot be read: {error}"
+        if self._said:
+            log.warning("%s", self._said)
+        self._kept.start()
+
     def _restore(self, kept: Kept) -> None:
         """Know what an earlier process wrote. Raises InvalidInput."""
         loaded = self._recall(kept.data, same_world=True)
@@ -529,7 +494,7 @@ class Exchange:
 
     def _unkept(self, kept_version: int) -> tuple[int, bytes] | None:
         with self._lock:
-            version = self._version()
+            version = self._version
             if version == kept_version:
                 return None
             arrays = self._arrays()

@@ -1,4 +1,6 @@
-"""Become another program, one that ends when its parent does: `parent_watch.py PARENT_PID PROGRAM ARG …`.
+"""Becomes another program that ends when its parent does.
+
+Called as `parent_watch.py PARENT_PID PROGRAM ARG …`.
 
 Services watch their parent by themselves, but only once they run: one that is still importing when
 its supervisor is killed would take init for its parent and live for ever. On Linux the kernel

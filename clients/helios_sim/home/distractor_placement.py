@@ -1,8 +1,8 @@
 """Clutters the benchmark's homes: doubles, look-alikes beside them, things behind others.
 
 Everything stays within reach of a free stand, and each receptacle keeps room for one more thing.
-Whether a thing rests and can be seen is found out by the physics (`physics_settling.py`), which may send the
-scatterer to place others instead.
+The physics (`physics_settling`) checks that a thing rests and can be seen; otherwise another is
+placed.
 """
 
 import math

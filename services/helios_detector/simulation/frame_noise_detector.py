@@ -1,4 +1,4 @@
-"""A detector that errs like a real one: the simulator's truth through seeded noise (`frame_noise.py`)."""
+"""A detector that errs like a real one: the simulator's truth with noise (`frame_noise`)."""
 
 from __future__ import annotations
 

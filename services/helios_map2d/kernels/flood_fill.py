@@ -1,6 +1,6 @@
 """Numba kernels that flood ground cell by cell, a run of a row at a time.
 
-Reached through `layers/explored_area.py` and `kernels/reachability.py`; readable twins stand in the tests.
+Called by `layers/explored_area` and `kernels/reachability`. Readable twins are in the tests.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Numba kernels that ask of believed obstacles whether a view sees through them.
+"""Numba kernels that ask whether a view sees through believed obstacles.
 
-Reached through `kernels/occupancy_fusion.py`. Most are told by one pixel, many at a time in SIMD; only where
-that leaves it open are all pixels asked that a cell covers.
+Called by `kernels/occupancy_fusion`. One pixel decides most cells, many at a time in SIMD; only the
+undecided ones look at every pixel that they cover.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@ Gaussians are made where something is detected, so their evidence begins with th
 for them, and all the views that had shown the same place before and named nothing there are lost.
 A detector that errs in one view in thirty is then believed as much as one that is right each time.
 With `evidence = "hindsight"` the map keeps its past views, small, and tells each new Gaussian what
-those said that had it in view: the same votes, by the same rule (`viewing_sectors.py`), as if it had been
-there from the start. So what is believed no longer depends on the order of the views.
+those said that had it in view: the same votes, by the same rule (`viewing_sectors`), as if it had
+been there from the start. So a belief no longer depends on the order of the views.
 
 A past view shows a Gaussian where its depth agrees with it. What was not asked for says nothing.
 After something was picked, past views say nothing of objects: what is found later may have come.

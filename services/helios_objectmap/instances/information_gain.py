@@ -38,7 +38,7 @@ class Member:
     opacity: Float32  # [n]
     positive: Float32  # [n, C] for the classes of the context
     asked: Float32  # [n] for the wanted class
-    told: NDArray[np.uint16] | None = None  # [n, sectors] for the wanted class; see `viewing_sectors.py`
+    told: NDArray[np.uint16] | None = None  # [n, sectors] for the wanted class
 
 
 @dataclass(frozen=True)

@@ -188,7 +188,7 @@ class InstanceRegistry:
         return given
 
     def trust(self, label: int, by_distance: bool) -> float:
-        """Share of the detections of an instance that is believed to be true: see `detector_precision.py`."""
+        """Share of the detections of an instance that is believed to be true."""
         record = self.records[label]
         things = (
             (r.detected_at, r.detection_rate)

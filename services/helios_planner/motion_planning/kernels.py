@@ -1,4 +1,4 @@
-"""Numba kernels of the path planners and of base placement; their readable twins are in the tests."""
+"""Numba kernels of the path planners and of base placement. Readable twins are in the tests."""
 
 from __future__ import annotations
 

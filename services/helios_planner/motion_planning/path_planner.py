@@ -1,7 +1,7 @@
-"""Fast Marching Square (FM²): paths that keep away from obstacles (Garrido et al. 2007; appendix 6.1).
+"""Fast Marching Square (FM²), paths that keep clear of obstacles (Garrido et al. 2007; app. 6.1).
 
 Speed rises with the distance to the nearest obstacle up to a maximum. The arrival time of a front
-with that speed has one minimum, its source, so descending it gives the path. `next_motion` turns
+with that speed has one minimum, its source, so descending it gives the path. `next_primitive` turns
 the path into the next single motion of the robot.
 """
 

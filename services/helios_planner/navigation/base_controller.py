@@ -1,7 +1,7 @@
 """Drives the base: turns, looks around, follows a path one motion at a time, and recovers.
 
-`TurnController` turns and looks, `BaseController` drives robots that are discs, `PoseBaseController`
-those that are not. The map is read again before every motion.
+`TurnController` turns and looks. `BaseController` drives robots that are discs,
+`PoseBaseController` those that are not. The map is read again before every motion.
 """
 
 from __future__ import annotations

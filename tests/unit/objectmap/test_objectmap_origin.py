@@ -170,8 +170,8 @@ def test_what_is_said_of_a_kept_map_ends_with_it(
 
 def test_what_was_forgotten_on_purpose_does_not_come_back_after_a_kill(tmp_path: Path) -> None:
     first = known(tmp_path)
-    assert first.service._exchange._kept is not None
-    assert first.service._exchange._kept.write()
+    assert first.service._kept is not None
+    assert first.service._kept.write()
     first.bus.call(RESET_OBJECTS, pb.Empty(), 5.0)
     assert not first.ids()
     assert not (tmp_path / FILE_NAME).exists()
