@@ -25,8 +25,8 @@ def nearest(places: Places):
 
 
 class CarefulSearch(Search):
-    def __init__(self, kit: SearchTools, phase: Phase, name: str) -> None:
-        super().__init__(kit, phase, name, SAME_M)
+    def __init__(self, tools: SearchTools, phase: Phase, name: str) -> None:
+        super().__init__(tools, phase, name, SAME_M)
         self._explorer = explorer(self, nearest)
 
     def sure(self) -> list[ObjectInstance]:
@@ -43,6 +43,6 @@ class CarefulSearch(Search):
 
 agent = Agent(
     belief=MapBelief,
-    seek_object=lambda kit, name, start: CarefulSearch(kit, Phase.FIND_OBJECT, name),
-    seek_receptacle=lambda kit, name, not_at: CarefulSearch(kit, Phase.FIND_RECEPTACLE, name),
+    seek_object=lambda tools, name, start: CarefulSearch(tools, Phase.FIND_OBJECT, name),
+    seek_receptacle=lambda tools, name, not_at: CarefulSearch(tools, Phase.FIND_RECEPTACLE, name),
 )

@@ -20,6 +20,10 @@ _PROPERTIES = (
     "x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity",
     "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
 )  # fmt: skip
+LAYERS = ("color", "depth", "probability", "uncertainty")
+MOST_UNCERTAIN = (
+    0.3  # standard deviation that is drawn brightest: that of the prior and two classes
+)
 
 
 def ply(gaussians: InstanceGaussians) -> bytes:
@@ -55,12 +59,6 @@ def npz(gaussians: InstanceGaussians) -> bytes:
     out = io.BytesIO()
     np.savez_compressed(out, allow_pickle=False, **arrays)
     return out.getvalue()
-
-
-LAYERS = ("color", "depth", "probability", "uncertainty")
-MOST_UNCERTAIN = (
-    0.3  # standard deviation that is drawn brightest: that of the prior and two classes
-)
 
 
 def color(projection: Projection, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -12,20 +12,6 @@ from helios_objectmap.camera import View
 from helios_objectmap.spatial_index import NO_GROUP, Blocks, RowGroups
 from helios_objectmap.viewpoint_weights import NEVER
 
-
-@dataclass(frozen=True)
-class InstanceGaussians:
-    """Gaussians for a display or a planner; rows agree."""
-
-    means: NDArray[np.float32]  # [n, 3] world, metres
-    radius_m: NDArray[np.float32]  # [n] standard deviation
-    opacity: NDArray[np.float32]  # [n]
-    color: NDArray[np.uint8]  # [n, 3] RGB
-    instance: NDArray[np.int32]  # [n] id, 0 for none
-    class_names: tuple[str, ...]  # "other" first
-    concentration: NDArray[np.float32]  # [n, classes] Dirichlet parameters
-
-
 NO_INSTANCE = NO_GROUP
 OTHER = -1
 _FIELDS = (
@@ -42,6 +28,20 @@ _FIELDS = (
     "through_from",
     "seen",
 )
+KEPT = 0.9
+
+
+@dataclass(frozen=True)
+class InstanceGaussians:
+    """Gaussians for a display or a planner; rows agree."""
+
+    means: NDArray[np.float32]  # [n, 3] world, metres
+    radius_m: NDArray[np.float32]  # [n] standard deviation
+    opacity: NDArray[np.float32]  # [n]
+    color: NDArray[np.uint8]  # [n, 3] RGB
+    instance: NDArray[np.int32]  # [n] id, 0 for none
+    class_names: tuple[str, ...]  # "other" first
+    concentration: NDArray[np.float32]  # [n, classes] Dirichlet parameters
 
 
 class GaussianStore:
@@ -254,9 +254,6 @@ class GaussianStore:
             setattr(self, f"_{name}", new)
         self.blocks.rows.grow(capacity)
         self.instances.grow(capacity)
-
-
-KEPT = 0.9
 
 
 def surplus(believed: NDArray[np.int16], seen: NDArray[np.int64], most: int) -> NDArray[np.intp]:

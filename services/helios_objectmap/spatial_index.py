@@ -14,6 +14,9 @@ from helios_objectmap.camera import View
 BLOCK_M = 0.5
 _BITS = 21
 _HALF = 1 << (_BITS - 1)
+NO_GROUP = 0
+_END = -1
+Rows = NDArray[np.integer]
 
 
 class Blocks:
@@ -97,12 +100,6 @@ def _keys(ijk: NDArray[np.int64]) -> NDArray[np.int64]:
     """One integer per block [..., 3]; the map reaches 2^20 blocks from the origin."""
     shifted = ijk + _HALF
     return (shifted[..., 0] << (2 * _BITS)) | (shifted[..., 1] << _BITS) | shifted[..., 2]
-
-
-NO_GROUP = 0
-_END = -1
-
-Rows = NDArray[np.integer]
 
 
 class RowGroups:

@@ -18,11 +18,11 @@ from helios_planner.task import Phase
 class Agent:
     """How an agent differs from the others.
 
-    belief: what it takes for true of things. seek_object: kit, class, start receptacle's class or
-    None; seek_receptacle: kit, class, where the object was taken from if that must not be the goal,
-    else None. retries: whether a failed pick is tried again from elsewhere, or that place is left
-    alone. other_share: of what a local search is expected to see, what speaks for something else
-    (Table 5); 0 is optimistic.
+    belief: what it takes for true of things. seek_object: tools, class, start receptacle's class or
+    None; seek_receptacle: tools, class, where the object was taken from if that must not be the
+    goal, else None. retries: whether a failed pick is tried again from another pose.
+    other_share: share of an expected view that speaks for something else (Table 5); 0 is
+    optimistic.
     """
 
     belief: type[Belief]
@@ -36,9 +36,9 @@ def trusting(belief: type[Belief], explorer: Callable[[Search, str], Explorer]) 
     """One that goes by detections alone. explorer: of a search and its value layer."""
     return Agent(
         belief,
-        lambda kit, name, _: TrustingSearch(kit, Phase.FIND_OBJECT, name, explorer),
-        lambda kit, name, not_at: TrustingSearch(
-            kit, Phase.FIND_RECEPTACLE, name, explorer, not_at
+        lambda tools, name, _: TrustingSearch(tools, Phase.FIND_OBJECT, name, explorer),
+        lambda tools, name, not_at: TrustingSearch(
+            tools, Phase.FIND_RECEPTACLE, name, explorer, not_at
         ),
         retries=False,
     )

@@ -40,12 +40,14 @@ from helios_planner.search.frontier_exploration import ByRule, TargetPursuit
 from helios_planner.search.object_search import ObjectSearch
 from helios_planner.search.scored_search import ReceptacleSearch
 
+_loaded: dict[str, Agent] = {}  # of packages; each is imported once in a process
+
 
 def _scoring(rule: SearchRule, standards: Rule = paper) -> Agent:
     return Agent(
         MapBelief,
-        lambda kit, name, start: ObjectSearch(kit, name, start, rule, standards),
-        lambda kit, name, not_at: ReceptacleSearch(kit, name, not_at, standards),
+        lambda tools, name, start: ObjectSearch(tools, name, start, rule, standards),
+        lambda tools, name, not_at: ReceptacleSearch(tools, name, not_at, standards),
         retries=True,
     )
 
@@ -66,11 +68,10 @@ AGENTS: dict[str, Agent] = {
     "homerobot-heuristic": _by(global_search.nearest),
     "vlfm": trusting(VlfmBelief, TargetPursuit),
     "vlfm-unfiltered": trusting(UnfilteredBelief, TargetPursuit),
-    "vlfm-helios-stop": replace(_HELIOS, seek_object=lambda kit, name, _: StopSearch(kit, name)),
+    "vlfm-helios-stop": replace(
+        _HELIOS, seek_object=lambda tools, name, _: StopSearch(tools, name)
+    ),
 }
-
-
-_loaded: dict[str, Agent] = {}  # of packages; each is imported once in a process
 
 
 def agent_named(name: str) -> Agent:

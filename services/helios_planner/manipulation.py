@@ -42,6 +42,10 @@ Judged = Callable[[ObjectInstance | None], bool]
 SAME_PLACE_M = 0.15
 OVER_M = 0.05  # around a point that has to do, what lies there counts
 GROWN_M = 1.0  # so far the middle of a receptacle moves when the rest of it comes into sight
+ON_M = 0.15  # this near to a receptacle's outline is on it
+BELOW_M = 0.20  # lower by this than where it was let go is not on it
+SAME_M = 0.15  # nearer than this to what was known before is the same thing
+AROUND_M = 1.5  # what fell lies this near
 
 
 def still_there(near: ObjectInstance | None) -> bool:
@@ -76,7 +80,7 @@ class Manipulation:
     """Acts on one thing at a time. `picks` counts over the whole task."""
 
     body: RobotInterface
-    legs: BaseController
+    base: BaseController
     settings: Settings
     belief: Belief
     attempts: int  # picks at one thing
@@ -106,10 +110,10 @@ class Manipulation:
             attempts += 1
             self._count_pick()
             x, y, z = (float(v) for v in thing.center_m)
-            result = self.legs.mishaps.act(Pick((x, y, z), class_name))
+            result = self.base.monitor.act(Pick((x, y, z), class_name))
             if result.succeeded and self.body.held():
                 self.belief.taken(thing)
-                self.legs.mishaps.carrying = True
+                self.base.monitor.carrying = True
                 return Done.SUCCEEDED
             self.last_reason = result.reason or "the gripper closed and holds nothing"
         return Done.FAILED
@@ -139,9 +143,9 @@ class Manipulation:
         """Stand within reach of a point, facing it, the head towards it: with it in sight, else
         where only what is over it would hide it, as the boards of a shelf seem to do in a map of
         heights."""
-        for above_m, level in product((ON_TOP_M, ON_SHELF_M), self.legs.levels):
+        for above_m, level in product((ON_TOP_M, ON_SHELF_M), self.base.levels):
             stand = stand_for(
-                target_m, self.legs.reach(level), self.body.description, self._reach_m, tried,
+                target_m, self.base.reach(level), self.body.description, self._reach_m, tried,
                 above_m,
             )  # fmt: skip
             if stand is None:
@@ -152,20 +156,20 @@ class Manipulation:
         return False
 
     def _stand_at(self, stand: Pose2, target_m: np.ndarray, purpose: str) -> bool:
-        if self.legs.go_to(stand, purpose, slip_m=0.1) is not Outcome.ARRIVED:
+        if self.base.go_to(stand, purpose, slip_m=0.1) is not Outcome.ARRIVED:
             return False
         self._face(target_m)
         if (missing_m := self._missing_m(target_m)) > 0:
             step_m = max(missing_m + 0.02, self.body.description.min_forward_m)
-            self.legs.ahead(step_m)
+            self.base.ahead(step_m)
             self._face(target_m)
         return self._missing_m(target_m) <= 0
 
     def _face(self, target_m: np.ndarray) -> None:
         pose = self.body.pose()
-        self.legs.turn_to(pose.yaw_rad + pose.bearing_rad(target_m))
+        self.base.turn_to(pose.yaw_rad + pose.bearing_rad(target_m))
         distance_m = self.body.pose().distance_m(target_m)
-        self.legs.tilt(tilt_towards(distance_m, float(target_m[2]), self.body.description))
+        self.base.tilt(tilt_towards(distance_m, float(target_m[2]), self.body.description))
 
     @property
     def _reach_m(self) -> float:
@@ -215,9 +219,9 @@ class Manipulation:
         drop_m = self.settings.paper_drop_m if by_paper else self.settings.place_drop_m
         x, y, z = point_m
         self.surface_m = z
-        result = self.legs.mishaps.act(Place((x, y, z + drop_m)))
+        result = self.base.monitor.act(Place((x, y, z + drop_m)))
         if not self.body.held():
-            self.legs.mishaps.carrying = False
+            self.base.monitor.carrying = False
         if result.succeeded:
             return True
         self.last_reason = result.reason
@@ -240,17 +244,17 @@ class Manipulation:
 
     def _spot(self, receptacle: ObjectInstance, failed: _Failed) -> Spot | None:
         """The best spot on a surface that was seen; on the second try one without a surface."""
-        for level in self.legs.levels if self.settings.place_rule == "flat" else ():
-            spots = self._free_spots(receptacle, self.legs.reach(level), failed)
+        for level in self.base.levels if self.settings.place_rule == "flat" else ():
+            spots = self._free_spots(receptacle, self.base.reach(level), failed)
             if spots:
                 return spots[0]
         here = self.body.pose()
-        for level in self.legs.levels:
+        for level in self.base.levels:
             point = edge_spot(receptacle, here, self.settings.place_inset_m + 0.05)
             if not failed.lacks(point):
                 return None
             stand = stand_for(
-                point, self.legs.reach(level), self.body.description, self._reach_m, failed.stands,
+                point, self.base.reach(level), self.body.description, self._reach_m, failed.stands,
                 tried_m=OTHER_SIDE_M,
             )  # fmt: skip
             if stand is not None:
@@ -266,7 +270,7 @@ class Manipulation:
         if self.settings.place_rule == "paper":
             rules = AheadRules(self._reach_m)
             return highest_ahead(receptacle, self.body.ground(), here, rules) or spot.point_m
-        reached = self.legs.reach(self.legs.levels[-1])
+        reached = self.base.reach(self.base.levels[-1])
         seen = self._free_spots(receptacle, reached, failed)
         if not seen:
             return self._raised(spot)
@@ -278,12 +282,6 @@ class Manipulation:
         """Where a spot has to do: over what is seen there now."""
         x, y, z = spot.point_m
         return x, y, max(z, top_at_m(self.body.ground(), (x, y), OVER_M))
-
-
-ON_M = 0.15  # this near to a receptacle's outline is on it
-BELOW_M = 0.20  # lower by this than where it was let go is not on it
-SAME_M = 0.15  # nearer than this to what was known before is the same thing
-AROUND_M = 1.5  # what fell lies this near
 
 
 class Seen(Enum):

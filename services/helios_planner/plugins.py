@@ -67,8 +67,8 @@ def exploring_by(rule: ExplorationRule, *, trusts_detector: bool = False) -> Age
         return trusting(TrustingBelief, lambda search, layer: ByOwnRule(search, layer, rule))
     return Agent(
         MapBelief,
-        lambda kit, name, start: OwnObjectSearch(kit, name, start, rule),
-        lambda kit, name, not_at: OwnReceptacleSearch(kit, name, not_at, rule),
+        lambda tools, name, start: OwnObjectSearch(tools, name, start, rule),
+        lambda tools, name, not_at: OwnReceptacleSearch(tools, name, not_at, rule),
     )
 
 

@@ -73,9 +73,9 @@ class PlannerService:
         self._acks = KeyframeAcks()
         self._store = Store(settings.state_dir, settings.keep_decisions)
         self._model = language_model(settings)
-        self._book = TaskRegistry(bus, settings, health, self._store)
+        self._registry = TaskRegistry(bus, settings, health, self._store)
         self._store.watch(self._tell_health)
-        self._queue = deque(self._book.restore())
+        self._queue = deque(self._registry.restore())
         self._cancels = {id: threading.Event() for id in self._queue}
         self._holds = {id: self._new_hold(id) for id in self._queue if self._is_under_way(id)}
         self._reservation = Reservation()  # under the lock
@@ -100,19 +100,19 @@ class PlannerService:
         """Ends within an action. Who stops the planner stops its task: only after a crash is a
         task taken up again."""
         self._ending.set()
-        self._book.closing.set()
+        self._registry.closing.set()
         with self._lock:
             for event in self._cancels.values():
                 event.set()
             self._wake.notify_all()
         self._worker.join(1.5)
         self._heart.join(1.5)
-        self._book.close()
+        self._registry.close()
 
     # --- methods -------------------------------------------------------------------------------
     def submit(self, request: pb.SubmitRequest) -> pb.Task:
         """Kept before it is answered. Raises Unavailable while tasks cannot be kept."""
-        self._book.check_keeping()
+        self._registry.check_keeping()
         instruction = parse_with_help(request.instruction, self._model)
         agent = self._known_agent(request.agent or self._settings.agent)
         for_task(self._settings, request.settings)
@@ -150,7 +150,7 @@ class PlannerService:
         with self._lock:
             self._cancels[id] = threading.Event()  # it may be cancelled as soon as it is told
         try:
-            told = self._book.add(task)  # before the worker can tell that it runs
+            told = self._registry.add(task)  # before the worker can tell that it runs
         except Unavailable:
             with self._lock:
                 self._cancels.pop(id, None)
@@ -181,14 +181,14 @@ class PlannerService:
         return name
 
     def get(self, request: pb.TaskRequest) -> pb.Task:
-        return task_to_proto(self._book.known(request.id))
+        return task_to_proto(self._registry.known(request.id))
 
     def list_tasks(self, _: pb.Empty) -> pb.TaskList:
-        return pb.TaskList(tasks=[task_to_proto(t) for t in self._book.tasks()])
+        return pb.TaskList(tasks=[task_to_proto(t) for t in self._registry.tasks()])
 
     def cancel(self, request: pb.TaskRequest) -> pb.Task:
         """A queued task ends at once, a running one within its present action."""
-        task = self._book.known(request.id)
+        task = self._registry.known(request.id)
         with self._lock:
             queued = request.id in self._queue
             if queued:
@@ -204,10 +204,10 @@ class PlannerService:
                 if task.state in UNDER_WAY
                 else "before it began"
             )
-            self._book.end(request.id, State.CANCELLED, f"cancelled {begun}")
-            task = self._book.known(request.id)
+            self._registry.end(request.id, State.CANCELLED, f"cancelled {begun}")
+            task = self._registry.known(request.id)
         elif not task.state.ended:
-            self._book.cancel(request.id)
+            self._registry.cancel(request.id)
         return task_to_proto(task)
 
     def pause(self, request: pb.TaskRequest) -> pb.Task:
@@ -220,7 +220,7 @@ class PlannerService:
 
     def decisions(self, request: pb.TaskRequest) -> pb.DecisionList:
         """All that were kept; with settings, each with what it would have been under them."""
-        self._book.known(request.id)
+        self._registry.known(request.id)
         changes = changes_of(request.settings)
         kept = self._store.decisions(request.id)
         if changes:
@@ -237,7 +237,7 @@ class PlannerService:
                 self._reservation.end(request.token)
                 self._wake.notify_all()
                 return pb.ReserveReply()
-            for task in self._book.tasks():
+            for task in self._registry.tasks():
                 if not task.state.ended:
                     raise Conflict(
                         f"task {task.id} is {task.state} and relies on the present maps; wait for "
@@ -258,9 +258,9 @@ class PlannerService:
                 if self._ending.is_set():
                     return
                 log.exception("task %s ended by a fault", id)
-                said = fault_of(self._book.known(id).agent, error)
-                self._book.end(id, State.FAILED, said, Cause.SYSTEM_ERROR)
-            self._book.publish(PLAN, pb.Plan(task_id=id))
+                said = fault_of(self._registry.known(id).agent, error)
+                self._registry.end(id, State.FAILED, said, Cause.SYSTEM_ERROR)
+            self._registry.publish(PLAN, pb.Plan(task_id=id))
 
     def _next(self) -> str | None:
         """The next task in the queue, once the robot is known; None at the end."""
@@ -284,30 +284,30 @@ class PlannerService:
 
     def _may_go(self, id: str) -> bool:
         """What was under way is taken up though it is on hold: to settle its last action."""
-        return self._is_under_way(id) or not self._book.known(id).on_hold
+        return self._is_under_way(id) or not self._registry.known(id).on_hold
 
     def _is_under_way(self, id: str) -> bool:
-        return self._book.known(id).state in UNDER_WAY
+        return self._registry.known(id).state in UNDER_WAY
 
     def _rank(self, id: str) -> tuple[bool, int]:
         """What was under way goes on before anything is begun."""
-        task = self._book.known(id)
+        task = self._registry.known(id)
         return task.state in UNDER_WAY, task.priority
 
     def _run(self, id: str) -> None:
         assert self._description is not None
-        task = self._book.known(id)
+        task = self._registry.known(id)
         began_s = task.started_s or time.time()
         word = "goes on where it was" if task.started_s else "starting"
         state = State.PAUSED if task.on_hold else State.RUNNING
         word = HELD if task.on_hold else word
-        task = self._book.change(id, state=state, started_s=began_s, message=word)
+        task = self._registry.change(id, state=state, started_s=began_s, message=word)
         cancelled = self._cancels[id]
         with self._lock:
             hold = self._holds.setdefault(id, self._new_hold(id))
         settings = for_task(self._settings, task.settings)
         run = TaskExecutor(
-            self._bus, settings, self._description, self._acks, self._store, self._book, task,
+            self._bus, settings, self._description, self._acks, self._store, self._registry, task,
             cancelled, hold,
         )  # fmt: skip
         try:
@@ -319,7 +319,7 @@ class PlannerService:
 
     def _new_hold(self, id: str) -> PauseControl:
         """Of a task that has begun; paused where somebody had paused it."""
-        task = self._book.known(id)
+        task = self._registry.known(id)
         cancelled = self._cancels[id]
         hold = PauseControl(task.time_limit_s, task.started_s + task.time_limit_s, cancelled)
         if task.on_hold:
@@ -328,8 +328,8 @@ class PlannerService:
 
     def _set_on_hold(self, id: str, on_hold: bool) -> pb.Task:
         """Kept before it is obeyed. Raises Conflict for a task that has ended."""
-        task = self._book.known(id)
-        if self._book.has_ended(id):
+        task = self._registry.known(id)
+        if self._registry.has_ended(id):
             what = "paused" if on_hold else "resumed"
             how = f"is {task.state}" if task.state.ended else "has ended"
             raise Conflict(f"task {id} {how}; what has ended cannot be {what}")
@@ -341,10 +341,10 @@ class PlannerService:
                 changes["message"] = HELD if on_hold else words
                 if task.state in UNDER_WAY:
                     changes["state"] = State.PAUSED if on_hold else State.RUNNING
-        told = self._book.change(id, **changes)
+        told = self._registry.change(id, **changes)
         with self._lock:
             if hold := self._holds.get(id):  # somebody else may have asked for the opposite
-                (hold.pause if self._book.known(id).on_hold else hold.resume)()
+                (hold.pause if self._registry.known(id).on_hold else hold.resume)()
             self._wake.notify_all()
         return task_to_proto(told)
 
@@ -353,9 +353,9 @@ class PlannerService:
         cannot be kept, try to."""
         while not self._ending.wait(MEND_S if self._store.fault else PULSE_S):
             if self._store.fault:
-                self._book.mend()
+                self._registry.mend()
             else:
-                self._book.pulse()
+                self._registry.pulse()
 
     def _on_description(self, description: pb.RobotDescription) -> None:
         self._description = description

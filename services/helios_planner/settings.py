@@ -13,6 +13,14 @@ from helios_core.settings import ServiceSettings, service_config
 from pydantic import AfterValidator, Field, SecretStr, ValidationError
 
 PlaceRule = Literal["flat", "paper"]
+# How it decides and when it gives up; not how it moves, nor how long others are waited for.
+OWN = (
+    "alpha_d", "tau_g", "tau_b", "tau_inc", "cs_a", "cs_g", "cs_b", "od_a", "od_g", "od_b",
+    "gain_norm", "max_picks", "picks_per_object", "falls", "places_per_receptacle", "extra_views",
+    "rounds", "rounds_held", "pick_at_last", "place_at_last", "agent_seed", "place_rule",
+    "vlfm_confidence",
+)  # fmt: skip
+MOST = 1e9  # beyond all sense for any of them
 
 
 def _agent(name: str) -> str:
@@ -251,17 +259,6 @@ class Settings(ServiceSettings):
     away_s: float = Field(
         default=15.0, gt=0, description="how long a service may be away before failing"
     )
-
-
-# How it decides and when it gives up; not how it moves, nor how long others are waited for.
-OWN = (
-    "alpha_d", "tau_g", "tau_b", "tau_inc", "cs_a", "cs_g", "cs_b", "od_a", "od_g", "od_b",
-    "gain_norm", "max_picks", "picks_per_object", "falls", "places_per_receptacle", "extra_views",
-    "rounds", "rounds_held", "pick_at_last", "place_at_last", "agent_seed", "place_rule",
-    "vlfm_confidence",
-)  # fmt: skip
-
-MOST = 1e9  # beyond all sense for any of them
 
 
 def for_task(settings: Settings, own: Mapping[str, str]) -> Settings:

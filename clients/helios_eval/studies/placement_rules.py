@@ -4,7 +4,7 @@
 
 The robot begins near a piece of furniture with a thing before it on the floor, picks it up, turns
 to the furniture, and places it by each rule (`place_rule` of the planner), each in a fresh world.
-The 2D map, the legs and the skill are those of the services; where the furniture is, is told. A
+The 2D map, the base and the skill are those of the services; where the furniture is, is told. A
 placement succeeds as in the benchmark: the thing comes to rest on furniture of that class.
 
 Seeds are homes; each gives up to `--per-home` placements. What is in the folder is not run again.
@@ -138,14 +138,14 @@ def play(kind: str, trial: Trial, rule: PlaceRule) -> Outcome | None:
         furniture = told(item)
         body = WorldBody(world, [furniture])
         settings = Settings(place_rule=rule)
-        legs = BaseController(body, settings)
-        skills = Manipulation(body, legs, settings, MapBelief(body, settings), attempts=1)
+        base = BaseController(body, settings)
+        skills = Manipulation(body, base, settings, MapBelief(body, settings), attempts=1)
         if not _hold(world, body, trial.thing):
             return None
         try:
             middle = (item.x, item.y)
-            legs.turn_to(body.pose().yaw_rad + body.pose().bearing_rad(middle))
-            legs.tilt(settings.travel_tilt_rad)
+            base.turn_to(body.pose().yaw_rad + body.pose().bearing_rad(middle))
+            base.tilt(settings.travel_tilt_rad)
             message = skills.place(furniture, item.class_name).name.lower()
             message = f"{message} {skills.last_reason}".strip()
         except TaskFailed as failure:
@@ -173,11 +173,11 @@ def _prepared(home: Home, trial: Trial, item: Receptacle) -> tuple[Home, Episode
 
 def _hold(world: World, body: WorldBody, thing: str) -> bool:
     """Look at the thing and pick it up."""
-    legs = BaseController(body, Settings())
+    base = BaseController(body, Settings())
     x, y, z = (float(v) for v in world.position_m(thing))
     pose = body.pose()
-    legs.turn_to(pose.yaw_rad + pose.bearing_rad((x, y)))
-    legs.tilt(tilt_towards(pose.distance_m((x, y)), z, body.description))
+    base.turn_to(pose.yaw_rad + pose.bearing_rad((x, y)))
+    base.tilt(tilt_towards(pose.distance_m((x, y)), z, body.description))
     return body.act(Pick((x, y, z), world.home.class_of(thing))).succeeded
 
 

@@ -21,6 +21,8 @@ Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 MODELLED = 0.5  # a pixel with less coverage shows nothing that is modelled
+UNKNOWN, THROUGH, THERE = range(3)
+_f4 = np.float32
 
 
 def depth_noise_m(depth_m: Float32) -> Float32:
@@ -92,11 +94,6 @@ def reobserved(
     mask = ((agrees | created) & (depth_m > 0)).astype(np.uint8)
     kernel = np.ones((closing_px, closing_px), np.uint8)
     return cv2.morphologyEx(mask, cv2.MORPH_CLOSE, kernel).astype(bool) & (depth_m > 0)
-
-
-UNKNOWN, THROUGH, THERE = range(3)
-
-_f4 = np.float32
 
 
 @njit(cache=True, nogil=True)

@@ -28,6 +28,9 @@ from scipy.special import digamma, gammaln
 from helios_objectmap.gaussians import OTHER, GaussianStore
 
 Floats = NDArray[np.floating]
+# Equal beliefs must stay equal in float32, so that ties are always broken the same way.
+TIE = 1e-5
+NAMED_FROM = 0.5
 
 
 def expectation(concentration: Floats) -> Floats:
@@ -100,11 +103,6 @@ def accumulate(
         store.positive, store.asked, took,
     )  # fmt: skip
     return took[:n]
-
-
-# Equal beliefs must stay equal in float32, so that ties are always broken the same way.
-TIE = 1e-5
-NAMED_FROM = 0.5
 
 
 def believe(

@@ -28,6 +28,8 @@ _PRECEDING = np.array(
 )
 # Steps to the 26 neighbours of a voxel: 13 come before it in the order of keys, 13 after.
 NEIGHBOURS: tuple[int, ...] = (*_PRECEDING.tolist(), *(-_PRECEDING).tolist())
+# So many emptied voxels are looked at one by one; with more, their instances are clustered anew.
+FEW = 32
 
 
 def voxel_keys(points: NDArray[np.float32], voxel_m: float) -> NDArray[np.int64]:
@@ -95,10 +97,6 @@ def distinct(values: NDArray[np.integer]) -> tuple[NDArray[np.integer], NDArray[
     starts = np.flatnonzero(np.diff(values, prepend=values[:1] - 1))
     found, of_run = np.unique(values[starts], return_inverse=True)
     return found, np.repeat(of_run, np.diff(starts, append=len(values)))
-
-
-# So many emptied voxels are looked at one by one; with more, their instances are clustered anew.
-FEW = 32
 
 
 @dataclass(frozen=True)

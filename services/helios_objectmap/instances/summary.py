@@ -21,6 +21,8 @@ SURE, SUREST = 0.7, 0.95  # share of the probability of the surest, and which on
 # A pixel on an edge that mixes two depths makes a stray Gaussian; a few must not move the box.
 BOX_QUANTILES = (0.02, 0.98)
 MANY_POINTS = 2000  # from here on it is faster to look for points inside of the hull first
+THIN_M = 0.005
+_BINS = 2048
 
 
 @dataclass(frozen=True)
@@ -155,9 +157,6 @@ def gaussians_of(
     )
 
 
-THIN_M = 0.005
-
-
 @dataclass(frozen=True)
 class Grasp:
     """The believed part of an object."""
@@ -184,9 +183,6 @@ def grasp(points_m: NDArray[np.float32]) -> Grasp:
         np.array([width, depth, high - low]),
         float((yaw + np.pi / 2) % np.pi - np.pi / 2),
     )
-
-
-_BINS = 2048
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

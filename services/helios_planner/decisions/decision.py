@@ -9,6 +9,7 @@ from helios_core.types import ObjectInstance
 
 BEST_VIEW = "best view (eq. 11)"
 GIVEN_UP = "given up"
+ANY_SCORE = -1.0  # below every score, and no threshold that can be set
 
 
 @dataclass(frozen=True)
@@ -86,9 +87,6 @@ class Decision:
         if self.winner is None:
             raise LookupError(f"the decision {self.rule} has no winner: {self.why}")
         return self.candidates[self.winner]
-
-
-ANY_SCORE = -1.0  # below every score, and no threshold that can be set
 
 
 @dataclass(frozen=True)

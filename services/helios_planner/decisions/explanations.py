@@ -11,6 +11,8 @@ from helios_core.printable_text import counted
 
 from helios_planner.decisions.decision import ANY_SCORE, Candidate
 
+Rounding = Callable[[float], float]
+
 
 def search_receptacle(candidates: Sequence[Candidate], winner: int, alpha_d: float) -> str:
     """Eq. 10, first case."""
@@ -173,9 +175,6 @@ def less(value: float, than: float) -> str:
     """ "0.42 < 0.50", with so many digits that it is true as it stands there."""
     n = _digits(lambda r: r(value) < r(than))
     return f"{value:.{n}f} < {than:.{n}f}"
-
-
-Rounding = Callable[[float], float]
 
 
 def _digits(holds: Callable[[Rounding], bool]) -> int:

@@ -14,6 +14,11 @@ from helios_planner.decisions.acceptance import Candidate, best_of, position_of
 from helios_planner.decisions.decision import Decision, Do, FrontierOption, ReceptacleOption
 
 GainNorm = Literal["per_gaussian", "sum"]
+KEPT_M = 0.5  # a frontier this near to the last one is the same (VLFM)
+KEPT_VALUE = 0.01  # and kept while its value has not fallen by so much (VLFM)
+NEAREST_BY_WAY = "nearest frontier by way"
+FrontierRule = Callable[[Sequence[FrontierOption], str, np.random.Generator], Decision]
+BY_OBJECTIVE, RECEPTACLES_FIRST = "global search (eq. 8-10)", "receptacles first"
 
 
 def normalised_gain(gain_nats: float, gaussians: int, norm: GainNorm) -> float:
@@ -106,14 +111,6 @@ def candidate_value(
 def frontier_value(value: float, scale: float, distance_m: float, alpha_d: float) -> float:
     """V of a frontier (eq. 10, second case)."""
     return value * scale - alpha_d * distance_m  # eq. 10
-
-
-KEPT_M = 0.5  # a frontier this near to the last one is the same (VLFM)
-KEPT_VALUE = 0.01  # and kept while its value has not fallen by so much (VLFM)
-
-NEAREST_BY_WAY = "nearest frontier by way"
-
-FrontierRule = Callable[[Sequence[FrontierOption], str, np.random.Generator], Decision]
 
 
 @dataclass(frozen=True)
@@ -209,8 +206,6 @@ def _listed(frontiers: Sequence[FrontierOption], totals: Sequence[float]) -> tup
 def _nothing(rule: str) -> Decision:
     return Decision(rule, Do.NOTHING_LEFT, (), None, explanations.nothing_left(receptacles=False))
 
-
-BY_OBJECTIVE, RECEPTACLES_FIRST = "global search (eq. 8-10)", "receptacles first"
 
 SearchRule = Callable[
     [Sequence[ReceptacleOption], Sequence[FrontierOption], SearchMemory, float], Decision

@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from helios_planner.instruction import lexicon as w
 from helios_planner.instruction.lexicon import Place, Verb, length_at, trimmed
 
+_EMPTY = frozenset(["the", "a", "an", "my", "your", "our"])  # no thing by themselves
+
 
 @dataclass(frozen=True)
 class PlacePhrase:
@@ -66,9 +68,6 @@ def noun(words: list[str]) -> list[str]:
     while (n := length_at(words, 0, w.DETERMINERS)) and (n < len(words) or words[0] in _EMPTY):
         words = words[n:]
     return words
-
-
-_EMPTY = frozenset(["the", "a", "an", "my", "your", "our"])  # no thing by themselves
 
 
 # --- the order of words ------------------------------------------------------------------------

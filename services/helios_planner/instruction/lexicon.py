@@ -13,6 +13,27 @@ from enum import Enum, auto
 
 Phrase = tuple[str, ...]
 PAUSE = ","  # any mark between words
+PARTICIPLES: dict[str, str] = {
+    "moved": "move", "brought": "bring", "put": "put", "placed": "place", "taken": "take",
+    "carried": "carry", "delivered": "deliver", "transported": "transport", "returned": "return",
+    "fetched": "fetch", "set": "set", "laid": "lay", "transferred": "transfer", "found": "find",
+    "relocated": "relocate", "stored": "store",
+}  # fmt: skip
+_MARKS = dict.fromkeys(map(ord, ".,;:!?…—–|"), f" {PAUSE} ")
+_SPELLED = str.maketrans(
+    {
+        "’": "'",
+        "ʼ": "'",
+        "`": "'",
+        "_": " ",
+        "&": " and ",
+        "/": " or ",
+        "→": " to ",
+        "⇒": " to ",
+        "@": " at ",
+    }
+)
+_TURNS = ("LRE", "RLE", "PDF", "LRO", "RLO", "LRI", "RLI", "FSI", "PDI")  # of direction
 
 
 class Verb(Enum):
@@ -183,12 +204,6 @@ ADJECTIVES = _words(
     "full dirty clean wooden metal plastic glass ceramic soft heavy broken nice favourite favorite "
     "left right first second other"
 )
-PARTICIPLES: dict[str, str] = {
-    "moved": "move", "brought": "bring", "put": "put", "placed": "place", "taken": "take",
-    "carried": "carry", "delivered": "deliver", "transported": "transport", "returned": "return",
-    "fetched": "fetch", "set": "set", "laid": "lay", "transferred": "transfer", "found": "find",
-    "relocated": "relocate", "stored": "store",
-}  # fmt: skip
 PASSIVES = frozenset(_phrases(
     "should be, needs to be, need to be, must be, has to be, have to be, is to be, shall be, "
     "to be, be"
@@ -241,25 +256,6 @@ def language_of(words: list[str], surely: bool = False) -> str | None:
     if small[likely] > 1:
         return likely
     return begins[0] if begins and not surely else None
-
-
-_MARKS = dict.fromkeys(map(ord, ".,;:!?…—–|"), f" {PAUSE} ")
-_SPELLED = str.maketrans(
-    {
-        "’": "'",
-        "ʼ": "'",
-        "`": "'",
-        "_": " ",
-        "&": " and ",
-        "/": " or ",
-        "→": " to ",
-        "⇒": " to ",
-        "@": " at ",
-    }
-)
-
-
-_TURNS = ("LRE", "RLE", "PDF", "LRO", "RLO", "LRI", "RLI", "FSI", "PDI")  # of direction
 
 
 def tokens(text: str) -> list[str]:

@@ -15,13 +15,26 @@ from helios_core.errors import InvalidInput
 from helios_planner.instruction import lexicon as w
 from helios_planner.instruction.grammar import noun, without_politeness
 from helios_planner.instruction.lexicon import length_at
-from helios_planner.instruction.parser import short
+from helios_planner.instruction.refusals import short
 
 WHAT_MOVES = (
     "what moves the robot: “go to 3.2, 4.1” (metres in the world frame), “go to the sofa”, "
     "“explore the home”, “come back”"
 )
 LONGEST_S = 86_400.0
+_SECONDS = {"s": 1.0, "sec": 1.0, "second": 1.0, "min": 60.0, "minute": 60.0, "h": 3600.0,
+            "hour": 3600.0}  # fmt: skip
+_COUNTS = {
+    "a": 1.0, "an": 1.0, "one": 1.0, "two": 2.0, "three": 3.0, "four": 4.0, "five": 5.0,
+    "six": 6.0, "seven": 7.0, "eight": 8.0, "nine": 9.0, "ten": 10.0, "fifteen": 15.0,
+    "twenty": 20.0, "thirty": 30.0, "half an": 0.5, "half a": 0.5,
+}  # fmt: skip
+_DURATION = re.compile(
+    r"\b(?:for|within|at most|up to|no longer than)"
+    r"(?:\s+(?:at most|about|around|up to|the next|the))?\s+"
+    rf"(?P<count>\d+(?:\.\d+)?|{'|'.join(sorted(_COUNTS, key=len, reverse=True))})\s*"
+    r"(?P<unit>seconds?|secs?|s|minutes?|mins?|hours?|h)\b"
+)
 
 
 class Move(Enum):
@@ -71,20 +84,6 @@ _ARGUMENTS = _phrases("turn, rotate, spin, dock, undock, charge, recharge, follo
                      "back up, step back, reverse, forward, drive forward, drive backward, "
                      "drive backwards, go forward, go backward, go backwards, move forward, "
                      "move backward, move backwards, move back")  # fmt: skip
-
-_SECONDS = {"s": 1.0, "sec": 1.0, "second": 1.0, "min": 60.0, "minute": 60.0, "h": 3600.0,
-            "hour": 3600.0}  # fmt: skip
-_COUNTS = {
-    "a": 1.0, "an": 1.0, "one": 1.0, "two": 2.0, "three": 3.0, "four": 4.0, "five": 5.0,
-    "six": 6.0, "seven": 7.0, "eight": 8.0, "nine": 9.0, "ten": 10.0, "fifteen": 15.0,
-    "twenty": 20.0, "thirty": 30.0, "half an": 0.5, "half a": 0.5,
-}  # fmt: skip
-_DURATION = re.compile(
-    r"\b(?:for|within|at most|up to|no longer than)"
-    r"(?:\s+(?:at most|about|around|up to|the next|the))?\s+"
-    rf"(?P<count>\d+(?:\.\d+)?|{'|'.join(sorted(_COUNTS, key=len, reverse=True))})\s*"
-    r"(?P<unit>seconds?|secs?|s|minutes?|mins?|hours?|h)\b"
-)
 
 
 def read_move(text: str) -> ReadMove | None:

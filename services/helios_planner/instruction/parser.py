@@ -13,17 +13,24 @@ from enum import StrEnum
 
 from helios_core.errors import InvalidInput
 
-from helios_planner.instruction import lexicon as w
+from helios_planner.instruction import lexicon
 from helios_planner.instruction.coordinates import HOW, WORD, Point, Written, confirm, find_point
 from helios_planner.instruction.grammar import (
     Clause,
     PlacePhrase,
     clauses_of,
     noun,
-    without_politeness,
 )
 from helios_planner.instruction.lexicon import Place, Verb, length_at
 from helios_planner.instruction.move_commands import WHAT_MOVES, Move, read_move
+from helios_planner.instruction.refusals import (
+    EXAMPLE,
+    no_verb,
+    refuse_conditions,
+    refuse_negation,
+    refuse_return,
+    short,
+)
 
 LONGEST = 400
 
@@ -68,15 +75,15 @@ def parse(text: str) -> Instruction:
             f"the instruction has {len(text)} characters; send one sentence of at most {LONGEST}, "
             f"for example {EXAMPLE}"
         )
-    if unseen := w.control_character(text):
+    if unseen := lexicon.control_character(text):
         raise InvalidInput(
             f"the instruction {short(text)} holds the control character {unseen}; send one line of "
             f"plain text, for example {EXAMPLE}"
         )
-    words = w.tokens(text)
+    words = lexicon.tokens(text)
     if not words:
         raise InvalidInput(f"the instruction is empty; send a sentence, for example {EXAMPLE}")
-    if strange := w.strange_letter(text):
+    if strange := lexicon.strange_letter(text):
         raise NotRead(
             f"no verb was understood in {short(text)}: “{strange[0]}” is a letter of another "
             f"script ({strange[1]}); write in English, for example {EXAMPLE}"
@@ -89,7 +96,7 @@ def parse(text: str) -> Instruction:
         kind = Kind.EXPLORE if moved.move is Move.EXPLORE else Kind.GO_HOME
         return Instruction(kind, limit_s=moved.limit_s)
     clauses = clauses_of(words)
-    if not clauses or w.language_of(words, surely=True):
+    if not clauses or lexicon.language_of(words, surely=True):
         raise NotRead(no_verb(words, text))
     refuse_conditions(clauses, text)
     if all(c.verb is Verb.GO for c in clauses):
@@ -102,7 +109,7 @@ def _sent_to(written: Written, text: str) -> Instruction | None:
 
     Raises InvalidInput where a point is named, and something else with it.
     """
-    clauses = clauses_of(w.tokens(written.text))
+    clauses = clauses_of(lexicon.tokens(written.text))
     phrases = [" ".join(noun(c.thing)) for c in clauses if c.verb is Verb.GO]
     phrases += [p.name for c in clauses for p in c.places if p.kind is not Place.FOR]
     if not any(WORD in phrase.split() for phrase in phrases):
@@ -133,7 +140,7 @@ def _move_or_find(clauses: list[Clause], text: str) -> Instruction:
         return _found(roles)
     if not roles.things and len(clauses) == 1 and len(roles.goals) == 1 and not roles.starts and (
         clauses[0].verb_words in ("move", "return")
-        and not any(word in w.PRONOUNS for word in clauses[0].thing)  # "move it to the sofa"
+        and not any(word in lexicon.PRONOUNS for word in clauses[0].thing)  # "move it to the sofa"
     ):  # fmt: skip
         return Instruction(Kind.GO_TO, goal=roles.goals[0], unused=tuple(roles.unused))
     return _moved(roles)
@@ -175,7 +182,7 @@ def _go_to(clauses: list[Clause], text: str) -> Instruction:
         unused += [str(p) for p in clause.places if p.kind is Place.FROM]
         if noun(clause.thing) and not named:
             named = [PlacePhrase(Place.TO, "to", tuple(clause.thing))]
-        rooms = [p for p in named if tuple(p.name.split()) in w.ROOMS]
+        rooms = [p for p in named if tuple(p.name.split()) in lexicon.ROOMS]
         if rooms and len(rooms) < len(named):  # "go to the bed in the bedroom"
             named = [p for p in named if p not in rooms]
             unused += map(str, rooms)
@@ -185,7 +192,7 @@ def _go_to(clauses: list[Clause], text: str) -> Instruction:
     name = places[0].name if places else ""
     if name[:1].isdigit():
         raise InvalidInput(f"understood “go to” in {short(text)}, but no point; write {HOW}")
-    if not name or name in w.PEOPLE or tuple(name.split()) in w.ROOMS:
+    if not name or name in lexicon.PEOPLE or tuple(name.split()) in lexicon.ROOMS:
         said = f" (“{name}” is none)" if name else ""
         raise InvalidInput(
             f"understood “go to” in {short(text)}; missing: a piece of furniture to go to{said}; "
@@ -253,7 +260,7 @@ class Roles:
             self._add_thing(list(sought[0].words))
             if noun(clause.thing):
                 phrase = PlacePhrase(Place.ON, "in", tuple(clause.thing))
-                if tuple(phrase.name.split()) in w.ROOMS:
+                if tuple(phrase.name.split()) in lexicon.ROOMS:
                     self.unused.append(str(phrase))
                 else:
                     self._add(self.starts, phrase)
@@ -291,7 +298,7 @@ class Roles:
                     f"“{place}” cannot be done: a thing is taken from and put on or in a piece of "
                     f"furniture, not {place.preposition} something; for example {EXAMPLE}"
                 )
-            if tuple(place.name.split()) in w.ROOMS:
+            if tuple(place.name.split()) in lexicon.ROOMS:
                 self.unused.append(str(place))
                 wanted = place.kind is Place.TO or (
                     place.kind is Place.ON and clause.verb is Verb.PUT
@@ -325,10 +332,10 @@ class Roles:
     # --- phrases ---
     def _add_thing(self, words: list[str]) -> None:
         words = noun(words)
-        while len(words) > 1 and words[0] in w.PEOPLE:
+        while len(words) > 1 and words[0] in lexicon.PEOPLE:
             words = noun(words[1:])
         name = " ".join(words)
-        if not name or name in w.PRONOUNS or name in w.PEOPLE:
+        if not name or name in lexicon.PRONOUNS or name in lexicon.PEOPLE:
             return
         name = one_name(words, self.text)
         if name not in self.things:
@@ -336,13 +343,13 @@ class Roles:
 
     def _add(self, to: list[str], place: PlacePhrase) -> None:
         words = place.name.split()
-        if words and place.name not in w.PRONOUNS and place.name not in w.PEOPLE:
+        if words and place.name not in lexicon.PRONOUNS and place.name not in lexicon.PEOPLE:
             name = one_name(words, self.text)
             if name not in to:
                 to.append(name)
 
     def _add_goal(self, place: PlacePhrase) -> None:
-        if place.name in w.PEOPLE:
+        if place.name in lexicon.PEOPLE:
             self.no_goal = f"“{place.name}” is no piece of furniture"
         self._add(self.goals, place)
 
@@ -362,9 +369,9 @@ def one_name(words: list[str], text: str) -> str:
     parts: list[list[str]] = [[]]
     at = 0
     while at < len(words):
-        n = 1 if words[at] == w.PAUSE else length_at(words, at, w.LISTS)
+        n = 1 if words[at] == lexicon.PAUSE else length_at(words, at, lexicon.LISTS)
         if _between_adjectives(words, at):
-            parts[-1] += [] if words[at] == w.PAUSE else [words[at]]
+            parts[-1] += [] if words[at] == lexicon.PAUSE else [words[at]]
             at += 1
         elif n:
             parts.append([])
@@ -374,7 +381,7 @@ def one_name(words: list[str], text: str) -> str:
             at += 1
     names = [" ".join(noun(p)) for p in parts if noun(p)]
     count = words[0] if words[0].isdigit() and words[0] != "1" else ""
-    if n := length_at(words, 0, w.MANY):
+    if n := length_at(words, 0, lexicon.MANY):
         count = " ".join(words[:n])
     if len(names) != 1 or count:
         raise InvalidInput(
@@ -386,67 +393,7 @@ def one_name(words: list[str], text: str) -> str:
 
 def _between_adjectives(words: list[str], at: int) -> bool:
     """Whether a pause or "and" joins what is said of one thing: "the black and white ball"."""
-    if at == 0 or words[at - 1] not in w.ADJECTIVES:
+    if at == 0 or words[at - 1] not in lexicon.ADJECTIVES:
         return False
-    more = words[at] == "and" and at + 1 < len(words) and words[at + 1] in w.ADJECTIVES
-    return words[at] == w.PAUSE or more
-
-
-EXAMPLE = '"Move the mug from the coffee table to the kitchen counter"'
-
-
-def short(text: str) -> str:
-    """The text in quotation marks, on one line, at most 80 characters of it."""
-    shown = " ".join("".join(c if c.isprintable() else " " for c in text).split())
-    return f"“{shown[:80]}…”" if len(shown) > 80 else f"“{shown}”"
-
-
-def refuse_negation(words: list[str], text: str) -> None:
-    """Raises InvalidInput for what is not to be done."""
-    polite = length_at(words, 0, w.POLITE)  # "why don't you bring the mug"
-    for at in range(polite, len(words)):
-        if n := length_at(words, at, w.NEGATIONS):
-            said = " ".join(words[at : at + n])
-            raise InvalidInput(
-                f"{short(text)} says what is not to be done (“{said}”); say what to do, for "
-                f"example {EXAMPLE}"
-            )
-
-
-def refuse_return(words: list[str], text: str) -> None:
-    """Raises InvalidInput for "bring the mug to the sofa and back"."""
-    if words[-2:] == ["and", "back"]:
-        raise InvalidInput(
-            f"{short(text)} asks for several things at once (“and back”); submit a task for each"
-        )
-
-
-def refuse_conditions(clauses: list[Clause], text: str) -> None:
-    """Raises InvalidInput for a phrase such as "the mug if it is dirty"."""
-    for clause in clauses:
-        if clause.condition:
-            raise InvalidInput(_a_condition(clause.condition, text))
-
-
-def _a_condition(said: str, text: str) -> str:
-    return (
-        f"{short(text)} holds a condition (“{said}”), which is not understood; say what to do now, "
-        f"for example {EXAMPLE}"
-    )
-
-
-def no_verb(words: list[str], text: str) -> str:
-    """What to say of a sentence without a verb that is known."""
-    if (bare := without_politeness(words)) and bare[0] in w.HALTS:
-        return (
-            f"{short(text)} is no task: a robot is stopped at once by `helios stop` (HTTP: "
-            "POST /v1/robot/stop), and a task is ended by `helios cancel`"
-        )
-    if n := length_at(words, 0, w.CONDITIONS):  # "if it rains bring the mug"
-        return _a_condition(" ".join(words[:n]), text)
-    language = w.language_of(words)
-    hint = f": it looks like {language}; write in English," if language else ";"
-    return (
-        f"no verb was understood in {short(text)}{hint} start with move, bring, take, put, fetch, "
-        f"grab, find, go to or explore, for example {EXAMPLE}"
-    )
+    more = words[at] == "and" and at + 1 < len(words) and words[at + 1] in lexicon.ADJECTIVES
+    return words[at] == lexicon.PAUSE or more

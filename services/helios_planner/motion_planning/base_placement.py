@@ -20,6 +20,10 @@ from helios_planner.motion_planning import kernels
 from helios_planner.motion_planning.costmap import GroundMap, Pose2, corner_of, facing
 from helios_planner.motion_planning.path_planner import Reach
 
+ON_TOP_M = 0.15  # so near to a thing nothing but itself stands
+OTHER_SIDE_M = 0.4  # so far from where it cannot be reached a robot may reach it
+ON_SHELF_M = 0.45  # from a shelf's edge to a thing at its back
+
 
 @dataclass(frozen=True)
 class GazeRules:
@@ -139,11 +143,6 @@ def gaze_points(
                    + tilt_towards(distance_m, float(candidate.center_m[2]), robot)) / 2  # fmt: skip
             chosen.append(GazePoint(pose, aim, float(arrival[row, column])))
     return sorted(chosen, key=lambda g: g.arrival)
-
-
-ON_TOP_M = 0.15  # so near to a thing nothing but itself stands
-OTHER_SIDE_M = 0.4  # so far from where it cannot be reached a robot may reach it
-ON_SHELF_M = 0.45  # from a shelf's edge to a thing at its back
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 
 from helios_planner.motion_planning import kernels
 
+SEEN_M = 0.1  # a camera sees the floor for sure so far beyond the edge of its image
+Disc = tuple[float, float, float]  # x, y, radius
+
 
 @dataclass(frozen=True)
 class Pose2:
@@ -225,11 +228,6 @@ def fill_specks(unknown: NDArray[np.uint8], smallest: int) -> None:
     small[0] = False
     if small[:count].any():
         unknown[np.take(small, np.asarray(labels, np.int32))] = 0
-
-
-SEEN_M = 0.1  # a camera sees the floor for sure so far beyond the edge of its image
-
-Disc = tuple[float, float, float]  # x, y, radius
 
 
 def blind_m(robot: RobotDescription) -> float:

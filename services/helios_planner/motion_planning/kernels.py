@@ -12,6 +12,7 @@ UNREACHED = np.float32(np.inf)
 STEPS = np.array(
     [(r, c) for r in range(-3, 4) for c in range(-3, 4) if math.gcd(r, c) == 1], np.int64
 )
+SWEEP_RAD = math.radians(4)  # headings between two that are checked in a turn
 
 
 @njit(cache=True)
@@ -221,9 +222,6 @@ def hidden_along(top_m, row0, column0, z0, row1, column1, z1, near_cells, always
         if top > z0 + (z1 - z0) * share + 0.03 or top > always_m:
             return True
     return False
-
-
-SWEEP_RAD = math.radians(4)  # headings between two that are checked in a turn
 
 
 @njit(cache=True)

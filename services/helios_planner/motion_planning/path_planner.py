@@ -27,6 +27,8 @@ from helios_planner.motion_planning.costmap import (
 
 BUCKET_WIDTH = 0.1  # of the time to cross a cell at full speed
 SLOWEST = 0.05  # least speed of an open cell; bounds the width of the front
+NONE = np.empty((0, 3))  # no discs
+WIDE_ENOUGH_M = 0.10  # of clearance to spare, a straight line is taken in any case
 
 
 def speed_field(
@@ -72,10 +74,6 @@ def descend(arrival: NDArray[np.float32], start: tuple[int, int]) -> NDArray[np.
     out = np.empty((arrival.size, 2), np.int32)
     n = kernels.descend(arrival, start[0], start[1], out)
     return out[:n].copy()
-
-
-NONE = np.empty((0, 3))  # no discs
-WIDE_ENOUGH_M = 0.10  # of clearance to spare, a straight line is taken in any case
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """Drives the base: turns, looks around, follows a path one motion at a time, and recovers.
 
-`TurnController` turns and looks. `BaseController` drives robots that are discs,
-`PoseBaseController` those that are not. The map is read again before every motion.
+`BaseController` drives robots whose footprint is a disc, `PoseBaseController` all others. The map
+is read again before every motion. Recovery behaviors: a smaller margin, a look down around the
+robot, a look at unknown ground that blocks the way, and moving back.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum, auto
+from typing import Literal
 
 import numpy as np
 from helios_core.geometry import wrap_angle
@@ -31,9 +33,40 @@ from helios_planner.navigation.motion_monitor import NO_MOTION_M, MotionMonitor
 from helios_planner.robot.interface import RobotInterface
 from helios_planner.settings import Settings
 
+MARK_RADIUS_M = 0.08
+ARRIVED_M = 0.12
+MOST_TURNS = 24  # one after the other, towards one place
+WEDGED_M = 0.3  # who cannot get so far away is wedged
 
-class TurnController:
-    """Turns a Body where it stands, and looks."""
+
+class Outcome(Enum):
+    """How a drive ended."""
+
+    ARRIVED = auto()
+    INTERRUPTED = auto()
+    UNREACHABLE = auto()
+
+
+Step = Forward | Turn | Literal[Outcome.ARRIVED, Outcome.UNREACHABLE]
+
+
+@dataclass(frozen=True)
+class BlockedPath:
+    """Where a way leaves the ground that can be reached: its first place beyond (`at`), its last
+    one before (`stand`), and how far it leads before and after that; metres."""
+
+    at: tuple[float, float]
+    stand: tuple[float, float]
+    before_m: float
+    after_m: float
+
+
+def never() -> bool:
+    return False
+
+
+class BaseController:
+    """Moves a robot over known ground only. Remembers obstacles that it bumped into unseen."""
 
     def __init__(self, body: RobotInterface, settings: Settings) -> None:
         robot = body.description
@@ -48,8 +81,14 @@ class TurnController:
             min_turn_rad=robot.min_turn_rad,
             max_turn_rad=robot.max_turn_rad,
         )
-        self.mishaps = MotionMonitor(body)
+        self.monitor = MotionMonitor(body)
+        self.felt_obstacles: list[tuple[float, float, float]] = []  # x, y, radius: unseen, but met
+        self.blind_zone = BlindZone(body.description, self.rules.footprint_m, settings.blind_m)
+        self._cached: dict[tuple, Reach] = {}
+        self._turns = 0  # one after the other, since the last move ahead
+        self._cleared: list[tuple[float, float]] = []  # unknown ground that was gone to look at
 
+    # --- turning and looking --------------------------------------------------------------------
     def turn_to(self, yaw_rad: float) -> None:
         """Turn on the spot until the heading is within the smallest turn."""
         for _ in range(16):
@@ -62,7 +101,7 @@ class TurnController:
 
     def _turn(self, angle_rad: float) -> bool:
         """Turn on the spot; False when that would touch something."""
-        self.mishaps.act(Turn(angle_rad))
+        self.monitor.act(Turn(angle_rad))
         return True
 
     def tilt(self, tilt_rad: float) -> bool:
@@ -71,7 +110,7 @@ class TurnController:
         wanted = float(np.clip(tilt_rad, low, high))
         if abs(wanted - self.body.tilt_rad()) < math.radians(2):
             return False
-        self.mishaps.act(Tilt(wanted))
+        self.monitor.act(Tilt(wanted))
         return True
 
     def look_around(self) -> None:
@@ -101,7 +140,7 @@ class TurnController:
         travel, down = self.settings.travel_tilt_rad, down_tilt_rad(robot)
         both = not down_only and down > travel + math.radians(5)
         if not self.tilt(down if down_only else travel):
-            self.mishaps.act(Observe())
+            self.monitor.act(Observe())
         for k in range(turns):
             if both and k % apart == 0:
                 self.tilt(down)
@@ -109,68 +148,11 @@ class TurnController:
             if not self._turn(step):
                 return
 
-
-def down_tilt_rad(robot: RobotDescription) -> float:
-    """Tilt at which the ground at the rim is at the image's lower edge."""
-    # A little within the rim: the image's lower edge is straight, the rim is round.
-    rim_m = 0.8 * robot.footprint_radius_m - robot.camera_forward_m
-    rim = math.atan2(robot.camera_height_m, rim_m)
-    return float(np.clip(rim - robot.camera.vfov_rad / 2, *robot.tilt_range_rad))
-
-
-def near_ground_unknown(ground: GroundMap, pose: Pose2, footprint_m: float) -> bool:
-    """Whether more than 2 % of the ground up to 0.7 m beyond a robot's rim was never seen."""
-    reach_m = footprint_m + 0.7
-    ground = ground.padded(pose.x_m, pose.y_m, reach_m + 0.1)
-    row, column = ground.cells_of(np.array([pose.xy]))[0]
-    n = int(reach_m / ground.cell_m)
-    part = ground.occupancy[row - n : row + n + 1, column - n : column + n + 1]
-    return bool((part < 0).mean() > 0.02)
-
-
-MARK_RADIUS_M = 0.08
-ARRIVED_M = 0.12
-WEDGED_M = 0.3  # who cannot get so far away is wedged
-
-
-class Outcome(Enum):
-    """How a drive ended."""
-
-    ARRIVED = auto()
-    INTERRUPTED = auto()
-    UNREACHABLE = auto()
-
-
-@dataclass(frozen=True)
-class BlockedPath:
-    """Where a way leaves the ground that can be reached: its first place beyond (`at`), its last
-    one before (`stand`), and how far it leads before and after that; metres."""
-
-    at: tuple[float, float]
-    stand: tuple[float, float]
-    before_m: float
-    after_m: float
-
-
-def never() -> bool:
-    return False
-
-
-class BaseController(TurnController):
-    """Moves a Body over known ground only. Remembers what it felt and could not see."""
-
-    def __init__(self, body: RobotInterface, settings: Settings) -> None:
-        super().__init__(body, settings)
-        self.felt: list[tuple[float, float, float]] = []  # x, y, radius: unseen, but met
-        self.blind_ring = BlindZone(body.description, self.rules.footprint_m, settings.blind_m)
-        self._cached: dict[tuple, Reach] = {}
-        self._cleared: list[tuple[float, float]] = []  # unknown ground that was gone to look at
-
     # --- what can be reached -------------------------------------------------------------------
     def reach(self, level: int = 0) -> Reach:
         """Everything reachable now with the margin of that level (0 is the widest)."""
         ground, robot = self.body.ground(), self.body.pose()
-        key = (ground.version, robot, level, len(self.felt), len(self.blind_ring.discs))
+        key = (ground.version, robot, level, len(self.felt_obstacles), len(self.blind_zone.discs))
         if key not in self._cached:
             if len(self._cached) > 8:
                 self._cached.clear()
@@ -183,14 +165,14 @@ class BaseController(TurnController):
 
     def _covering(self, ground: GroundMap) -> GroundMap:
         """A map that also covers the rings taken as free."""
-        for x_m, y_m, radius_m in self.blind_ring.discs:
+        for x_m, y_m, radius_m in self.blind_zone.discs:
             ground = ground.padded(x_m, y_m, radius_m + 0.1)
         return ground
 
     def _discs(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """What was felt, and what is taken as free: [n, 3] each."""
         felt, trusted = (
-            np.array(d, float).reshape(-1, 3) for d in (self.felt, self.blind_ring.discs)
+            np.array(d, float).reshape(-1, 3) for d in (self.felt_obstacles, self.blind_zone.discs)
         )
         return felt, trusted
 
@@ -210,6 +192,7 @@ class BaseController(TurnController):
         """Drive to a pose, looking after every move; `slip_m`: as near as this is near enough when
         the very place turns out to be taken."""
         self.tilt(self.settings.travel_tilt_rad)
+        self._turns = 0
         outcome = self._drive(goal, purpose, stop, slip_m)
         self.body.tell_plan(np.empty((0, 2)), None, "")
         if outcome is Outcome.ARRIVED and face:
@@ -217,42 +200,26 @@ class BaseController(TurnController):
         return outcome
 
     def _drive(self, goal: Pose2, purpose: str, stop: Callable[[], bool], slip_m: float) -> Outcome:
-        level, looked, turns = 0, False, 0
+        """One motion after the other; where there is none, a smaller margin, then a look around."""
+        level, looked = 0, False
         self._settle_jump()
         self._get_free()
-        budget = 80 + int(10 * self.body.pose().distance_m(goal.xy))
-        for _ in range(budget):
+        for _ in range(self._most_motions(goal)):
             pose = self.body.pose()
-            if pose.distance_m(goal.xy) < ARRIVED_M:
+            step = self._next_step(goal, purpose, slip_m, level)
+            if step is Outcome.ARRIVED:
                 return Outcome.ARRIVED
-            reached = self.reach(level)
-            place = reached.nearest(goal.xy, slip_m)
-            if place is None:
+            if step is Outcome.UNREACHABLE:
                 if level + 1 < len(self.settings.margins_m):
                     level += 1
-                    continue
-                if not looked and self.look_down_around():
+                elif not looked and self.look_down_around():
                     looked, level = True, 0
-                    continue
-                return Outcome.UNREACHABLE
-            corners = straightened(reached.route_to(place), reached)
-            self.body.tell_plan(corners, goal, purpose)
-            rules = replace(self.rules, margin_m=self.settings.margins_m[level])
-            move = next_primitive(corners, reached, rules)
-            if move is None or (isinstance(move, Turn) and turns > 24):
-                if pose.distance_m(place) < ARRIVED_M:
-                    return Outcome.ARRIVED
-                if level + 1 < len(self.settings.margins_m):
-                    level, turns = level + 1, 0
-                    continue
-                if not looked and self.look_down_around():
-                    looked, level, turns = True, 0, 0
-                    continue
-                return Outcome.UNREACHABLE
-            turns = turns + 1 if isinstance(move, Turn) else 0
-            result = self.mishaps.act(move)
-            if isinstance(move, Forward):
-                if self.mishaps.stood_still(move, result):
+                else:
+                    return Outcome.UNREACHABLE
+                continue
+            result = self.monitor.act(step)
+            if isinstance(step, Forward):
+                if self.monitor.stood_still(step, result):
                     self._mark_ahead(pose, result.moved_m)
                     self._get_free()
                 level = 0
@@ -261,13 +228,36 @@ class BaseController(TurnController):
                 return Outcome.INTERRUPTED
         return Outcome.UNREACHABLE
 
+    def _most_motions(self, goal: Pose2) -> int:
+        return 80 + int(10 * self.body.pose().distance_m(goal.xy))
+
+    def _next_step(self, goal: Pose2, purpose: str, slip_m: float, level: int) -> Step:
+        """The next motion towards a goal with the margin of a level; ARRIVED, or UNREACHABLE with
+        that margin."""
+        pose = self.body.pose()
+        if pose.distance_m(goal.xy) < ARRIVED_M:
+            return Outcome.ARRIVED
+        reached = self.reach(level)
+        place = reached.nearest(goal.xy, slip_m)
+        if place is None:
+            return Outcome.UNREACHABLE
+        corners = straightened(reached.route_to(place), reached)
+        self.body.tell_plan(corners, goal, purpose)
+        rules = replace(self.rules, margin_m=self.settings.margins_m[level])
+        move = next_primitive(corners, reached, rules)
+        if move is None or (isinstance(move, Turn) and self._turns > MOST_TURNS):
+            self._turns = 0
+            return Outcome.ARRIVED if pose.distance_m(place) < ARRIVED_M else Outcome.UNREACHABLE
+        self._turns = self._turns + 1 if isinstance(move, Turn) else 0
+        return move
+
     def ahead(self, distance_m: float) -> bool:
         """Move straight ahead if every intermediate position is clear; whether it moved."""
         rules = replace(self.rules, margin_m=self.settings.margins_m[-1])
         free_m = free_ahead_m(self.reach(self.levels[-1]), distance_m, rules)
         if free_m < self.rules.min_forward_m:
             return False
-        return self.mishaps.act(Forward(free_m)).moved_m > NO_MOTION_M
+        return self.monitor.act(Forward(free_m)).moved_m > NO_MOTION_M
 
     def back(self) -> bool:
         """Move straight back, where the robot came from and can do so; whether it moved."""
@@ -275,13 +265,13 @@ class BaseController(TurnController):
         free_m = self.reach(self.levels[-1]).free_back_m(most_m, self.rules)
         if free_m < self.rules.min_forward_m - 1e-9:
             return False
-        return self.mishaps.act(Forward(-free_m)).moved_m > NO_MOTION_M
+        return self.monitor.act(Forward(-free_m)).moved_m > NO_MOTION_M
 
     def _mark_ahead(self, pose: Pose2, moved_m: float) -> None:
         """Something unseen is in the way: remember it where the rim met it."""
-        self.mishaps.blocked()
+        self.monitor.blocked()
         ahead_m = moved_m + self.rules.footprint_m + MARK_RADIUS_M
-        self.felt.append(
+        self.felt_obstacles.append(
             (
                 pose.x_m + ahead_m * math.cos(pose.yaw_rad),
                 pose.y_m + ahead_m * math.sin(pose.yaw_rad),
@@ -302,10 +292,10 @@ class BaseController(TurnController):
         if self._wedged():
             self.look_down_around()
         if self._wedged():
-            self.blind_ring.trust(self.body.pose())
+            self.blind_zone.trust(self.body.pose())
         while self._wedged():
-            self.mishaps.wedged_in(self.blind_ring.too_wide())
-            self.felt.clear()
+            self.monitor.wedged_in(self.blind_zone.too_wide())
+            self.felt_obstacles.clear()
             self._full_turn(down_only=True)
             self.tilt(self.settings.travel_tilt_rad)
             if self._wedged():
@@ -314,10 +304,10 @@ class BaseController(TurnController):
     def _settle_jump(self) -> None:
         """After a jump of the localisation: what was felt lies elsewhere now; look around, so that
         the map holds what is seen from the new pose."""
-        while self.mishaps.jumped:
-            self.mishaps.jumped = False
-            self.felt.clear()
-            self.blind_ring.discs.clear()
+        while self.monitor.jumped:
+            self.monitor.jumped = False
+            self.felt_obstacles.clear()
+            self.blind_zone.discs.clear()
             self._cleared.clear()
             self.look_around()
 
@@ -372,24 +362,14 @@ class BaseController(TurnController):
         self.tilt(math.atan2(robot.camera_height_m, ahead_m))
 
 
-def legs_of(body: RobotInterface, settings: Settings) -> BaseController:
-    """The legs that fit the robot's footprint."""
-    box = body.description.footprint_box_m
-    return (
-        BaseController(body, settings)
-        if box is None
-        else PoseBaseController(body, settings, Capsule.around(*box))
-    )
-
-
 class PoseBaseController(BaseController):
-    """See the module."""
+    """Moves a robot whose footprint is a box: plans over poses on a lattice."""
 
     def __init__(self, body: RobotInterface, settings: Settings, capsule: Capsule) -> None:
         super().__init__(body, settings)
         self.capsule = capsule
         self.rules = replace(self.rules, footprint_m=capsule.reach_m)
-        self.blind_ring = BlindZone(body.description, capsule.reach_m, settings.blind_m)
+        self.blind_zone = BlindZone(body.description, capsule.reach_m, settings.blind_m)
         self._lattice_xy: tuple[float, float] | None = None
 
     def reach(self, level: int = 0) -> PoseReach:
@@ -411,53 +391,65 @@ class PoseBaseController(BaseController):
         self._lattice_xy = None
         self._cached.clear()
 
-    def _drive(self, goal: Pose2, purpose: str, stop: Callable[[], bool], slip_m: float) -> Outcome:
-        level, looked = 0, False
-        self._settle_jump()
-        self._get_free()
-        for _ in range(80 + int(20 * self.body.pose().distance_m(goal.xy))):
-            pose = self.body.pose()
-            reached = self.reach(level)
-            end = reached.best_near(goal, slip_m)
-            move = None
-            if end is not None:
-                way = reached.way_to(end)
-                self.body.tell_plan(reached.route_along(way), goal, purpose)
-                if len(way) == 1 and pose.distance_m(goal.xy) < max(slip_m, ARRIVED_M):
-                    return Outcome.ARRIVED
-                move = reached.next_move(way, self.rules)
-            if move is None:
-                if end is not None and pose.distance_m(goal.xy) < ARRIVED_M:
-                    return Outcome.ARRIVED
-                if reached.kept:
-                    self._new_lattice()
-                elif level + 1 < len(self.settings.margins_m):
-                    level += 1
-                elif not looked and self.look_down_around():
-                    looked, level = True, 0
-                else:
-                    return Outcome.UNREACHABLE
-                continue
-            result = self.mishaps.act(move)
-            if isinstance(move, Forward):
-                if self.mishaps.stood_still(move, result):
-                    self._mark_ahead(pose, result.moved_m)
-                    self._get_free()
-                level = 0
-            self._settle_jump()
-            if stop():
-                return Outcome.INTERRUPTED
+    def _most_motions(self, goal: Pose2) -> int:
+        return 80 + int(20 * self.body.pose().distance_m(goal.xy))
+
+    def _next_step(self, goal: Pose2, purpose: str, slip_m: float, level: int) -> Step:
+        pose = self.body.pose()
+        reached = self.reach(level)
+        end = reached.best_near(goal, slip_m)
+        if end is not None:
+            way = reached.way_to(end)
+            self.body.tell_plan(reached.route_along(way), goal, purpose)
+            if len(way) == 1 and pose.distance_m(goal.xy) < max(slip_m, ARRIVED_M):
+                return Outcome.ARRIVED
+            move = reached.next_move(way, self.rules)
+            if move is not None:
+                return move
+            if pose.distance_m(goal.xy) < ARRIVED_M:
+                return Outcome.ARRIVED
+        if reached.kept:
+            self._new_lattice()
+            return self._next_step(goal, purpose, slip_m, level)
         return Outcome.UNREACHABLE
 
     def ahead(self, distance_m: float) -> bool:
         free_m = self.reach(self.levels[-1]).free_ahead_m(distance_m, self.rules)
         if free_m < self.rules.min_forward_m:
             return False
-        return self.mishaps.act(Forward(free_m)).moved_m > NO_MOTION_M
+        return self.monitor.act(Forward(free_m)).moved_m > NO_MOTION_M
 
     def _turn(self, angle_rad: float) -> bool:
         free_rad = self.reach(self.levels[-1]).free_turn_rad(angle_rad)
         if abs(free_rad) < self.rules.min_turn_rad:
             return False
-        self.mishaps.act(Turn(free_rad))
+        self.monitor.act(Turn(free_rad))
         return abs(free_rad) >= abs(angle_rad) - 1e-6
+
+
+def base_controller_for(body: RobotInterface, settings: Settings) -> BaseController:
+    """The base that fit the robot's footprint."""
+    box = body.description.footprint_box_m
+    return (
+        BaseController(body, settings)
+        if box is None
+        else PoseBaseController(body, settings, Capsule.around(*box))
+    )
+
+
+def down_tilt_rad(robot: RobotDescription) -> float:
+    """Tilt at which the ground at the rim is at the image's lower edge."""
+    # A little within the rim: the image's lower edge is straight, the rim is round.
+    rim_m = 0.8 * robot.footprint_radius_m - robot.camera_forward_m
+    rim = math.atan2(robot.camera_height_m, rim_m)
+    return float(np.clip(rim - robot.camera.vfov_rad / 2, *robot.tilt_range_rad))
+
+
+def near_ground_unknown(ground: GroundMap, pose: Pose2, footprint_m: float) -> bool:
+    """Whether more than 2 % of the ground up to 0.7 m beyond a robot's rim was never seen."""
+    reach_m = footprint_m + 0.7
+    ground = ground.padded(pose.x_m, pose.y_m, reach_m + 0.1)
+    row, column = ground.cells_of(np.array([pose.xy]))[0]
+    n = int(reach_m / ground.cell_m)
+    part = ground.occupancy[row - n : row + n + 1, column - n : column + n + 1]
+    return bool((part < 0).mean() > 0.02)

@@ -39,14 +39,14 @@ class PointGoal:
 
     def __init__(
         self,
-        legs: BaseController,
+        base: BaseController,
         xy_m: XY,
         within_m: float,
         on_stage: Callable[[BlockedPath], None],
     ) -> None:
         """within_m: where the robot cannot stand on the point, the nearest place will do that is no
         further from it."""
-        self._legs, self.xy_m, self._within_m = legs, xy_m, within_m
+        self._legs, self.xy_m, self._within_m = base, xy_m, within_m
         self._on_stage = on_stage
         self.walls: list[XY] = []
 
@@ -60,8 +60,8 @@ class PointGoal:
     def drive(self, yaw_rad: float | None, purpose: str) -> float:
         """Go there and face that way; the distance that is left (m). Raises TaskFailed: why the
         point is out of reach, and which place near it is not."""
-        legs = self._legs
-        away_m = legs.body.pose().distance_m(self.xy_m)
+        base = self._legs
+        away_m = base.body.pose().distance_m(self.xy_m)
         if away_m > MOST_AWAY_M:
             raise TaskFailed(
                 Cause.UNREACHABLE,
@@ -73,9 +73,9 @@ class PointGoal:
             if self._near() is not None:
                 tries += 1
                 goal, slip_m = self._goal(yaw_rad), self._within_m
-                if legs.go_to(goal, purpose, slip_m=slip_m, face=False) is Outcome.ARRIVED:
+                if base.go_to(goal, purpose, slip_m=slip_m, face=False) is Outcome.ARRIVED:
                     self._face(yaw_rad)
-                    return legs.body.pose().distance_m(self.xy_m)
+                    return base.body.pose().distance_m(self.xy_m)
                 continue
             stages += 1
             if not self._stage():
@@ -95,14 +95,14 @@ class PointGoal:
 
     def _stage(self) -> bool:
         """Look at the unknown ground where the known way ends; False when no way is left."""
-        legs = self._legs
-        ground = walled(spacious(legs.body.ground(), self.xy_m), self.walls)
-        barred = legs.way_ends(ground, self.xy_m, self._within_m)
+        base = self._legs
+        ground = walled(spacious(base.body.ground(), self.xy_m), self.walls)
+        barred = base.way_ends(ground, self.xy_m, self._within_m)
         if barred is None:
             return False
         self._on_stage(barred)
-        legs.look_past(barred, lambda: self._near() is not None)
-        if self._near() is None and not self._seen_past(barred) and legs.look_down_around():
+        base.look_past(barred, lambda: self._near() is not None)
+        if self._near() is None and not self._seen_past(barred) and base.look_down_around():
             self._seen_past(barred)
         if self._near() is None and not self._seen_past(barred):
             self.walls.append(barred.at)
@@ -128,9 +128,9 @@ class PointGoal:
 
     def _why_not(self) -> str:
         """What the point is, and the nearest place that is not."""
-        legs = self._legs
-        said = state_of(legs.body.ground(), self.xy_m, legs.body.description.inner_radius_m)
-        place = nearest_reachable(legs.reach(legs.levels[-1]), self.xy_m)
+        base = self._legs
+        said = state_of(base.body.ground(), self.xy_m, base.body.description.inner_radius_m)
+        place = nearest_reachable(base.reach(base.levels[-1]), self.xy_m)
         if place is None:
             return f"{told(self.xy_m)} {said}"
         return (

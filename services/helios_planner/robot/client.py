@@ -50,6 +50,14 @@ from helios_planner.task import Cause, Phase, TaskFailed
 log = logging.getLogger(__name__)
 
 ACK_PATIENCE_S = 6.0  # then the keyframe is taken anew: a service that restarted has lost it
+# Who answers each part of a keyframe; all but the occupancy come by way of the detector.
+PARTS = {
+    "detections": "detector",
+    "occupancy": "map2d",
+    "value": "map2d (or the detector before it)",
+    "objects": "objectmap (or the detector before it)",
+}
+BY_DETECTOR = frozenset(PARTS) - {"occupancy"}  # not answered while the detector answers nothing
 
 
 class TaskListener(Protocol):
@@ -327,13 +335,3 @@ class RobotClient(RobotInterface):
 
 def _listed(services: Sequence[str]) -> str:
     return " and ".join(dict.fromkeys(services))
-
-
-# Who answers each part of a keyframe; all but the occupancy come by way of the detector.
-PARTS = {
-    "detections": "detector",
-    "occupancy": "map2d",
-    "value": "map2d (or the detector before it)",
-    "objects": "objectmap (or the detector before it)",
-}
-BY_DETECTOR = frozenset(PARTS) - {"occupancy"}  # not answered while the detector answers nothing

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 
 MIN_POINTS = 8  # below it a mask has no depth worth the name
 TRIMMED = 0.02  # share of the points beyond each side of the box: edges belong to what is behind
+log = logging.getLogger(__name__)
+PART = "detections"
 
 
 @dataclass(frozen=True)
@@ -116,13 +118,8 @@ def sighting_of(
     )
 
 
-log = logging.getLogger(__name__)
-
-PART = "detections"
-
-
 class MessageBuffer:
-    """Collects sightings and answers each keyframe in the book. Thread-safe."""
+    """Collects sightings and reports each answered keyframe to the acks. Thread-safe."""
 
     def __init__(self, bus: Bus, acks: KeyframeAcks, context_id: str) -> None:
         self._acks, self._context_id = acks, context_id

@@ -21,6 +21,12 @@ from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskCancelled, TaskFailed
 
 RETRY_S = 0.3
+log = logging.getLogger(__name__)
+HOLDER = "planner"
+_ACTION = re.compile(r"[^.]*?(?:\.(\d+))?-(\d+)")
+RELEASE_S = 1.0  # longest wait for giving the lease back
+RECENT = 20  # actions, of which so many may be answered only when asked for again:
+MOST_IN_VAIN = 8
 
 
 def patiently(
@@ -51,15 +57,6 @@ def patiently(
 def system_error(error: HeliosError) -> TaskFailed:
     """The end of a task by an error of a service."""
     return TaskFailed(Cause.SYSTEM_ERROR, error.message)
-
-
-log = logging.getLogger(__name__)
-
-HOLDER = "planner"
-_ACTION = re.compile(r"[^.]*?(?:\.(\d+))?-(\d+)")
-RELEASE_S = 1.0  # longest wait for giving the lease back
-RECENT = 20  # actions, of which so many may be answered only when asked for again:
-MOST_IN_VAIN = 8
 
 
 def number_of(action_id: str) -> tuple[int, int]:

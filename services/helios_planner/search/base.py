@@ -26,6 +26,7 @@ PICK_LAYER, PLACE_LAYER = "pick", "place"  # value layers: where the object, whe
 MOST_DOUBTS = 4  # of one thing in one search
 # Times in one search that something, or one and the same thing, turns out to be out of reach.
 MOST_WAITS, MOST_OF_ONE = 8, 3
+GRID_M = 0.2  # between the places that are considered
 
 
 @dataclass
@@ -34,7 +35,7 @@ class SearchTools:
 
     body: RobotInterface
     settings: Settings
-    legs: BaseController
+    base: BaseController
     looking: Looking
     belief: Belief
     rng: np.random.Generator
@@ -45,18 +46,18 @@ class Search(ABC):
     """Looks for one class until there is one to act on. What an agent adds: how it decides about
     what it knows of, and where it explores."""
 
-    def __init__(self, kit: SearchTools, phase: Phase, name: str, refused_m: float) -> None:
+    def __init__(self, tools: SearchTools, phase: Phase, name: str, refused_m: float) -> None:
         """refused_m: how near to a refused candidate nothing is tried again."""
-        self.kit, self.phase, self.name = kit, phase, name
-        self.body, self.settings = kit.body, kit.settings
-        self.legs, self.looking, self.belief = kit.legs, kit.looking, kit.belief
+        self.tools, self.phase, self.name = tools, phase, name
+        self.body, self.settings = tools.body, tools.settings
+        self.base, self.looking, self.belief = tools.base, tools.looking, tools.belief
         self.refused = Places(refused_m)  # for good
-        self.waiting = Places(kit.settings.same_place_m)  # until more ground is known
-        self.rounds = kit.settings.rounds  # times that everything is searched
+        self.waiting = Places(tools.settings.same_place_m)  # until more ground is known
+        self.rounds = tools.settings.rounds  # times that everything is searched
         self._waited_at: list[tuple[float, float]] = []  # middles of what was out of reach, in m
         self._doubts: dict[int, int] = {}  # by instance: how often it did not hold up
         self._round = self._first_round = 0
-        self._patrol = RevisitSearch(self.legs, kit.settings.patrol_m)
+        self._patrol = RevisitSearch(self.base, tools.settings.patrol_m)
         self._acted_from: Pose2 | None = None
         self._first = -1.0, ""  # what is said first, while this share of the steps is used
         self._left_at = 0  # version of the map when a candidate was last found out of reach
@@ -186,7 +187,7 @@ class Search(ABC):
         of_one = sum(math.dist(middle, m) < same_m for m in self._waited_at)
         if of_one > MOST_OF_ONE or len(self._waited_at) > MOST_WAITS:
             self.refused.add(candidate)
-        elif self.at_last or not self.legs.clear_way(middle, self._near_enough_m(candidate)):
+        elif self.at_last or not self.base.clear_way(middle, self._near_enough_m(candidate)):
             self.waiting.add(candidate)
             self._left_at = self.body.ground().version
 
@@ -226,8 +227,8 @@ class Search(ABC):
         """Frontiers that can be driven near to, with the widest margin that leads to any."""
         pose = self.body.pose()
         frontiers = self._open_frontiers()
-        for level in self.legs.levels:
-            reached = self.legs.reach(level)
+        for level in self.base.levels:
+            reached = self.base.reach(level)
             options = [
                 FrontierOption(
                     f.id, f.xy_m, f.values.get(layer, 0.0), pose.distance_m(f.xy_m),
@@ -244,7 +245,7 @@ class Search(ABC):
         same = self.settings.same_place_m
         return [
             f for f in self.body.frontiers()
-            if all(math.dist(f.xy_m, g) > same for g in self.kit.given_up)
+            if all(math.dist(f.xy_m, g) > same for g in self.tools.given_up)
         ]  # fmt: skip
 
     def _frontier_at(self, xy_m: tuple[float, float]) -> bool:
@@ -255,12 +256,12 @@ class Search(ABC):
         """Drive near and look at it, until it is no frontier or something was found; what is
         still a frontier then is given up."""
         near = None
-        for level in self.legs.levels:
-            near = self.legs.reach(level).nearest(xy_m, self.settings.frontier_reach_m)
+        for level in self.base.levels:
+            near = self.base.reach(level).nearest(xy_m, self.settings.frontier_reach_m)
             if near is not None:
                 break
         if near is not None:
-            outcome = self.legs.go_to(
+            outcome = self.base.go_to(
                 facing(*near, xy_m), f"explore for the {self.name}",
                 lambda: not self._frontier_at(xy_m) or found(),
             )  # fmt: skip
@@ -268,11 +269,11 @@ class Search(ABC):
                 return
             if self._frontier_at(xy_m):
                 pose = self.body.pose()
-                self.legs.turn_to(pose.yaw_rad + pose.bearing_rad(xy_m))
+                self.base.turn_to(pose.yaw_rad + pose.bearing_rad(xy_m))
             if self._frontier_at(xy_m):
-                self.legs.look_down_around()
+                self.base.look_down_around()
         if self._frontier_at(xy_m):
-            self.kit.given_up.append(xy_m)
+            self.tools.given_up.append(xy_m)
 
     def clear_way(self) -> bool:
         """With no frontier in reach: look at unknown ground that bars the way to one, or to a
@@ -280,7 +281,7 @@ class Search(ABC):
         pose = self.body.pose()
         targets = sorted((f.xy_m for f in self._open_frontiers()), key=pose.distance_m)
         targets += [(float(p[0]), float(p[1])) for p in self.waiting.points]
-        return any(self.legs.clear_way(t, self.settings.frontier_reach_m) for t in targets)
+        return any(self.base.clear_way(t, self.settings.frontier_reach_m) for t in targets)
 
     def patrol(self) -> bool:
         """After the first round, with nothing left to explore: look around from one more place.
@@ -295,9 +296,9 @@ class Search(ABC):
 
     def next_round(self) -> None:
         """Everything was searched: once more, since a detector may miss what it saw."""
-        self.kit.given_up.clear()
+        self.tools.given_up.clear()
         self.looking.forget()
-        self.legs.look_around()
+        self.base.look_around()
         self._patrol.begin()
 
 
@@ -305,14 +306,11 @@ def _xy(candidate: ObjectInstance) -> tuple[float, float]:
     return float(candidate.center_m[0]), float(candidate.center_m[1])
 
 
-GRID_M = 0.2  # between the places that are considered
-
-
 class RevisitSearch:
     """Goes to the nearest place that is `apart_m` from all places where it has looked around."""
 
-    def __init__(self, legs: BaseController, apart_m: float) -> None:
-        self._legs, self._apart_m = legs, apart_m
+    def __init__(self, base: BaseController, apart_m: float) -> None:
+        self._legs, self._apart_m = base, apart_m
         self.seen_from: list[tuple[float, float]] = []  # x, y in m
 
     def begin(self) -> None:

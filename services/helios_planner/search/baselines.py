@@ -30,6 +30,11 @@ from helios_planner.search.frontier_exploration import Explorer, TargetPursuit
 from helios_planner.search.scored_search import ScoredSearch
 from helios_planner.task import Phase
 
+RANGE_M = 5.0  # of VLFM's camera
+FAR_SHARE, NEAR_SHARE = 0.95, 0.5  # of the range: tentative beyond, and dropped within
+TOO_NEAR_M = 1.0
+TENTATIVE = 1.0  # its uncertainty, so that its score is 0
+
 
 class TrustingSearch(Search):
     """Acts on the nearest thing that the detector has reported and that has not failed yet. Goal
@@ -37,14 +42,14 @@ class TrustingSearch(Search):
 
     def __init__(
         self,
-        kit: SearchTools,
+        tools: SearchTools,
         phase: Phase,
         name: str,
         explorer: Callable[[Search, str], Explorer],
         not_at: np.ndarray | None = None,
     ) -> None:
         """not_at: where the object was taken from, when start and goal are of one class."""
-        super().__init__(kit, phase, name, SAME_THING_M)
+        super().__init__(tools, phase, name, SAME_THING_M)
         self._not_at = not_at
         layer = PICK_LAYER if phase is Phase.FIND_OBJECT else PLACE_LAYER
         self._explorer = explorer(self, layer)
@@ -90,9 +95,9 @@ class StopSearch(ScoredSearch):
 
     kind, what = "object", "stop"
 
-    def __init__(self, kit: SearchTools, name: str) -> None:
-        within = paper(kit.settings.tau_g, False)
-        super().__init__(kit, Phase.FIND_OBJECT, name, within, refused_m=0.15)
+    def __init__(self, tools: SearchTools, name: str) -> None:
+        within = paper(tools.settings.tau_g, False)
+        super().__init__(tools, Phase.FIND_OBJECT, name, within, refused_m=0.15)
         self._explorer = TargetPursuit(self, PICK_LAYER)
 
     def candidates(self) -> list[ObjectInstance]:
@@ -110,12 +115,6 @@ class StopSearch(ScoredSearch):
     def recall(self, memory: Mapping[str, Any]) -> None:
         super().recall(memory)
         self._explorer.recall(memory["explorer"])
-
-
-RANGE_M = 5.0  # of VLFM's camera
-FAR_SHARE, NEAR_SHARE = 0.95, 0.5  # of the range: tentative beyond, and dropped within
-TOO_NEAR_M = 1.0
-TENTATIVE = 1.0  # its uncertainty, so that its score is 0
 
 
 class VlfmBelief(TrustingBelief):

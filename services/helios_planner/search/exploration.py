@@ -27,8 +27,8 @@ XY = tuple[float, float]
 class Exploration:
     """Of one task. `given_up`: middles of borders that stayed when they were looked at."""
 
-    def __init__(self, legs: BaseController, settings: Settings) -> None:
-        self._legs, self._body, self._settings = legs, legs.body, settings
+    def __init__(self, base: BaseController, settings: Settings) -> None:
+        self._legs, self._body, self._settings = base, base.body, settings
         self.given_up: list[XY] = []
         self._ids: list[XY] = []  # of the borders that were chosen from, in the order of coming
         self._before_m2: float | None = None  # of floor that was known at the beginning
@@ -148,17 +148,17 @@ class Exploration:
 
     def _visit(self, xy_m: XY) -> None:
         """Drive near and look, until it is no border; what still is one then is given up."""
-        legs, near = self._legs, self._place_near(xy_m)
+        base, near = self._legs, self._place_near(xy_m)
         if near is not None:
             goal = facing(*near, xy_m)
-            outcome = legs.go_to(goal, "explore", lambda: not self._there(xy_m))
+            outcome = base.go_to(goal, "explore", lambda: not self._there(xy_m))
             if outcome is Outcome.INTERRUPTED:
                 return
             if self._there(xy_m):
                 pose = self._body.pose()
-                legs.turn_to(pose.yaw_rad + pose.bearing_rad(xy_m))
+                base.turn_to(pose.yaw_rad + pose.bearing_rad(xy_m))
             if self._there(xy_m):
-                legs.look_down_around()
+                base.look_down_around()
         if self._there(xy_m):
             self.given_up.append(xy_m)
 

@@ -55,7 +55,7 @@ class ByRule(Explorer):
 
     def step(self, found: Callable[[], bool]) -> bool:
         options = self.search.frontier_options(self.layer)
-        return self._visit(self._rule(options, self.layer, self.search.kit.rng), found)
+        return self._visit(self._rule(options, self.layer, self.search.tools.rng), found)
 
     def memory(self) -> list[float]:
         return []

@@ -51,13 +51,13 @@ class ObjectSearch(ScoredSearch):
     kind, what = "object", "pick"
 
     def __init__(
-        self, kit: SearchTools, name: str, start: str | None, rule: SearchRule, standards: Rule
+        self, tools: SearchTools, name: str, start: str | None, rule: SearchRule, standards: Rule
     ) -> None:
-        within = standards(kit.settings.tau_g, start is not None)
-        super().__init__(kit, Phase.FIND_OBJECT, name, within, refused_m=0.15)
+        within = standards(tools.settings.tau_g, start is not None)
+        super().__init__(tools, Phase.FIND_OBJECT, name, within, refused_m=0.15)
         self.start, self._rule = start, rule
         self.seen = SearchMemory()
-        self.visited = Places(kit.settings.same_place_m)
+        self.visited = Places(tools.settings.same_place_m)
         self._last_seen: tuple = ()
 
     def memory(self) -> dict[str, Any]:

@@ -25,7 +25,7 @@ class ByOwnRule(Explorer):
 
     def step(self, found: Callable[[], bool]) -> bool:
         frontiers = self.search.frontier_options(self.layer)
-        rng = self.search.kit.rng
+        rng = self.search.tools.rng
         decision = by_own_rule(self._rule, (), frontiers, self.search.name, self.layer, rng)
         return self._visit(decision, found)
 
@@ -40,15 +40,15 @@ class OwnObjectSearch(ObjectSearch):
     """Candidate receptacles and frontiers by the rule's scores."""
 
     def __init__(
-        self, kit: SearchTools, name: str, start: str | None, rule: ExplorationRule
+        self, tools: SearchTools, name: str, start: str | None, rule: ExplorationRule
     ) -> None:
-        super().__init__(kit, name, start, by_objective, paper)
+        super().__init__(tools, name, start, by_objective, paper)
         self._own_rule = rule
 
     def next_place(
         self, receptacles: Sequence[ReceptacleOption], frontiers: Sequence[FrontierOption]
     ) -> Decision:
-        rng = self.kit.rng
+        rng = self.tools.rng
         return by_own_rule(self._own_rule, receptacles, frontiers, self.name, PICK_LAYER, rng)
 
 
@@ -56,7 +56,7 @@ class OwnReceptacleSearch(ReceptacleSearch):
     """Frontiers by the rule's scores, until the goal is known."""
 
     def __init__(
-        self, kit: SearchTools, name: str, not_at: np.ndarray | None, rule: ExplorationRule
+        self, tools: SearchTools, name: str, not_at: np.ndarray | None, rule: ExplorationRule
     ) -> None:
-        super().__init__(kit, name, not_at, paper)
+        super().__init__(tools, name, not_at, paper)
         self._explorer = ByOwnRule(self, PLACE_LAYER, rule)

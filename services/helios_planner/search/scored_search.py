@@ -29,6 +29,8 @@ from helios_planner.search.frontier_exploration import ByRule, Explorer
 from helios_planner.search.view_selection import BestView
 from helios_planner.task import Phase
 
+MOST_WRITTEN = 16
+
 
 class ScoredSearch(Search):
     """Acts on a candidate with Psi >= the threshold that holds by now."""
@@ -38,14 +40,14 @@ class ScoredSearch(Search):
 
     def __init__(
         self,
-        kit: SearchTools,
+        tools: SearchTools,
         phase: Phase,
         name: str,
         standards: AcceptanceThresholds,
         refused_m: float,
     ) -> None:
-        super().__init__(kit, phase, name, refused_m)
-        self._standards, self._since = standards, kit.body.budget_used()
+        super().__init__(tools, phase, name, refused_m)
+        self._standards, self._since = standards, tools.body.budget_used()
         self._step = 0  # of the standards
         self._acted = standards.steps[0]  # what the newest decision was taken by
         self._views: dict[int, BestView | None] = {}
@@ -204,12 +206,12 @@ class ReceptacleSearch(ScoredSearch):
     kind, what = "receptacle", "place"
 
     def __init__(
-        self, kit: SearchTools, name: str, not_at: np.ndarray | None, standards: Rule
+        self, tools: SearchTools, name: str, not_at: np.ndarray | None, standards: Rule
     ) -> None:
         """not_at: where the object was taken from, when start and goal are of one class."""
-        s = kit.settings
+        s = tools.settings
         within = standards(s.tau_b, False)
-        super().__init__(kit, Phase.FIND_RECEPTACLE, name, within, s.same_place_m)
+        super().__init__(tools, Phase.FIND_RECEPTACLE, name, within, s.same_place_m)
         self._not_at = not_at
         self._explorer: Explorer = ByRule(self, PLACE_LAYER, highest_value)
 
@@ -227,9 +229,6 @@ class ReceptacleSearch(ScoredSearch):
             and self.open(o)
             and (self._not_at is None or not near_outline(o, self._not_at, 0.2))
         ]  # fmt: skip
-
-
-MOST_WRITTEN = 16
 
 
 class CandidateMemory:

@@ -65,12 +65,12 @@ class Looking:
     def __init__(
         self,
         body: RobotInterface,
-        legs: BaseController,
+        base: BaseController,
         settings: Settings,
         other_share: float = 0.0,
     ) -> None:
         """other_share: of what a local search may see, what speaks for something else."""
-        self.body, self.legs, self.settings = body, legs, settings
+        self.body, self.base, self.settings = body, base, settings
         self._other_share = other_share
         s = settings
         self._thing_rules = GazeRules(s.view_distances_m, s.view_spacing_m, s.block_height_m)
@@ -102,8 +102,8 @@ class Looking:
 
     def _points(self, candidate: ObjectInstance, rules: GazeRules) -> list[GazePoint]:
         """With the widest margin that leads to any."""
-        for level in self.legs.levels:
-            points = gaze_points(candidate, self.legs.reach(level), self.body.description, rules)
+        for level in self.base.levels:
+            points = gaze_points(candidate, self.base.reach(level), self.body.description, rules)
             if points:
                 return points
         return []
@@ -190,13 +190,13 @@ class Looking:
         """Drive to a gaze point, face the candidate, tilt the head. Reached or not, it counts as
         looked from there, so that the same view is not asked for again; interrupted, it does not.
         """
-        outcome = self.legs.go_to(gaze.pose, purpose, stop)
+        outcome = self.base.go_to(gaze.pose, purpose, stop)
         if outcome is Outcome.INTERRUPTED:
             return outcome
         middle = np.asarray(candidate.center_m[:2], float)
         self._looked.append((middle, gaze.pose))
         if outcome is Outcome.ARRIVED:
             pose = self.body.pose()
-            self.legs.turn_to(wrap_angle(pose.yaw_rad + pose.bearing_rad(middle)))
-            self.legs.tilt(gaze.tilt_rad)
+            self.base.turn_to(wrap_angle(pose.yaw_rad + pose.bearing_rad(middle)))
+            self.base.tilt(gaze.tilt_rad)
         return outcome

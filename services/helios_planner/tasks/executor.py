@@ -34,20 +34,20 @@ class TaskExecutor:
 
     def __init__(
         self, bus: Bus, settings: Settings, robot: pb.RobotDescription, acks: KeyframeAcks,
-        store: Store, book: TaskRegistry, task: Task, cancelled: threading.Event,
+        store: Store, registry: TaskRegistry, task: Task, cancelled: threading.Event,
         hold: PauseControl,
     ) -> None:  # fmt: skip
         self._settings, self._robot, self._acks = settings, robot, acks
-        self._book, self._task, self._cancelled = book, task, cancelled
+        self._registry, self._task, self._cancelled = registry, task, cancelled
         kept = store.entry(task.id)
         self._again = kept is not None
         entry = Entry() if kept is None else replace(kept, life=kept.life + 1)
         self._journal = Journal(store, task.id, entry)
-        self._voice = TaskReporter(book, task, settings, store.last_number(task.id) + 1)
-        self._bus = TaskBus(bus, self._journal, hold, self._voice, settings.keep_within_s)
+        self._reporter = TaskReporter(registry, task, settings, store.last_number(task.id) + 1)
+        self._bus = TaskBus(bus, self._journal, hold, self._reporter, settings.keep_within_s)
 
     def run(self) -> None:
-        """Until it has ended, or was cancelled because the planner ends; that is the book's."""
+        """Until it has ended, or was cancelled because the planner ends; the registry says that."""
         body: RobotClient | None = None
         mission: Mission | MoveMission | None = None
         try:
@@ -90,7 +90,7 @@ class TaskExecutor:
         cause: Cause | None = None,
     ) -> None:
         seen = mission and mission.seen_at_goal
-        self._book.end(self._task.id, state, message, cause, seen_at_goal=seen)
+        self._registry.end(self._task.id, state, message, cause, seen_at_goal=seen)
 
     def _left(self, body: RobotClient | None) -> str:
         """How the robot is left by a task that does not go on."""
@@ -110,7 +110,7 @@ class TaskExecutor:
         return f"it holds a {thing} (“put the {thing} on the …” sets it down)" if thing else ""
 
     def _line(self) -> RobotConnection:
-        return RobotConnection(self._bus, self._settings, self._cancelled, self._voice.on_wait)
+        return RobotConnection(self._bus, self._settings, self._cancelled, self._reporter.on_wait)
 
     def _body(self, context_id: str) -> RobotClient:
         """Each life has its own ids of actions, so that none is taken for an earlier one."""
@@ -118,7 +118,7 @@ class TaskExecutor:
         body = RobotClient(
             self._bus, self._settings, self._robot, self._acks,
             f"{self._task.id}.{life}" if life else self._task.id, context_id,
-            self._task.max_steps, self._voice, self._cancelled,
+            self._task.max_steps, self._reporter, self._cancelled,
             self._parts(),
         )  # fmt: skip
         body.steps = self._task.steps
@@ -147,7 +147,7 @@ class TaskExecutor:
     def _named(self) -> None:
         """The task in the detector's names; waits for a detector that is away."""
         named = in_vocabulary(self._task.instruction, self._line().call(VOCABULARY, pb.Empty()))
-        self._task = self._book.change(self._task.id, instruction=named)
+        self._task = self._registry.change(self._task.id, instruction=named)
 
 
 def _contacts(body: RobotClient | None) -> str:

@@ -14,7 +14,7 @@ from helios_planner.decisions.explanations import less
 from helios_planner.instruction.parser import Instruction, Kind
 from helios_planner.manipulation import Done, Manipulation, Seen, look_after
 from helios_planner.motion_planning.base_placement import GazePoint, nearest_to
-from helios_planner.navigation.base_controller import Outcome, legs_of
+from helios_planner.navigation.base_controller import Outcome, base_controller_for
 from helios_planner.navigation.motion_monitor import Dropped
 from helios_planner.robot.interface import RobotInterface
 from helios_planner.search.base import Search, SearchTools
@@ -34,14 +34,14 @@ class Mission:
         """agent: a name of `agents.AGENTS`; empty for that of the settings."""
         self.body, self.instruction, self.settings = body, instruction, settings
         self.agent = agent_named(agent or settings.agent)
-        legs = legs_of(body, settings)
+        base = base_controller_for(body, settings)
         belief = self.agent.belief(body, settings)
-        self.kit = SearchTools(
-            body, settings, legs, Looking(body, legs, settings, self.agent.other_share), belief,
+        self.tools = SearchTools(
+            body, settings, base, Looking(body, base, settings, self.agent.other_share), belief,
             np.random.default_rng(settings.agent_seed),
         )  # fmt: skip
         attempts = settings.picks_per_object if self.agent.retries else 1
-        self.skills = Manipulation(body, legs, settings, belief, attempts)
+        self.skills = Manipulation(body, base, settings, belief, attempts)
         self.looked_around = self.placed = False
         self.seen_at_goal: bool | None = (
             None  # of what was placed; None: nothing was that it knows of
@@ -61,7 +61,7 @@ class Mission:
         if not self.looked_around:
             phase = Phase.FIND_RECEPTACLE if i.kind is Kind.GO_TO else Phase.FIND_OBJECT
             self.body.tell_phase(phase, i.object or i.goal or "", "looking around")
-            self.kit.legs.look_around()
+            self.tools.base.look_around()
             self.looked_around = True
         if i.kind is Kind.GO_TO:
             assert i.goal
@@ -69,7 +69,7 @@ class Mission:
             return f"stands at the {i.goal}"
         assert i.object
         if i.kind is Kind.FIND:
-            search = self.agent.seek_object(self.kit, i.object, i.start)
+            search = self.agent.seek_object(self.tools, i.object, i.start)
             if isinstance(search, ScoredSearch):
                 search.what = "stop"  # in its sentences
             return self._show(self._begun(search))
@@ -98,7 +98,7 @@ class Mission:
             raise TaskFailed(Cause.PICK_FAILED, message)
         if held:
             self.picked_at_m = np.array([*self.body.pose().xy, 0.0])
-            self.kit.legs.mishaps.carrying = True
+            self.tools.base.monitor.carrying = True
 
     def _begun(self, search: Search) -> Search:
         """The search that goes on from now; one that was cut off remembers what it knew."""
@@ -124,12 +124,12 @@ class Mission:
             "falls": self.skills.falls,
             "unsure": list(self.unsure.items()),
             "last_reason": self.skills.last_reason,
-            "felt": [list(f) for f in self.kit.legs.felt],
-            "trusted": [list(disc) for disc in self.kit.legs.blind_ring.discs],
-            "given_up": [list(f) for f in self.kit.given_up],
-            "looked": self.kit.looking.memory(),
-            "belief": self.kit.belief.memory(),
-            "draws": self.kit.rng.bit_generator.state,
+            "felt": [list(f) for f in self.tools.base.felt_obstacles],
+            "trusted": [list(disc) for disc in self.tools.base.blind_zone.discs],
+            "given_up": [list(f) for f in self.tools.given_up],
+            "looked": self.tools.looking.memory(),
+            "belief": self.tools.belief.memory(),
+            "draws": self.tools.rng.bit_generator.state,
             "search": None if search is None else search.memory() | {"phase": search.phase},
         }
 
@@ -141,12 +141,12 @@ class Mission:
         self.skills.picks, self.skills.falls = memory["picks"], memory["falls"]
         self.skills.last_reason = memory["last_reason"]
         self.unsure = {Phase(phase): said for phase, said in memory["unsure"]}
-        self.kit.legs.felt[:] = [(x, y, r) for x, y, r in memory["felt"]]
-        self.kit.legs.blind_ring.discs[:] = [(x, y, r) for x, y, r in memory["trusted"]]
-        self.kit.given_up[:] = [(x, y) for x, y in memory["given_up"]]
-        self.kit.looking.recall(memory["looked"])
-        self.kit.belief.recall(memory["belief"])
-        self.kit.rng.bit_generator.state = memory["draws"]
+        self.tools.base.felt_obstacles[:] = [(x, y, r) for x, y, r in memory["felt"]]
+        self.tools.base.blind_zone.discs[:] = [(x, y, r) for x, y, r in memory["trusted"]]
+        self.tools.given_up[:] = [(x, y) for x, y in memory["given_up"]]
+        self.tools.looking.recall(memory["looked"])
+        self.tools.belief.recall(memory["belief"])
+        self.tools.rng.bit_generator.state = memory["draws"]
         self._recalled = memory["search"]
         name = self.instruction.object or ""
         if isinstance(last.action, Pick) and self.picked_at_m is None:
@@ -160,19 +160,19 @@ class Mission:
                 fall = Dropped(self.body.pose().xy, last.reason or "the planner was away")
                 self.skills.count_fall(fall, name)
                 self.picked_at_m = self._recalled = None
-        self.kit.legs.mishaps.carrying = self.picked_at_m is not None and not self.placed
+        self.tools.base.monitor.carrying = self.picked_at_m is not None and not self.placed
 
     def _was_picked(self, name: str) -> None:
         """It was picked while nobody was there to see it."""
         assert self.target_m is not None
         self.picked_at_m, self._recalled = self.target_m, None
-        thing = nearest_to(self.target_m, self.kit.belief.known(name), 0.3)
+        thing = nearest_to(self.target_m, self.tools.belief.known(name), 0.3)
         if thing is not None:
-            self.kit.belief.taken(thing)
+            self.tools.belief.taken(thing)
 
     def _pick(self, name: str, start: str | None) -> np.ndarray:
         """Until something is held; where it was."""
-        search = self.agent.seek_object(self.kit, name, start)
+        search = self.agent.seek_object(self.tools, name, start)
         search.settle_at_last(self.settings.pick_at_last)
         self._begun(search)
         while True:
@@ -194,7 +194,7 @@ class Mission:
 
     def _place(self, goal: str, not_at: np.ndarray | None) -> None:
         """Until it is put down; and whether it is seen there then."""
-        search = self.agent.seek_receptacle(self.kit, goal, not_at)
+        search = self.agent.seek_receptacle(self.tools, goal, not_at)
         search.settle_at_last(self.settings.place_at_last)
         search.rounds = self.settings.rounds_held
         self._begun(search)
@@ -210,7 +210,7 @@ class Mission:
             self._note_if_unsure(search, found)
             self.body.tell_phase(Phase.PLACE, goal, f"going to place on the {goal}")
             name = self.instruction.object or ""
-            before = list(self.kit.belief.known(name))
+            before = list(self.tools.belief.known(name))
             done = self.skills.place(found, goal, search.holds_up)
             if done is Done.SUCCEEDED:
                 self.seen_at_goal = False  # until it is seen
@@ -246,7 +246,7 @@ class Mission:
         elsewhere."""
         least, surface_m = self.settings.cs_g, self.skills.surface_m
         seen, thing = look_after(
-            self.body, receptacle, before, lambda: self.kit.belief.known(name), least, surface_m
+            self.body, receptacle, before, lambda: self.tools.belief.known(name), least, surface_m
         )
         if seen is Seen.BESIDE_IT and thing is not None:
             x, y, z = thing.center_m
@@ -258,11 +258,11 @@ class Mission:
         return seen is Seen.ON_IT
 
     def _go_to(self, goal: str) -> None:
-        search = self.agent.seek_receptacle(self.kit, goal, None)
+        search = self.agent.seek_receptacle(self.tools, goal, None)
         if isinstance(search, ScoredSearch):
             search.what = "stop"  # in its sentences
         search = self._begun(search)
-        looking, pose = self.kit.looking, self.body.pose
+        looking, pose = self.tools.looking, self.body.pose
         while True:
             found = search.find()
             points = looking.around(found) or looking.views_of(found)
@@ -276,17 +276,17 @@ class Mission:
     def _show(self, search: Search) -> str:
         """Find a thing and stop before it, or as near as a way leads; it must still be believed
         from there."""
-        looking, near_m = self.kit.looking, max(self.settings.stop_distances_m)
+        looking, near_m = self.tools.looking, max(self.settings.stop_distances_m)
         while True:
             used = self.body.budget_used()
             found = search.find()
             stood = self._stand(found, looking.stops_at(found))
             if stood is Outcome.UNREACHABLE:
                 x, y, _ = (float(v) for v in found.center_m)
-                if self.kit.legs.clear_way((x, y), near_m):
+                if self.tools.base.clear_way((x, y), near_m):
                     continue
                 self._stand(found, looking.views_of(found))
-            seen = self.kit.belief.from_near(found, search.name, 0.3)
+            seen = self.tools.belief.from_near(found, search.name, 0.3)
             if seen is not None and seen.score >= search.threshold:
                 x, y, z = seen.center_m
                 return f"found the {search.name} at ({x:.2f}, {y:.2f}, {z:.2f}) m"
@@ -297,9 +297,9 @@ class Mission:
 
     def _stand(self, found: ObjectInstance, points: Sequence[GazePoint]) -> Outcome:
         """Go to the first of these that can be got to, for as long as it is worth to."""
-        go, purpose = self.kit.looking.go_and_look, f"show the {found.class_name}"
+        go, purpose = self.tools.looking.go_and_look, f"show the {found.class_name}"
         for gaze in points:
-            outcome = go(found, gaze, purpose, lambda: not self.kit.belief.holds(found))
+            outcome = go(found, gaze, purpose, lambda: not self.tools.belief.holds(found))
             if outcome is not Outcome.UNREACHABLE:
                 return outcome
         return Outcome.UNREACHABLE

@@ -10,7 +10,7 @@ from helios_planner.decisions import explanations
 from helios_planner.decisions.acceptance import Candidate
 from helios_planner.decisions.decision import Decision, Do
 from helios_planner.instruction.parser import Instruction, Kind
-from helios_planner.navigation.base_controller import BlockedPath, legs_of
+from helios_planner.navigation.base_controller import BlockedPath, base_controller_for
 from helios_planner.navigation.point_goal import PointGoal, told
 from helios_planner.robot.interface import RobotInterface
 from helios_planner.search.exploration import Exploration
@@ -29,9 +29,9 @@ class MoveMission:
 
     def __init__(self, body: RobotInterface, instruction: Instruction, settings: Settings) -> None:
         self.body, self.instruction, self.settings = body, instruction, settings
-        self.legs = legs_of(body, settings)
+        self.base = base_controller_for(body, settings)
         self.looked_around = False
-        self.exploration = Exploration(self.legs, settings)
+        self.exploration = Exploration(self.base, settings)
         self.point_goal: PointGoal | None = None
         self._recalled: Mapping[str, Any] = {"walls": []}
 
@@ -54,8 +54,8 @@ class MoveMission:
         going = self._recalled if self.point_goal is None else self.point_goal.memory()
         return {
             "looked_around": self.looked_around,
-            "felt": [list(f) for f in self.legs.felt],
-            "trusted": [list(disc) for disc in self.legs.blind_ring.discs],
+            "felt": [list(f) for f in self.base.felt_obstacles],
+            "trusted": [list(disc) for disc in self.base.blind_zone.discs],
             "exploration": self.exploration.memory(),
             "going": dict(going),
         }
@@ -63,8 +63,8 @@ class MoveMission:
     def recall(self, memory: Mapping[str, Any], last: LastAction) -> None:
         """Go on from there. What came of the newest action shows in where the robot stands."""
         self.looked_around = memory["looked_around"]
-        self.legs.felt[:] = [(x, y, r) for x, y, r in memory["felt"]]
-        self.legs.blind_ring.discs[:] = [(x, y, r) for x, y, r in memory["trusted"]]
+        self.base.felt_obstacles[:] = [(x, y, r) for x, y, r in memory["felt"]]
+        self.base.blind_zone.discs[:] = [(x, y, r) for x, y, r in memory["trusted"]]
         self.exploration.recall(memory["exploration"])
         self._recalled = memory["going"]
 
@@ -80,7 +80,7 @@ class MoveMission:
     def _go(self, xy_m: tuple[float, float], yaw_rad: float | None, within_m: float, what: str,
             ) -> str:  # fmt: skip
         self._tell(f"going to {told(xy_m)}", xy_m)
-        goal = PointGoal(self.legs, xy_m, within_m, lambda barred: self._on_stage(xy_m, barred))
+        goal = PointGoal(self.base, xy_m, within_m, lambda barred: self._on_stage(xy_m, barred))
         goal.recall(self._recalled)
         self.point_goal = goal
         left_m = goal.drive(yaw_rad, f"go to {told(xy_m)}")
@@ -109,7 +109,7 @@ class MoveMission:
             if not self.looked_around:
                 self.body.tell_phase(Phase.EXPLORE, "unknown floor", "looking around")
                 if exploration.begin():
-                    self.legs.look_around()
+                    self.base.look_around()
                 self.looked_around = True
             exploration.run()
         except TimeIsUp as end:

@@ -41,6 +41,7 @@ UNPROVEN = (
     "task again"
 )
 NOT_KEPT = "this could not be kept: a planner that is restarted will not know it"
+PLACES = ("frontier", "receptacle")  # candidates that are places to go to and look
 
 
 class TaskRegistry:
@@ -296,9 +297,6 @@ def waiting_words(instruction: Instruction, robot_known: bool, reserved: str = "
     if instruction.unused:
         words += f"; not used: {', '.join(f'“{u}”' for u in instruction.unused)}"
     return words
-
-
-PLACES = ("frontier", "receptacle")  # candidates that are places to go to and look
 
 
 class TaskUpdates(Protocol):

@@ -27,6 +27,8 @@ from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskCancelled, TaskFailed, TimeIsUp
 from helios_planner.tasks.store import Entry, Memory
 
+log = logging.getLogger(__name__)
+
 
 class JournalStore(Protocol):
     """Where entries are kept; `fault`: why they cannot be, and what to do."""
@@ -206,9 +208,6 @@ class PauseControl:
         if self._cancelled.is_set():
             raise TaskCancelled
         self.check()
-
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,11 @@ from helios_planner.tasks.database import MAKE_ROOM, has_room, opened, remedy, s
 from helios_planner.tasks.write_proof import WriteProof
 
 Memory = dict[str, Any]  # of JSON
+log = logging.getLogger(__name__)
+_PUT = "INSERT OR REPLACE INTO tasks VALUES (?, ?, ?, ?)"
+_SETTLE = "DELETE FROM journal WHERE task_id = ?"
+Statement = tuple[str, tuple]
+Row = TypeVar("Row", pb.Task, pb.Decision)
 
 
 @dataclass(frozen=True)
@@ -38,14 +43,6 @@ class Entry:
     result: pb.ActionResult | None = None
     memory: Memory = field(default_factory=dict)
     epoch: tuple[str, int] | None = None  # the world that its poses live in
-
-
-log = logging.getLogger(__name__)
-
-_PUT = "INSERT OR REPLACE INTO tasks VALUES (?, ?, ?, ?)"
-_SETTLE = "DELETE FROM journal WHERE task_id = ?"
-Statement = tuple[str, tuple]
-Row = TypeVar("Row", pb.Task, pb.Decision)
 
 
 class Store:

@@ -81,11 +81,11 @@ class Rig:
             o for o in self.known if o.class_name == class_name
         ]
         self.settings = Settings(**settings)
-        self.kit = Mission(self.world, parse("find the mug"), self.settings).kit
+        self.tools = Mission(self.world, parse("find the mug"), self.settings).tools
         if looks is not None:
-            self.kit.looking = cast(Looking, looks)
+            self.tools.looking = cast(Looking, looks)
         self.search = ObjectSearch(
-            self.kit, "mug", "coffee table", global_search.by_objective, paper
+            self.tools, "mug", "coffee table", global_search.by_objective, paper
         )
         self.frontiers: list[FrontierOption] = []
         self.visited: list[tuple[float, float]] = []

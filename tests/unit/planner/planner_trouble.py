@@ -30,9 +30,9 @@ def bring(world: FakeWorld, **settings: Any) -> None:
 
 def legs_in(world: FakeWorld) -> BaseController:
     """Of a robot that has looked around."""
-    legs = BaseController(world, Settings())
-    legs.look_around()
-    return legs
+    base = BaseController(world, Settings())
+    base.look_around()
+    return base
 
 
 def once(what: Callable[[], None], when: Callable[[], bool]) -> Trouble:

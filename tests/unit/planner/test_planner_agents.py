@@ -119,8 +119,8 @@ def test_helios_leaves_alone_what_it_could_not_pick_and_takes_another() -> None:
     stuck.graspable = False
     world = flat([coffee_table(), counter(), mug(), stuck], Pose2(7.0, 4.6, 1.57))
     mission = Mission(world, parse(MOVE), Settings())
-    mission.kit.legs.look_around()
-    search = mission.agent.seek_object(mission.kit, "mug", "coffee table")
+    mission.tools.base.look_around()
+    search = mission.agent.seek_object(mission.tools, "mug", "coffee table")
     wrong = next(o for o in world.objects("mug") if o.id == stuck.id)
     assert mission.skills.pick(wrong, "mug") is Done.FAILED
     assert world.picks == Settings().picks_per_object
@@ -128,7 +128,7 @@ def test_helios_leaves_alone_what_it_could_not_pick_and_takes_another() -> None:
     assert isinstance(search, ObjectSearch)
     assert [o.id for o in search.candidates()] == [3]
     search.next_round()
-    again = mission.agent.seek_object(mission.kit, "mug", "coffee table")
+    again = mission.agent.seek_object(mission.tools, "mug", "coffee table")
     again.recall(search.memory())
     for later in (search, again):
         assert not later.open(wrong)
@@ -215,8 +215,8 @@ def test_what_is_out_of_reach_is_tried_again_once_more_ground_is_known_and_only_
 ) -> None:
     world = flat([coffee_table(), counter(), mug(x=2.9, y=6.5, z=0.95)], Pose2(1.5, 1.5, 1.2))
     mission = Mission(world, parse(MOVE), Settings(agent="trusting"))
-    monkeypatch.setattr(mission.kit.legs, "clear_way", lambda target, within_m: False)
-    search = mission.agent.seek_object(mission.kit, "mug", None)
+    monkeypatch.setattr(mission.tools.base, "clear_way", lambda target, within_m: False)
+    search = mission.agent.seek_object(mission.tools, "mug", None)
     found = search.find()
     for _ in range(50):  # asking costs nothing while the robot stands
         search.leave(found, out_of_reach=True)
@@ -240,8 +240,8 @@ def test_a_thing_behind_unknown_ground_is_gone_to_look_at_at_once(
         looked.append(target)
         return True
 
-    monkeypatch.setattr(mission.kit.legs, "clear_way", clear_way)
-    search = mission.agent.seek_object(mission.kit, "mug", None)
+    monkeypatch.setattr(mission.tools.base, "clear_way", clear_way)
+    search = mission.agent.seek_object(mission.tools, "mug", None)
     found = search.find()
     search.leave(found, out_of_reach=True)
     assert looked == [pytest.approx((2.9, 6.5), abs=0.05)]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from helios_core.types import RobotDescription
 from helios_planner.motion_planning.costmap import SEEN_M, BlindZone, Pose2, blind_m
-from helios_planner.navigation.base_controller import BaseController, Outcome, legs_of
+from helios_planner.navigation.base_controller import BaseController, Outcome, base_controller_for
 from helios_planner.navigation.motion_monitor import MOST_WEDGED
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
@@ -27,62 +27,62 @@ def blind(world: FakeWorld, robot: RobotDescription = LEVEL) -> BaseController:
     world.description = robot
     world._known[:] = False  # what was seen before its camera was fixed
     world.look()
-    legs = legs_of(world, Settings())
-    legs.look_around()
-    return legs
+    base = base_controller_for(world, Settings())
+    base.look_around()
+    return base
 
 
 def test_a_robot_that_does_not_see_the_floor_at_its_feet_drives() -> None:
     world = flat(start=START)
-    legs = blind(world)
-    assert legs.go_to(Pose2(3.9, 3.0, 0.0), "test") is Outcome.ARRIVED
+    base = blind(world)
+    assert base.go_to(Pose2(3.9, 3.0, 0.0), "test") is Outcome.ARRIVED
     assert world.contacts == 0
-    assert legs.mishaps.wedged == 0
+    assert base.monitor.wedged == 0
 
 
 def test_a_robot_that_is_no_disc_drives_too() -> None:
     world = BoxWorld((7, 4), [], [], Pose2(2.5, 2.0, 0.4))
     box = replace(BoxWorld.description, camera_height_m=0.6, tilt_range_rad=(0.0, 0.0))
-    legs = blind(world, box)
-    assert legs.go_to(Pose2(4.5, 2.0, 0.0), "test") is Outcome.ARRIVED
+    base = blind(world, box)
+    assert base.go_to(Pose2(4.5, 2.0, 0.0), "test") is Outcome.ARRIVED
     assert world.contacts == 0
-    assert legs.blind_ring.discs == [(2.5, 2.0, pytest.approx(blind_m(box) + SEEN_M))]
+    assert base.blind_zone.discs == [(2.5, 2.0, pytest.approx(blind_m(box) + SEEN_M))]
 
 
 def test_what_is_seen_in_the_ring_bars_the_way() -> None:
     wall = Box(2.6, 2.0, 2.8, 4.0, 0.8)
     world = flat(start=START, extra=[wall])
-    legs = blind(world)
+    base = blind(world)
     world._known[80:160, 104:112] = True  # it is higher than the line of sight
-    assert legs.go_to(Pose2(3.9, 3.0, 0.0), "test") is Outcome.ARRIVED  # around it
+    assert base.go_to(Pose2(3.9, 3.0, 0.0), "test") is Outcome.ARRIVED  # around it
     assert world.contacts == 0
 
 
 def test_what_is_felt_in_the_ring_bars_the_way() -> None:
     low = Box(2.6, 2.7, 2.8, 3.3, 0.1, hidden=True)
     world = flat(start=START, extra=[low])
-    legs = blind(world)
-    assert legs.go_to(Pose2(3.9, 3.0, 0.0), "test") is Outcome.ARRIVED
+    base = blind(world)
+    assert base.go_to(Pose2(3.9, 3.0, 0.0), "test") is Outcome.ARRIVED
     assert 1 <= world.contacts <= 4
-    assert legs.felt
+    assert base.felt_obstacles
 
 
 def test_a_ring_wider_than_allowed_is_not_driven_over_and_the_task_says_why() -> None:
     world = flat(start=START)
-    legs = blind(world, TALL)
+    base = blind(world, TALL)
     with pytest.raises(TaskFailed, match=r"sees the floor only from 3\.0 m on.*BLIND_M") as failure:
-        legs.go_to(Pose2(3.9, 3.0, 0.0), "test")
+        base.go_to(Pose2(3.9, 3.0, 0.0), "test")
     assert failure.value.cause is Cause.STUCK
-    assert legs.mishaps.wedged == MOST_WEDGED + 1
+    assert base.monitor.wedged == MOST_WEDGED + 1
     assert world.pose().xy == START.xy
-    assert legs.blind_ring.discs == []
+    assert base.blind_zone.discs == []
 
 
 def test_a_robot_that_sees_its_feet_trusts_no_ground() -> None:
-    legs = BaseController(flat(start=START), Settings())
-    assert legs.blind_ring.width_m == 0
-    assert not legs.blind_ring.trust(START)
-    assert legs.blind_ring.too_wide() == ""
+    base = BaseController(flat(start=START), Settings())
+    assert base.blind_zone.width_m == 0
+    assert not base.blind_zone.trust(START)
+    assert base.blind_zone.too_wide() == ""
 
 
 def test_rings_do_not_add_up_to_a_way_through_the_unknown() -> None:

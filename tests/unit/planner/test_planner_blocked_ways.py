@@ -15,10 +15,10 @@ from planner_world import FakeWorld
 
 def test_a_way_that_is_newly_blocked_is_left_for_another() -> None:
     world = flat(start=Pose2(0.6, 3.0, 0.0))
-    legs = legs_in(world)
+    base = legs_in(world)
     box = Box(3.2, 2.5, 3.5, 3.5, 0.8)
     troubled(world, once(lambda: world.add_box(box), lambda: world.pose().x_m > 1.0))
-    assert legs.go_to(Pose2(3.95, 3.0, 0.0), "test") is Outcome.ARRIVED
+    assert base.go_to(Pose2(3.95, 3.0, 0.0), "test") is Outcome.ARRIVED
     assert box in world.boxes
     assert world.contacts == 0
 
@@ -34,24 +34,24 @@ def test_a_way_that_is_narrower_than_wished_is_taken_all_the_same() -> None:
 def test_a_robot_that_never_comes_nearer_gives_the_goal_up() -> None:
     """A slippery floor, on which it ends each move where it began it."""
     world = flat(start=Pose2(1.5, 3.0, 0.0))
-    legs = legs_in(world)
+    base = legs_in(world)
 
     def slips(_: FakeWorld, action: Action) -> ActionResult | None:
         return ActionResult(True, moved_m=0.2) if isinstance(action, Forward) else None
 
     troubled(world, slips).look = lambda: None  # it sees nothing new either
     before = world.steps
-    assert legs.go_to(Pose2(3.5, 3.0, 0.0), "test") is Outcome.UNREACHABLE
+    assert base.go_to(Pose2(3.5, 3.0, 0.0), "test") is Outcome.UNREACHABLE
     assert world.steps - before <= 80 + 10 * 2
 
 
 def test_a_goal_that_nothing_leads_to_is_called_unreachable_soon() -> None:
     world = flat(start=Pose2(1.5, 3.0, 0.0))
-    legs = legs_in(world)
+    base = legs_in(world)
     shut = Box(4.3, 2.4, 4.6, 3.6, 2.5)
     troubled(world, once(lambda: world.add_box(shut), lambda: world.pose().x_m > 2.0))
     before = world.steps
-    assert legs.go_to(Pose2(6.0, 3.0, 0.0), "test") is Outcome.UNREACHABLE
+    assert base.go_to(Pose2(6.0, 3.0, 0.0), "test") is Outcome.UNREACHABLE
     assert world.steps - before < 80
     assert world.contacts == 0
 

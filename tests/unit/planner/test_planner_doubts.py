@@ -111,7 +111,7 @@ def test_what_is_doubted_again_and_again_is_left(
 def test_only_what_may_still_be_chosen_holds_up() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.9)]
-    search = ReceptacleSearch(rig.kit, "counter", None, paper)
+    search = ReceptacleSearch(rig.tools, "counter", None, paper)
     (thing,) = rig.known
     assert search.holds_up(thing)
     search.leave(thing, out_of_reach=False)
@@ -142,7 +142,7 @@ def test_a_receptacle_of_which_more_is_seen_from_near_is_the_same_one() -> None:
 
 def test_from_near_a_score_may_lack_what_one_more_view_could_bring() -> None:
     rig = Rig(Looks([]))
-    search = ReceptacleSearch(rig.kit, "counter", None, paper)
+    search = ReceptacleSearch(rig.tools, "counter", None, paper)
     least = search.threshold - rig.settings.tau_inc
     for score, holds in ((least + 0.01, True), (least - 0.01, False)):
         rig.known = [instance(counter(), score=score)]

@@ -24,10 +24,10 @@ from planner_world import FakeWorld
 
 def seen_counter(**settings: Any) -> tuple[FakeWorld, Looking, ObjectInstance]:
     world = flat([counter()], Pose2(2.2, 5.0, 1.57))
-    kit = Mission(world, parse("find the counter"), Settings(**settings)).kit
-    kit.legs.look_around()
+    tools = Mission(world, parse("find the counter"), Settings(**settings)).tools
+    tools.base.look_around()
     (thing,) = world.objects("counter")
-    return world, kit.looking, thing
+    return world, tools.looking, thing
 
 
 def test_the_extra_view_is_the_one_that_would_raise_the_score_most() -> None:
@@ -43,7 +43,7 @@ def test_the_extra_view_is_the_one_that_would_raise_the_score_most() -> None:
 
 def test_no_view_is_gone_to_twice_and_so_many_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     _, looking, thing = seen_counter(extra_views=2)
-    monkeypatch.setattr(looking.legs, "go_to", lambda *_: Outcome.UNREACHABLE)
+    monkeypatch.setattr(looking.base, "go_to", lambda *_: Outcome.UNREACHABLE)
     for _ in range(2):
         best = looking.best_view(thing, "counter")
         assert best is not None

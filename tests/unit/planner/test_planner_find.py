@@ -59,9 +59,9 @@ def test_what_no_way_leads_near_to_is_shown_from_as_near_as_one_does(
         sought.append(thing.id)
         return stops_at(looking, thing)
 
-    def watched(legs: BaseController, target: tuple[float, float], within_m: float) -> bool:
+    def watched(base: BaseController, target: tuple[float, float], within_m: float) -> bool:
         asked.append(target)
-        was_unknown = clear_way(legs, target, within_m)
+        was_unknown = clear_way(base, target, within_m)
         return was_unknown or (math.dist(target, (2.6, 5.4)) < 0.05 and len(sought) == 1)
 
     monkeypatch.setattr(Looking, "stops_at", seek)

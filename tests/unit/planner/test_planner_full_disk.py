@@ -204,7 +204,7 @@ def test_tasks_are_told_while_the_disk_does_not_answer(house: House) -> None:
     id = submit(bus, GO).id
     ended(bus, id)
     planner = house.planners[-1]
-    with planner._book._writing, planner._store._lock:  # as in a write that takes its time
+    with planner._registry._writing, planner._store._lock:  # as in a write that takes its time
         assert task(bus, id).state == "succeeded"
         assert len(bus.call(service.LIST_TASKS, pb.Empty(), 5).tasks) == 1
 
@@ -214,7 +214,7 @@ def test_a_task_that_has_ended_is_not_paused_by_who_comes_too_late(house: House)
     bus = house.planner()
     id = submit(bus, GO).id
     ended(bus, id)
-    book = house.planners[-1]._book
+    book = house.planners[-1]._registry
     assert book.change(id, on_hold=True, state=State.PAUSED).state is State.SUCCEEDED
     house.planners[-1].close()
     assert task(house.planner(), id).state == "succeeded"

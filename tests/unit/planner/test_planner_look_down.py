@@ -6,7 +6,7 @@ import pytest
 from helios_core.robot import Tilt
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.navigation import base_controller as legs_module
-from helios_planner.navigation.base_controller import BaseController, Outcome, legs_of
+from helios_planner.navigation.base_controller import BaseController, Outcome, base_controller_for
 from helios_planner.settings import Settings
 from planner_eye import CELL_M
 from planner_flat import flat
@@ -20,12 +20,12 @@ def test_ground_too_near_to_be_seen_on_the_way_is_looked_down_at(kind: type[Fake
     world = kind((7, 4), [], [], Pose2(2.0, 2.0, 0.0))
     world._known[:] = True
     world._known[:, round(2.75 / CELL_M) : round(2.9 / CELL_M)] = False
-    legs = legs_of(world, Settings())
-    legs.tilt(legs.settings.travel_tilt_rad)
-    assert not legs._wedged()
-    assert legs.go_to(Pose2(4.5, 2.0, 0.0), "test") is Outcome.ARRIVED
+    base = base_controller_for(world, Settings())
+    base.tilt(base.settings.travel_tilt_rad)
+    assert not base._wedged()
+    assert base.go_to(Pose2(4.5, 2.0, 0.0), "test") is Outcome.ARRIVED
     down_rad = max(a.angle_rad for a in world.log if isinstance(a, Tilt))
-    assert down_rad > legs.settings.travel_tilt_rad + 0.1
+    assert down_rad > base.settings.travel_tilt_rad + 0.1
 
 
 def test_a_robot_that_stands_among_ground_it_did_not_see_is_not_wedged() -> None:
@@ -34,24 +34,24 @@ def test_a_robot_that_stands_among_ground_it_did_not_see_is_not_wedged() -> None
     row, column = round(3.0 / CELL_M), round(2.0 / CELL_M)
     near = round(0.9 / CELL_M)  # its camera sees the ground from 1 m on
     world._known[row - near : row + near, column - near : column + near] = False
-    legs = BaseController(world, Settings())
-    legs.tilt(legs.settings.travel_tilt_rad)
-    assert legs._wedged()
-    assert legs.go_to(Pose2(3.5, 3.0, 0.0), "test") is Outcome.ARRIVED
-    assert legs.mishaps.wedged == 0
+    base = BaseController(world, Settings())
+    base.tilt(base.settings.travel_tilt_rad)
+    assert base._wedged()
+    assert base.go_to(Pose2(3.5, 3.0, 0.0), "test") is Outcome.ARRIVED
+    assert base.monitor.wedged == 0
 
 
 def test_where_no_motion_helps_the_ground_at_the_feet_is_looked_at_before_the_goal_is_given_up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    legs = BaseController(flat(start=Pose2(1.5, 3.0, 0.0)), Settings())
-    legs.look_around()
+    base = BaseController(flat(start=Pose2(1.5, 3.0, 0.0)), Settings())
+    base.look_around()
     looks = [True, False]  # whether there was anything to see
 
     def without_motion(*_: object) -> None:
         return None
 
     monkeypatch.setattr(legs_module, "next_primitive", without_motion)
-    monkeypatch.setattr(legs, "look_down_around", lambda: looks.pop(0))
-    assert legs.go_to(Pose2(3.5, 3.0, 0.0), "test") is Outcome.UNREACHABLE
+    monkeypatch.setattr(base, "look_down_around", lambda: looks.pop(0))
+    assert base.go_to(Pose2(3.5, 3.0, 0.0), "test") is Outcome.UNREACHABLE
     assert looks == [False]  # once is enough

@@ -38,23 +38,23 @@ def test_a_wedged_robot_looks_around_and_then_says_so() -> None:
     cell = [Box(1.0, 1.0, 2.0, 1.15, 1), Box(1.0, 1.85, 2.0, 2.0, 1),
             Box(1.0, 1.0, 1.15, 2.0, 1), Box(1.85, 1.0, 2.0, 2.0, 1)]  # fmt: skip
     world = flat(start=Pose2(1.5, 1.5, 0.0), extra=cell)
-    legs = legs_in(world)
+    base = legs_in(world)
     before = len(world.log)
     with pytest.raises(TaskFailed, match=r"wedged at \(1.50, 1.50\)") as failure:
-        legs.go_to(Pose2(3.0, 3.0, 0.0), "test")
+        base.go_to(Pose2(3.0, 3.0, 0.0), "test")
     assert failure.value.cause is Cause.STUCK
-    assert legs.mishaps.wedged == MOST_WEDGED + 1
+    assert base.monitor.wedged == MOST_WEDGED + 1
     turned = sum(abs(a.angle_rad) for a in world.log[before:] if isinstance(a, Turn))
     assert turned >= MOST_WEDGED * 2 * math.pi - 0.01
 
 
 def test_what_was_felt_and_is_no_longer_there_does_not_wedge_the_robot_for_good() -> None:
-    legs = legs_in(flat(start=Pose2(2.0, 2.0, 0.0)))
+    base = legs_in(flat(start=Pose2(2.0, 2.0, 0.0)))
     ring = np.linspace(0, 2 * math.pi, 16, endpoint=False)
     for a in ring:
-        legs.felt.append((2.0 + 0.42 * math.cos(a), 2.0 + 0.42 * math.sin(a), 0.08))
-    assert legs.go_to(Pose2(3.0, 3.0, 0.0), "test") is Outcome.ARRIVED
-    assert legs.mishaps.wedged == 1
+        base.felt_obstacles.append((2.0 + 0.42 * math.cos(a), 2.0 + 0.42 * math.sin(a), 0.08))
+    assert base.go_to(Pose2(3.0, 3.0, 0.0), "test") is Outcome.ARRIVED
+    assert base.monitor.wedged == 1
 
 
 def lane(max_back_m: float) -> BaseController:
@@ -66,29 +66,29 @@ def lane(max_back_m: float) -> BaseController:
 
 
 def test_a_wedged_robot_that_can_moves_back_out_of_where_it_came_in() -> None:
-    legs = lane(0.3)
-    assert legs.go_to(Pose2(0.8, 3.0, 3.1), "test") is Outcome.ARRIVED
-    assert isinstance(legs.body, FakeWorld)
-    back = [a.distance_m for a in legs.body.log if isinstance(a, Forward) and a.distance_m < 0]
+    base = lane(0.3)
+    assert base.go_to(Pose2(0.8, 3.0, 3.1), "test") is Outcome.ARRIVED
+    assert isinstance(base.body, FakeWorld)
+    back = [a.distance_m for a in base.body.log if isinstance(a, Forward) and a.distance_m < 0]
     assert 1 <= len(back) <= MOST_WEDGED
     assert min(back) >= -0.3
-    assert legs.body.contacts == 0
+    assert base.body.contacts == 0
 
 
 def test_a_robot_that_cannot_move_back_is_never_told_to() -> None:
-    legs = lane(0.0)
+    base = lane(0.0)
     with pytest.raises(TaskFailed, match="wedged"):
-        legs.go_to(Pose2(0.8, 3.0, 3.1), "test")
-    assert isinstance(legs.body, FakeWorld)
-    assert not any(isinstance(a, Forward) for a in legs.body.log)
+        base.go_to(Pose2(0.8, 3.0, 3.1), "test")
+    assert isinstance(base.body, FakeWorld)
+    assert not any(isinstance(a, Forward) for a in base.body.log)
 
 
 @pytest.mark.parametrize(("behind_m", "free_m"), [(0.9, 0.3), (0.52, 0.2), (0.36, 0.0)])
 def test_a_move_back_ends_before_what_is_behind(behind_m: float, free_m: float) -> None:
     """A box whose near edge is so far behind the robot's middle; its rim is 0.3 m away."""
     box = Box(3.0 - behind_m - 0.5, 2.5, 3.0 - behind_m, 3.5, 1.0)
-    legs = legs_in(flat(start=Pose2(3.0, 3.0, 0.0), extra=[box]))
-    assert legs.reach(legs.levels[-1]).free_back_m(0.3, legs.rules) == pytest.approx(
+    base = legs_in(flat(start=Pose2(3.0, 3.0, 0.0), extra=[box]))
+    assert base.reach(base.levels[-1]).free_back_m(0.3, base.rules) == pytest.approx(
         free_m, abs=0.03
     )
 
@@ -107,14 +107,14 @@ def jumping(times: int) -> Trouble:
 
 def test_after_a_jump_of_the_localisation_it_looks_around_and_goes_on() -> None:
     world = flat(start=Pose2(1.0, 1.2, 0.0))
-    legs = legs_in(world)
+    base = legs_in(world)
     troubled(world, jumping(1))
-    legs.felt.append((6.0, 1.0, 0.08))
+    base.felt_obstacles.append((6.0, 1.0, 0.08))
     before = len(world.log)
-    assert legs.go_to(Pose2(3.5, 1.5, 0.0), "test") is Outcome.ARRIVED
-    assert legs.mishaps.jumps == 1
-    assert not legs.mishaps.jumped
-    assert legs.felt == []  # who knows where that is now
+    assert base.go_to(Pose2(3.5, 1.5, 0.0), "test") is Outcome.ARRIVED
+    assert base.monitor.jumps == 1
+    assert not base.monitor.jumped
+    assert base.felt_obstacles == []  # who knows where that is now
     turned = sum(abs(a.angle_rad) for a in world.log[before:] if isinstance(a, Turn))
     assert turned >= 2 * math.pi - 0.01
 
@@ -127,16 +127,16 @@ def test_a_jump_of_the_heading_alone_is_one_too() -> None:
             pose = world.pose()
             world._pose = Pose2(pose.x_m, pose.y_m, pose.yaw_rad + 1.0)
 
-    mishaps = BaseController(troubled(world, turned), Settings()).mishaps
-    mishaps.act(Forward(0.2))
-    assert mishaps.jumped
+    monitor = BaseController(troubled(world, turned), Settings()).monitor
+    monitor.act(Forward(0.2))
+    assert monitor.jumped
 
 
 def test_a_localisation_that_keeps_jumping_is_named() -> None:
     world = flat(start=Pose2(1.0, 1.2, 0.0))
-    legs = legs_in(world)
+    base = legs_in(world)
     troubled(world, jumping(99))
     with pytest.raises(TaskFailed, match="localisation jumped") as failure:
-        legs.go_to(Pose2(3.5, 1.5, 0.0), "test")
+        base.go_to(Pose2(3.5, 1.5, 0.0), "test")
     assert failure.value.cause is Cause.SYSTEM_ERROR
-    assert legs.mishaps.jumps == MOST_JUMPS + 1
+    assert base.monitor.jumps == MOST_JUMPS + 1

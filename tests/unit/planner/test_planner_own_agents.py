@@ -178,8 +178,8 @@ def test_it_goes_where_its_rule_says() -> None:
 def test_what_it_remembers_survives_a_restart() -> None:
     world = flat([coffee_table(), counter(), mug()])
     mission = run(world, "helios_examples.careful_agent:agent")
-    search = mission.agent.seek_object(mission.kit, "mug", None)
-    again = mission.agent.seek_object(mission.kit, "mug", None)
+    search = mission.agent.seek_object(mission.tools, "mug", None)
+    again = mission.agent.seek_object(mission.tools, "mug", None)
     again.recall(search.memory())
     assert again.memory() == search.memory()
 

@@ -41,7 +41,7 @@ def _settle(search: ScoredSearch) -> None:
 def test_a_patient_search_goes_on_past_a_doubtful_thing_and_takes_it_when_nothing_is_left() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.4)]
-    search = ReceptacleSearch(rig.kit, "counter", None, patient)  # tau_b is 0.5
+    search = ReceptacleSearch(rig.tools, "counter", None, patient)  # tau_b is 0.5
     assert search.decide().do is Do.SEARCH_ON
     _settle(search)
     decision = search.decide()
@@ -54,7 +54,7 @@ def test_a_patient_search_goes_on_past_a_doubtful_thing_and_takes_it_when_nothin
 def test_what_a_patient_agent_was_surer_of_than_it_needs_to_be_may_lose_that_from_near() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.8)]  # 1.4 tau_b is 0.7
-    search = ReceptacleSearch(rig.kit, "counter", None, patient)
+    search = ReceptacleSearch(rig.tools, "counter", None, patient)
     assert search.decide().do is Do.ACT
     for score, holds in ((0.51, True), (0.46, True), (0.44, False)):
         rig.known = [instance(counter(), score=score)]
@@ -64,18 +64,18 @@ def test_what_a_patient_agent_was_surer_of_than_it_needs_to_be_may_lose_that_fro
 def test_a_patient_search_settles_for_less_as_its_steps_run_out_also_after_a_restart() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.4)]
-    search = ReceptacleSearch(rig.kit, "counter", None, patient)
+    search = ReceptacleSearch(rig.tools, "counter", None, patient)
     rig.world.steps = int(0.5 * rig.world.max_steps)
     assert search.decide().do is Do.ACT
     rig.world.steps = 0
-    again = ReceptacleSearch(rig.kit, "counter", None, patient)
+    again = ReceptacleSearch(rig.tools, "counter", None, patient)
     again.recall(search.memory())
     assert again.decide().do is Do.ACT
 
 
 def test_a_mug_on_the_likely_table_counts_more_than_a_likelier_mug_elsewhere() -> None:
     rig = Rig(Looks([]))
-    search = ObjectSearch(rig.kit, "mug", "coffee table", global_search.by_objective, patient)
+    search = ObjectSearch(rig.tools, "mug", "coffee table", global_search.by_objective, patient)
     size = np.array([0.1, 0.1, 0.1])
     here = instance(Thing(3, "mug", np.array([*TABLE_XY, 0.5]), size), score=0.5)
     elsewhere = instance(Thing(4, "mug", np.array([1.0, 1.0, 0.5]), size), score=0.6)
@@ -93,7 +93,7 @@ def test_a_mug_on_the_likely_table_counts_more_than_a_likelier_mug_elsewhere() -
 def test_while_no_start_receptacle_is_known_one_is_to_be_expected_elsewhere() -> None:
     """A thing that lies on nothing like it is not picked at once, however sure it is itself."""
     rig = Rig(Looks([]))
-    search = ObjectSearch(rig.kit, "mug", "coffee table", global_search.by_objective, patient)
+    search = ObjectSearch(rig.tools, "mug", "coffee table", global_search.by_objective, patient)
     on_the_table = Thing(3, "mug", np.array([*TABLE_XY, 0.5]), np.array([0.1, 0.1, 0.1]))
     thing = instance(on_the_table, score=0.9)
     rig.known = [thing]
@@ -105,7 +105,7 @@ def test_while_no_start_receptacle_is_known_one_is_to_be_expected_elsewhere() ->
 
 
 def test_a_patient_search_searches_everything_again_before_it_goes_below_the_threshold() -> None:
-    search = ReceptacleSearch(Rig(Looks([])).kit, "counter", None, patient)
+    search = ReceptacleSearch(Rig(Looks([])).tools, "counter", None, patient)
     search.settle_at_last(0.92)
     while search.settle_for_less():
         pass
@@ -167,7 +167,7 @@ def test_who_is_sent_to_a_place_does_not_settle_for_another() -> None:
 def test_before_the_steps_run_out_what_is_held_is_put_somewhere() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.3)]
-    search = ReceptacleSearch(rig.kit, "counter", None, paper)
+    search = ReceptacleSearch(rig.tools, "counter", None, paper)
     search.settle_at_last(0.92)
     rig.world.steps = int(0.9 * rig.world.max_steps)
     assert search.decide().do is not Do.ACT
@@ -178,14 +178,14 @@ def test_before_the_steps_run_out_what_is_held_is_put_somewhere() -> None:
     assert not search.settled_for(instance(counter(), score=0.9))  # it would have done before
     rig.known = [replace(rig.known[0], score=-0.01)]  # Ψ is S − U
     assert search.decide().do is Do.ACT
-    again = ReceptacleSearch(rig.kit, "counter", None, paper)
+    again = ReceptacleSearch(rig.tools, "counter", None, paper)
     again.settle_at_last(0.92)
     again.recall(search.memory())
     assert again.settled_for(rig.known[0])
 
 
 def test_everything_is_searched_a_second_time_before_it_settles() -> None:
-    search = ReceptacleSearch(Rig(Looks([])).kit, "counter", None, paper)
+    search = ReceptacleSearch(Rig(Looks([])).tools, "counter", None, paper)
     search.settle_at_last(0.92)
     assert not search.settle_for_less()
     search._round = Settings().rounds - 1
@@ -206,7 +206,7 @@ def test_the_paper_counts_no_place() -> None:
 def _forgotten(agent: Rule, **settings: Any) -> tuple[Rig, ReceptacleSearch]:
     """A search whose candidates, one of many views and a surer one of few, are known no more."""
     rig = Rig(Looks([]), **settings)
-    search = ReceptacleSearch(rig.kit, "counter", None, agent)
+    search = ReceptacleSearch(rig.tools, "counter", None, agent)
     search.settle_at_last(0.9)
     once, fleeting = instance(counter(), score=0.3), instance(coffee_table(), score=0.45)
     rig.known = [replace(once, views=20), replace(fleeting, class_name="counter", views=1)]
@@ -241,7 +241,7 @@ def test_at_last_what_is_out_of_reach_waits_instead_of_having_its_way_cleared(
 ) -> None:
     cleared: list[object] = []
     rig, search = _forgotten(paper)
-    monkeypatch.setattr(rig.kit.legs, "clear_way", lambda *at: bool(cleared.append(at)) or True)
+    monkeypatch.setattr(rig.tools.base, "clear_way", lambda *at: bool(cleared.append(at)) or True)
     rig.known = [instance(counter(), score=0.3)]
     search.decide()
     search.leave(rig.known[0], out_of_reach=True)
@@ -256,7 +256,7 @@ def test_at_last_what_is_out_of_reach_waits_instead_of_having_its_way_cleared(
 
 def test_what_was_believed_once_is_remembered_over_a_restart() -> None:
     rig, search = _forgotten(paper)
-    again = ReceptacleSearch(rig.kit, "counter", None, paper)
+    again = ReceptacleSearch(rig.tools, "counter", None, paper)
     again.settle_at_last(0.9)
     again.recall(json.loads(json.dumps(search.memory())))
     rig.world.steps = int(0.95 * rig.world.max_steps)

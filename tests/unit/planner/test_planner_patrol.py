@@ -56,12 +56,12 @@ def test_places_are_apart_and_leave_no_ground_that_is_farther_away(
 
 def test_a_patrol_goes_the_shortest_way_first_and_looks_all_around_at_each_place() -> None:
     world = flat()
-    legs = BaseController(world, Settings())
-    legs.look_around()
-    patrol = RevisitSearch(legs, 1.5)
+    base = BaseController(world, Settings())
+    base.look_around()
+    patrol = RevisitSearch(base, 1.5)
     patrol.begin()
     begun = len(world.log)
-    place = next_place(legs.reach(), patrol.seen_from, 1.5)
+    place = next_place(base.reach(), patrol.seen_from, 1.5)
     assert place is not None
     assert patrol.step("look", lambda: False)
     assert world.pose().distance_m(place) < 0.3
@@ -74,9 +74,9 @@ def test_a_patrol_goes_the_shortest_way_first_and_looks_all_around_at_each_place
 
 def test_a_patrol_is_left_as_soon_as_something_is_found() -> None:
     world = flat()
-    legs = BaseController(world, Settings())
-    legs.look_around()
-    patrol = RevisitSearch(legs, 1.5)
+    base = BaseController(world, Settings())
+    base.look_around()
+    patrol = RevisitSearch(base, 1.5)
     patrol.begin()
     steps = world.steps
     assert patrol.step("look", lambda: True)
@@ -118,7 +118,7 @@ def test_a_counter_that_is_only_seen_on_the_second_search_is_found() -> None:
 def test_at_last_it_is_placed_whatever_it_looks_like_from_near() -> None:
     rig = Rig(Looks([]))
     rig.known = [instance(counter(), score=0.3)]
-    search = ReceptacleSearch(rig.kit, "counter", None, paper)
+    search = ReceptacleSearch(rig.tools, "counter", None, paper)
     search.settle_at_last(0.88)
     assert not search.holds_up(None)
     rig.world.steps = int(0.9 * rig.world.max_steps)
@@ -129,21 +129,21 @@ def test_at_last_it_is_placed_whatever_it_looks_like_from_near() -> None:
 def test_what_vanished_from_near_is_placed_on_where_it_was_if_that_has_to_do() -> None:
     world = flat([coffee_table(), counter(), mug()])
     Mission(world, parse("go to the counter"), Settings()).run()
-    legs, asked = BaseController(world, Settings()), []
+    base, asked = BaseController(world, Settings()), []
     mission = Mission(world, parse(MOVE), Settings())
-    skills = Manipulation(world, legs, Settings(), mission.kit.belief, 1)
+    skills = Manipulation(world, base, Settings(), mission.tools.belief, 1)
     thing = next(o for o in world.objects("counter"))
     world._held = world.things[3]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mission.kit.belief, "from_near", lambda *_: None)
+        patch.setattr(mission.tools.belief, "from_near", lambda *_: None)
         skills.place(thing, "counter", lambda near: asked.append(near) is None)
     assert asked[0] is None
     assert world.released is world.things[3]
 
 
 def test_the_places_of_a_patrol_are_remembered() -> None:
-    search = ReceptacleSearch(Rig(Looks([])).kit, "counter", None, paper)
+    search = ReceptacleSearch(Rig(Looks([])).tools, "counter", None, paper)
     search._patrol.seen_from = [(1.0, 2.0), (3.5, 1.0)]
-    again = ReceptacleSearch(Rig(Looks([])).kit, "counter", None, paper)
+    again = ReceptacleSearch(Rig(Looks([])).tools, "counter", None, paper)
     again.recall(search.memory())
     assert again._patrol.seen_from == [(1.0, 2.0), (3.5, 1.0)]

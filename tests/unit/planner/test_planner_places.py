@@ -138,9 +138,9 @@ def test_what_lies_at_the_back_of_a_lower_shelf_is_picked() -> None:
     low = mug(x=2.5, y=6.62, z=0.4)
     world = flat([low], Pose2(2.5, 4.9, 1.57), [Box(2.0, 6.25, 3.0, 6.95, 1.2)])
     mission = Mission(world, parse("find the mug"), Settings())
-    mission.kit.legs.look_around()
+    mission.tools.base.look_around()
     (thing,) = world.objects("mug")
-    reached = mission.kit.legs.reach()
+    reached = mission.tools.base.reach()
     assert stand_for(thing.center_m, reached, ROBOT, 0.74) is None
     assert mission.skills.pick(thing, "mug") is Done.SUCCEEDED
     assert low.views == []  # the object map was told that it is no longer there
@@ -173,7 +173,7 @@ def test_a_robot_that_drifts_faces_what_it_picks_and_looks_at_it(
     monkeypatch.setattr(world, "_drive", drift)
     monkeypatch.setattr(world, "_pick", pick)
     mission = Mission(world, parse("find the mug"), Settings())
-    mission.kit.legs.look_around()
+    mission.tools.base.look_around()
     (thing,) = world.objects("mug")
     assert mission.skills.pick(thing, "mug") is Done.FAILED
     assert len(seen) == mission.skills.attempts
@@ -197,7 +197,7 @@ def placing(world: FakeWorld) -> tuple[Mission, ObjectInstance]:
     """With the mug in hand, and the counter known."""
     mission = Mission(world, parse("Move the mug from the coffee table to the counter"), Settings())
     world._held = world.things[3]
-    mission.kit.legs.look_around()
+    mission.tools.base.look_around()
     (goal,) = world.objects("counter")
     return mission, goal
 

@@ -16,7 +16,7 @@ from helios_planner.navigation.base_controller import (
     BaseController,
     Outcome,
     PoseBaseController,
-    legs_of,
+    base_controller_for,
 )
 from helios_planner.settings import Settings
 from hypothesis import example, given, settings
@@ -210,13 +210,13 @@ class BoxWorld(FakeWorld):
 def test_its_legs_go_through_an_unknown_home_without_contact() -> None:
     walls = [Box(3.4, 0, 3.5, 1.5, 2.5), Box(3.4, 2.4, 3.5, 4, 2.5)]
     world = BoxWorld((7, 4), walls, [], Pose2(1.5, 2.0, 0.4))
-    legs = legs_of(world, Settings())
-    assert isinstance(legs, PoseBaseController)
-    legs.look_around()
-    assert legs.go_to(Pose2(2.6, 1.95, 0.0), "test") is Outcome.ARRIVED
-    assert legs.go_to(Pose2(5.2, 2.0, 0.0), "test") is Outcome.ARRIVED
+    base = base_controller_for(world, Settings())
+    assert isinstance(base, PoseBaseController)
+    base.look_around()
+    assert base.go_to(Pose2(2.6, 1.95, 0.0), "test") is Outcome.ARRIVED
+    assert base.go_to(Pose2(5.2, 2.0, 0.0), "test") is Outcome.ARRIVED
     assert world.contacts == 0
-    assert isinstance(legs.reach(), PoseReach)
+    assert isinstance(base.reach(), PoseReach)
 
 
 def test_a_box_that_never_comes_nearer_gives_the_goal_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -225,10 +225,13 @@ def test_a_box_that_never_comes_nearer_gives_the_goal_up(monkeypatch: pytest.Mon
     world._known[:] = True
     monkeypatch.setattr(world, "look", lambda: None)
     monkeypatch.setattr(world, "_do", lambda _: ActionResult(True, moved_m=0.2))
-    assert legs_of(world, Settings()).go_to(Pose2(3.5, 2.0, 0.0), "test") is Outcome.UNREACHABLE
+    assert (
+        base_controller_for(world, Settings()).go_to(Pose2(3.5, 2.0, 0.0), "test")
+        is Outcome.UNREACHABLE
+    )
     assert 80 <= world.steps <= 80 + 20 * 2 + 1  # one tilts the head
 
 
 def test_a_disc_keeps_its_own_legs() -> None:
     world = FakeWorld((7, 4), [], [], Pose2(1.5, 2.0, 0.4))
-    assert type(legs_of(world, Settings())) is BaseController
+    assert type(base_controller_for(world, Settings())) is BaseController

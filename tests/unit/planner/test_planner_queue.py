@@ -60,7 +60,7 @@ def test_what_was_under_way_goes_on_before_anything_of_a_higher_priority() -> No
             ("held", State.PAUSED, -1),
         )
     }  # fmt: skip
-    service = SimpleNamespace(_book=SimpleNamespace(known=tasks.__getitem__))
+    service = SimpleNamespace(_registry=SimpleNamespace(known=tasks.__getitem__))
     order = sorted(tasks, key=partial(PlannerService._rank, cast(Any, service)), reverse=True)
     assert order == ["cut off", "held", "urgent", "first"]
 

@@ -94,7 +94,7 @@ def test_memory_comes_back_as_it_was() -> None:
     memory = cut_off(world, 60)
     again = mission(world)
     again.recall(memory, last())
-    search = again._begun(again.agent.seek_object(again.kit, "mug", "coffee table"))
+    search = again._begun(again.agent.seek_object(again.tools, "mug", "coffee table"))
     assert again.search is search
     assert json.loads(json.dumps(again.memory())) == memory
 

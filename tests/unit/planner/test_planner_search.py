@@ -36,7 +36,7 @@ def test_what_was_searched_is_known_by_its_place_when_its_id_changes() -> None:
     rig = Rig(Looks([1.0]))
     rig.known = [instance(coffee_table())]
     rig.search.explore()
-    cast(Looks, rig.kit.looking).left = [1.0]
+    cast(Looks, rig.tools.looking).left = [1.0]
     moved = coffee_table()
     moved.center_m = moved.center_m + np.array([0.3, 0.0, 0.0])
     far = coffee_table()
@@ -72,11 +72,11 @@ def test_in_the_next_round_every_receptacle_is_searched_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rig = Rig(Looks([1.0]))
-    monkeypatch.setattr(rig.kit.legs, "look_around", lambda: None)
+    monkeypatch.setattr(rig.tools.base, "look_around", lambda: None)
     rig.known = [instance(coffee_table())]
     rig.search.explore()
     rig.search.next_round()
-    cast(Looks, rig.kit.looking).left = [1.0]
+    cast(Looks, rig.tools.looking).left = [1.0]
     assert rig.search.explore()
     assert rig.offered() == [1]
 
@@ -113,7 +113,7 @@ def test_what_is_believed_less_than_a_candidate_is_none(score: float, counts: bo
     rig = Rig(Looks([1.0]))
     thing = Thing(3, "mug", np.array([*TABLE_XY, 0.5]), np.array([0.1, 0.1, 0.1]))
     rig.known = [instance(coffee_table(), class_score=score), instance(thing, class_score=score)]
-    place = ReceptacleSearch(rig.kit, "coffee table", None, paper)
+    place = ReceptacleSearch(rig.tools, "coffee table", None, paper)
     assert bool(rig.search.candidates()) is counts
     assert bool(place.candidates()) is counts
     assert rig.search.explore() is counts
@@ -125,7 +125,7 @@ def test_the_goal_is_sought_by_the_place_layer() -> None:
         Frontier(1, (2.0, 1.0), 1.0, {"pick": 0.9, "place": 0.1}),
         Frontier(2, (1.0, 1.0), 1.0, {"pick": 0.1, "place": 0.9}),
     ]
-    search = ReceptacleSearch(rig.kit, "counter", None, paper)
+    search = ReceptacleSearch(rig.tools, "counter", None, paper)
     search.visit_frontier = lambda xy_m, found: rig.visited.append(xy_m)
     search.explore()
     assert rig.visited == [(1.0, 1.0)]
@@ -134,9 +134,9 @@ def test_the_goal_is_sought_by_the_place_layer() -> None:
 def test_a_thing_is_not_put_back_where_it_was_taken_from() -> None:
     rig = Rig()
     rig.known = [instance(coffee_table(), score=0.9)]
-    assert ReceptacleSearch(rig.kit, "coffee table", None, paper).candidates()
+    assert ReceptacleSearch(rig.tools, "coffee table", None, paper).candidates()
     taken_at = np.array([7.2, 5.35, 0.5])
-    assert not ReceptacleSearch(rig.kit, "coffee table", taken_at, paper).candidates()
+    assert not ReceptacleSearch(rig.tools, "coffee table", taken_at, paper).candidates()
 
 
 @pytest.mark.parametrize("way_cleared", [True, False])
@@ -145,7 +145,7 @@ def test_what_is_out_of_reach_again_and_again_is_left_for_good(
     apart_m: float, times: int, way_cleared: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rig = Rig()
-    monkeypatch.setattr(rig.kit.legs, "clear_way", lambda *_: way_cleared)
+    monkeypatch.setattr(rig.tools.base, "clear_way", lambda *_: way_cleared)
     thing = instance(coffee_table())
     for k in range(times + 1):
         center_m = thing.center_m + np.array([apart_m, 0.0, 0.0])
@@ -169,12 +169,12 @@ def test_a_frontier_that_stays_one_is_given_up_until_the_next_round(
         return lambda *_: (done.append(name), Outcome.ARRIVED)[1]
 
     for name in ("go_to", "turn_to", "look_down_around", "look_around"):
-        monkeypatch.setattr(rig.kit.legs, name, does(name))
+        monkeypatch.setattr(rig.tools.base, name, does(name))
     rig.world.frontiers = lambda: [Frontier(1, (2.0, 1.5), 1.0, {"pick": 0.5, "place": 0.5})]
-    search = ReceptacleSearch(rig.kit, "counter", None, paper)
+    search = ReceptacleSearch(rig.tools, "counter", None, paper)
     assert search.explore()
     assert done == ["go_to", "turn_to", "look_down_around"]  # it may lie at the robot's feet
-    assert rig.kit.given_up == [(2.0, 1.5)]
+    assert rig.tools.given_up == [(2.0, 1.5)]
     assert not search.explore()
     assert rig.world.decisions[-1].do is Do.NOTHING_LEFT
     search.next_round()

@@ -141,8 +141,8 @@ def chased(values: list[float]) -> tuple[FakeWorld, TargetPursuit]:
     """A robot on its way to a frontier 4 m ahead, whose value after each look is the next one."""
     world = flat(start=Pose2(0.6, 1.2, 0.0))
     mission = Mission(world, parse(FIND), Settings(agent="vlfm"))
-    mission.kit.legs.look_around()
-    search = mission.agent.seek_object(mission.kit, "mug", None)
+    mission.tools.base.look_around()
+    search = mission.agent.seek_object(mission.tools, "mug", None)
     told = iter(values)
     worth = [next(told)]
     look = world.look
@@ -175,7 +175,7 @@ def test_a_search_that_was_cut_off_keeps_its_frontier() -> None:
     world = flat()
     mission = Mission(world, parse(FIND), Settings(agent="vlfm"))
     for agent in ("vlfm", "vlfm-helios-stop"):
-        first = AGENTS[agent].seek_object(mission.kit, "mug", None)
+        first = AGENTS[agent].seek_object(mission.tools, "mug", None)
         memory = first.memory() | {"explorer": [1.0, 2.0, 0.3]}
         first.recall(memory)
         assert first.memory() == memory
@@ -239,9 +239,9 @@ def test_half_of_what_a_local_search_may_see_is_something_else_and_no_single_vie
 ) -> None:
     """The gain (eq. 12) is asked for jointly; the score after one more view (eq. 11) stays."""
     world = flat([counter()], Pose2(2.2, 5.0, 1.57))
-    kit = Mission(world, parse(FIND), Settings(agent=agent)).kit
-    kit.legs.look_around()
+    tools = Mission(world, parse(FIND), Settings(agent=agent)).tools
+    tools.base.look_around()
     (thing,) = world.objects("counter")
-    assert kit.looking.information_gain_nats(thing, "counter") is not None
-    assert kit.looking.best_view(thing, "counter") is not None
+    assert tools.looking.information_gain_nats(thing, "counter") is not None
+    assert tools.looking.best_view(thing, "counter") is not None
     assert world.shares == {(True, share), (False, 0.0)}
