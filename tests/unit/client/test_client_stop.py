@@ -230,9 +230,9 @@ print(json.dumps([status, sorted(set(sys.modules) - before - sys.stdlib_module_n
     assert status == 0
     others = [name for name in imported if name.partition(".")[0] not in sys.stdlib_module_names]
     assert others == [
-        "helios_client", "helios_client.__main__", "helios_client.leading_options",
-        "helios_client.http", "helios_client.http.address", "helios_client.interrupt_signals",
-        "helios_client.quick_stop",
+        "helios_client", "helios_client.__main__", "helios_client.http",
+        "helios_client.http.address", "helios_client.interrupt_signals",
+        "helios_client.leading_options", "helios_client.quick_stop",
     ]  # fmt: skip
 
 

@@ -111,7 +111,7 @@ def test_an_object_map_that_is_away_is_said(
     def away(*_: object) -> None:
         raise Unavailable("no object map")
 
-    monkeypatch.setattr("helios_gateway.map_cache.Maps.objects", away)
+    monkeypatch.setattr("helios_gateway.map_cache.MapCache.objects", away)
     told = client.get("/v1/suggestions").json()
     assert told["seen"] is None
     assert told["tasks"]
