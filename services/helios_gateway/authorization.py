@@ -15,7 +15,7 @@ from starlette.types import Scope as AsgiScope
 
 from helios_gateway import api_models
 from helios_gateway.api_keys import ApiKey, ApiKeys, Scope
-from helios_gateway.dependencies import Gateway, state_of
+from helios_gateway.dependencies import State, state_of
 from helios_gateway.error_responses import Forbidden, Unauthorized, problems
 
 COOKIE = "helios_key"
@@ -71,29 +71,29 @@ def secured(scope: Scope) -> list:
 
 
 @router.get("", summary="Is a key asked for, and what may this one?", responses=problems())
-async def session(request: Request, gateway: Gateway) -> api_models.Session:
-    return _session(gateway.keys, key_of(request.scope, gateway.keys))
+async def session(request: Request, state: State) -> api_models.Session:
+    return _session(state.keys, key_of(request.scope, state.keys))
 
 
 @router.post("", summary="Keep a key in a cookie", responses=problems(401))
 async def open_session(
-    request: Request, response: Response, gateway: Gateway, body: api_models.SessionRequest
+    request: Request, response: Response, state: State, body: api_models.SessionRequest
 ) -> api_models.Session:
     """The cookie is for this site alone and out of reach of scripts."""
-    key = gateway.keys.find(body.key)
+    key = state.keys.find(body.key)
     if key is None:
         raise Unauthorized("this API key is not known; make one with helios key")
     response.set_cookie(
         COOKIE, body.key, httponly=True, samesite="strict",
         secure=request.url.scheme == "https",
     )  # fmt: skip
-    return _session(gateway.keys, key)
+    return _session(state.keys, key)
 
 
 @router.delete("", summary="Forget the cookie", responses=problems())
-async def close_session(response: Response, gateway: Gateway) -> api_models.Session:
+async def close_session(response: Response, state: State) -> api_models.Session:
     response.delete_cookie(COOKIE, httponly=True, samesite="strict")
-    return _session(gateway.keys, None)
+    return _session(state.keys, None)
 
 
 def _session(keys: ApiKeys, key: ApiKey | None) -> api_models.Session:

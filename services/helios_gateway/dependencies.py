@@ -15,6 +15,7 @@ from starlette.requests import HTTPConnection
 
 from helios_gateway.api_keys import ApiKeys
 from helios_gateway.connection_slots import ConnectionSlots
+from helios_gateway.error_responses import NotFound
 from helios_gateway.map_cache import MapCache
 from helios_gateway.prometheus_metrics import Metrics
 from helios_gateway.robot_registry import RobotRegistry, Served
@@ -50,14 +51,21 @@ async def _gateway_state(connection: HTTPConnection) -> GatewayState:
 
 
 async def _addressed_robot(connection: HTTPConnection) -> Served:
-    return state_of(connection).robots.named(connection.path_params.get("robot"))
+    robots = state_of(connection).robots.robots
+    name = connection.path_params.get("robot")
+    if name is None:
+        return next(iter(robots.values()))
+    if name not in robots:
+        known = ", ".join(robots)
+        raise NotFound(f"there is no robot {name[:80]!r} here; there are: {known}")
+    return robots[name]
 
 
 async def _call_timeout_s(connection: HTTPConnection) -> float:
     return state_of(connection).settings.call_timeout_s
 
 
-Gateway = Annotated[GatewayState, Depends(_gateway_state)]
+State = Annotated[GatewayState, Depends(_gateway_state)]
 # The robot that the path names (`/v1/robots/{robot}/...`), or the first one (`/v1/...`).
 # Raises NotFound for an unknown name.
 AddressedRobot = Annotated[Served, Depends(_addressed_robot)]

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from helios_core.bus import Bus
 
 from helios_gateway.bus_listener import BusListener
-from helios_gateway.error_responses import NotFound
 
 API_ROOT = "/v1"  # below it is the first robot
 ROBOT_ROOT = "/v1/robots/{robot}"  # below it is the robot of this name
@@ -27,15 +26,6 @@ class RobotRegistry:
     """Robots by name; the first one is the default."""
 
     robots: Mapping[str, Served]
-
-    def named(self, name: str | None) -> Served:
-        """The robot of this name, or the first one for None. Raises NotFound."""
-        if name is None:
-            return next(iter(self.robots.values()))
-        if name not in self.robots:
-            known = ", ".join(self.robots)
-            raise NotFound(f"there is no robot {name[:80]!r} here; there are: {known}")
-        return self.robots[name]
 
     def reasons(self) -> list[str]:
         """Why a task could not start now, for every robot; empty when it could on all."""

@@ -19,7 +19,7 @@ from starlette.requests import HTTPConnection
 from helios_gateway import message_conversion
 from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import check, secured
-from helios_gateway.dependencies import AddressedRobot, Gateway
+from helios_gateway.dependencies import AddressedRobot, State
 from helios_gateway.error_responses import (
     Forbidden,
     Unauthorized,
@@ -51,7 +51,7 @@ router = APIRouter(tags=["events"])
 )
 async def events(
     robot: AddressedRobot,
-    gateway: Gateway,
+    state: State,
     request: Request,
     types: Types = "",
     task_id: TaskId = "",
@@ -65,7 +65,7 @@ async def events(
     The same over a WebSocket: `/v1/events/ws?last_event_id=…`, each message
     `{"id", "type", "data"}`, an empty text as a sign of life."""
     return StreamingResponse(
-        as_sse(await _watch(request, robot, gateway.settings, last_event_id, types, task_id)),
+        as_sse(await _watch(request, robot, state.settings, last_event_id, types, task_id)),
         media_type="text/event-stream",
         headers={"cache-control": "no-store", "x-accel-buffering": "no"},
     )
@@ -74,7 +74,7 @@ async def events(
 @router.websocket("/events/ws")
 async def socket(
     robot: AddressedRobot,
-    gateway: Gateway,
+    state: State,
     socket: WebSocket,
     types: Types = "",
     task_id: TaskId = "",
@@ -82,7 +82,7 @@ async def socket(
 ) -> None:
     try:
         check(socket, Scope.READ)
-        stream = await _watch(socket, robot, gateway.settings, last_event_id, types, task_id)
+        stream = await _watch(socket, robot, state.settings, last_event_id, types, task_id)
     except HeliosError as error:
         await socket.send_denial_response(problem_of(error))
         return

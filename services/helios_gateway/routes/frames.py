@@ -16,7 +16,7 @@ from starlette.responses import JSONResponse
 
 from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import check, secured
-from helios_gateway.dependencies import AddressedRobot, Gateway, GatewayState
+from helios_gateway.dependencies import AddressedRobot, GatewayState, State
 from helios_gateway.error_responses import Forbidden, Unauthorized, problem, problem_of, problems
 from helios_gateway.robot_registry import Served
 from helios_gateway.uploaded_frames import FrameTaken, push_request, read_meta, taken
@@ -36,7 +36,7 @@ router = APIRouter(tags=["frames"])
 )
 async def post_frame(
     robot: AddressedRobot,
-    gateway: Gateway,
+    state: State,
     meta: Annotated[str, Form(description="JSON: K, T_world_cam, and what else is known")],
     color: Annotated[bytes, File(description="a JPEG or PNG")],
     depth: Annotated[
@@ -53,20 +53,20 @@ async def post_frame(
     Many frames go faster over the WebSocket `/v1/frames/ws`: for each frame three messages,
     the same `meta` as text, then the two files as binary (an empty one: no depth). Each frame
     is answered by one text: what this address answers, or a problem."""
-    return await _push(robot, gateway, meta, color, depth)
+    return await _push(robot, state, meta, color, depth)
 
 
 @router.websocket("/frames/ws")
-async def socket(robot: AddressedRobot, gateway: Gateway, socket: WebSocket) -> None:
+async def socket(robot: AddressedRobot, state: State, socket: WebSocket) -> None:
     try:
         check(socket, Scope.OPERATE)
-        slot = gateway.frame_sockets.taken()
+        slot = state.frame_sockets.taken()
     except HeliosError as error:
         await socket.send_denial_response(problem_of(error))
         return
     with contextlib.suppress(WebSocketDisconnect):
         with slot:
-            end = await _answer_frames(robot, gateway, socket)
+            end = await _answer_frames(robot, state, socket)
         # The slot is free already: a sender that does not read keeps nobody waiting.
         with contextlib.suppress(TimeoutError, RuntimeError):
             async with asyncio.timeout(FAREWELL_S):
@@ -75,32 +75,32 @@ async def socket(robot: AddressedRobot, gateway: Gateway, socket: WebSocket) -> 
 
 
 async def _push(
-    robot: Served, gateway: GatewayState, meta: str | bytes, color: bytes, depth: bytes | None
+    robot: Served, state: GatewayState, meta: str | bytes, color: bytes, depth: bytes | None
 ) -> FrameTaken:
     """What the maps made of a frame. Raises HeliosError."""
 
     def call() -> pb.PushReply:
         known = read_meta(meta)
         request = push_request(known, color, depth)
-        timeout_s = known.wait_s + TURN_S + gateway.settings.call_timeout_s
+        timeout_s = known.wait_s + TURN_S + state.settings.call_timeout_s
         return robot.bus.call(PUSH, request, timeout_s)
 
-    return taken(await anyio.to_thread.run_sync(call, limiter=gateway.frame_threads))
+    return taken(await anyio.to_thread.run_sync(call, limiter=state.frame_threads))
 
 
-async def _answer_frames(robot: Served, gateway: GatewayState, socket: WebSocket) -> _End:
+async def _answer_frames(robot: Served, state: GatewayState, socket: WebSocket) -> _End:
     """Answers frames until the sender is silent or its key is withdrawn; returns the reason.
 
     Raises WebSocketDisconnect.
     """
-    idle_s = gateway.settings.frame_idle_s
+    idle_s = state.settings.frame_idle_s
     await socket.accept()
     messages = _Messages(socket, idle_s)
     while True:
         try:
             frame = await messages.next_frame()
             check(socket, Scope.OPERATE)
-            answer = (await _push(robot, gateway, *frame)).model_dump_json()
+            answer = (await _push(robot, state, *frame)).model_dump_json()
         except _Silent as silent:
             return _End.late(str(silent))
         except (Unauthorized, Forbidden) as error:

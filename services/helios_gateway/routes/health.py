@@ -16,7 +16,7 @@ from helios_core.topics import settings_method
 from helios_gateway import api_models
 from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import secured
-from helios_gateway.dependencies import AddressedRobot, CallTimeout, Gateway
+from helios_gateway.dependencies import AddressedRobot, CallTimeout, State
 from helios_gateway.error_responses import NotFound, problems
 
 ROUTER = "router"
@@ -39,10 +39,10 @@ async def healthz() -> api_models.HealthAnswer:
     responses=problems()
     | {503: {"model": api_models.Readiness, "description": "no, for these reasons"}},
 )
-async def readyz(gateway: Gateway, response: Response) -> api_models.Readiness:
+async def readyz(state: State, response: Response) -> api_models.Readiness:
     """A stopped robot is a reason, too."""
-    reasons = gateway.robots.reasons()
-    served = gateway.robots.robots.values()
+    reasons = state.robots.reasons()
+    served = state.robots.robots.values()
     stopped = any(one.live.stopped for one in served)
     response.status_code = 503 if reasons else 200
     said = [one.live.stop_reason for one in served if one.live.stop_reason]
@@ -58,8 +58,8 @@ async def readyz(gateway: Gateway, response: Response) -> api_models.Readiness:
     responses={200: {"content": {"text/plain": {}}}} | problems(),
     dependencies=secured(Scope.READ),
 )
-async def prometheus(gateway: Gateway) -> Response:
-    text, media_type = gateway.metrics.text()
+async def prometheus(state: State) -> Response:
+    text, media_type = state.metrics.text()
     return Response(text, headers={"content-type": media_type})
 
 
@@ -97,12 +97,12 @@ def service_settings(
 
 
 @robots_router.get("", summary="The robots served here", dependencies=secured(Scope.READ))
-async def robots(gateway: Gateway) -> api_models.RobotList:
+async def robots(state: State) -> api_models.RobotList:
     """Every address below `/v1` is also there below `/v1/robots/NAME`, for that robot."""
     return api_models.RobotList(robots=[
         api_models.RobotEntry(
             name=name, connected=served.live.robot().connected,
             ready=not served.live.reasons(), stopped=served.live.stopped,
         )
-        for name, served in gateway.robots.robots.items()
+        for name, served in state.robots.robots.items()
     ])  # fmt: skip

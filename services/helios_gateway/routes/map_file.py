@@ -26,7 +26,7 @@ from helios_core.topics import (
 from helios_gateway import api_map_models
 from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import secured
-from helios_gateway.dependencies import AddressedRobot, Gateway
+from helios_gateway.dependencies import AddressedRobot, State
 from helios_gateway.error_responses import problems
 from helios_gateway.map_archive import MAP2D_SUFFIX, MapFile, packed, unpacked
 from helios_gateway.message_conversion import finite
@@ -83,7 +83,7 @@ def ros(robot: AddressedRobot) -> Response:
 )
 def load(
     robot: AddressedRobot,
-    gateway: Gateway,
+    state: State,
     file: Annotated[
         bytes,
         Body(
@@ -96,7 +96,7 @@ def load(
     at (x, y) in the file must be there in the robot's world, too. Refused while a task is
     queued or under way; one that comes meanwhile waits. After a 504 which maps are in place is
     not known: load a file again."""
-    settings = gateway.settings
+    settings = state.settings
     maps = unpacked(file, settings.map_limit_bytes)
     with no_task(robot, "the maps are being loaded", settings.call_timeout_s):
         objects, ground = _load_both(robot, maps)

@@ -17,7 +17,7 @@ from starlette.requests import ClientDisconnect
 from helios_gateway import api_models
 from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import secured
-from helios_gateway.dependencies import AddressedRobot, CallTimeout, Gateway
+from helios_gateway.dependencies import AddressedRobot, CallTimeout, State
 from helios_gateway.error_responses import problems
 
 BODY_S = 0.2  # that stop-now waits for its reason
@@ -41,14 +41,14 @@ async def get_robot(robot: AddressedRobot) -> api_models.Robot:
     responses=problems(409),
     openapi_extra={"requestBody": STOP_BODY},
 )
-async def stop(robot: AddressedRobot, gateway: Gateway, request: Request) -> api_models.Robot:
+async def stop(robot: AddressedRobot, state: State, request: Request) -> api_models.Robot:
     """Goes to the bridge directly, latches, and refuses every motion until it is cleared.
     Any key may stop; requests are not counted. No body is refused: of one that cannot be read
     the reason alone is lost."""
     message = pb.StopRequest(reason=stop_reason(await _begun(request)))
     await anyio.to_thread.run_sync(
-        functools.partial(robot.bus.call, STOP, message, gateway.settings.stop_timeout_s),
-        limiter=gateway.stop_threads,
+        functools.partial(robot.bus.call, STOP, message, state.settings.stop_timeout_s),
+        limiter=state.stop_threads,
     )
     return robot.live.robot()
 

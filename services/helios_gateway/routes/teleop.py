@@ -17,7 +17,7 @@ from starlette.requests import HTTPConnection
 
 from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import check, key_of, secured
-from helios_gateway.dependencies import AddressedRobot, Gateway, state_of
+from helios_gateway.dependencies import AddressedRobot, State, state_of
 from helios_gateway.error_responses import Forbidden, Unauthorized, problem_of, problems
 from helios_gateway.message_conversion import finite, pose_of
 from helios_gateway.request_validation import told
@@ -43,7 +43,7 @@ router = APIRouter(prefix="/robot", tags=["robot"])
 )
 async def drive(
     robot: AddressedRobot,
-    gateway: Gateway,
+    state: State,
     request: Request,
     asked: Annotated[DriveRequest, Body()],
 ) -> DriveResult:
@@ -59,25 +59,25 @@ async def drive(
     Each change is told as `{"state", "reason", "kind", "pose"}`; states are `standing`,
     `driving`, `blocked` and `refused`. The kind of a refusal is `invalid` for a wrong command
     and `conflict` where the robot is not to be driven now."""
-    driver = TeleopDriver(robot, _who(request), gateway.settings.call_timeout_s)
+    driver = TeleopDriver(robot, _who(request), state.settings.call_timeout_s)
     return await anyio.to_thread.run_sync(
-        _one_move, robot, driver, asked, limiter=gateway.teleop_threads
+        _one_move, robot, driver, asked, limiter=state.teleop_threads
     )
 
 
 @router.websocket("/teleop")
-async def socket(robot: AddressedRobot, gateway: Gateway, socket: WebSocket) -> None:
+async def socket(robot: AddressedRobot, state: State, socket: WebSocket) -> None:
     try:
         check(socket, Scope.OPERATE)
-        slot = gateway.teleop_sockets.taken()
+        slot = state.teleop_sockets.taken()
     except HeliosError as error:
         await socket.send_denial_response(problem_of(error))
         return
-    settings = gateway.settings
+    settings = state.settings
     with slot:
         await socket.accept()
         driver = TeleopDriver(robot, _who(socket), settings.call_timeout_s)
-        session = TeleopSession(driver, settings, gateway.teleop_threads)
+        session = TeleopSession(driver, settings, state.teleop_threads)
         end = await _driven(robot, socket, session, settings)
     if end is not None:
         with contextlib.suppress(TimeoutError, RuntimeError):
