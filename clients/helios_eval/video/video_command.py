@@ -57,15 +57,10 @@ def video(
     if path.suffix.lower() != ".mp4":
         raise UsageError(f"--out is {str(path)!r}; a video is written as FILE.mp4")
     asked = EpisodeSpec(
-        under.benchmark,
-        agent,
-        under.semantics,
-        under.preset,
-        seed,
-        under.noise,
+        under.benchmark, agent, under.semantics, under.preset, seed, under.noise,
         that_change(agent, under.settings),
-    )
+    )  # fmt: skip
     console = Console()
     with counted(console, f"home {seed}", asked.max_steps) as on_step:
-        told = film(asked, path, fps, on_step)
-    console.print(f"{told}; written to {path}", highlight=False)
+        outcome = film(asked, path, fps, on_step)
+    console.print(f"{outcome}; written to {path}", highlight=False)
