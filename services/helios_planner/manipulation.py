@@ -13,6 +13,13 @@ import numpy as np
 from helios_core.robot import Observe, Pick, Place
 from helios_core.types import ObjectInstance
 
+from helios_planner.match_radii import (
+    GROWN_M,
+    ON_OUTLINE_M,
+    SAME_INSTANCE_M,
+    SAME_POINT_M,
+    SAME_THING_M,
+)
 from helios_planner.motion_planning.base_placement import (
     ON_SHELF_M,
     ON_TOP_M,
@@ -39,12 +46,8 @@ from helios_planner.task import Cause, TaskFailed
 
 Judged = Callable[[ObjectInstance | None], bool]
 
-SAME_PLACE_M = 0.15
 OVER_M = 0.05  # around a point that has to do, what lies there counts
-GROWN_M = 1.0  # so far the middle of a receptacle moves when the rest of it comes into sight
-ON_M = 0.15  # this near to a receptacle's outline is on it
 BELOW_M = 0.20  # lower by this than where it was let go is not on it
-SAME_M = 0.15  # nearer than this to what was known before is the same thing
 AROUND_M = 1.5  # what fell lies this near
 
 
@@ -72,7 +75,7 @@ class _Failed:
     def lacks(self, point_m: tuple[float, float, float]) -> bool:
         """Whether a point is not one of these, or next to one."""
         x, y, _ = point_m
-        return all(math.hypot(x - p[0], y - p[1]) > SAME_PLACE_M for p in self.points)
+        return all(math.hypot(x - p[0], y - p[1]) > SAME_POINT_M for p in self.points)
 
 
 @dataclass
@@ -101,7 +104,7 @@ class Manipulation:
             if not self._approach(np.asarray(thing.center_m), tried, f"reach the {class_name}"):
                 return Done.FAILED if attempts else Done.OUT_OF_REACH
             tried.append(self.body.pose().xy)
-            near = self.near = self.belief.from_near(thing, class_name, 0.3)
+            near = self.near = self.belief.from_near(thing, class_name, SAME_THING_M)
             if not holds_up(near):
                 return Done.DOUBTED
             thing = near or thing
@@ -302,11 +305,11 @@ def seen_after(
     believed = [
         o for o in now
         if o.class_score >= least_class_score
-        and all(math.dist(o.center_m, b.center_m) > SAME_M for b in before)
+        and all(math.dist(o.center_m, b.center_m) > SAME_INSTANCE_M for b in before)
         and math.dist(o.center_m[:2], receptacle.center_m[:2]) <= _around_m(receptacle)
     ]  # fmt: skip
     high = [o for o in believed if float(o.center_m[2]) >= surface_m - BELOW_M]
-    on = [o for o in high if near_outline(receptacle, o.center_m, ON_M)]
+    on = [o for o in high if near_outline(receptacle, o.center_m, ON_OUTLINE_M)]
     if on:
         return Seen.ON_IT, max(on, key=lambda o: o.class_score)
     lower = [o for o in believed if float(o.center_m[2]) < surface_m - BELOW_M]

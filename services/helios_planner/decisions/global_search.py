@@ -12,10 +12,10 @@ import numpy as np
 from helios_planner.decisions import explanations
 from helios_planner.decisions.acceptance import Candidate, best_of, position_of
 from helios_planner.decisions.decision import Decision, Do, FrontierOption, ReceptacleOption
+from helios_planner.match_radii import SAME_FRONTIER_M
 
 GainNorm = Literal["per_gaussian", "sum"]
-KEPT_M = 0.5  # a frontier this near to the last one is the same (VLFM)
-KEPT_VALUE = 0.01  # and kept while its value has not fallen by so much (VLFM)
+KEPT_VALUE = 0.01  # the last frontier is kept while its value has not fallen by so much (VLFM)
 NEAREST_BY_WAY = "nearest frontier by way"
 FrontierRule = Callable[[Sequence[FrontierOption], str, np.random.Generator], Decision]
 BY_OBJECTIVE, RECEPTACLES_FIRST = "global search (eq. 8-10)", "receptacles first"
@@ -165,7 +165,7 @@ def kept(frontiers: Sequence[FrontierOption], layer: str, last: ChosenFrontier |
         return decision
     near = [
         (math.dist(f.xy_m, last.xy_m), k) for k, f in enumerate(frontiers)
-        if math.dist(f.xy_m, last.xy_m) <= KEPT_M
+        if math.dist(f.xy_m, last.xy_m) <= SAME_FRONTIER_M
     ]  # fmt: skip
     if not near:
         return decision

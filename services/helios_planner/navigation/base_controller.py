@@ -19,6 +19,7 @@ from helios_core.robot import Forward, Observe, Tilt, Turn
 from helios_core.types import RobotDescription
 from numpy.typing import NDArray
 
+from helios_planner.match_radii import SAME_BARRIER_M
 from helios_planner.motion_planning.costmap import BlindZone, GroundMap, Pose2, facing, unknown_near
 from helios_planner.motion_planning.lattice_planner import Capsule, PoseReach, pose_reach
 from helios_planner.motion_planning.path_planner import (
@@ -316,7 +317,7 @@ class BaseController:
         """Look at the unknown ground that bars the way to within `within_m` of a place, if it is
         only unknown ground that does. Whether there was any that was not looked at before."""
         barred = self.way_ends(self.body.ground(), target, within_m)
-        if barred is None or any(math.dist(barred.at, c) < 0.3 for c in self._cleared):
+        if barred is None or any(math.dist(barred.at, c) < SAME_BARRIER_M for c in self._cleared):
             return False
         self._cleared.append(barred.at)
         self.look_past(barred)

@@ -39,6 +39,7 @@ from helios_core.types import FrameId, ObjectInstance, RobotState
 from numpy.typing import NDArray
 
 from helios_planner.decisions.decision import Decision
+from helios_planner.match_radii import SAME_INSTANCE_M
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
 from helios_planner.robot.detections import PART, MessageBuffer, Sighting
 from helios_planner.robot.detector_status import DetectorStatus
@@ -266,7 +267,7 @@ class RobotClient(RobotInterface):
 
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
         request = pb.RetireRequest(
-            object_id=id, point_m=vector_to_proto(point_m), radius_m=0.15, reason=reason
+            object_id=id, point_m=vector_to_proto(point_m), radius_m=SAME_INSTANCE_M, reason=reason
         )
         try:
             self._line.call(RETIRE, request, refusals=(InvalidInput, Conflict))

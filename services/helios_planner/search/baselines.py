@@ -17,6 +17,7 @@ from helios_core.types import ObjectInstance
 from helios_planner.decisions import explanations
 from helios_planner.decisions.acceptance import Candidate, best_of, paper, position_of
 from helios_planner.decisions.decision import Decision, Do
+from helios_planner.match_radii import PICKED_PLACE_M, SAME_INSTANCE_M, SAME_THING_M
 from helios_planner.motion_planning.base_placement import (
     eye_of,
     near_outline,
@@ -25,7 +26,7 @@ from helios_planner.motion_planning.base_placement import (
 )
 from helios_planner.robot.detections import Sighting
 from helios_planner.search.base import PICK_LAYER, PLACE_LAYER, Search, SearchTools
-from helios_planner.search.candidate_beliefs import SAME_THING_M, TrustingBelief
+from helios_planner.search.candidate_beliefs import TrustingBelief
 from helios_planner.search.frontier_exploration import Explorer, TargetPursuit
 from helios_planner.search.scored_search import ScoredSearch
 from helios_planner.task import Phase
@@ -58,7 +59,7 @@ class TrustingSearch(Search):
         return [
             thing for thing in self.belief.known(self.name)
             if self.open(thing)
-            and (self._not_at is None or not near_outline(thing, self._not_at, 0.2))
+            and (self._not_at is None or not near_outline(thing, self._not_at, PICKED_PLACE_M))
         ]  # fmt: skip
 
     def decide(self) -> Decision:
@@ -97,7 +98,7 @@ class StopSearch(ScoredSearch):
 
     def __init__(self, tools: SearchTools, name: str) -> None:
         within = paper(tools.settings.tau_g, False)
-        super().__init__(tools, Phase.FIND_OBJECT, name, within, refused_m=0.15)
+        super().__init__(tools, Phase.FIND_OBJECT, name, within, refused_m=SAME_INSTANCE_M)
         self._explorer = TargetPursuit(self, PICK_LAYER)
 
     def candidates(self) -> list[ObjectInstance]:

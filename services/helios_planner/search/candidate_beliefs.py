@@ -12,12 +12,11 @@ from helios_core import proto as pb
 from helios_core.codec import object_from_proto, object_to_proto
 from helios_core.types import ObjectInstance
 
+from helios_planner.match_radii import SAME_THING_M
 from helios_planner.motion_planning.base_placement import nearest_to
 from helios_planner.robot.detections import Sighting
 from helios_planner.robot.interface import RobotInterface
 from helios_planner.settings import Settings
-
-SAME_THING_M = 0.3  # two detections of a class nearer than this are of one thing
 
 
 class Belief(ABC):

@@ -9,12 +9,12 @@ from collections.abc import Callable, Sequence
 
 from helios_planner.decisions.decision import Decision, Do
 from helios_planner.decisions.global_search import (
-    KEPT_M,
     KEPT_VALUE,
     ChosenFrontier,
     FrontierRule,
     kept,
 )
+from helios_planner.match_radii import SAME_FRONTIER_M
 from helios_planner.search.base import Search
 
 
@@ -91,7 +91,11 @@ class TargetPursuit(Explorer):
         one, it is followed: frontiers move as ground is seen."""
         assert self.last is not None
         last = self.last
-        near = [f for f in self.search.body.frontiers() if math.dist(f.xy_m, last.xy_m) <= KEPT_M]
+        near = [
+            f
+            for f in self.search.body.frontiers()
+            if math.dist(f.xy_m, last.xy_m) <= SAME_FRONTIER_M
+        ]
         if not near:
             return False
         same = min(near, key=lambda f: math.dist(f.xy_m, last.xy_m))

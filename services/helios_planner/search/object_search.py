@@ -16,6 +16,7 @@ from helios_planner.decisions.global_search import (
     SearchRule,
     normalised_gain,
 )
+from helios_planner.match_radii import ON_OUTLINE_M, SAME_INSTANCE_M
 from helios_planner.motion_planning.base_placement import near_outline
 from helios_planner.navigation.base_controller import Outcome
 from helios_planner.search.base import PICK_LAYER, SearchTools
@@ -23,21 +24,20 @@ from helios_planner.search.scored_search import ScoredSearch
 from helios_planner.search.view_selection import Places
 from helios_planner.task import Phase
 
-ON_M = 0.15  # this near to a receptacle's outline is on it
 SOMEWHERE = 0.05  # score of a start receptacle that may be anywhere and was not seen
 EXPECTED = 0.4  # score of one that is still to be found, while none is as sure
 
 
 def is_on_any(thing: ObjectInstance, starts: Sequence[ObjectInstance]) -> bool:
     """On or near anything that may be a start receptacle, however little it is believed."""
-    return any(near_outline(start, thing.center_m, ON_M) for start in starts)
+    return any(near_outline(start, thing.center_m, ON_OUTLINE_M) for start in starts)
 
 
 def place(thing: ObjectInstance, starts: Sequence[ObjectInstance]) -> float:
     """Ψ of the start receptacle that a thing is on, beside that of the likeliest one which is known
     or to be expected; (0, 1]. Beyond the paper: (0.05 + Ψ_here) / (0.05 + max(0.4, max Ψ))."""
     likeliest = max([EXPECTED, *(start.score for start in starts)])
-    here = [max(s.score, 0.0) for s in starts if near_outline(s, thing.center_m, ON_M)]
+    here = [max(s.score, 0.0) for s in starts if near_outline(s, thing.center_m, ON_OUTLINE_M)]
     return (SOMEWHERE + max(here, default=0.0)) / (SOMEWHERE + likeliest)
 
 
@@ -54,7 +54,7 @@ class ObjectSearch(ScoredSearch):
         self, tools: SearchTools, name: str, start: str | None, rule: SearchRule, standards: Rule
     ) -> None:
         within = standards(tools.settings.tau_g, start is not None)
-        super().__init__(tools, Phase.FIND_OBJECT, name, within, refused_m=0.15)
+        super().__init__(tools, Phase.FIND_OBJECT, name, within, refused_m=SAME_INSTANCE_M)
         self.start, self._rule = start, rule
         self.seen = SearchMemory()
         self.visited = Places(tools.settings.same_place_m)

@@ -23,6 +23,7 @@ from helios_planner.decisions.acceptance import (
 from helios_planner.decisions.decision import Decision, Do
 from helios_planner.decisions.explanations import less
 from helios_planner.decisions.global_search import highest_value
+from helios_planner.match_radii import PICKED_PLACE_M
 from helios_planner.motion_planning.base_placement import near_outline
 from helios_planner.search.base import PLACE_LAYER, Search, SearchTools
 from helios_planner.search.frontier_exploration import ByRule, Explorer
@@ -227,7 +228,7 @@ class ReceptacleSearch(ScoredSearch):
             o for o in self.body.objects(self.name)
             if o.class_score >= self.settings.cs_b
             and self.open(o)
-            and (self._not_at is None or not near_outline(o, self._not_at, 0.2))
+            and (self._not_at is None or not near_outline(o, self._not_at, PICKED_PLACE_M))
         ]  # fmt: skip
 
 

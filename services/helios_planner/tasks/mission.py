@@ -13,6 +13,7 @@ from helios_planner.agents import agent_named
 from helios_planner.decisions.explanations import less
 from helios_planner.instruction.parser import Instruction, Kind
 from helios_planner.manipulation import Done, Manipulation, Seen, look_after
+from helios_planner.match_radii import SAME_THING_M
 from helios_planner.motion_planning.base_placement import GazePoint, nearest_to
 from helios_planner.navigation.base_controller import Outcome, base_controller_for
 from helios_planner.navigation.motion_monitor import Dropped
@@ -166,7 +167,7 @@ class Mission:
         """It was picked while nobody was there to see it."""
         assert self.target_m is not None
         self.picked_at_m, self._recalled = self.target_m, None
-        thing = nearest_to(self.target_m, self.tools.belief.known(name), 0.3)
+        thing = nearest_to(self.target_m, self.tools.belief.known(name), SAME_THING_M)
         if thing is not None:
             self.tools.belief.taken(thing)
 
@@ -286,7 +287,7 @@ class Mission:
                 if self.tools.base.clear_way((x, y), near_m):
                     continue
                 self._stand(found, looking.views_of(found))
-            seen = self.tools.belief.from_near(found, search.name, 0.3)
+            seen = self.tools.belief.from_near(found, search.name, SAME_THING_M)
             if seen is not None and seen.score >= search.threshold:
                 x, y, z = seen.center_m
                 return f"found the {search.name} at ({x:.2f}, {y:.2f}, {z:.2f}) m"

@@ -11,7 +11,8 @@ from helios_core.robot import Place
 from helios_core.types import ObjectInstance
 from helios_planner.decisions.acceptance import paper
 from helios_planner.decisions.decision import GIVEN_UP
-from helios_planner.manipulation import GROWN_M, Done, Manipulation
+from helios_planner.manipulation import Done, Manipulation
+from helios_planner.match_radii import GROWN_M
 from helios_planner.search.base import MOST_DOUBTS
 from helios_planner.search.candidate_beliefs import MapBelief
 from helios_planner.search.scored_search import ReceptacleSearch
