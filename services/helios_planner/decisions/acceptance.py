@@ -15,10 +15,10 @@ from helios_core.types import ObjectInstance
 from helios_planner.decisions import explanations
 from helios_planner.decisions.decision import (
     ANY_SCORE,
-    BEST_VIEW,
-    GIVEN_UP,
+    Act,
     Candidate,
     Decision,
+    DecisionRule,
     Do,
     ViewOption,
 )
@@ -99,7 +99,7 @@ def act_or_look(
     threshold: float,
     tau_inc: float,
     kind: str,
-    what: str,
+    what: Act,
     anywhere: bool = True,
 ) -> Decision:
     """Pick and place decisions: act at score >= threshold, else one more view where
@@ -123,7 +123,6 @@ def act_or_look(
         )
         for t in things
     )  # fmt: skip
-    rule = f"{what} (eq. 7, 11)"
     settings = {"threshold": threshold, "tau_inc": tau_inc, "anywhere": float(anywhere)}
     sure = [  # eq. 7 against tau
         k for k, t in enumerate(things) if t.total >= threshold and (anywhere or t.in_place)
@@ -131,7 +130,7 @@ def act_or_look(
     if sure:
         k = max(sure, key=lambda k: (things[k].in_place, things[k].total, -things[k].distance_m))
         why = explanations.act(what, candidates[k], threshold, len(sure))
-        return Decision(rule, Do.ACT, candidates, k, why, settings)
+        return Decision(what.rule, Do.ACT, candidates, k, why, settings)
     worth: list[tuple[float, int]] = []
     for k, t in enumerate(things):
         after = t.best_score if anywhere or t.in_place else None
@@ -140,9 +139,9 @@ def act_or_look(
     if worth:
         _, k = max(worth, key=lambda pair: (pair[0], -pair[1]))
         why = explanations.look(candidates[k], threshold, tau_inc)
-        return Decision(rule, Do.LOOK, candidates, k, why, settings)
+        return Decision(what.rule, Do.LOOK, candidates, k, why, settings)
     why = explanations.search_on(what, candidates, threshold, tau_inc, anywhere)
-    return Decision(rule, Do.SEARCH_ON, candidates, None, why, settings)
+    return Decision(what.rule, Do.SEARCH_ON, candidates, None, why, settings)
 
 
 def best_view(
@@ -156,10 +155,10 @@ def best_view(
     )  # fmt: skip
     k = best_of(candidates)
     why = explanations.best_view(instance.class_name, instance.score, candidates, k)
-    return Decision(BEST_VIEW, Do.LOOK, candidates, k, why)
+    return Decision(DecisionRule.BEST_VIEW, Do.LOOK, candidates, k, why)
 
 
-def give_up(what: str, thing: ObjectInstance, kind: str, reason: str) -> Decision:
+def give_up(what: Act, thing: ObjectInstance, kind: str, reason: str) -> Decision:
     """What was chosen is not acted on after all, or was in vain. thing: as it was chosen."""
     terms = {
         "class_score": thing.class_score, "uncertainty": thing.uncertainty,
@@ -167,7 +166,7 @@ def give_up(what: str, thing: ObjectInstance, kind: str, reason: str) -> Decisio
     }  # fmt: skip
     left = Candidate(kind, thing.class_name, position_of(thing), terms, thing.id)
     why = explanations.give_up(what, thing.class_name, reason)
-    return Decision(GIVEN_UP, Do.SEARCH_ON, (left,), None, why)
+    return Decision(DecisionRule.GIVEN_UP, Do.SEARCH_ON, (left,), None, why)
 
 
 def best_of(candidates: Sequence[Candidate]) -> int:

@@ -18,16 +18,16 @@ from helios_core.types import ObjectInstance
 from helios_planner.decisions.acceptance import act_or_look
 from helios_planner.decisions.decision import (
     ANY_SCORE,
+    Act,
     Candidate,
     Decision,
+    DecisionRule,
     Do,
     FrontierOption,
     ReceptacleOption,
     ViewOption,
 )
 from helios_planner.decisions.global_search import (
-    BY_OBJECTIVE,
-    RECEPTACLES_FIRST,
     as_memory,
     by_objective,
     receptacles_first,
@@ -39,9 +39,10 @@ _GLOBAL = {"alpha_d": "alpha_d", "class_threshold": "cs_a"}
 _PICK = {"threshold": "tau_g", "tau_inc": "tau_inc", "class_threshold": "cs_g"}
 _PLACE = {"threshold": "tau_b", "tau_inc": "tau_inc", "class_threshold": "cs_b"}
 _READS: dict[str, dict[str, str]] = {
-    BY_OBJECTIVE: _GLOBAL, RECEPTACLES_FIRST: _GLOBAL,
-    "pick (eq. 7, 11)": _PICK, "stop (eq. 7, 11)": _PICK, "place (eq. 7, 11)": _PLACE,
+    DecisionRule.BY_OBJECTIVE: _GLOBAL, DecisionRule.RECEPTACLES_FIRST: _GLOBAL,
+    DecisionRule.PICK: _PICK, DecisionRule.STOP: _PICK, DecisionRule.PLACE: _PLACE,
 }  # fmt: skip
+_ACTS: dict[str, Act] = {act.rule: act for act in Act}
 _TAU = "tau"  # of Table 3, as a kept decision has it
 MOST = 1e6  # of any setting that is tried
 SETTINGS = ("alpha_d", "tau_g", "tau_b", "tau_inc", "cs_a", "cs_g", "cs_b")
@@ -143,7 +144,7 @@ def _global(
         FrontierOption(c.id, c.position_m[:2], c.terms["value"], c.terms["distance_m"])
         for c in candidates if c.kind == "frontier"
     ]  # fmt: skip
-    rule = by_objective if decision.rule == BY_OBJECTIVE else receptacles_first
+    rule = by_objective if decision.rule == DecisionRule.BY_OBJECTIVE else receptacles_first
     return rule(receptacles, frontiers, as_memory(decision.memory), used["alpha_d"])
 
 
@@ -161,7 +162,7 @@ def _act_or_look(
     ]  # fmt: skip
     threshold, anywhere = used["threshold"], bool(used["anywhere"])
     kind = candidates[0].kind if candidates else "object"
-    what = decision.rule.split(" ")[0]
+    what = _ACTS[decision.rule]
     again = act_or_look(things, threshold, used["tau_inc"], kind, what, anywhere)
     unasked = any(
         decision.settings["threshold"] <= t.total < threshold and (anywhere or t.in_place)

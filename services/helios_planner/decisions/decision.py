@@ -7,9 +7,39 @@ from enum import StrEnum
 
 from helios_core.types import ObjectInstance
 
-BEST_VIEW = "best view (eq. 11)"
-GIVEN_UP = "given up"
 ANY_SCORE = -1.0  # below every score, and no threshold that can be set
+
+
+class DecisionRule(StrEnum):
+    """The rules that take decisions, as they are kept, sent and shown.
+
+    A frontier by its value is named with its layer ("frontier by pick value"), and a rule of a
+    plug-in by its own name: `Decision.rule` is any text.
+    """
+
+    PICK = "pick (eq. 7, 11)"
+    PLACE = "place (eq. 7, 11)"
+    STOP = "stop (eq. 7, 11)"
+    BY_OBJECTIVE = "global search (eq. 8-10)"
+    RECEPTACLES_FIRST = "receptacles first"
+    BEST_VIEW = "best view (eq. 11)"
+    GIVEN_UP = "given up"
+    NEAREST_FRONTIER = "nearest frontier"
+    NEAREST_BY_WAY = "nearest frontier by way"
+    RANDOM_FRONTIER = "random frontier"
+    WAY_THROUGH_UNKNOWN = "way through unknown ground"
+
+
+class Act(StrEnum):
+    """What is done with a candidate that is good enough, and the rule that decides about it."""
+
+    PICK = "pick"
+    PLACE = "place"
+    STOP = "stop"
+
+    @property
+    def rule(self) -> DecisionRule:
+        return DecisionRule[self.name]
 
 
 @dataclass(frozen=True)
@@ -70,8 +100,11 @@ class Do(StrEnum):
 
 @dataclass(frozen=True)
 class Decision:
-    """What was decided, among what, why. `winner` is an index into candidates, or None; settings
-    are the values that the rule used, memory what it remembered of earlier steps (eq. 8, 9)."""
+    """What was decided, among what, why.
+
+    rule: a `DecisionRule` or another name; winner: an index into candidates, or None; settings: the
+    values that the rule used; memory: what it remembered of earlier steps (eq. 8, 9).
+    """
 
     rule: str
     do: Do

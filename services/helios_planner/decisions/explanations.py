@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from helios_core.printable_text import counted
 
-from helios_planner.decisions.decision import ANY_SCORE, Candidate
+from helios_planner.decisions.decision import ANY_SCORE, Act, Candidate
 
 Rounding = Callable[[float], float]
 
@@ -110,7 +110,7 @@ def nothing_left(receptacles: bool) -> str:
     return "nothing is left: no frontier to explore is in reach"
 
 
-def act(what: str, c: Candidate, threshold: float, sure: int) -> str:
+def act(what: Act, c: Candidate, threshold: float, sure: int) -> str:
     """Eq. 7 passed."""
     t = c.terms
     of = f", the best of {sure} that pass" if sure > 1 else ""
@@ -143,7 +143,7 @@ def look(c: Candidate, threshold: float, tau_inc: float) -> str:
 
 
 def search_on(
-    what: str, candidates: Sequence[Candidate], threshold: float, tau_inc: float, anywhere: bool
+    what: Act, candidates: Sequence[Candidate], threshold: float, tau_inc: float, anywhere: bool
 ) -> str:
     """Neither sure enough nor worth a view."""
     if not candidates:
@@ -211,9 +211,11 @@ def best_view(name: str, score: float, candidates: Sequence[Candidate], winner: 
     )
 
 
-def give_up(what: str, name: str, reason: str) -> str:
+def give_up(what: Act, name: str, reason: str) -> str:
     """What was chosen is left, and why."""
-    doing = {"pick": "picking the", "place": "placing on the", "stop": "stopping at the"}
+    doing = {
+        Act.PICK: "picking the", Act.PLACE: "placing on the", Act.STOP: "stopping at the",
+    }  # fmt: skip
     return f"give up {doing[what]} {name}: {reason}"
 
 
@@ -249,5 +251,5 @@ def _is(n: int) -> str:
     return "is" if n == 1 else "are"
 
 
-def _on(what: str) -> str:
-    return {"place": "on ", "stop": "at "}.get(what, "")
+def _on(what: Act) -> str:
+    return {Act.PLACE: "on ", Act.STOP: "at "}.get(what, "")

@@ -11,14 +11,18 @@ import numpy as np
 
 from helios_planner.decisions import explanations
 from helios_planner.decisions.acceptance import Candidate, best_of, position_of
-from helios_planner.decisions.decision import Decision, Do, FrontierOption, ReceptacleOption
+from helios_planner.decisions.decision import (
+    Decision,
+    DecisionRule,
+    Do,
+    FrontierOption,
+    ReceptacleOption,
+)
 from helios_planner.match_radii import SAME_FRONTIER_M
 
 GainNorm = Literal["per_gaussian", "sum"]
 KEPT_VALUE = 0.01  # the last frontier is kept while its value has not fallen by so much (VLFM)
-NEAREST_BY_WAY = "nearest frontier by way"
 FrontierRule = Callable[[Sequence[FrontierOption], str, np.random.Generator], Decision]
-BY_OBJECTIVE, RECEPTACLES_FIRST = "global search (eq. 8-10)", "receptacles first"
 
 
 def normalised_gain(gain_nats: float, gaussians: int, norm: GainNorm) -> float:
@@ -134,10 +138,10 @@ def nearest_by_way(frontiers: Sequence[WayOption]) -> Decision:
         for f in frontiers
     )  # fmt: skip
     if not candidates:
-        return _nothing(NEAREST_BY_WAY)
+        return _nothing(DecisionRule.NEAREST_BY_WAY)
     k = best_of(candidates)
     why = explanations.nearest_way(candidates, k)
-    return Decision(NEAREST_BY_WAY, Do.GO_TO_FRONTIER, candidates, k, why)
+    return Decision(DecisionRule.NEAREST_BY_WAY, Do.GO_TO_FRONTIER, candidates, k, why)
 
 
 def highest_value(
@@ -151,10 +155,10 @@ def nearest(frontiers: Sequence[FrontierOption], layer: str, _: np.random.Genera
     """The nearest frontier, whatever its value."""
     candidates = _listed(frontiers, [-f.distance_m for f in frontiers])
     if not candidates:
-        return _nothing("nearest frontier")
+        return _nothing(DecisionRule.NEAREST_FRONTIER)
     k = best_of(candidates)
     why = explanations.nearest_frontier(candidates, k)
-    return Decision("nearest frontier", Do.GO_TO_FRONTIER, candidates, k, why)
+    return Decision(DecisionRule.NEAREST_FRONTIER, Do.GO_TO_FRONTIER, candidates, k, why)
 
 
 def kept(frontiers: Sequence[FrontierOption], layer: str, last: ChosenFrontier | None) -> Decision:
@@ -180,10 +184,10 @@ def drawn(frontiers: Sequence[FrontierOption], layer: str, rng: np.random.Genera
     """Any frontier with the same chance."""
     candidates = _listed(frontiers, [0.0 for _ in frontiers])
     if not candidates:
-        return _nothing("random frontier")
+        return _nothing(DecisionRule.RANDOM_FRONTIER)
     k = int(rng.integers(len(candidates)))
     why = explanations.drawn_frontier(candidates, k)
-    return Decision("random frontier", Do.GO_TO_FRONTIER, candidates, k, why)
+    return Decision(DecisionRule.RANDOM_FRONTIER, Do.GO_TO_FRONTIER, candidates, k, why)
 
 
 def _highest(frontiers: Sequence[FrontierOption], layer: str) -> Decision:
@@ -224,13 +228,15 @@ def by_objective(
     remembered = as_candidates(memory)
     if not candidates:
         why = explanations.nothing_left(receptacles=True)
-        return Decision(BY_OBJECTIVE, Do.NOTHING_LEFT, (), None, why, settings, remembered)
+        return Decision(
+            DecisionRule.BY_OBJECTIVE, Do.NOTHING_LEFT, (), None, why, settings, remembered
+        )
     k = best_of(candidates)
     if candidates[k].kind == "receptacle":
         do, why = Do.SEARCH_RECEPTACLE, explanations.search_receptacle(candidates, k, alpha_d)
     else:
         do, why = Do.GO_TO_FRONTIER, explanations.go_to_frontier(candidates, k, alpha_d)
-    return Decision(BY_OBJECTIVE, do, candidates, k, why, settings, remembered)
+    return Decision(DecisionRule.BY_OBJECTIVE, do, candidates, k, why, settings, remembered)
 
 
 def receptacles_first(
@@ -246,8 +252,10 @@ def receptacles_first(
     candidates, settings = _weighed(receptacles, frontiers, memory, alpha_d)
     k = min(range(len(receptacles)), key=lambda k: (receptacles[k].distance_m, k))
     why = explanations.nearest_receptacle(candidates, k)
-    return Decision(RECEPTACLES_FIRST, Do.SEARCH_RECEPTACLE, candidates, k, why, settings,
-                    as_candidates(memory))  # fmt: skip
+    return Decision(
+        DecisionRule.RECEPTACLES_FIRST, Do.SEARCH_RECEPTACLE, candidates, k, why, settings,
+        as_candidates(memory),
+    )  # fmt: skip
 
 
 # --- what eq. 8 and 9 remember, as it is kept with a decision -----------------------------------

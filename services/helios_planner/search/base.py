@@ -12,7 +12,7 @@ import numpy as np
 from helios_core.types import ObjectInstance
 
 from helios_planner.decisions.acceptance import give_up
-from helios_planner.decisions.decision import Decision, Do, FrontierOption
+from helios_planner.decisions.decision import Act, Decision, Do, FrontierOption
 from helios_planner.motion_planning.costmap import Pose2, facing
 from helios_planner.motion_planning.path_planner import Reach
 from helios_planner.navigation.base_controller import BaseController, Outcome
@@ -166,7 +166,7 @@ class Search(ABC):
         """Why it searches again: said before all that it tells until the robot acts."""
         self._first = self.body.budget_used(), why
 
-    def give_up(self, what: str, thing: ObjectInstance, reason: str) -> None:
+    def give_up(self, what: Act, thing: ObjectInstance, reason: str) -> None:
         """Keep and tell why what was chosen is left; `what` was to be done with it."""
         kind = "object" if self.phase is Phase.FIND_OBJECT else "receptacle"
         decision = give_up(what, thing, kind, reason)

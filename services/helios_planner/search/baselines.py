@@ -16,7 +16,7 @@ from helios_core.types import ObjectInstance
 
 from helios_planner.decisions import explanations
 from helios_planner.decisions.acceptance import Candidate, best_of, paper, position_of
-from helios_planner.decisions.decision import Decision, Do
+from helios_planner.decisions.decision import Act, Decision, Do
 from helios_planner.match_radii import PICKED_PLACE_M, SAME_INSTANCE_M, SAME_THING_M
 from helios_planner.motion_planning.base_placement import (
     eye_of,
@@ -94,7 +94,7 @@ class StopSearch(ScoredSearch):
     """Explores as VLFM does until something may be what is sought, by its class score; then goes to
     gaze points around it, and stops there only where its score is high enough."""
 
-    kind, what = "object", "stop"
+    kind, what = "object", Act.STOP
 
     def __init__(self, tools: SearchTools, name: str) -> None:
         within = paper(tools.settings.tau_g, False)

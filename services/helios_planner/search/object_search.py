@@ -8,7 +8,7 @@ from typing import Any
 from helios_core.types import ObjectInstance
 
 from helios_planner.decisions.acceptance import Rule
-from helios_planner.decisions.decision import Decision, Do, FrontierOption, ReceptacleOption
+from helios_planner.decisions.decision import Act, Decision, Do, FrontierOption, ReceptacleOption
 from helios_planner.decisions.global_search import (
     ChosenFrontier,
     FirstSeen,
@@ -48,7 +48,7 @@ class ObjectSearch(ScoredSearch):
     only when there is nothing left to search.
     """
 
-    kind, what = "object", "pick"
+    kind, what = "object", Act.PICK
 
     def __init__(
         self, tools: SearchTools, name: str, start: str | None, rule: SearchRule, standards: Rule

@@ -20,7 +20,7 @@ from helios_planner.decisions.acceptance import (
     act_or_look,
     in_the_end,
 )
-from helios_planner.decisions.decision import Decision, Do
+from helios_planner.decisions.decision import Act, Decision, Do
 from helios_planner.decisions.explanations import less
 from helios_planner.decisions.global_search import highest_value
 from helios_planner.match_radii import PICKED_PLACE_M
@@ -37,7 +37,7 @@ class ScoredSearch(Search):
     """Acts on a candidate with Psi >= the threshold that holds by now."""
 
     kind: str  # of what is sought, in decisions
-    what: str  # is done with it
+    what: Act  # is done with it
 
     def __init__(
         self,
@@ -204,7 +204,7 @@ class ScoredSearch(Search):
 class ReceptacleSearch(ScoredSearch):
     """What was learnt while the object was sought is used from the first moment."""
 
-    kind, what = "receptacle", "place"
+    kind, what = "receptacle", Act.PLACE
 
     def __init__(
         self, tools: SearchTools, name: str, not_at: np.ndarray | None, standards: Rule

@@ -10,6 +10,7 @@ from helios_core.robot import Pick, Place
 from helios_core.types import ObjectInstance
 
 from helios_planner.agents import agent_named
+from helios_planner.decisions.decision import Act
 from helios_planner.decisions.explanations import less
 from helios_planner.instruction.parser import Instruction, Kind
 from helios_planner.manipulation import Done, Manipulation, Seen, look_after
@@ -72,7 +73,7 @@ class Mission:
         if i.kind is Kind.FIND:
             search = self.agent.seek_object(self.tools, i.object, i.start)
             if isinstance(search, ScoredSearch):
-                search.what = "stop"  # in its sentences
+                search.what = Act.STOP  # in its sentences
             return self._show(self._begun(search))
         assert i.goal
         if self.placed:  # while nobody was there to look
@@ -191,7 +192,7 @@ class Mission:
             done = self.skills.pick(found, search.name, search.holds_up)
             if done is Done.SUCCEEDED:
                 return np.asarray(found.center_m)
-            self._give_up(search, "pick", found, done)
+            self._give_up(search, Act.PICK, found, done)
 
     def _place(self, goal: str, not_at: np.ndarray | None) -> None:
         """Until it is put down; and whether it is seen there then."""
@@ -218,7 +219,7 @@ class Mission:
                 receptacle = self.skills.placed_on or found
                 self.seen_at_goal = self._seen(name, receptacle, before)
                 return
-            self._give_up(search, "place", found, done)
+            self._give_up(search, Act.PLACE, found, done)
 
     def _note_if_unsure(self, search: Search, found: ObjectInstance) -> None:
         """Before it is acted on, so that a planner that dies in the act still tells it."""
@@ -227,7 +228,7 @@ class Mission:
             said = f"no surer {search.name} was found than this one ({found.score:.2f})"
             self.unsure[search.phase] = said
 
-    def _give_up(self, search: Search, what: str, found: ObjectInstance, done: Done) -> None:
+    def _give_up(self, search: Search, what: Act, found: ObjectInstance, done: Done) -> None:
         """Leave what did not work, or doubt it, and tell why."""
         reason = self.skills.last_reason or "it did not work"
         if done is Done.DOUBTED:
@@ -261,7 +262,7 @@ class Mission:
     def _go_to(self, goal: str) -> None:
         search = self.agent.seek_receptacle(self.tools, goal, None)
         if isinstance(search, ScoredSearch):
-            search.what = "stop"  # in its sentences
+            search.what = Act.STOP  # in its sentences
         search = self._begun(search)
         looking, pose = self.tools.looking, self.body.pose
         while True:
@@ -292,7 +293,7 @@ class Mission:
                 x, y, z = seen.center_m
                 return f"found the {search.name} at ({x:.2f}, {y:.2f}, {z:.2f}) m"
             worse = seen and f"from near its score is {less(seen.score, search.threshold)}"
-            search.give_up("stop", found, worse or search.why_not(None))
+            search.give_up(Act.STOP, found, worse or search.why_not(None))
             if self.body.budget_used() == used:  # nothing was done, and nothing else would be
                 search.leave(found, out_of_reach=stood is Outcome.UNREACHABLE)
 

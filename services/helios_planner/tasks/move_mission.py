@@ -8,7 +8,7 @@ from typing import Any
 
 from helios_planner.decisions import explanations
 from helios_planner.decisions.acceptance import Candidate
-from helios_planner.decisions.decision import Decision, Do
+from helios_planner.decisions.decision import Decision, DecisionRule, Do
 from helios_planner.instruction.parser import Instruction, Kind
 from helios_planner.navigation.base_controller import BlockedPath, base_controller_for
 from helios_planner.navigation.point_goal import PointGoal, told
@@ -19,7 +19,6 @@ from helios_planner.task import Cause, Phase, TaskFailed, TimeIsUp
 from helios_planner.tasks.run_control import LastAction
 
 HOME_WITHIN_M = 0.5  # the robot may have begun where it is too narrow to go
-WAY_RULE = "way through unknown ground"
 
 
 class MoveMission:
@@ -95,7 +94,9 @@ class MoveMission:
             "total": -(barred.before_m + barred.after_m),
         }  # fmt: skip
         candidate = Candidate("frontier", "end of the known way", (*barred.stand, 0.0), terms)
-        self.body.tell_decision(Decision(WAY_RULE, Do.GO_TO_FRONTIER, (candidate,), 0, why))
+        self.body.tell_decision(
+            Decision(DecisionRule.WAY_THROUGH_UNKNOWN, Do.GO_TO_FRONTIER, (candidate,), 0, why)
+        )
         self._tell(why, xy_m)
 
     def _tell(self, message: str, xy_m: tuple[float, float]) -> None:

@@ -11,7 +11,7 @@ from helios_core import proto as pb
 from helios_core.errors import Unavailable
 from helios_core.types import ObjectInstance
 from helios_planner.decisions.acceptance import act_or_look
-from helios_planner.decisions.decision import Do, FrontierOption, ReceptacleOption, ViewOption
+from helios_planner.decisions.decision import Act, Do, FrontierOption, ReceptacleOption, ViewOption
 from helios_planner.decisions.global_search import (
     ChosenFrontier,
     FirstSeen,
@@ -204,7 +204,7 @@ def test_frontiers_are_drawn_alike_from_the_same_seed_and_each_at_some_time() ->
 )
 def test_act_look_or_search_on(score: float, after: float | None, do: Do) -> None:
     option = ViewOption(thing(score=score), score, after, 1.0)
-    assert act_or_look([option], 0.5, 0.05, "object", "pick").do is do
+    assert act_or_look([option], 0.5, 0.05, "object", Act.PICK).do is do
 
 
 def test_of_two_sure_things_the_one_on_the_start_receptacle_is_taken() -> None:
@@ -212,7 +212,7 @@ def test_of_two_sure_things_the_one_on_the_start_receptacle_is_taken() -> None:
         ViewOption(thing(1), 0.9, None, 1.0, in_place=False),
         ViewOption(thing(2), 0.6, None, 5.0),
     ]
-    assert act_or_look(options, 0.5, 0.05, "object", "pick").chosen.id == 2
+    assert act_or_look(options, 0.5, 0.05, "object", Act.PICK).chosen.id == 2
 
 
 @pytest.mark.parametrize(("score", "after"), [(0.9, None), (0.4, 0.9)])
@@ -220,10 +220,10 @@ def test_a_thing_elsewhere_is_remembered_and_neither_picked_nor_looked_at(
     score: float, after: float | None
 ) -> None:
     options = [ViewOption(thing(1), score, after, 1.0, in_place=False)]
-    got = act_or_look(options, 0.5, 0.05, "object", "pick", anywhere=False)
+    got = act_or_look(options, 0.5, 0.05, "object", Act.PICK, anywhere=False)
     assert got.do is Do.SEARCH_ON
     assert "remembered" in got.why
-    assert act_or_look(options, 0.5, 0.05, "object", "pick").do in (Do.ACT, Do.LOOK)
+    assert act_or_look(options, 0.5, 0.05, "object", Act.PICK).do in (Do.ACT, Do.LOOK)
 
 
 # --- gaze points ---------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import pytest
 from helios_core.robot import Place
 from helios_core.types import ObjectInstance
 from helios_planner.decisions.acceptance import paper
-from helios_planner.decisions.decision import GIVEN_UP
+from helios_planner.decisions.decision import DecisionRule
 from helios_planner.manipulation import Done, Manipulation
 from helios_planner.match_radii import GROWN_M
 from helios_planner.search.base import MOST_DOUBTS
@@ -62,7 +62,7 @@ def test_nothing_is_picked_that_is_doubted_from_near() -> None:
 
 def given_up(world: FakeWorld) -> list[str]:
     """Why, each of which is also said first by all that is told until the robot acts again."""
-    kept = [d.why for d in world.decisions if d.rule == GIVEN_UP]
+    kept = [d.why for d in world.decisions if d.rule == DecisionRule.GIVEN_UP]
     for why in kept:
         (step, *_), *after = [(s, m) for s, m in world.said if m.startswith(why)]
         assert after, "what comes next says it, too"

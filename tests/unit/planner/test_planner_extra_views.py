@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helios_core.types import ObjectInstance
 from helios_planner.decisions.acceptance import act_or_look
-from helios_planner.decisions.decision import ViewOption
+from helios_planner.decisions.decision import Act, ViewOption
 from helios_planner.instruction.parser import parse
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.navigation.base_controller import Outcome
@@ -63,7 +63,7 @@ def test_a_sure_mug_elsewhere_ends_no_look_at_the_one_in_its_place() -> None:
     rig.known = [instance(coffee_table()), here, elsewhere]
     (gaze,) = looks.around(here)
     rig.search._views = {3: BestView(gaze, 0.6)}
-    look = act_or_look([ViewOption(here, 0.4, 0.6, 1.0)], 0.5, 0.05, "object", "pick")
+    look = act_or_look([ViewOption(here, 0.4, 0.6, 1.0)], 0.5, 0.05, "object", Act.PICK)
     rig.search._look_again(look)
     assert not looks.stop()
     rig.search.settle_for_less()

@@ -8,8 +8,7 @@ import math
 import numpy as np
 import pytest
 from helios_core.robot import Action, ActionResult, Forward
-from helios_planner.decisions.decision import Do
-from helios_planner.decisions.global_search import NEAREST_BY_WAY
+from helios_planner.decisions.decision import DecisionRule, Do
 from helios_planner.instruction.parser import parse
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
 from helios_planner.motion_planning.unknown_borders import borders_of
@@ -138,7 +137,7 @@ def test_exploring_leaves_nothing_reachable_unknown_and_says_why_it_went_where()
     assert world.contacts == 0
     went = [d for d in world.decisions if d.do is Do.GO_TO_FRONTIER]
     assert went
-    assert {d.rule for d in went} == {NEAREST_BY_WAY}
+    assert {d.rule for d in went} == {DecisionRule.NEAREST_BY_WAY}
     for decision in went:
         ways = [c.terms["way_m"] for c in decision.candidates]
         assert decision.chosen.terms["way_m"] == min(ways)

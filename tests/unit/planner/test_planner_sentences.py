@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-from helios_planner.decisions.decision import Candidate
+from helios_planner.decisions.decision import Act, Candidate
 from helios_planner.decisions.explanations import act, less, look, search_on
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
@@ -57,7 +57,7 @@ def test_what_is_searched_on_for_is_below_as_it_is_printed(
     need = min(threshold, score * factor + 0.05)
     assume(threshold - score * factor > 1e-9)
     assume(after is None or need - after * factor > 1e-9)
-    said = search_on("pick", [mug(score, after, place)], threshold, 0.05, True)
+    said = search_on(Act.PICK, [mug(score, after, place)], threshold, 0.05, True)
     assert printed(said, "score ") < printed(said, " < "), said
     if after is not None:
         assert printed(said, "bring only ") < printed(said, "worth it from "), said
@@ -69,7 +69,7 @@ def test_what_is_acted_on_passes_as_it_is_printed(
     score: float, above: float, place: float | None
 ) -> None:
     threshold = max(score * (1.0 if place is None else place) - abs(above), 0.0)
-    said = act("pick", mug(score, None, place), threshold, 1)
+    said = act(Act.PICK, mug(score, None, place), threshold, 1)
     assert printed(said, "score ") >= printed(said, " ≥ "), said
 
 

@@ -11,7 +11,9 @@ from helios_core.types import ObjectInstance
 from helios_planner.decisions.acceptance import act_or_look, best_view
 from helios_planner.decisions.counterfactual import SETTINGS, as_kept, changes_of, recompute
 from helios_planner.decisions.decision import (
+    Act,
     Decision,
+    DecisionRule,
     Do,
     FrontierOption,
     ReceptacleOption,
@@ -66,7 +68,7 @@ def view(score: float, after: float | None = None, in_place: bool = True, id: in
 
 
 def pick(*options: ViewOption, anywhere: bool = True) -> Decision:
-    return act_or_look(options, 0.5, 0.05, "object", "pick", anywhere)
+    return act_or_look(options, 0.5, 0.05, "object", Act.PICK, anywhere)
 
 
 RNG = np.random.default_rng(0)
@@ -95,7 +97,7 @@ SENTENCES = [
     (pick(view(0.55)),
      "pick the mug, 1.2 m away: score 0.55 ≥ 0.50 after 4 views (class score 0.60, uncertainty "
      "0.05)"),
-    (act_or_look([view(0.55), view(0.58, id=2)], 0.5, 0.05, "receptacle", "place"),
+    (act_or_look([view(0.55), view(0.58, id=2)], 0.5, 0.05, "receptacle", Act.PLACE),
      "place on the mug, 1.2 m away: score 0.58 ≥ 0.50 after 4 views (class score 0.60, "
      "uncertainty 0.02), the best of 2 that pass"),
     (pick(view(0.41, 0.53)),
@@ -217,12 +219,22 @@ views = st.lists(
     ),
     max_size=6, unique_by=lambda v: v.instance.id,
 )  # fmt: skip
+
+
+def test_rules_are_spelled_as_kept_decisions_have_them() -> None:
+    assert [act.rule for act in Act] == [
+        "pick (eq. 7, 11)", "place (eq. 7, 11)", "stop (eq. 7, 11)",
+    ]  # fmt: skip
+    assert DecisionRule.BY_OBJECTIVE == "global search (eq. 8-10)"
+    assert DecisionRule.RECEPTACLES_FIRST == "receptacles first"
+
+
 decisions = st.one_of(
     st.builds(by_objective, receptacles, frontiers, memories, st.just(USED.alpha_d)),
     st.builds(receptacles_first, receptacles, frontiers, memories, st.just(USED.alpha_d)),
     st.builds(
         lambda v, what, anywhere: act_or_look(v, 0.5, 0.05, "object", what, anywhere),
-        views, st.sampled_from(["pick", "place"]), st.booleans(),
+        views, st.sampled_from(Act), st.booleans(),
     ),
     frontiers.map(lambda f: highest_value(f, "place", RNG)),
     frontiers.map(lambda f: nearest(f, "place", RNG)),
@@ -233,7 +245,7 @@ decisions = st.one_of(
 def test_a_threshold_that_was_a_share_of_tau_stays_that_share(share: float, flips: bool) -> None:
     there = [ViewOption(thing(1, score=0.6), 0.6, None, 2.0, True)]
     tau, share_of_tau = USED.tau_g, share * USED.tau_g
-    then = kept(act_or_look(there, share_of_tau, 0.05, "object", "pick", True))
+    then = kept(act_or_look(there, share_of_tau, 0.05, "object", Act.PICK, True))
     for same in (tau, tau + 1e-6):
         assert not recompute(then, {"tau_g": same}).flips
     lower = recompute(then, {"tau_g": 0.9 * tau})
