@@ -6,7 +6,7 @@ import base64
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self, TypedDict
 
-ENDED = ("succeeded", "failed", "cancelled")
+from helios_core.task_states import ENDED
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from helios_core.task_states import ENDED
+
 from helios_sim.episode_events import Event, PickTried, PlaceTried
 from helios_sim.ovmm_metrics import Progress
 
@@ -52,7 +54,6 @@ CAUSES = (
     STEP_BUDGET,
     SYSTEM_ERROR,
 )
-ENDED = ("succeeded", "failed", "cancelled")
 _ENDED_THERE_M = 1.0  # who drives no farther after a try has ended where it tried
 
 

@@ -7,21 +7,20 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Collection
+from collections.abc import Iterable
 
 import numpy as np
 from helios_core.bus import Bus
 from helios_core.codec import frame_id_from_proto, frame_to_proto
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Pinhole
-from helios_core.keyframe_acks import KeyframeAcks
+from helios_core.keyframe_acks import KeyframeAcks, MapPart, full_names
 from helios_core.robot import Capture, EndOfRecording, RobotDriver
 from helios_core.topics import FRAME, KEYFRAME
 from helios_core.types import Frame, FrameId, RobotState
 
 from helios_bridge.bridge_health import BridgeHealth
 from helios_bridge.depth_estimation import with_estimated_depth
-from helios_bridge.keyframe_acks import OCCUPANCY, PARTS
 from helios_bridge.pose_checks import check_poses
 from helios_bridge.settings import Settings
 
@@ -62,7 +61,7 @@ class FramePublisher:
         """
         id = self.take(keyframe)
         if keyframe and self._settings.lockstep:
-            self._wait_for_maps(id, PARTS if self._searching else {OCCUPANCY})
+            self._wait_for_maps(id, MapPart if self._searching else {MapPart.OCCUPANCY})
         return id
 
     def take(self, keyframe: bool) -> FrameId:
@@ -111,12 +110,13 @@ class FramePublisher:
             frame = with_estimated_depth(frame, self._bus, self._settings.depth_timeout_s)
         self._bus.publish(topic, frame_to_proto(frame))
 
-    def _wait_for_maps(self, id: FrameId, parts: Collection[str]) -> None:
+    def _wait_for_maps(self, id: FrameId, parts: Iterable[MapPart]) -> None:
         within_s = self._settings.ack_timeout_s
-        missing = self._acks.wait(id, parts, min(within_s, SAY_WAITING_S))
+        names = full_names(parts)
+        missing = self._acks.wait(id, names, min(within_s, SAY_WAITING_S))
         if missing and not self._acks.ended:
             self._health.ready(f"keyframe {id} waits for {', '.join(sorted(missing))}")
-            missing = self._acks.wait(id, parts, max(0.0, within_s - SAY_WAITING_S))
+            missing = self._acks.wait(id, names, max(0.0, within_s - SAY_WAITING_S))
         if self._acks.ended:
             return
         if not missing:

@@ -16,13 +16,12 @@ from helios_core.codec import context_to_proto, frame_from_proto, frame_id_to_pr
 from helios_core.codec.images import MAX_PIXELS
 from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.geometry import Pinhole, base_below_camera, se2_to_se3
-from helios_core.keyframe_acks import KeyframeAcks
+from helios_core.keyframe_acks import KeyframeAcks, MapPart, full_names
 from helios_core.robot import Action, ActionResult, Capture, Observe, RobotDriver
 from helios_core.topics import CONTEXT
 from helios_core.types import RobotDescription, RobotState, Role, SearchClass, SearchContext
 
 from helios_bridge.frame_publisher import FramePublisher
-from helios_bridge.keyframe_acks import OCCUPANCY, PARTS
 from helios_bridge.pose_checks import check_poses
 
 LONGEST_WAIT_S = 60.0
@@ -140,7 +139,7 @@ class PushedFrameQueue:
         finally:
             self._turn.release()
         told()
-        wanted = PARTS if self._sought.is_set() else frozenset({OCCUPANCY})
+        wanted = full_names(MapPart if self._sought.is_set() else {MapPart.OCCUPANCY})
         left_s = max(0.0, deadline_s - time.monotonic())
         missing = self._acks.wait(taken, wanted, left_s)
         return pb.PushReply(

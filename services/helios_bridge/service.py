@@ -28,7 +28,7 @@ from helios_core.codec import (
 )
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidInput
 from helios_core.health import Health
-from helios_core.keyframe_acks import KeyframeAcks
+from helios_core.keyframe_acks import FROM_DETECTIONS, KeyframeAcks, full_name_of, full_names
 from helios_core.robot import Action, EndOfRecording, RobotDriver
 from helios_core.topics import (
     ACT,
@@ -50,7 +50,6 @@ from helios_bridge.bridge_health import BridgeHealth
 from helios_bridge.driver_executor import DriverExecutor
 from helios_bridge.driver_guard import DriverFault, GuardedDriver
 from helios_bridge.frame_publisher import FramePublisher
-from helios_bridge.keyframe_acks import BY_DETECTOR, part_of
 from helios_bridge.lease import Lease
 from helios_bridge.pushed_frames import PushDriver, PushedFrameQueue, refuse_push
 from helios_bridge.recording_player import RecordingPlayer
@@ -95,7 +94,7 @@ class BridgeService:
         self._stop_late = False
         self._ending = threading.Event()
         self._crew = crew or DriverExecutor()
-        self._acks, self._actions = KeyframeAcks(part_of), ActionLog()
+        self._acks, self._actions = KeyframeAcks(full_name_of), ActionLog()
         self._lease = Lease(settings.lease_s, first)
         description = description_to_proto(self._driver.describe())
         self._description = description_from_proto(description)  # as every service will check it
@@ -242,7 +241,7 @@ class BridgeService:
     def _on_detector_ack(self, ack: pb.Ack) -> None:
         """Of a keyframe that the detector did not answer, no map can answer what it finds."""
         if not ack.accepted:
-            self._acks.add_for(ack, BY_DETECTOR)
+            self._acks.add_for(ack, full_names(FROM_DETECTIONS))
 
     def _stop(self) -> None:
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from helios_core.health import HealthState
 from helios_core.printable_text import printable
 from helios_core.task_states import ENDED, TaskState
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator
@@ -11,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator
 MAX_INSTRUCTION_CHARACTERS = 10_000
 Vector3 = Annotated[list[float | None], Field(description="x, y, z in the world, metres")]
 Vector2 = Annotated[list[float | None], Field(description="x, y in the world, metres")]
-ServiceState = Literal["starting", "waiting", "ready", "degraded", "stopping", "down"]
+ServiceState = Literal[HealthState, "down"]
 
 
 class TaskRequest(BaseModel):

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Mapping
 
 from helios_core import proto as pb
+from helios_core.health import is_health_state
 from helios_core.printable_text import printable
 
 from helios_gateway.api_models import Service, ServiceState
@@ -17,10 +18,6 @@ log = logging.getLogger(__name__)
 NEEDED = ("bridge", "detector", "objectmap", "map2d", "planner")  # for a task to start
 KNOWN = ("router", *NEEDED, "gateway")  # always listed
 REPORTING = ("world", *NEEDED, "gateway", "recorder")  # publish a ServiceStatus
-_STATES: dict[str, ServiceState] = {
-    "starting": "starting", "waiting": "waiting", "ready": "ready", "degraded": "degraded",
-    "stopping": "stopping",
-}  # fmt: skip
 
 
 class ServiceRegistry:
@@ -115,9 +112,9 @@ class ServiceRegistry:
         silent_s = self._clock() - heard_s
         if silent_s > self._silent_after_s:
             return "degraded", f"it has not reported for {silent_s:.0f} s"
-        if status.state not in _STATES:
-            return "degraded", f"it reports a state {status.state!r} that nobody knows"
-        return _STATES[status.state], printable(status.reason)
+        if not is_health_state(state := status.state):
+            return "degraded", f"it reports a state {state!r} that nobody knows"
+        return state, printable(status.reason)
 
     def _why_down(self, name: str) -> str:
         process = self._processes.get(name)

@@ -23,6 +23,7 @@ from helios_core.codec import (
 )
 from helios_core.errors import Conflict, HeliosError, Internal, InvalidInput, Unavailable
 from helios_core.health import Health
+from helios_core.keyframe_acks import MapPart
 from helios_core.topics import (
     CONTEXT,
     FRAME,
@@ -179,9 +180,9 @@ class Map2DService:
                     late = self._frames_waiting.popleft()
         if late is not None:
             reason = self._refused or "the robot has not described itself; start its bridge"
-            self._answer("occupancy", late.id, "", Unavailable(reason), 0.0)
+            self._answer(MapPart.OCCUPANCY, late.id, "", Unavailable(reason), 0.0)
         if not wait:
-            self._integrate("occupancy", message.id, "", lambda: self._fold_frame(message))
+            self._integrate(MapPart.OCCUPANCY, message.id, "", lambda: self._fold_frame(message))
 
     def on_stream_frame(self, message: pb.Frame) -> None:
         """Fold a stream frame in, unless the maps are not ready for it; it is not answered."""
@@ -205,10 +206,13 @@ class Map2DService:
                     late = self._observations_waiting.popleft()
         if late is not None:
             reason = f"search context {late.context_id!r} was never announced here"
-            self._answer("value", late.frame.id, late.context_id, Conflict(reason), 0.0)
+            self._answer(MapPart.VALUE, late.frame.id, late.context_id, Conflict(reason), 0.0)
         if not wait:
             self._integrate(
-                "value", message.frame.id, message.context_id, lambda: self._fold_values(message)
+                MapPart.VALUE,
+                message.frame.id,
+                message.context_id,
+                lambda: self._fold_values(message),
             )
 
     # --- methods ------------------------------------------------------------------------------
@@ -247,7 +251,7 @@ class Map2DService:
                 state.integrate_values(observation)
 
     def _integrate(
-        self, part: str, id: pb.FrameId, context_id: str, fold: Callable[[], None]
+        self, part: MapPart, id: pb.FrameId, context_id: str, fold: Callable[[], None]
     ) -> None:
         """Fold and answer; the lock is free again when the answer goes out."""
         began = time.perf_counter()
@@ -259,13 +263,13 @@ class Map2DService:
         except Exception as fault:  # a fault of ours must not leave the sender waiting
             log.exception("part %s of frame %d failed", part, id.seq)
             error = Internal(f"map2d failed ({type(fault).__name__}: {fault}); see its log")
-        if error is None and self._keeping.superseded(searching=part == "value"):
+        if error is None and self._keeping.superseded(searching=part is MapPart.VALUE):
             self._say()
         self._answer(part, id, context_id, error, (time.perf_counter() - began) * 1e3)
 
     def _answer(
         self,
-        part: str,
+        part: MapPart,
         id: pb.FrameId,
         context_id: str,
         error: HeliosError | None,

@@ -24,6 +24,7 @@ from helios_core.codec import (
 from helios_core.codec.frames import pinhole_from_proto, transform_from_proto
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.health import Health
+from helios_core.keyframe_acks import MapPart
 from helios_core.map_autosave import Kept, KeptFile
 from helios_core.printable_text import counted
 from helios_core.service_process import until_warm
@@ -388,7 +389,7 @@ class ObjectMapService:
         self._bus.publish(
             OBJECTMAP_ACK,
             pb.Ack(
-                service="objectmap", part="objects", id=message.frame.id, accepted=True,
+                service="objectmap", part=MapPart.OBJECTS, id=message.frame.id, accepted=True,
                 version=version, update_ms=update_ms, context_id=observation.context_id,
             ),
         )  # fmt: skip
@@ -425,7 +426,7 @@ class ObjectMapService:
         self._bus.publish(
             OBJECTMAP_ACK,
             pb.Ack(
-                service="objectmap", part="objects", id=message.frame.id, accepted=False,
+                service="objectmap", part=MapPart.OBJECTS, id=message.frame.id, accepted=False,
                 reason=reason, version=version, context_id=message.context_id,
             ),
         )  # fmt: skip

@@ -45,7 +45,7 @@ from helios_planner.settings import Settings, for_task
 from helios_planner.task import HELD, Cause, State, Task
 from helios_planner.tasks.executor import TaskExecutor
 from helios_planner.tasks.messages import decision_from_proto, recomputed_to_proto, task_to_proto
-from helios_planner.tasks.registry import UNDER_WAY, TaskRegistry, waiting_words
+from helios_planner.tasks.registry import TaskRegistry, waiting_words
 from helios_planner.tasks.reservation import Reservation
 from helios_planner.tasks.run_control import PauseControl
 from helios_planner.tasks.search_context import check_able, in_vocabulary
@@ -228,7 +228,7 @@ class PlannerService:
         if queued:
             begun = (
                 f"after {counted(task.steps, 'step')}"
-                if task.state in UNDER_WAY
+                if task.state.under_way
                 else "before it began"
             )
             self._registry.end(request.id, State.CANCELLED, f"cancelled {begun}")
@@ -314,12 +314,12 @@ class PlannerService:
         return self._is_under_way(id) or not self._registry.known(id).on_hold
 
     def _is_under_way(self, id: str) -> bool:
-        return self._registry.known(id).state in UNDER_WAY
+        return self._registry.known(id).state.under_way
 
     def _rank(self, id: str) -> tuple[bool, int]:
         """What was under way goes on before anything is begun."""
         task = self._registry.known(id)
-        return task.state in UNDER_WAY, task.priority
+        return task.state.under_way, task.priority
 
     def _run(self, id: str) -> None:
         assert self._description is not None
@@ -366,7 +366,7 @@ class PlannerService:
                 why = self._reservation.why
                 words = waiting_words(task.instruction, self._description is not None, why)
                 changes["message"] = HELD if on_hold else words
-                if task.state in UNDER_WAY:
+                if task.state.under_way:
                     changes["state"] = State.PAUSED if on_hold else State.RUNNING
         told = self._registry.change(id, **changes)
         with self._lock:

@@ -7,13 +7,15 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
+from helios_core.task_states import ENDED, HOLDS_ROBOT
+
 from helios_planner.instruction.parser import Instruction
 
 HELD = "paused; resume or cancel it"  # what a task says that is on hold
 
 
 class State(StrEnum):
-    """Where a task stands in its life."""
+    """Where a task stands in its life: as `helios_core.task_states` spells it."""
 
     QUEUED = "queued"
     RUNNING = "running"
@@ -24,7 +26,12 @@ class State(StrEnum):
 
     @property
     def ended(self) -> bool:
-        return self in (State.SUCCEEDED, State.FAILED, State.CANCELLED)
+        return self.value in ENDED
+
+    @property
+    def under_way(self) -> bool:
+        """Begun, and not ended."""
+        return self.value in HOLDS_ROBOT
 
 
 class Phase(StrEnum):

@@ -5,21 +5,30 @@ from __future__ import annotations
 import statistics
 import threading
 from collections import deque
+from typing import Literal, TypeGuard, get_args
+
+HealthState = Literal["starting", "waiting", "ready", "degraded", "stopping"]
+
+
+def is_health_state(text: str) -> TypeGuard[HealthState]:
+    """Whether a text is a state that a service may say of itself."""
+    return text in get_args(HealthState)
 
 
 class Health:
-    """Thread-safe. States: starting, waiting, ready, degraded, stopping."""
+    """Thread-safe. Begins as starting."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._state, self._reason = "starting", "starting"
+        self._state: HealthState = "starting"
+        self._reason = "starting"
         self._ended = False
         self._counters: dict[str, float] = {}
         self._samples: dict[str, deque[float]] = {}
         self.changed = threading.Event()
 
     @property
-    def state(self) -> tuple[str, str]:
+    def state(self) -> tuple[HealthState, str]:
         """(state, reason)"""
         with self._lock:
             return self._state, self._reason
@@ -64,7 +73,7 @@ class Health:
             samples = {name: list(values) for name, values in self._samples.items()}
         return out | {f"{n}_median": statistics.median(v) for n, v in samples.items() if v}
 
-    def _set(self, state: str, reason: str, last: bool = False) -> None:
+    def _set(self, state: HealthState, reason: str, last: bool = False) -> None:
         with self._lock:
             if self._ended:
                 return

@@ -1,16 +1,43 @@
-"""Which part of the house has answered which keyframe, and what."""
+"""The parts of the maps that answer keyframes, and which of them have answered which."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
+from enum import StrEnum
 
 from helios_core import proto as pb
 from helios_core.codec import frame_id_from_proto
 from helios_core.types import FrameId
 
 LOOKS_S = 0.2  # whether whoever waits is ending
+
+
+class MapPart(StrEnum):
+    """What answers every keyframe, as `Ack.part` spells it."""
+
+    OCCUPANCY = "occupancy"  # whether or not anything is looked for
+    VALUE = "value"
+    OBJECTS = "objects"
+
+    @property
+    def service(self) -> str:
+        """The one that answers."""
+        return "objectmap" if self is MapPart.OBJECTS else "map2d"
+
+
+FROM_DETECTIONS = frozenset({MapPart.VALUE, MapPart.OBJECTS})  # made of what the detector found
+
+
+def full_names(parts: Iterable[MapPart]) -> frozenset[str]:
+    """With the service that answers: `map2d/occupancy`."""
+    return frozenset(f"{part.service}/{part}" for part in parts)
+
+
+def full_name_of(ack: pb.Ack) -> str:
+    """As `full_names` spells it."""
+    return f"{ack.service}/{ack.part}"
 
 
 class KeyframeAcks:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
 
 from helios_core.errors import DeadlineExceeded, Unavailable
+from helios_core.task_states import TaskState
 
 from helios_client.mcp_tools.answer_models import Decision, Suggestions, Task, Vocabulary
 from helios_client.mcp_tools.tool_decorator import ACTS, ENDS, READS, SETS, Tools, tool
 
 LONGEST_WAIT_S = 600.0
-TaskState = Literal["queued", "running", "paused", "succeeded", "failed", "cancelled"]
 
 
 class TaskTools(Tools):

@@ -7,14 +7,12 @@ import statistics
 import threading
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 from helios_core import proto as pb
 from helios_core.bus import Bus
+from helios_core.keyframe_acks import FROM_DETECTIONS, MapPart
 from helios_core.topics import DETECTOR_ACK, MAP2D_ACK, OBJECTMAP_ACK, ROBOT_STATE
-
-PARTS = ("occupancy", "value", "objects")
-BY_DETECTOR = ("value", "objects")  # made of what it found
 
 
 class FrameAnswers:
@@ -23,7 +21,7 @@ class FrameAnswers:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._parts: dict[tuple[str, int, int], set[str]] = {}
-        self._update_ms: dict[str, list[float]] = {part: [] for part in PARTS}
+        self._update_ms: dict[str, list[float]] = {part: [] for part in MapPart}
         self._done_s: list[float] = []
         self._refusals: Counter[str] = Counter()
         self._finished = False
@@ -47,17 +45,17 @@ class FrameAnswers:
         answer that."""
         with self._lock:
             if not ack.accepted:
-                self._note(ack, BY_DETECTOR)
+                self._note(ack, FROM_DETECTIONS)
 
-    def _note(self, ack: pb.Ack, answered: Sequence[str]) -> None:
+    def _note(self, ack: pb.Ack, answered: Iterable[str]) -> None:
         """The lock is held."""
         frame = (ack.id.robot_boot_id, ack.id.world_epoch, ack.id.seq)
         parts = self._parts.setdefault(frame, set())
-        whole_before = len(parts) == len(PARTS)
+        whole_before = len(parts) == len(MapPart)
         parts.update(answered)
         if not ack.accepted:
             self._refusals[f"{ack.service}: {ack.reason}"] += 1
-        if len(parts) == len(PARTS) and not whole_before:
+        if len(parts) == len(MapPart) and not whole_before:
             self._done_s.append(time.monotonic())
 
     def note_state(self, state: pb.RobotState) -> None:
@@ -81,7 +79,7 @@ class FrameAnswers:
     def mapped(self) -> int:
         """Frames that the occupancy map has answered: all that were played in the end."""
         with self._lock:
-            return sum("occupancy" in parts for parts in self._parts.values())
+            return sum(MapPart.OCCUPANCY in parts for parts in self._parts.values())
 
     @property
     def over(self) -> int:
@@ -89,7 +87,7 @@ class FrameAnswers:
         a later frame was begun."""
         with self._lock:
             *earlier, last = self._parts.values() or [set()]
-            return len(earlier) + (len(last) == len(PARTS))
+            return len(earlier) + (len(last) == len(MapPart))
 
     @property
     def pace_ms(self) -> float:

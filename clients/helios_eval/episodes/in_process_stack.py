@@ -22,6 +22,7 @@ from helios_core.errors import DeadlineExceeded
 from helios_core.health import Health
 from helios_core.map_snapshot import MapView, decode_snapshot
 from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.task_states import ENDED
 from helios_core.topics import GET_TASK, OBJECTS, PREVIEW, ROBOT_STATE, SNAPSHOT, SUBMIT, TASK
 from helios_core.types import ObjectInstance
 from helios_detector.backend import DetectorOptions
@@ -45,7 +46,6 @@ from helios_eval.episodes.service_settings import of_house, of_service
 NEVER_S = 86_400.0
 LONGEST_ACTION_S = 600.0  # the bridge allows no more
 CALL_S = 60.0
-ENDED = frozenset({"succeeded", "failed", "cancelled"})
 
 
 class DirectTruth:

@@ -53,7 +53,7 @@ PHASES = {
     "find_receptacle": "find receptacle",
     "place": "place",
 }
-ENDED = {"succeeded": GREEN, "failed": RED, "cancelled": MUTED}
+END_COLORS = {"succeeded": GREEN, "failed": RED, "cancelled": MUTED}
 
 
 def frame_picture(scene: Scene) -> Picture:
@@ -93,7 +93,7 @@ def _phases(sheet: Sheet, x: float, y: float, task: pb.Task) -> float:
             name = f"✓ {name}"
             fill, color, line = tinted(GREEN, 0.16), GREEN, tinted(GREEN, 0.4)
         elif k == now:
-            fill = ENDED.get(task.state, BLUE)
+            fill = END_COLORS.get(task.state, BLUE)
             color, line = WHITE, fill
         else:
             fill, color, line = WHITE, MUTED, LINE
@@ -109,11 +109,13 @@ def _outcome(sheet: Sheet, x: float, y: float, scene: Scene) -> None:
     if scene.task.max_steps:
         steps += f" of {scene.task.max_steps}"
     right -= sheet.text(right, y, steps, 160, 13, INK, align="r") + 16
-    if scene.task.state in ENDED:
+    if scene.task.state in END_COLORS:
         text = scene.task.state
         if scene.task.cause:
             text += f": {scene.task.cause}"
-        x += sheet.pill(x, y, text, max(60.0, right - x), 13, ENDED[scene.task.state], bold=True)
+        x += sheet.pill(
+            x, y, text, max(60.0, right - x), 13, END_COLORS[scene.task.state], bold=True
+        )
         x += 12
     if scene.verdict and right - x > 60:
         color = GREEN if scene.right else RED

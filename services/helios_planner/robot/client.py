@@ -25,7 +25,7 @@ from helios_core.errors import (
     InvalidInput,
 )
 from helios_core.geometry import Matrix
-from helios_core.keyframe_acks import KeyframeAcks
+from helios_core.keyframe_acks import FROM_DETECTIONS, KeyframeAcks, MapPart
 from helios_core.map_snapshot import decode_snapshot
 from helios_core.printable_text import counted
 from helios_core.robot import Action, ActionResult, Observe
@@ -41,7 +41,7 @@ from numpy.typing import NDArray
 from helios_planner.decisions.decision import Decision
 from helios_planner.match_radii import SAME_INSTANCE_M
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
-from helios_planner.robot.detections import PART, MessageBuffer, Sighting
+from helios_planner.robot.detections import DETECTIONS, MessageBuffer, Sighting
 from helios_planner.robot.detector_status import DetectorStatus
 from helios_planner.robot.interface import Frontier, RobotInterface, WhatIf
 from helios_planner.robot.rpc import RETRY_S, Driver, RobotConnection, system_error
@@ -51,14 +51,11 @@ from helios_planner.task import Cause, Phase, TaskFailed
 log = logging.getLogger(__name__)
 
 ACK_PATIENCE_S = 6.0  # then the keyframe is taken anew: a service that restarted has lost it
-# Who answers each part of a keyframe; all but the occupancy come by way of the detector.
-PARTS = {
-    "detections": "detector",
-    "occupancy": "map2d",
-    "value": "map2d (or the detector before it)",
-    "objects": "objectmap (or the detector before it)",
-}
-BY_DETECTOR = frozenset(PARTS) - {"occupancy"}  # not answered while the detector answers nothing
+ANSWERED_BY = {  # part of a keyframe's answers -> who has to be looked at when it is missing
+    DETECTIONS: "detector",
+    MapPart.OCCUPANCY: MapPart.OCCUPANCY.service,
+} | {part: f"{part.service} (or the detector before it)" for part in FROM_DETECTIONS}
+BY_DETECTOR = FROM_DETECTIONS | {DETECTIONS}  # not answered while the detector answers nothing
 
 
 class TaskListener(Protocol):
@@ -90,9 +87,9 @@ class RobotClient(RobotInterface):
         cancelled: threading.Event,
         parts: Sequence[str],
     ) -> None:
-        """parts: of a keyframe that must be answered before the next action (`acks.PARTS`)."""
+        """parts: of a keyframe that must be answered before the next action (`ANSWERED_BY`)."""
         self._settings, self._acks, self._parts = settings, acks, parts
-        self._inbox = MessageBuffer(bus, acks, context_id) if PART in parts else None
+        self._inbox = MessageBuffer(bus, acks, context_id) if DETECTIONS in parts else None
         self._detector = DetectorStatus(bus)
         self._line = RobotConnection(bus, settings, cancelled, listener.on_wait)
         self._driver = Driver(self._line, settings, task_id, self._on_pause)
@@ -114,7 +111,8 @@ class RobotClient(RobotInterface):
             _, answers, missing = self._do(Observe(), ACK_PATIENCE_S)
             foreign = [
                 part for part, ack in answers.items()
-                if not ack.accepted or (part != "occupancy" and ack.context_id != self._context_id)
+                if not ack.accepted
+                or (part != MapPart.OCCUPANCY and ack.context_id != self._context_id)
             ]  # fmt: skip
             if not missing and not foreign:
                 self._line.waits_for("")
@@ -199,7 +197,7 @@ class RobotClient(RobotInterface):
         """(who has not answered these parts, why where the detector said so)."""
         trouble = self._detector.trouble
         blamed = [p for p in parts if trouble and p in BY_DETECTOR]
-        names = [PARTS[p] for p in parts if p not in blamed]
+        names = [ANSWERED_BY[p] for p in parts if p not in blamed]
         return _listed([*names, *(["the detector"] if blamed else [])]), trouble if blamed else ""
 
     # --- knowing -------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 MIN_POINTS = 8  # below it a mask has no depth worth the name
 TRIMMED = 0.02  # share of the points beyond each side of the box: edges belong to what is behind
 log = logging.getLogger(__name__)
-PART = "detections"
+DETECTIONS = "detections"  # part of a keyframe's answers, beside the maps'; the planner's own
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ class MessageBuffer:
 
     def _on_observation(self, message: pb.Observation) -> None:
         ack = pb.Ack(
-            service="planner", part=PART, id=message.frame.id, context_id=message.context_id,
+            service="planner", part=DETECTIONS, id=message.frame.id, context_id=message.context_id,
             accepted=True,
         )  # fmt: skip
         if message.context_id == self._context_id:

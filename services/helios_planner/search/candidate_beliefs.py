@@ -10,11 +10,12 @@ from typing import ClassVar
 import numpy as np
 from helios_core import proto as pb
 from helios_core.codec import object_from_proto, object_to_proto
+from helios_core.keyframe_acks import MapPart
 from helios_core.types import ObjectInstance
 
 from helios_planner.match_radii import SAME_THING_M
 from helios_planner.motion_planning.base_placement import nearest_to
-from helios_planner.robot.detections import Sighting
+from helios_planner.robot.detections import DETECTIONS, Sighting
 from helios_planner.robot.interface import RobotInterface
 from helios_planner.settings import Settings
 
@@ -57,7 +58,7 @@ class Belief(ABC):
 class MapBelief(Belief):
     """The object map, with scores over all views (HELIOS)."""
 
-    answered = ("occupancy", "value", "objects")
+    answered = tuple(MapPart)
 
     def known(self, class_name: str) -> Sequence[ObjectInstance]:
         return self.body.objects(class_name)
@@ -85,7 +86,7 @@ class TrustingBelief(Belief):
     """Every detection is true and stays so: no map, no doubt. A later detection at the same place
     says where the thing is more exactly."""
 
-    answered = ("occupancy", "value", "detections")
+    answered = (MapPart.OCCUPANCY, MapPart.VALUE, DETECTIONS)
 
     def __init__(self, body: RobotInterface, settings: Settings) -> None:
         super().__init__(body, settings)

@@ -11,7 +11,7 @@ from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import context_to_proto
 from helios_core.errors import HeliosError
-from helios_core.keyframe_acks import KeyframeAcks
+from helios_core.keyframe_acks import KeyframeAcks, MapPart
 from helios_core.topics import CONTEXT, VOCABULARY
 
 from helios_planner.agents import agent_named
@@ -134,7 +134,7 @@ class TaskExecutor:
         """Of a keyframe that must be answered before the next action: who only moves needs no
         detector."""
         if self._task.instruction.kind.only_moves:
-            return ("occupancy",)
+            return (MapPart.OCCUPANCY,)
         return agent_named(self._task.agent).belief.answered
 
     def _take_up(self, mission: Mission | MoveMission) -> None:

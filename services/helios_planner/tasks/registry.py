@@ -34,7 +34,6 @@ from helios_planner.tasks.store import Store
 
 log = logging.getLogger(__name__)
 
-UNDER_WAY = (State.RUNNING, State.PAUSED)
 UNPROVEN = (
     "ended at a time when it could not write down how its tasks went, so it is not known how far "
     "this one came; the robot goes on with nothing by itself: see what it holds, and submit the "
@@ -77,7 +76,7 @@ class TaskRegistry:
                 queued.append(task.id)
                 if not ((just_left and self._store.proven) or task.on_hold):
                     self.change(task.id, on_hold=True, message=f"was queued before; {HELD}")
-            elif task.state not in UNDER_WAY:
+            elif not task.state.under_way:
                 continue
             elif not just_left:
                 self._leave(task.id, "was away for too long while the task ran; submit it again")
@@ -132,7 +131,7 @@ class TaskRegistry:
 
     def close(self) -> None:
         """End what is still under way, and the store."""
-        for id in [task.id for task in self.tasks() if task.state in UNDER_WAY]:
+        for id in [task.id for task in self.tasks() if task.state.under_way]:
             with self._lock:
                 ended = self._ends.get(id)
             if ended is not None:

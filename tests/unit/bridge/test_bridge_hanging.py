@@ -12,10 +12,9 @@ from pathlib import Path
 
 import pytest
 from helios_bridge.driver_executor import DriverExecutor
-from helios_bridge.keyframe_acks import PARTS
 from helios_core import proto as pb
 from helios_core.errors import Conflict, DeadlineExceeded, Unavailable
-from helios_core.keyframe_acks import KeyframeAcks
+from helios_core.keyframe_acks import KeyframeAcks, MapPart, full_names
 from helios_core.topics import CLEAR_STOP, FRAME, STOP, status_topic
 from helios_core.types import FrameId
 
@@ -127,7 +126,7 @@ def test_ending_ends_the_wait_for_the_maps() -> None:
     book, crew = KeyframeAcks(), DriverExecutor()
 
     def wait() -> None:
-        book.wait(FrameId("a", 0, 1), PARTS, 60.0)
+        book.wait(FrameId("a", 0, 1), full_names(MapPart), 60.0)
 
     crew.start("wait", wait)
     assert crew.wait(0.05) == ["wait"]

@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helios_client.replay.frame_answers import PARTS, FrameAnswers
+from helios_client.replay.frame_answers import FrameAnswers
 from helios_client.replay.results import Results, collect, stage_medians_ms
 from helios_client.supervision.service_table import ServiceTable
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput, Unavailable
+from helios_core.keyframe_acks import MapPart
 from helios_core.map_snapshot import decode_snapshot
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import MAP2D_ACK, OBJECTMAP_ACK, OBJECTS, PICTURE, ROBOT_STATE, SNAPSHOT
@@ -30,11 +31,11 @@ def ack(part: str, seq: int, accepted: bool = True, update_ms: float = 5.0) -> p
 
 def test_a_frame_counts_when_all_parts_have_answered() -> None:
     tally = FrameAnswers()
-    for part in PARTS[:-1]:
+    for part in list(MapPart)[:-1]:
         tally.note_ack(ack(part, 1))
     assert tally.frames == 0
-    tally.note_ack(ack(PARTS[-1], 1))
-    tally.note_ack(ack(PARTS[-1], 1))
+    tally.note_ack(ack(MapPart.OBJECTS, 1))
+    tally.note_ack(ack(MapPart.OBJECTS, 1))
     assert tally.frames == 1
 
 
@@ -59,7 +60,7 @@ def test_frames_that_only_the_occupancy_answers_are_over_when_the_next_begins() 
     assert (tally.over, tally.mapped) == (0, 1)
     tally.note_ack(ack("occupancy", 2))
     assert (tally.over, tally.mapped) == (1, 2)
-    for part in PARTS:
+    for part in MapPart:
         tally.note_ack(ack(part, 2))
     assert (tally.over, tally.mapped, tally.frames) == (2, 2, 1)
 

@@ -9,7 +9,7 @@ from typing import cast
 import pytest
 from helios_client.interrupt_signals import Interrupts
 from helios_client.replay import run as module
-from helios_client.replay.frame_answers import PARTS, FrameAnswers
+from helios_client.replay.frame_answers import FrameAnswers
 from helios_client.replay.input_checks import CheckedInput
 from helios_client.replay.progress import Watch, waits_for
 from helios_client.replay.results import unreadable_frames
@@ -19,6 +19,7 @@ from helios_client.supervision.supervisor import ProcessInfo, State, Supervisor
 from helios_client.usage_errors import UsageError
 from helios_core import proto as pb
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
+from helios_core.keyframe_acks import MapPart
 from rich.console import Console
 
 NAMES = ("router", "bridge", "detector", "map2d")
@@ -85,7 +86,7 @@ def test_a_first_frame_that_nobody_answers_ends_the_replay_with_what_the_service
 
 def test_a_replay_that_starts_and_ends_is_over(tmp_path: Path) -> None:
     tally = FrameAnswers()
-    for part in PARTS:
+    for part in MapPart:
         tally.note_ack(pb.Ack(part=part, id=pb.FrameId(seq=1), accepted=True))
     tally.note_state(pb.RobotState(finished=True))
     play(job(tmp_path, start_s=0.1), board_of(), tally)

@@ -10,7 +10,7 @@ import pytest
 from helios_core import proto as pb
 from helios_core.codec import description_to_proto
 from helios_core.errors import Conflict
-from helios_core.keyframe_acks import KeyframeAcks
+from helios_core.keyframe_acks import KeyframeAcks, MapPart
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Action, ActionResult, Observe, Turn
 from helios_core.topics import ACT, MAP2D_ACK, OBJECTMAP_ACK
@@ -25,7 +25,6 @@ from helios_planner.tasks.store import Entry, Store
 from planner_flat import flat
 from planner_peers import Peers
 
-IN_PARTS = ("occupancy", "value", "objects")
 IMPATIENT = Settings(ack_timeout_s=0.1, away_s=0.1)
 
 
@@ -45,7 +44,7 @@ class Scene:
         self.listener = create_autospec(TaskListener, instance=True)
         self.body = RobotClient(
             self.bus, IMPATIENT, description_to_proto(self.peers.world.description), acks, "task",
-            "", 100, self.listener, threading.Event(), IN_PARTS,
+            "", 100, self.listener, threading.Event(), tuple(MapPart),
         )  # fmt: skip
         self.body.begin()
 
@@ -81,7 +80,7 @@ def test_a_robot_that_sends_no_keyframe_is_named() -> None:
     assert failure.value.cause is Cause.SYSTEM_ERROR
 
 
-@pytest.mark.parametrize("part", IN_PARTS)
+@pytest.mark.parametrize("part", MapPart)
 def test_a_keyframe_that_a_map_lost_is_taken_anew_and_the_action_is_not_done_twice(
     part: str,
 ) -> None:
