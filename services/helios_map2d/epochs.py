@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections import deque
-
 from helios_core.errors import Conflict
+from helios_core.parked_maps import MOST_PARKED, ParkedMaps
 from helios_core.robot_restarts import RobotStarts
 from helios_core.types import Frame, Observation, SearchContext, WorldId
 
 from helios_map2d.camera_view import check_pose
 from helios_map2d.epoch_map import EpochMap
 from helios_map2d.layers.parameters import MapRules
-
-REMEMBERED_EPOCHS = 256
 
 
 class EpochMaps:
@@ -29,7 +26,7 @@ class EpochMaps:
         self,
         rules: MapRules,
         footprint_radius_m: float,
-        most_parked: int = 2,
+        most_parked: int = MOST_PARKED,
         first_version: int = 0,
     ) -> None:
         self.rules = rules
@@ -37,8 +34,7 @@ class EpochMaps:
         self.current: EpochMap | None = None
         self.key: WorldId | None = None
         self._context: SearchContext | None = None
-        self._parked: deque[tuple[WorldId, EpochMap]] = deque(maxlen=most_parked)
-        self._gone: deque[WorldId] = deque(maxlen=REMEMBERED_EPOCHS)
+        self._parked: ParkedMaps[EpochMap] = ParkedMaps(most_parked)
         self._first_version = first_version
         self.robot_key: WorldId | None = None  # the world that the robot itself is in
         self._starts = RobotStarts()
@@ -70,7 +66,7 @@ class EpochMaps:
         older = self.key is not None and (
             boot_id == self._starts.present and key.world_epoch < self.key.world_epoch
         )
-        if key in self._gone or (older and key != self.robot_key):
+        if self._parked.is_over(key) or (older and key != self.robot_key):
             raise Conflict(
                 f"frame {frame.id.seq} is of {key}, which is over: its map was put aside"
             )
@@ -84,8 +80,7 @@ class EpochMaps:
         if observation is not None:
             fresh.check_search(observation)
         if self.current is not None and self.key is not None:
-            self._parked.append((self.key, self.current))
-            self._gone.append(self.key)
+            self._parked.park(self.key, self.current)
         self.current, self.key = fresh, key
         self._starts.begin(boot_id)
         return fresh
@@ -109,15 +104,13 @@ class EpochMaps:
 
     def is_of_another_world(self, state: EpochMap) -> bool:
         """Whether a map is parked, and the robot says that it is not in its world."""
-        of = next((key for key, parked in self._parked if parked is state), self.robot_key)
+        of = self._parked.world_of(state) or self.robot_key
         return self.robot_key is not None and of != self.robot_key
 
     def keep(self, key: WorldId, state: EpochMap) -> None:
         """Park a map, in place of one of the same world; where nothing is known yet and the robot
         is in that world, it goes on. Later versions rise from this map's."""
-        kept = [(k, other) for k, other in self._parked if k != key]
-        self._parked.clear()
-        self._parked.extend([*kept, (key, state)])
+        self._parked.put(key, state)
         self._first_version = max(self._first_version, state.version)
         if self.current is None and key == self.robot_key:
             self._brought_back(key, self._starts.present)
@@ -148,17 +141,11 @@ class EpochMaps:
     def _brought_back(self, key: WorldId, boot_id: str) -> EpochMap | None:
         """The map that is kept of the robot's own world, in place of the present one; None when
         there is none."""
-        back = next((state for parked, state in self._parked if parked == key), None)
-        if key in self._gone:
-            self._gone.remove(key)
+        back = self._parked.take_back(key)
         if back is None:
             return None
-        kept = [(k, state) for k, state in self._parked if k != key]
-        self._parked.clear()
-        self._parked.extend(kept)
         if self.current is not None and self.key is not None:
-            self._parked.append((self.key, self.current))
-            self._gone.append(self.key)
+            self._parked.park(self.key, self.current)
         if back.frame_id is not None:
             self._starts.begin(back.frame_id.robot_boot_id)
         if back.frame_id is None or back.frame_id.robot_boot_id != boot_id:

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections import deque
-
 from helios_core.errors import Conflict
+from helios_core.parked_maps import ParkedMaps
 from helios_core.robot_restarts import RobotStarts
 from helios_core.types import Frame, FrameId, WorldId
 
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.settings import ObjectMapSettings
-
-MOST_PARKED = 2
-MOST_REMEMBERED = 256
 
 
 class EpochMaps:
@@ -25,14 +21,13 @@ class EpochMaps:
 
     def __init__(self, settings: ObjectMapSettings) -> None:
         self._settings = settings
-        self._over: deque[WorldId] = deque(maxlen=MOST_REMEMBERED)
         self._starts = RobotStarts()
         self.world: WorldId | None = None
         self.robot_world: WorldId | None = None  # the one that the robot itself is in
         self.current = ObjectMap(settings)
         self.newest: FrameId | None = None  # the newest frame in the present map
         self.from_disk = False  # no frame has come since the present map was read
-        self.parked: deque[tuple[WorldId, ObjectMap]] = deque(maxlen=MOST_PARKED)
+        self._parked: ParkedMaps[ObjectMap] = ParkedMaps()
 
     def map_for(self, frame: Frame) -> ObjectMap:
         """The map a frame belongs to. Raises Conflict for a world, or a start of the robot, that is
@@ -43,8 +38,8 @@ class EpochMaps:
             if world.origin_id:
                 self._starts.check(id)
             self.from_disk = False
-        elif world == self.robot_world or (new_start and world in self._over):
-            self._bring_back(world)
+        elif world == self.robot_world or (new_start and self._parked.is_over(world)):
+            self._go_to(world, self._parked.take_back(world) or ObjectMap(self._settings))
         else:
             self._check_not_over(id, world)
             self._go_to(world, ObjectMap(self._settings))
@@ -74,33 +69,22 @@ class EpochMaps:
     def forget(self) -> None:
         """Forget the present map and the parked ones; frames go on."""
         self.current.reset()
-        self.parked.clear()
+        self._parked.clear()
         self.from_disk = False
 
     def _check_not_over(self, id: FrameId, world: WorldId) -> None:
         same_start = self.world is not None and id.robot_boot_id == self._starts.present
         older = same_start and self.world is not None and world.world_epoch < self.world.world_epoch
-        if older or world in self._over:
+        if older or self._parked.is_over(world):
             raise Conflict(
                 f"frame {id} is of {world}, which is over (now {self.world}): its map was put "
                 "aside; send frames of the present world"
             )
 
-    def _bring_back(self, world: WorldId) -> None:
-        back = next((m for e, m in self.parked if e == world), None)
-        if back is not None:
-            kept = [(e, m) for e, m in self.parked if e != world]
-            self.parked.clear()
-            self.parked.extend(kept)
-        if world in self._over:
-            self._over.remove(world)
-        self._go_to(world, back or ObjectMap(self._settings))
-
     def _go_to(self, world: WorldId, fresh: ObjectMap) -> None:
         """Park the present map, if it is of a world, and go on with another."""
         if self.world is not None:
-            self._over.append(self.world)
-            self.parked.append((self.world, self.current))
+            self._parked.park(self.world, self.current)
             self.current = fresh
         self.from_disk, self.newest = False, None
         self.world = world

@@ -20,7 +20,7 @@ def state_of(house: House) -> EpochMap:
 
 def parked(maps: EpochMaps) -> dict[WorldId, EpochMap]:
     """The maps of earlier world epochs, oldest first."""
-    return dict(maps._parked)
+    return maps._parked.by_world()
 
 
 def saved(house: House, kind: str) -> list[pb.Map2DFile]:
