@@ -138,7 +138,7 @@ class Manipulation:
                 Cause.PICK_FAILED, f"{self.picks} picks were tried, the limit: {self.last_reason}"
             )
         self.picks += 1
-        self.body.tell_picks(self.picks)
+        self.body.listener.on_picks(self.picks)
 
     def _approach(
         self, target_m: np.ndarray, tried: list[tuple[float, float]], purpose: str

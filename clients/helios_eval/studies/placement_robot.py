@@ -21,8 +21,19 @@ from numpy.typing import NDArray
 MOST_STEPS = 150
 
 
+class Unheard:
+    """Nobody listens to a placement."""
+
+    def on_phase(self, phase: Phase, seeking: str, message: str) -> None: ...
+    def on_decision(self, decision: Decision) -> None: ...
+    def on_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None: ...
+    def on_picks(self, picks: int) -> None: ...
+
+
 class WorldBody(RobotInterface):
     """See the module. told: what stands there."""
+
+    listener = Unheard()
 
     def __init__(self, world: World, told: Sequence[ObjectInstance]) -> None:
         self._world, self._told = world, told
@@ -85,16 +96,4 @@ class WorldBody(RobotInterface):
         return WhatIf((), ())
 
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
-        return
-
-    def tell_phase(self, phase: Phase, seeking: str, message: str) -> None:
-        return
-
-    def tell_decision(self, decision: Decision) -> None:
-        return
-
-    def tell_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None:
-        return
-
-    def tell_picks(self, picks: int) -> None:
         return

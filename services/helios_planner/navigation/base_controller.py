@@ -195,7 +195,7 @@ class BaseController:
         self.tilt(self.settings.travel_tilt_rad)
         self._turns = 0
         outcome = self._drive(goal, purpose, stop, slip_m)
-        self.body.tell_plan(np.empty((0, 2)), None, "")
+        self.body.listener.on_plan(np.empty((0, 2)), None, "")
         if outcome is Outcome.ARRIVED and face:
             self.turn_to(goal.yaw_rad)
         return outcome
@@ -243,7 +243,7 @@ class BaseController:
         if place is None:
             return Outcome.UNREACHABLE
         corners = straightened(reached.route_to(place), reached)
-        self.body.tell_plan(corners, goal, purpose)
+        self.body.listener.on_plan(corners, goal, purpose)
         rules = replace(self.rules, margin_m=self.settings.margins_m[level])
         move = next_primitive(corners, reached, rules)
         if move is None or (isinstance(move, Turn) and self._turns > MOST_TURNS):
@@ -401,7 +401,7 @@ class PoseBaseController(BaseController):
         end = reached.best_near(goal, slip_m)
         if end is not None:
             way = reached.way_to(end)
-            self.body.tell_plan(reached.route_along(way), goal, purpose)
+            self.body.listener.on_plan(reached.route_along(way), goal, purpose)
             if len(way) == 1 and pose.distance_m(goal.xy) < max(slip_m, ARRIVED_M):
                 return Outcome.ARRIVED
             move = reached.next_move(way, self.rules)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import threading
 import time
 from collections.abc import Sequence
 from typing import Protocol
@@ -38,15 +37,14 @@ from helios_core.topics import (
 from helios_core.types import FrameId, ObjectInstance, RobotState
 from numpy.typing import NDArray
 
-from helios_planner.decisions.decision import Decision
 from helios_planner.match_radii import SAME_INSTANCE_M
 from helios_planner.motion_planning.costmap import GroundMap, Pose2
 from helios_planner.robot.detections import DETECTIONS, MessageBuffer, Sighting
 from helios_planner.robot.detector_status import DetectorStatus
-from helios_planner.robot.interface import Frontier, RobotInterface, WhatIf
+from helios_planner.robot.interface import Frontier, ProgressListener, RobotInterface, WhatIf
 from helios_planner.robot.rpc import RETRY_S, Driver, RobotConnection, system_error
 from helios_planner.settings import Settings
-from helios_planner.task import Cause, Phase, TaskFailed
+from helios_planner.task import Cause, TaskFailed
 
 log = logging.getLogger(__name__)
 
@@ -58,14 +56,11 @@ ANSWERED_BY = {  # part of a keyframe's answers -> who has to be looked at when 
 BY_DETECTOR = FROM_DETECTIONS | {DETECTIONS}  # not answered while the detector answers nothing
 
 
-class TaskListener(Protocol):
-    """Who is told how a task goes."""
+class TaskListener(ProgressListener, Protocol):
+    """Who is told also how the robot and the services take part."""
 
-    def on_phase(self, phase: Phase, seeking: str, message: str) -> None: ...
-    def on_decision(self, decision: Decision, frame: FrameId | None) -> None: ...
-    def on_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None: ...
     def on_steps(self, steps: int) -> None: ...
-    def on_picks(self, picks: int) -> None: ...
+    def on_keyframe(self, frame: FrameId) -> None: ...
     def on_paused(self, why: str) -> None: ...
     def on_resumed(self) -> None: ...
     def on_wait(self, what: str | None) -> None: ...
@@ -77,6 +72,7 @@ class RobotClient(RobotInterface):
     def __init__(
         self,
         bus: Bus,
+        line: RobotConnection,
         settings: Settings,
         description: pb.RobotDescription,
         acks: KeyframeAcks,
@@ -84,17 +80,18 @@ class RobotClient(RobotInterface):
         context_id: str,
         max_steps: int,
         listener: TaskListener,
-        cancelled: threading.Event,
         parts: Sequence[str],
     ) -> None:
-        """parts: of a keyframe that must be answered before the next action (`ANSWERED_BY`)."""
+        """bus: to listen to; line: to call by; parts: of a keyframe that must be answered before
+        the next action (`ANSWERED_BY`)."""
         self._settings, self._acks, self._parts = settings, acks, parts
         self._inbox = MessageBuffer(bus, acks, context_id) if DETECTIONS in parts else None
         self._detector = DetectorStatus(bus)
-        self._line = RobotConnection(bus, settings, cancelled, listener.on_wait)
-        self._driver = Driver(self._line, settings, task_id, self._on_pause)
+        self._line = line
+        self._driver = Driver(line, settings, task_id, self._on_pause)
         self.description = description_from_proto(description)
-        self._context_id, self._max_steps, self._listener = context_id, max_steps, listener
+        self._context_id, self._max_steps = context_id, max_steps
+        self.listener = self._listener = listener
         self.steps, self.collisions = 0, 0
         self._frame: FrameId | None = None
         self._state: RobotState | None = None
@@ -188,6 +185,7 @@ class RobotClient(RobotInterface):
                 "the robot restarted or its localisation jumped; submit the task again",
             )
         self._frame = frame
+        self._listener.on_keyframe(frame)
         missing = self._acks.wait(frame, self._parts, ack_s, self._line.cancelled)
         self._line.check()
         answers = {p: a for p, a in self._acks.answers(frame).items() if p in self._parts}
@@ -317,19 +315,6 @@ class RobotClient(RobotInterface):
             self._listener.on_resumed()
         else:
             self._listener.on_paused(why)
-
-    # --- telling -------------------------------------------------------------------------------
-    def tell_phase(self, phase: Phase, seeking: str, message: str) -> None:
-        self._listener.on_phase(phase, seeking, message)
-
-    def tell_decision(self, decision: Decision) -> None:
-        self._listener.on_decision(decision, self._frame)
-
-    def tell_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None:
-        self._listener.on_plan(route_m, goal, purpose)
-
-    def tell_picks(self, picks: int) -> None:
-        self._listener.on_picks(picks)
 
 
 def _listed(services: Sequence[str]) -> str:

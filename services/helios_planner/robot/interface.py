@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from helios_core.geometry import Matrix
@@ -36,10 +37,27 @@ class WhatIf:
     gains_nats: tuple[float, ...]
 
 
+class ProgressListener(Protocol):
+    """Who is told how a mission goes; nothing that is told changes it."""
+
+    def on_phase(self, phase: Phase, seeking: str, message: str) -> None:
+        """What the task does now."""
+
+    def on_decision(self, decision: Decision) -> None:
+        """Keep and publish a decision."""
+
+    def on_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None:
+        """The route [n, 2] being driven; empty when standing."""
+
+    def on_picks(self, picks: int) -> None:
+        """How many picks were tried."""
+
+
 class RobotInterface(ABC):
     """The robot and its maps. Every method may raise TaskFailed or TaskCancelled."""
 
     description: RobotDescription
+    listener: ProgressListener
     cut_short: bool = False  # whether the last action was ended early by stop-now
 
     @abstractmethod
@@ -103,20 +121,3 @@ class RobotInterface(ABC):
     @abstractmethod
     def retire(self, id: int, point_m: NDArray[np.float64], reason: str) -> None:
         """Tell the object map that a thing is no longer where it was."""
-
-    # --- telling others; they change nothing ---------------------------------------------------
-    @abstractmethod
-    def tell_phase(self, phase: Phase, seeking: str, message: str) -> None:
-        """What the task does now."""
-
-    @abstractmethod
-    def tell_decision(self, decision: Decision) -> None:
-        """Keep and publish a decision."""
-
-    @abstractmethod
-    def tell_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None:
-        """The route [n, 2] being driven; empty when standing."""
-
-    @abstractmethod
-    def tell_picks(self, picks: int) -> None:
-        """How many picks were tried."""

@@ -8,9 +8,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from typing import Protocol
 
 from helios_core import proto as pb
-from helios_core.bus import Bus
 from helios_core.codec import action_to_proto, state_from_proto
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, Unavailable
 from helios_core.robot import Action
@@ -29,31 +29,6 @@ RECENT = 20  # actions, of which so many may be answered only when asked for aga
 MOST_IN_VAIN = 8
 
 
-def patiently(
-    ask: Callable[[], Rep],
-    away_s: float,
-    rest: Callable[[float], None],
-    refusals: tuple[type[HeliosError], ...] = (),
-    waits: Callable[[HeliosError], None] = lambda _: None,
-) -> Rep:
-    """Ask until answered, for as long as a service may be away. waits: hears why it is not."""
-    deadline = time.monotonic() + away_s
-    while True:
-        try:
-            return ask()
-        except refusals:
-            raise
-        except (Unavailable, DeadlineExceeded) as error:
-            if time.monotonic() > deadline:
-                raise TaskFailed(
-                    Cause.SYSTEM_ERROR, f"{error.message} (waited {away_s:.0f} s)"
-                ) from error
-            waits(error)
-            rest(RETRY_S)
-        except HeliosError as error:
-            raise system_error(error) from error
-
-
 def system_error(error: HeliosError) -> TaskFailed:
     """The end of a task by an error of a service."""
     return TaskFailed(Cause.SYSTEM_ERROR, error.message)
@@ -66,18 +41,24 @@ def number_of(action_id: str) -> tuple[int, int]:
     return (int(parts[1] or 0), int(parts[2])) if parts else (0, 0)
 
 
+class Caller(Protocol):
+    """What calls go out by: a bus, or what a task puts before it."""
+
+    def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep: ...
+
+
 class RobotConnection:
-    """Calls for one task: patient with services that are away, and ended by a cancel. `on_wait` is
-    told what is waited for, and None when it came."""
+    """Calls for one task that wait for services that are away, and end by a cancel. `on_wait` is
+    told what is waited for, and None when it came. `bus.call` asks without waiting."""
 
     def __init__(
         self,
-        bus: Bus,
+        bus: Caller,
         settings: Settings,
         cancelled: threading.Event,
         on_wait: Callable[[str | None], None],
     ) -> None:
-        self._bus, self._settings, self.cancelled = bus, settings, cancelled
+        self.bus, self._settings, self.cancelled = bus, settings, cancelled
         self._on_wait, self._waited_for = on_wait, ""
 
     def call(
@@ -88,20 +69,25 @@ class RobotConnection:
     ) -> Rep:
         """Ask, and wait for a service that is away, up to `away_s`. Refusals are passed on; any
         other error ends the task as a system error."""
+        away_s = self._settings.away_s
+        deadline = time.monotonic() + away_s
         away = False
-
-        def waits(error: HeliosError) -> None:
-            nonlocal away
-            away = True
-            self.waits_for(f"the {method.name.partition('/')[0]}: {error.message}")
-
-        reply = patiently(
-            lambda: self._bus.call(method, request, self._settings.call_timeout_s),
-            self._settings.away_s,
-            self.rest,
-            refusals,
-            waits,
-        )
+        while True:
+            try:
+                reply = self.bus.call(method, request, self._settings.call_timeout_s)
+                break
+            except refusals:
+                raise
+            except (Unavailable, DeadlineExceeded) as error:
+                if time.monotonic() > deadline:
+                    raise TaskFailed(
+                        Cause.SYSTEM_ERROR, f"{error.message} (waited {away_s:.0f} s)"
+                    ) from error
+                away = True
+                self.waits_for(f"the {method.name.partition('/')[0]}: {error.message}")
+                self.rest(RETRY_S)
+            except HeliosError as error:
+                raise system_error(error) from error
         if away:
             self.waits_for("")
         return reply
@@ -111,10 +97,6 @@ class RobotConnection:
         if what != self._waited_for:
             self._waited_for = what
             self._on_wait(what or None)
-
-    def call_once(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
-        """Ask without patience; raises what the bus raises."""
-        return self._bus.call(method, request, timeout_s)
 
     def rest(self, seconds: float) -> None:
         """Wait; a cancel ends it."""
@@ -167,7 +149,7 @@ class Driver:
                 action=action_to_proto(action),
             )
             try:
-                result = self._line.call_once(ACT, request, self._settings.action_timeout_s + 5.0)
+                result = self._line.bus.call(ACT, request, self._settings.action_timeout_s + 5.0)
                 self._renewed_s = time.monotonic()
                 self._note(problem)
                 if problem is not None:
@@ -230,7 +212,7 @@ class Driver:
         if not token:
             return
         try:
-            self._line.call_once(LEASE, pb.LeaseRequest(release_token=token), RELEASE_S)
+            self._line.bus.call(LEASE, pb.LeaseRequest(release_token=token), RELEASE_S)
         except HeliosError as error:
             log.info("the lease runs out by itself: %s", error.message)
 

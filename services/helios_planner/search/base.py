@@ -79,7 +79,7 @@ class Search(ABC):
                 "act_on_best gives it"
             )
         if decision.candidates:
-            self.body.tell_decision(decision)
+            self.body.listener.on_decision(decision)
             self.tell(decision.why)
         return decision
 
@@ -160,7 +160,7 @@ class Search(ABC):
     def tell(self, message: str) -> None:
         used, first = self._first
         said_first = [first] if used == self.body.budget_used() else []
-        self.body.tell_phase(self.phase, self.name, "; ".join([*said_first, message]))
+        self.body.listener.on_phase(self.phase, self.name, "; ".join([*said_first, message]))
 
     def say_first(self, why: str) -> None:
         """Why it searches again: said before all that it tells until the robot acts."""
@@ -170,7 +170,7 @@ class Search(ABC):
         """Keep and tell why what was chosen is left; `what` was to be done with it."""
         kind = "object" if self.phase is Phase.FIND_OBJECT else "receptacle"
         decision = give_up(what, thing, kind, reason)
-        self.body.tell_decision(decision)
+        self.body.listener.on_decision(decision)
         self.tell(decision.why)
         self.say_first(decision.why)
 

@@ -92,7 +92,7 @@ class Exploration:
 
     def _step(self) -> bool:
         decision = nearest_by_way(self._options())
-        self._body.tell_decision(decision)
+        self._body.listener.on_decision(decision)
         if decision.do is Do.NOTHING_LEFT:
             return self._clear_way()
         self._tell(decision)
@@ -101,7 +101,7 @@ class Exploration:
 
     def _tell(self, decision: Decision) -> None:
         message = f"{decision.why}; {self.said()}"
-        self._body.tell_phase(Phase.EXPLORE, "unknown floor", message)
+        self._body.listener.on_phase(Phase.EXPLORE, "unknown floor", message)
 
     def _borders(self) -> list[Border]:
         ground, s = self._body.ground(), self._settings

@@ -38,7 +38,7 @@ class Explorer(ABC):
 
     def _visit(self, decision: Decision, found: Callable[[], bool]) -> bool:
         """Do what was decided, and tell it."""
-        self.search.body.tell_decision(decision)
+        self.search.body.listener.on_decision(decision)
         if decision.do is Do.NOTHING_LEFT:
             return False
         self.search.tell(decision.why)

@@ -110,7 +110,7 @@ class ObjectSearch(ScoredSearch):
         options = self._receptacle_options()
         frontiers = self.frontier_options(PICK_LAYER)
         decision = self.next_place(options, frontiers)
-        self.body.tell_decision(decision)
+        self.body.listener.on_decision(decision)
         if decision.do is Do.NOTHING_LEFT:
             return False
         self.tell(decision.why)

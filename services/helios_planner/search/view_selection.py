@@ -161,7 +161,9 @@ class Looking:
             else:
                 k = int(np.argmax(scores))
                 self._views[key] = BestView(points[k], float(scores[k]))
-                self.body.tell_decision(best_view(thing, scores, [g.pose.xy for g in points]))
+                self.body.listener.on_decision(
+                    best_view(thing, scores, [g.pose.xy for g in points])
+                )
         return self._views[key]
 
     def option(

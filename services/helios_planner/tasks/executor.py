@@ -22,7 +22,7 @@ from helios_planner.task import Cause, State, Task, TaskCancelled, TaskFailed, T
 from helios_planner.tasks.mission import Mission
 from helios_planner.tasks.move_mission import MoveMission
 from helios_planner.tasks.registry import TaskRegistry, TaskReporter
-from helios_planner.tasks.run_control import Journal, PauseControl, TaskBus, last_action
+from helios_planner.tasks.run_control import Journal, PauseControl, TaskCalls, last_action
 from helios_planner.tasks.search_context import check_able, in_vocabulary, search_context
 from helios_planner.tasks.store import Entry, Store
 
@@ -44,7 +44,8 @@ class TaskExecutor:
         entry = Entry() if kept is None else replace(kept, life=kept.life + 1)
         self._journal = Journal(store, task.id, entry)
         self._reporter = TaskReporter(registry, task, settings, store.last_number(task.id) + 1)
-        self._bus = TaskBus(bus, self._journal, hold, self._reporter, settings.keep_within_s)
+        self._bus = bus
+        self._calls = TaskCalls(bus, self._journal, hold, self._reporter, settings.keep_within_s)
 
     def run(self) -> None:
         """Until it has ended, or was cancelled because the planner ends; the registry says that."""
@@ -110,16 +111,15 @@ class TaskExecutor:
         return f"it holds a {thing} (“put the {thing} on the …” sets it down)" if thing else ""
 
     def _line(self) -> RobotConnection:
-        return RobotConnection(self._bus, self._settings, self._cancelled, self._reporter.on_wait)
+        return RobotConnection(self._calls, self._settings, self._cancelled, self._reporter.on_wait)
 
     def _body(self, context_id: str) -> RobotClient:
         """Each life has its own ids of actions, so that none is taken for an earlier one."""
         life = self._journal.entry.life
         body = RobotClient(
-            self._bus, self._settings, self._robot, self._acks,
+            self._bus, self._line(), self._settings, self._robot, self._acks,
             f"{self._task.id}.{life}" if life else self._task.id, context_id,
-            self._task.max_steps, self._reporter, self._cancelled,
-            self._parts(),
+            self._task.max_steps, self._reporter, self._parts(),
         )  # fmt: skip
         body.steps = self._task.steps
         return body
@@ -140,7 +140,7 @@ class TaskExecutor:
     def _take_up(self, mission: Mission | MoveMission) -> None:
         """Settle the action in flight, and remember what was known."""
         log.info("task %s is taken up again, life %d", self._task.id, self._journal.entry.life)
-        last = last_action(self._line(), self._settings, self._journal, lambda: self._bus.held_s)
+        last = last_action(self._line(), self._settings, self._journal, lambda: self._calls.held_s)
         if self._journal.entry.memory:
             mission.recall(self._journal.entry.memory, last)
 

@@ -62,7 +62,7 @@ class Mission:
             self._take_over(i.object or "")
         if not self.looked_around:
             phase = Phase.FIND_RECEPTACLE if i.kind is Kind.GO_TO else Phase.FIND_OBJECT
-            self.body.tell_phase(phase, i.object or i.goal or "", "looking around")
+            self.body.listener.on_phase(phase, i.object or i.goal or "", "looking around")
             self.tools.base.look_around()
             self.looked_around = True
         if i.kind is Kind.GO_TO:
@@ -188,7 +188,7 @@ class Mission:
                 raise
             self.target_m = np.asarray(found.center_m)
             self._note_if_unsure(search, found)
-            self.body.tell_phase(Phase.PICK, search.name, f"going to pick the {search.name}")
+            self.body.listener.on_phase(Phase.PICK, search.name, f"going to pick the {search.name}")
             done = self.skills.pick(found, search.name, search.holds_up)
             if done is Done.SUCCEEDED:
                 return np.asarray(found.center_m)
@@ -210,7 +210,7 @@ class Mission:
                     raise TaskFailed(Cause.PLACE_MISSED, message) from failure
                 raise
             self._note_if_unsure(search, found)
-            self.body.tell_phase(Phase.PLACE, goal, f"going to place on the {goal}")
+            self.body.listener.on_phase(Phase.PLACE, goal, f"going to place on the {goal}")
             name = self.instruction.object or ""
             before = list(self.tools.belief.known(name))
             done = self.skills.place(found, goal, search.holds_up)

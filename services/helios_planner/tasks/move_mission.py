@@ -94,13 +94,13 @@ class MoveMission:
             "total": -(barred.before_m + barred.after_m),
         }  # fmt: skip
         candidate = Candidate("frontier", "end of the known way", (*barred.stand, 0.0), terms)
-        self.body.tell_decision(
+        self.body.listener.on_decision(
             Decision(DecisionRule.WAY_THROUGH_UNKNOWN, Do.GO_TO_FRONTIER, (candidate,), 0, why)
         )
         self._tell(why, xy_m)
 
     def _tell(self, message: str, xy_m: tuple[float, float]) -> None:
-        self.body.tell_phase(Phase.GO, told(xy_m), message)
+        self.body.listener.on_phase(Phase.GO, told(xy_m), message)
 
     # --- exploring -----------------------------------------------------------------------------
     def _explore(self) -> str:
@@ -108,7 +108,7 @@ class MoveMission:
         exploration = self.exploration
         try:
             if not self.looked_around:
-                self.body.tell_phase(Phase.EXPLORE, "unknown floor", "looking around")
+                self.body.listener.on_phase(Phase.EXPLORE, "unknown floor", "looking around")
                 if exploration.begin():
                     self.base.look_around()
                 self.looked_around = True

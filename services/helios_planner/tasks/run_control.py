@@ -12,37 +12,29 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 from helios_core import proto as pb
-from helios_core.bus import Bus, LivelinessHandler, Registration
+from helios_core.bus import Bus
 from helios_core.codec import action_from_proto, state_from_proto
 from helios_core.errors import Conflict, DeadlineExceeded, Unavailable
 from helios_core.robot import Action
-from helios_core.topics import ACT, GET_STATE, LEASE, M, Method, Rep, Req, Topic
+from helios_core.topics import ACT, GET_STATE, LEASE, Method, Rep, Req
 from helios_core.types import RobotState
 
 from helios_planner.robot.rpc import HOLDER, RETRY_S, RobotConnection, number_of
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskCancelled, TaskFailed, TimeIsUp
-from helios_planner.tasks.store import Entry, Memory
+from helios_planner.tasks.registry import TaskReporter
+from helios_planner.tasks.store import Entry, Memory, Store
 
 log = logging.getLogger(__name__)
-
-
-class JournalStore(Protocol):
-    """Where entries are kept; `fault`: why they cannot be, and what to do."""
-
-    def keep(self, task_id: str, entry: Entry) -> bool: ...
-    @property
-    def fault(self) -> str: ...
 
 
 class Journal:
     """Of one running task; used by its worker alone. `memory` gives what the mission remembers."""
 
-    def __init__(self, keeper: JournalStore, task_id: str, entry: Entry) -> None:
-        self._keeper, self.task_id, self.entry = keeper, task_id, entry
+    def __init__(self, store: Store, task_id: str, entry: Entry) -> None:
+        self._store, self.task_id, self.entry = store, task_id, entry
         self.memory: Callable[[], Memory] = lambda: self.entry.memory
 
     @property
@@ -53,12 +45,12 @@ class Journal:
     @property
     def fault(self) -> str:
         """Why nothing can be kept now."""
-        return self._keeper.fault
+        return self._store.fault
 
     def before(self, request: pb.ActionRequest) -> bool:
         """Whether an action is written down, so that it may begin."""
         entry = replace(self.entry, request=request, result=None, memory=self.memory())
-        if not self._keeper.keep(self.task_id, entry):
+        if not self._store.keep(self.task_id, entry):
             return False
         self.entry = entry
         return True
@@ -75,26 +67,19 @@ class Journal:
 
     def _keep(self, entry: Entry) -> None:
         self.entry = entry
-        self._keeper.keep(self.task_id, entry)
+        self._store.keep(self.task_id, entry)
 
 
-class Waiter(Protocol):
-    """Who is told why a task stands."""
-
-    def on_hold(self, paused: bool) -> None: ...
-    def on_wait(self, what: str | None) -> None: ...
-
-
-class TaskBus(Bus):
-    """The bus as one task uses it: it ends in time, begins no action while it is paused, and every
-    action is in the journal before the robot is asked for it."""
+class TaskCalls:
+    """The calls of one task: they end in time, begin no action while it is paused, and have every
+    action in the journal before the robot is asked for it."""
 
     def __init__(
-        self, bus: Bus, journal: Journal, hold: PauseControl, waiter: Waiter, keep_within_s: float
-    ) -> None:
+        self, bus: Bus, journal: Journal, hold: PauseControl, reporter: TaskReporter,
+        keep_within_s: float,
+    ) -> None:  # fmt: skip
         """keep_within_s: for how long an action may wait until it can be written down."""
-        self.robot = bus.robot
-        self._bus, self._journal, self._hold, self._waiter = bus, journal, hold, waiter
+        self._bus, self._journal, self._hold, self._reporter = bus, journal, hold, reporter
         self._keep_within_s = keep_within_s
         self.held_s = 0.0  # for how long the pauses lasted that calls had to wait for
 
@@ -117,7 +102,7 @@ class TaskBus(Bus):
         paused. Raises TaskFailed where the journal cannot take it for too long."""
         faulty_s = 0.0
         while True:
-            self._hold.wait(self._waiter.on_hold)
+            self._hold.wait(self._reporter.on_hold)
             written = self._hold.begin(lambda: self._journal.before(request))
             if written:
                 break
@@ -130,30 +115,12 @@ class TaskBus(Bus):
                     f"written down: {self._journal.fault}; then submit the task again",
                 )
             if not faulty_s:
-                self._waiter.on_wait(f"its journal: {self._journal.fault}")
+                self._reporter.on_wait(f"its journal: {self._journal.fault}")
             began_s = time.monotonic()
             self._hold.rest(RETRY_S)
             faulty_s += time.monotonic() - began_s
         if faulty_s:
-            self._waiter.on_wait(None)
-
-    def publish(self, topic: Topic[M], message: M) -> None:
-        self._bus.publish(topic, message)
-
-    def subscribe(self, topic: Topic[M], handler: Callable[[M], None]) -> Registration:
-        return self._bus.subscribe(topic, handler)
-
-    def serve(self, method: Method[Req, Rep], handler: Callable[[Req], Rep]) -> Registration:
-        return self._bus.serve(method, handler)
-
-    def announce(self, service: str, instance: str) -> Registration:
-        return self._bus.announce(service, instance)
-
-    def watch(self, handler: LivelinessHandler) -> Registration:
-        return self._bus.watch(handler)
-
-    def close(self) -> None:
-        """The task's bus has nothing of its own."""
+            self._reporter.on_wait(None)
 
 
 class PauseControl:
@@ -293,7 +260,7 @@ def _again(
         try:
             lease = line.call(LEASE, pb.LeaseRequest(holder=HOLDER), refusals=(Conflict,))
             again.lease_token = lease.token
-            result = line.call_once(ACT, again, settings.action_timeout_s + 5.0)
+            result = line.bus.call(ACT, again, settings.action_timeout_s + 5.0)
             log.info("action %s was settled", request.action_id)
             return result
         except (Conflict, Unavailable, DeadlineExceeded) as error:

@@ -33,6 +33,7 @@ class FakeWorld(RobotInterface):
         start: Pose2,
         max_steps: int = 1250,
     ) -> None:
+        self.listener = self  # it keeps what it is told
         self.things = {t.id: t for t in things}
         self.max_steps, self.steps, self.contacts = max_steps, 0, 0
         self.log: list[Action] = []
@@ -228,16 +229,16 @@ class FakeWorld(RobotInterface):
         self.retired.append(id)
         self.things[id].views.clear()
 
-    def tell_phase(self, phase: Phase, seeking: str, message: str) -> None:
+    def on_phase(self, phase: Phase, seeking: str, message: str) -> None:
         self.said.append((self.steps, message))
         if not self.phases or self.phases[-1] is not phase:
             self.phases.append(phase)
 
-    def tell_decision(self, decision: Decision) -> None:
+    def on_decision(self, decision: Decision) -> None:
         self.decisions.append(decision)
 
-    def tell_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None:
+    def on_plan(self, route_m: NDArray[np.float64], goal: Pose2 | None, purpose: str) -> None:
         return
 
-    def tell_picks(self, picks: int) -> None:
+    def on_picks(self, picks: int) -> None:
         self.picks = picks

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
+from typing import Any
+
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import Unavailable
+from helios_core.topics import OBJECTS, Method, Rep, Req
 from helios_planner.robot import rpc
-from helios_planner.robot.rpc import patiently
+from helios_planner.robot.rpc import RobotConnection
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
 
@@ -22,6 +27,23 @@ class Clock:
         self.now_s += seconds
 
 
+class Answers:
+    """A bus on which one call is made, whatever it asks."""
+
+    def __init__(self, answer: Callable[[], Any]) -> None:
+        self._answer = answer
+
+    def call(self, method: Method[Req, Rep], request: Req, timeout_s: float) -> Rep:
+        return self._answer()
+
+
+def asked(answer: Callable[[], pb.Empty], clock: Clock) -> object:
+    """What a task is answered in the end."""
+    line = RobotConnection(Answers(answer), Settings(), threading.Event(), lambda _: None)
+    line.rest = clock.rest
+    return line.call(OBJECTS, pb.ObjectsRequest())
+
+
 def test_a_service_may_be_away_for_ten_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock(monkeypatch)
 
@@ -30,7 +52,7 @@ def test_a_service_may_be_away_for_ten_seconds(monkeypatch: pytest.MonkeyPatch) 
             raise Unavailable("objectmap does not answer")
         return pb.Empty()
 
-    assert patiently(ask, Settings().away_s, clock.rest) == pb.Empty()
+    assert asked(ask, clock) == pb.Empty()
     assert clock.now_s >= 110.0
 
 
@@ -41,6 +63,6 @@ def test_a_service_that_stays_away_is_a_system_error(monkeypatch: pytest.MonkeyP
         raise Unavailable("objectmap does not answer")
 
     with pytest.raises(TaskFailed, match="objectmap does not answer") as failure:
-        patiently(ask, Settings().away_s, clock.rest)
+        asked(ask, clock)
     assert failure.value.cause is Cause.SYSTEM_ERROR
     assert clock.now_s - 100.0 < Settings().away_s + 1.0

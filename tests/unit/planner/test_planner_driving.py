@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from unittest.mock import create_autospec
 
 import pytest
 from helios_core import proto as pb
@@ -16,8 +17,9 @@ from helios_planner.robot import rpc
 from helios_planner.robot.rpc import MOST_IN_VAIN, RECENT, Driver, RobotConnection
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed, TimeIsUp
-from helios_planner.tasks.run_control import Journal, PauseControl, TaskBus
-from helios_planner.tasks.store import Entry
+from helios_planner.tasks.registry import TaskReporter
+from helios_planner.tasks.run_control import Journal, PauseControl, TaskCalls
+from helios_planner.tasks.store import Entry, Store
 
 Trouble = Callable[[int], HeliosError | None]  # by the action's number, when it is first asked for
 
@@ -156,20 +158,6 @@ def test_a_task_waits_for_as_long_as_somebody_else_drives() -> None:
     assert WAITED == ["the bridge: teleop drives the robot for 10 s more", None]
 
 
-class Keeper:
-    """Keeps every entry."""
-
-    fault = ""
-
-    def keep(self, task_id: str, entry: Entry) -> bool:
-        return True
-
-
-class Waiter:
-    def on_hold(self, paused: bool) -> None: ...
-    def on_wait(self, what: str | None) -> None: ...
-
-
 def test_a_task_whose_time_is_over_gives_the_robot_back(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = [100.0]
     monkeypatch.setattr(time, "time", lambda: clock[0])
@@ -182,7 +170,8 @@ def test_a_task_whose_time_is_over_gives_the_robot_back(monkeypatch: pytest.Monk
     MemoryBus(robot.hub).serve(LEASE, lease)
     cancelled = threading.Event()
     hold = PauseControl(limit_s=5.0, ends_s=105.0, cancelled=cancelled)
-    bus = TaskBus(robot.bus, Journal(Keeper(), "task", Entry()), hold, Waiter(), 1.0)
+    store, reporter = (create_autospec(c, instance=True) for c in (Store, TaskReporter))
+    bus = TaskCalls(robot.bus, Journal(store, "task", Entry()), hold, reporter, 1.0)
     driver = Driver(
         RobotConnection(bus, Settings(), cancelled, WAITED.append),
         Settings(),

@@ -5,13 +5,15 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from typing import cast
+from unittest.mock import create_autospec
 
 import pytest
 from helios_core import proto as pb
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import ACT
-from helios_planner.tasks.run_control import Journal, PauseControl, TaskBus
-from helios_planner.tasks.store import Entry
+from helios_planner.tasks.registry import TaskReporter
+from helios_planner.tasks.run_control import Journal, PauseControl, TaskCalls
+from helios_planner.tasks.store import Entry, Store
 
 from tests.support import wait_until
 
@@ -31,8 +33,6 @@ class PausedLate(PauseControl):
 class Notes:
     """Keeps entries, hears what the task waits for, and counts what the robot was asked for."""
 
-    fault = ""
-
     def __init__(self, hold: PauseControl) -> None:
         self.kept: list[Entry] = []
         self.held: list[bool] = []
@@ -41,18 +41,17 @@ class Notes:
         hub = MemoryHub()
         self._robot = MemoryBus(hub)
         self._robot.serve(ACT, self._act)
-        journal = Journal(self, "task", Entry())
-        self.bus = TaskBus(MemoryBus(hub), journal, hold, self, keep_within_s=1.0)
+        store = create_autospec(Store, instance=True, fault="")
+        store.keep.side_effect = self._keep
+        reporter = create_autospec(TaskReporter, instance=True)
+        reporter.on_hold.side_effect = self.held.append
+        journal = Journal(store, "task", Entry())
+        self.bus = TaskCalls(MemoryBus(hub), journal, hold, reporter, keep_within_s=1.0)
 
-    def keep(self, task_id: str, entry: Entry) -> bool:
+    def _keep(self, task_id: str, entry: Entry) -> bool:
         self.writing()
         self.kept.append(entry)
         return True
-
-    def on_hold(self, paused: bool) -> None:
-        self.held.append(paused)
-
-    def on_wait(self, what: str | None) -> None: ...
 
     def act_once(self) -> threading.Thread:
         """Ask for one action in a thread."""

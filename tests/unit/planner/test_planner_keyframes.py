@@ -42,9 +42,10 @@ class Scene:
         self.bus.subscribe(MAP2D_ACK, acks.add)
         self.bus.subscribe(OBJECTMAP_ACK, acks.add)
         self.listener = create_autospec(TaskListener, instance=True)
+        line = RobotConnection(self.bus, IMPATIENT, threading.Event(), self.listener.on_wait)
         self.body = RobotClient(
-            self.bus, IMPATIENT, description_to_proto(self.peers.world.description), acks, "task",
-            "", 100, self.listener, threading.Event(), tuple(MapPart),
+            self.bus, line, IMPATIENT, description_to_proto(self.peers.world.description), acks,
+            "task", "", 100, self.listener, tuple(MapPart),
         )  # fmt: skip
         self.body.begin()
 

@@ -65,14 +65,14 @@ def test_what_was_searched_is_not_searched_again() -> None:
     """Two tables without a mug: cut off on the way to the second, the first is left alone."""
     whole = two_bare_tables()
     steps: list[int] = []
-    tell = whole.tell_decision
+    tell = whole.on_decision
 
     def tell_and_count(decision: Decision) -> None:
         if decision.do is Do.SEARCH_RECEPTACLE:
             steps.append(whole.steps)
         tell(decision)
 
-    whole.tell_decision = tell_and_count
+    whole.on_decision = tell_and_count
     with pytest.raises(TaskFailed):
         mission(whole).run()
     first, second = searched(whole)[:2]

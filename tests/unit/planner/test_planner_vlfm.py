@@ -204,7 +204,7 @@ def test_what_is_seen_where_no_way_leads_is_left_for_what_can_be_gone_to(
         told.append(message)
         assert len(told) < 1000, f"it says for ever: {message}"
 
-    monkeypatch.setattr(world, "tell_phase", tell)
+    monkeypatch.setattr(world, "on_phase", tell)
     Mission(world, parse(FIND), Settings(agent=agent)).run()
     assert world.pose().distance_m((7.2, 5.35)) < 1.0
     assert world.contacts == 0
