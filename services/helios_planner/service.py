@@ -39,14 +39,18 @@ from helios_core.topics import (
 
 from helios_planner.agents import agent_named, fault_of
 from helios_planner.decisions.counterfactual import changes_of, recompute
-from helios_planner.instruction.language_model import language_model, parse_with_help
-from helios_planner.instruction.parser import Instruction
+from helios_planner.instruction.language_model import language_model
+from helios_planner.instruction.parser import Instruction, parse_with_help
 from helios_planner.settings import Settings, for_task
 from helios_planner.task import HELD, Cause, State, Task
 from helios_planner.tasks.executor import TaskExecutor
 from helios_planner.tasks.messages import decision_from_proto, recomputed_to_proto, task_to_proto
-from helios_planner.tasks.registry import UNDER_WAY, TaskRegistry, waiting_words
-from helios_planner.tasks.reservation import Reservation
+from helios_planner.tasks.registry import (
+    UNDER_WAY,
+    Reservation,
+    TaskRegistry,
+    waiting_words,
+)
 from helios_planner.tasks.run_control import PauseControl
 from helios_planner.tasks.search_context import check_able, in_vocabulary
 from helios_planner.tasks.store import Store

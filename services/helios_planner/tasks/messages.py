@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from helios_planner.decisions.counterfactual import Recomputed
 from helios_planner.decisions.decision import Candidate, Decision, Do
-from helios_planner.instruction.coordinates import Point
+from helios_planner.instruction.move_commands import Point
 from helios_planner.instruction.parser import Instruction, Kind
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.task import Cause, Phase, State, Task
