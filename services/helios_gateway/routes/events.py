@@ -18,8 +18,7 @@ from starlette.requests import HTTPConnection
 
 from helios_gateway import message_conversion
 from helios_gateway.api_keys import Scope
-from helios_gateway.authorization import check, secured
-from helios_gateway.dependencies import AddressedRobot, State
+from helios_gateway.dependencies import AddressedRobot, State, check, secured
 from helios_gateway.error_responses import (
     Forbidden,
     Unauthorized,

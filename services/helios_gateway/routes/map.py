@@ -8,9 +8,8 @@ from fastapi import APIRouter, Path, Query, Request, Response
 
 from helios_gateway import api_map_models
 from helios_gateway.api_keys import Scope
-from helios_gateway.authorization import secured
 from helios_gateway.cached_responses import JPEG, NPZ, PNG, UNCHANGED, content_docs, tagged
-from helios_gateway.dependencies import AddressedRobot, Maps
+from helios_gateway.dependencies import AddressedRobot, Maps, secured
 from helios_gateway.error_responses import problems
 
 SizePx = Annotated[int, Query(ge=128, le=4096, description="side of the square picture, pixels")]

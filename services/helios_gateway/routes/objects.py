@@ -15,9 +15,8 @@ from helios_core.topics import EXPORT_OBJECTS, OBJECT_DETAIL, RENDER_OBJECTS
 
 from helios_gateway import api_map_models, message_conversion
 from helios_gateway.api_keys import Scope
-from helios_gateway.authorization import secured
 from helios_gateway.cached_responses import NPZ, PNG, Encoded, content_docs, tagged
-from helios_gateway.dependencies import AddressedRobot, CallTimeout
+from helios_gateway.dependencies import AddressedRobot, CallTimeout, secured
 from helios_gateway.error_responses import NotFound, invalid_as_not_found, problems
 from helios_gateway.object_viewpoint import camera, look_at
 from helios_gateway.robot_registry import Served

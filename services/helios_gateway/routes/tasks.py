@@ -23,8 +23,7 @@ from helios_core.topics import (
 
 from helios_gateway import api_models, message_conversion
 from helios_gateway.api_keys import Scope
-from helios_gateway.authorization import secured
-from helios_gateway.dependencies import AddressedRobot, CallTimeout, Maps
+from helios_gateway.dependencies import AddressedRobot, CallTimeout, Maps, secured
 from helios_gateway.error_responses import invalid_as_not_found, problems
 from helios_gateway.robot_registry import Served
 from helios_gateway.task_suggestions import suggestions as suggested

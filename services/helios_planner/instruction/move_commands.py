@@ -1,8 +1,8 @@
 """Sentences that send the robot itself: to a point, "explore the home", "come back".
 
 Points are read as people write them: "3.2, 4.1", "(3.2 m, -4.1 m) facing 90 degrees". Lengths are
-metres in the world frame; a heading without a unit is in degrees, counter-clockwise from the world's
-x axis. `parser` reads the verb of a sentence to a point with the grammar of all sentences.
+metres in the world frame. A heading without a unit is in degrees, counter-clockwise from the x axis
+of the world. `parser` reads the verb of a sentence to a point with the grammar of all sentences.
 """
 
 from __future__ import annotations
