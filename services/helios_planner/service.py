@@ -185,10 +185,8 @@ class PlannerService:
         return name
 
     def _check_started_for(self, agent: str) -> None:
-        """Raises Conflict where the planner or the object map runs with the settings of another
-        agent. An agent of another package runs with any."""
-        if agent not in AGENT_NAMES:
-            return
+        """Raises Conflict where the planner or the object map runs with other settings than the
+        agent's."""
         started = {"planner": self._settings.agent, "objectmap": self._agent_of_object_map()}
         for service, other in started.items():
             if other and not same_settings(agent, other):
