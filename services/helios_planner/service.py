@@ -187,14 +187,17 @@ class PlannerService:
     def _check_started_for(self, agent: str) -> None:
         """Raises Conflict where the planner or the object map runs with other settings than the
         agent's."""
-        started = {"planner": self._settings.agent, "objectmap": self._agent_of_object_map()}
-        for service, other in started.items():
-            if other and not same_settings(agent, other):
-                raise Conflict(
-                    f"the {service} was started with the settings of agent {other!r}; agent "
-                    f"{agent!r} needs its own: start the services with helios up --agent {agent}, "
-                    f"or submit the task for agent {other!r}"
-                )
+        started = {"planner": self._settings.agent, "object map": self._agent_of_object_map()}
+        others = {s: a for s, a in started.items() if a and not same_settings(agent, a)}
+        if not others:
+            return
+        told = ", ".join(f"the {s} was started for agent {a!r}" for s, a in others.items())
+        both = set(started.values()) - {""}
+        instead = f", or submit the task for agent {both.pop()!r}" if len(both) == 1 else ""
+        raise Conflict(
+            f"agent {agent!r} needs other settings: {told}; start the services with helios up "
+            f"--agent {agent}{instead}"
+        )
 
     def _agent_of_object_map(self) -> str:
         """The agent that the object map was started for; empty where it does not answer."""

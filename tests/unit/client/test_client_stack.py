@@ -33,3 +33,13 @@ def test_every_service_starts_with_the_settings_of_the_agent(
     plain = SETTINGS[service](**{k: started[k] for k in ("router", "state_dir")}).model_dump()
     own = service_settings(service, agent or DEFAULT_AGENT)
     assert started == plain | {"agent": agent or DEFAULT_AGENT} | own
+
+
+@pytest.mark.parametrize("service", SETTINGS)
+def test_a_slip_in_an_agents_name_is_refused_by_every_service(
+    service: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        SETTINGS[service].load(["--agent", "heliso"])
+    assert ended.value.code == 2
+    assert "choose one of helios, helios-paper" in capsys.readouterr().err

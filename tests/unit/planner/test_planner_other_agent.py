@@ -1,0 +1,75 @@
+"""A task for an agent that the services were not started for is refused with what helps."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from helios_core import proto as pb
+from helios_core.errors import Conflict
+from helios_core.topics import LIST_TASKS, settings_method
+from planner_bus import Start, submit
+from planner_peers import Peers
+
+OWN = "helios_examples.left_first:agent"
+
+
+def object_map_for(peers: Peers, told: str) -> None:
+    """An object map whose settings are this JSON."""
+    peers.bus.serve(settings_method("objectmap"), lambda _: pb.SettingsReply(json=told))
+
+
+def started_for(agent: str) -> str:
+    return json.dumps({"agent": {"value": agent}})
+
+
+@pytest.mark.parametrize("started", ["helios", "helios-paper"])
+def test_the_refusal_names_the_command_and_the_agent_that_can_have_the_task(
+    started: str, start: Start
+) -> None:
+    other = "helios-paper" if started == "helios" else "helios"
+    _, bus, peers = start(agent=started)
+    object_map_for(peers, started_for(started))
+    with pytest.raises(Conflict) as refusal:
+        submit(bus, agent=other)
+    assert refusal.value.message == (
+        f"agent '{other}' needs other settings: the planner was started for agent '{started}', the "
+        f"object map was started for agent '{started}'; start the services with helios up --agent "
+        f"{other}, or submit the task for agent '{started}'"
+    )
+    assert not bus.call(LIST_TASKS, pb.Empty(), 5).tasks
+    assert submit(bus, agent=started).agent == started
+
+
+def test_an_object_map_that_was_started_for_another_agent_than_the_planner_is_named(
+    start: Start,
+) -> None:
+    _, bus, peers = start(agent="helios")
+    object_map_for(peers, started_for("helios-paper"))
+    with pytest.raises(
+        Conflict, match=r"the object map was started for .*'helios-paper'"
+    ) as refusal:
+        submit(bus)
+    assert "or submit" not in refusal.value.message  # no agent can have it
+    assert "the planner was" not in refusal.value.message
+
+
+@pytest.mark.parametrize("agent", ["trusting", "vlfm", "helios-5050", OWN])
+def test_agents_with_the_same_settings_serve_one_another(agent: str, start: Start) -> None:
+    _, bus, peers = start(agent="helios-paper", agents_of_tasks="any")
+    object_map_for(peers, started_for(agent))
+    assert submit(bus, agent=agent).agent == agent
+
+
+def test_an_agent_of_another_package_runs_with_the_defaults(start: Start) -> None:
+    _, bus, _ = start(agent="helios", agents_of_tasks="any")
+    with pytest.raises(Conflict, match=f"helios up --agent {OWN}"):
+        submit(bus, agent=OWN)
+
+
+@pytest.mark.parametrize("told", ["", "no JSON", "[]", "{}", '{"agent": 3}', '{"agent": {}}'])
+def test_an_object_map_that_does_not_say_its_agent_refuses_nothing(told: str, start: Start) -> None:
+    """One of an older release, or one that is away; the planner's own settings still count."""
+    _, bus, peers = start(agent="helios")
+    object_map_for(peers, told)
+    assert submit(bus).agent == "helios"
