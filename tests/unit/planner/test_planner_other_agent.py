@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import Conflict
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import LIST_TASKS, settings_method
-from planner_bus import Start, submit
+from helios_planner.service import PlannerService
+from planner_bus import Start, ended, hasty, submit
+from planner_flat import flat_with_mug
 from planner_peers import Peers
 
 OWN = "helios_examples.left_first:agent"
@@ -65,6 +70,26 @@ def test_an_agent_of_another_package_runs_with_the_defaults(start: Start) -> Non
     _, bus, _ = start(agent="helios", agents_of_tasks="any")
     with pytest.raises(Conflict, match=f"helios up --agent {OWN}"):
         submit(bus, agent=OWN)
+
+
+def test_a_task_that_waited_while_the_planner_was_started_for_another_agent_fails_with_the_words(
+    tmp_path: Path,
+) -> None:
+    """It had no robot yet, so it was still queued when its planner died."""
+    hub = MemoryHub()
+    died = PlannerService(MemoryBus(hub), hasty(tmp_path, agent="helios"), Health())
+    id = submit(MemoryBus(hub)).id
+    hub = MemoryHub()
+    again = PlannerService(MemoryBus(hub), hasty(tmp_path, agent="helios-paper"), Health())
+    Peers(hub, flat_with_mug())
+    try:
+        told = ended(MemoryBus(hub), id)
+        assert (told.state, told.cause, told.steps) == ("failed", "system error", 0)
+        assert "helios up --agent helios" in told.message
+        assert submit(MemoryBus(hub)).agent == "helios-paper"
+    finally:
+        again.close()
+        died.close()
 
 
 @pytest.mark.parametrize("told", ["", "no JSON", "[]", "{}", '{"agent": 3}', '{"agent": {}}'])
