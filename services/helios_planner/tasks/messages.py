@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from helios_core.agent_presets import DEFAULT_AGENT
 from helios_core import proto as pb
+from helios_core.agent_presets import DEFAULT_AGENT
 from helios_core.codec import frame_id_to_proto
 from helios_core.types import FrameId
 from numpy.typing import NDArray
