@@ -193,7 +193,7 @@ class PlannerService:
         others = {s: a for s, a in started.items() if a and not same_settings(agent, a)}
         if not others:
             return ""
-        told = ", ".join(f"the {s} was started for agent {a!r}" for s, a in others.items())
+        told = " and ".join(f"the {s} was started for {a!r}" for s, a in others.items())
         both = set(started.values()) - {""}
         instead = f", or submit the task for agent {both.pop()!r}" if len(both) == 1 else ""
         return (

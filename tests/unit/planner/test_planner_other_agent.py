@@ -38,8 +38,8 @@ def test_the_refusal_names_the_command_and_the_agent_that_can_have_the_task(
     with pytest.raises(Conflict) as refusal:
         submit(bus, agent=other)
     assert refusal.value.message == (
-        f"agent '{other}' needs other settings: the planner was started for agent '{started}', the "
-        f"object map was started for agent '{started}'; start the services with helios up --agent "
+        f"agent '{other}' needs other settings: the planner was started for '{started}' and the "
+        f"object map was started for '{started}'; start the services with helios up --agent "
         f"{other}, or submit the task for agent '{started}'"
     )
     assert not bus.call(LIST_TASKS, pb.Empty(), 5).tasks
