@@ -1,4 +1,4 @@
-"""Write a driver's types into docs/tutorials/your-own-robot.md; `--check`: are they stale?
+"""Write a driver's types into docs/reference/driver-types.md; `--check`: are they stale?
 
 Names, types and defaults come from the dataclasses; a field without a meaning below is an error.
 """
@@ -24,7 +24,7 @@ from helios_core.robot import (
 )
 from helios_core.types import RobotDescription, RobotState
 
-PAGE = Path(__file__).resolve().parent.parent / "docs/tutorials/your-own-robot.md"
+PAGE = Path(__file__).resolve().parent.parent / "docs/reference/driver-types.md"
 BEGIN, END = "<!-- types: scripts/page_of_types.py -->\n", "<!-- end of types -->\n"
 ACTIONS: tuple[type, ...] = (Forward, Turn, Tilt, Pick, Place, Observe)
 UNITS = {"_m": "m", "_rad": "rad", "_ns": "ns"}  # by the end of a name

@@ -78,11 +78,11 @@ def test_the_bridge_knows_spot_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_page_lists_every_setting_with_its_default() -> None:
-    page = (Path(__file__).parents[3] / "docs" / "how-to" / "spot.md").read_text()
+    page = (Path(__file__).parents[3] / "docs" / "reference" / "spot-settings.md").read_text()
     for name, field in SpotSettings.model_fields.items():
         if name in ServiceSettings.model_fields:
             continue
         hidden = isinstance(field.default, SecretStr) or field.default in (None, "")
         default = "" if hidden else f"`{field.default}`"
         row = f"| `{name}` | {default} | {field.description} |"
-        assert row in page, f"docs/how-to/spot.md lacks the row {row}"
+        assert row in page, f"docs/reference/spot-settings.md lacks the row {row}"
