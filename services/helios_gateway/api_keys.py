@@ -78,6 +78,7 @@ class ApiKeys:
     def __init__(self, file: Path | None) -> None:
         """Raises InvalidInput for a file that cannot be read or holds no key."""
         self._file = file
+        self.required = file is not None
         self._lock = threading.Lock()
         self._seen: tuple[int, int] | None = None  # time and size; None: no file
         self._by_hash: dict[str, ApiKey] = {}
@@ -86,10 +87,6 @@ class ApiKeys:
             self._by_hash = _read(file)
             if not self._by_hash:
                 raise InvalidInput(f"the file {file} holds no key; make one with helios key")
-
-    @property
-    def required(self) -> bool:
-        return self._file is not None
 
     def find(self, secret: str) -> ApiKey | None:
         """The entry of a key. Only hashes are compared, so time tells nothing of the key."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from helios_core.printable_text import printable
+from helios_core.task_states import ENDED, TaskState
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator
 
 MAX_INSTRUCTION_CHARACTERS = 10_000
 Vector3 = Annotated[list[float | None], Field(description="x, y, z in the world, metres")]
 Vector2 = Annotated[list[float | None], Field(description="x, y in the world, metres")]
-TaskState = Literal["queued", "running", "paused", "succeeded", "failed", "cancelled"]
 ServiceState = Literal["starting", "waiting", "ready", "degraded", "stopping", "down"]
 
 
@@ -158,7 +158,7 @@ class Task(BaseModel):
 
     @property
     def ended(self) -> bool:
-        return self.state in ("succeeded", "failed", "cancelled")
+        return self.state in ENDED
 
 
 class TaskList(BaseModel):

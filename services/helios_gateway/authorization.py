@@ -1,4 +1,7 @@
-"""Who may do what: the key of a request, the scope a route needs, the session of a browser."""
+"""Who may do what: the key of a request, the scope an endpoint needs, the browser's session.
+
+A browser cannot send a key with every picture, so `/v1/session` keeps it in a cookie.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +15,16 @@ from starlette.types import Scope as AsgiScope
 
 from helios_gateway import api_models
 from helios_gateway.api_keys import ApiKey, ApiKeys, Scope
+from helios_gateway.dependencies import State, state_of
 from helios_gateway.error_responses import Forbidden, Unauthorized, problems
 
 COOKIE = "helios_key"
+router = APIRouter(prefix="/v1/session", tags=["access"])
 _bearer = HTTPBearer(auto_error=False, description="an API key; none is asked for on loopback")
 
 
 def key_of(scope: AsgiScope, keys: ApiKeys) -> ApiKey | None:
-    """The entry of the key that a request carries: a bearer token, or the session's cookie."""
+    """The key that a request carries as a bearer token or in its cookie; None for no known key."""
     headers = Headers(scope=scope)
     kind, _, secret = headers.get("authorization", "").partition(" ")
     if kind.lower() != "bearer":
@@ -28,8 +33,11 @@ def key_of(scope: AsgiScope, keys: ApiKeys) -> ApiKey | None:
 
 
 def check(connection: HTTPConnection, needed: Scope) -> None:
-    """Raises Unauthorized without a known key, Forbidden with one that does not suffice."""
-    keys: ApiKeys = connection.app.state.keys
+    """Raises Unauthorized for a request without a known key, Forbidden where its scope is too low.
+
+    Nothing is checked where the gateway asks for no keys.
+    """
+    keys = state_of(connection).keys
     if not keys.required:
         return
     key = key_of(connection.scope, keys)
@@ -46,10 +54,7 @@ def check(connection: HTTPConnection, needed: Scope) -> None:
 
 
 def needs(scope: Scope) -> Callable[..., Awaitable[None]]:
-    """A dependency: only with a key of this scope, where keys are asked for.
-
-    Asynchronous, as every dependency of stop-now is: others wait for one of the shared threads.
-    """
+    """A dependency that calls `check`."""
 
     async def checked(connection: HTTPConnection) -> None:
         check(connection, scope)
@@ -58,43 +63,42 @@ def needs(scope: Scope) -> Callable[..., Awaitable[None]]:
 
 
 def secured(scope: Scope) -> list:
-    """Of a router or a route: checked, and said in the interface's description."""
+    """`dependencies` of a router or an endpoint that needs a key of this scope.
+
+    The second one only declares the bearer token in the OpenAPI description.
+    """
     return [Depends(needs(scope)), Depends(_bearer)]
 
 
-def session_routes() -> APIRouter:
-    """`/v1/session`: a browser cannot send a key with every picture; a cookie does."""
-    routes = APIRouter(prefix="/v1/session", tags=["access"])
-
-    @routes.get("", summary="Is a key asked for, and what may this one?", responses=problems())
-    async def session(request: Request) -> api_models.Session:
-        return _session(request, key_of(request.scope, request.app.state.keys))
-
-    @routes.post("", summary="Keep a key in a cookie", responses=problems(401))
-    async def open_session(
-        request: Request, response: Response, body: api_models.SessionRequest
-    ) -> api_models.Session:
-        """The cookie is for this site alone and out of reach of scripts."""
-        key = request.app.state.keys.find(body.key)
-        if key is None:
-            raise Unauthorized("this API key is not known; make one with helios key")
-        response.set_cookie(
-            COOKIE, body.key, httponly=True, samesite="strict",
-            secure=request.url.scheme == "https",
-        )  # fmt: skip
-        return _session(request, key)
-
-    @routes.delete("", summary="Forget the cookie", responses=problems())
-    async def close_session(request: Request, response: Response) -> api_models.Session:
-        response.delete_cookie(COOKIE, httponly=True, samesite="strict")
-        return _session(request, None)
-
-    return routes
+@router.get("", summary="Is a key asked for, and what may this one?", responses=problems())
+async def session(request: Request, state: State) -> api_models.Session:
+    return _session(state.keys, key_of(request.scope, state.keys))
 
 
-def _session(request: Request, key: ApiKey | None) -> api_models.Session:
+@router.post("", summary="Keep a key in a cookie", responses=problems(401))
+async def open_session(
+    request: Request, response: Response, state: State, body: api_models.SessionRequest
+) -> api_models.Session:
+    """The cookie is for this site alone and out of reach of scripts."""
+    key = state.keys.find(body.key)
+    if key is None:
+        raise Unauthorized("this API key is not known; make one with helios key")
+    response.set_cookie(
+        COOKIE, body.key, httponly=True, samesite="strict",
+        secure=request.url.scheme == "https",
+    )  # fmt: skip
+    return _session(state.keys, key)
+
+
+@router.delete("", summary="Forget the cookie", responses=problems())
+async def close_session(response: Response, state: State) -> api_models.Session:
+    response.delete_cookie(COOKIE, httponly=True, samesite="strict")
+    return _session(state.keys, None)
+
+
+def _session(keys: ApiKeys, key: ApiKey | None) -> api_models.Session:
     return api_models.Session(
-        required=request.app.state.keys.required,
+        required=keys.required,
         name=key.name if key else "",
         scope=key.scope.spoken if key else None,
     )

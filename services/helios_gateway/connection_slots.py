@@ -1,4 +1,4 @@
-"""A bounded number of places, for sockets that each hold something open."""
+"""A limit on how many sockets of one kind are open at the same time."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from helios_core.errors import Unavailable
 
 
 class ConnectionSlots:
-    """So many at the same time, and no more. Used on one event loop."""
+    """Counts open sockets up to a limit. For one event loop."""
 
     def __init__(self, most: int, what: str) -> None:
-        """what: who takes the places, such as "sockets for frames"."""
+        """most: the limit. what: the sockets in words, such as "sockets for frames"."""
         self._most, self._what, self._held = most, what, 0
 
     def taken(self) -> AbstractContextManager[None]:
-        """A place, held until the context ends. Raises Unavailable where none is left."""
+        """A slot, held until the context ends. Raises Unavailable where all are taken."""
         if self._held >= self._most:
             raise Unavailable(
                 f"{self._held} {self._what} are open and no more are taken; close one"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from http import HTTPStatus
 
 from fastapi import FastAPI, Request
@@ -106,8 +107,17 @@ def problem_of(error: HeliosError) -> JSONResponse:
     return out
 
 
+@contextlib.contextmanager
+def invalid_as_not_found() -> Iterator[None]:
+    """Raises NotFound for an InvalidInput: of calls whose input is what the path names."""
+    try:
+        yield
+    except InvalidInput as error:
+        raise NotFound(error.message) from error
+
+
 def add_problems(app: FastAPI) -> None:
-    """Every error of the application leaves as a problem."""
+    """Makes a problem of every error that leaves the application."""
 
     async def typed(_: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, HeliosError)
@@ -128,10 +138,17 @@ def add_problems(app: FastAPI) -> None:
         out.headers.update(error.headers or {})
         return out
 
+    async def unforeseen(request: Request, error: Exception) -> JSONResponse:
+        log.error("%s %s failed", request.method, request.url.path, exc_info=error)
+        return problem(
+            500, "internal", "A fault in the gateway", "the gateway's log says what went wrong"
+        )
+
     handlers: list[tuple[type[Exception], Callable[..., Awaitable[JSONResponse]]]] = [
         (HeliosError, typed),
         (RequestValidationError, unreadable),
         (HTTPException, http),
+        (Exception, unforeseen),
     ]
     for kind, handler in handlers:
         app.add_exception_handler(kind, handler)

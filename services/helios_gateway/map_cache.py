@@ -14,7 +14,7 @@ from helios_core.topics import GAUSSIANS, OBJECTS, PICTURE, SNAPSHOT, VOCABULARY
 
 from helios_gateway import api_map_models, map_arrays, message_conversion, viewer_scene
 from helios_gateway.cached_responses import NPZ, PNG, Encoded
-from helios_gateway.error_responses import NotFound
+from helios_gateway.error_responses import NotFound, invalid_as_not_found
 from helios_gateway.gaussian_arrays import ColorBy, Gaussians
 from helios_gateway.request_coalescing import RequestCoalescer
 
@@ -124,10 +124,8 @@ class MapCache:
             request = pb.PictureRequest(
                 layer=layer, size_px=size_px, path_m=path_m, objects=self._marked()
             )
-            try:
+            with invalid_as_not_found():
                 return Encoded.of(self._bus.call(PICTURE, request, self._timeout_s).png, PNG)
-            except InvalidInput as error:
-                raise NotFound(error.message) from error
 
         return self._pictures.get((layer, size_px), state, make)
 

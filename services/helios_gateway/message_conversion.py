@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from helios_core import proto as pb
 from helios_core.errors import Internal
 from helios_core.printable_text import printable
+from helios_core.task_states import is_task_state
 
 from helios_gateway import api_map_models, api_models
 from helios_gateway.task_suggestions import Believed, words
@@ -20,10 +21,6 @@ PHASES = {
     "go_home": ("go",),
     "explore": ("explore",),
 }
-_STATES: dict[str, api_models.TaskState] = {
-    "queued": "queued", "running": "running", "paused": "paused", "succeeded": "succeeded",
-    "failed": "failed", "cancelled": "cancelled",
-}  # fmt: skip
 
 
 def finite(value: float) -> float | None:
@@ -65,12 +62,13 @@ def _eta_s(message: pb.Task) -> tuple[float, float] | None:
 
 
 def task(message: pb.Task) -> api_models.Task:
-    """A task as it is now. Raises Internal for a state that nobody knows."""
-    if message.state not in _STATES:
-        raise Internal(f"the planner named a state {message.state!r} of task {message.id}")
+    """The task as HTTP gives it. Raises Internal for an unknown state."""
+    state = message.state
+    if not is_task_state(state):
+        raise Internal(f"the planner named a state {state!r} of task {message.id}")
     return api_models.Task(
-        id=message.id, instruction=printable(message.instruction), state=_STATES[message.state],
-        phase=message.phase, phases=phases(message.kind, message.phase, message.state),
+        id=message.id, instruction=printable(message.instruction), state=state,
+        phase=message.phase, phases=phases(message.kind, message.phase, state),
         message=printable(message.message), cause=message.cause, seeking=message.seeking,
         kind=message.kind, object=message.object, start=message.start, goal=message.goal,
         steps=message.steps, max_steps=message.max_steps, picks=message.picks,

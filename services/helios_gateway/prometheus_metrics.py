@@ -11,7 +11,7 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_late
 from prometheus_client.registry import Collector
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from helios_gateway.robot_registry import RobotRegistry
+from helios_gateway.robot_registry import API_ROOT, ROBOT_ROOT, RobotRegistry
 
 BUCKETS_S = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 
@@ -19,7 +19,7 @@ BUCKETS_S = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 class Metrics:
     """One registry per application; nothing is global."""
 
-    def __init__(self, fleet: RobotRegistry) -> None:
+    def __init__(self, robots: RobotRegistry) -> None:
         self.registry = CollectorRegistry()
         self.requests = Counter(
             "helios_http_requests_total", "requests by route and status",
@@ -29,7 +29,7 @@ class Metrics:
             "helios_http_request_seconds", "time to the start of the answer",
             ["method", "route"], buckets=BUCKETS_S, registry=self.registry,
         )  # fmt: skip
-        self.registry.register(_Services(fleet))
+        self.registry.register(_Services(robots))
 
     def text(self) -> tuple[bytes, str]:
         """(body, content type)"""
@@ -37,8 +37,8 @@ class Metrics:
 
 
 class _Services(Collector):
-    def __init__(self, fleet: RobotRegistry) -> None:
-        self._fleet = fleet
+    def __init__(self, robots: RobotRegistry) -> None:
+        self._robots = robots
 
     def collect(self) -> Iterable[Metric]:
         ready = GaugeMetricFamily(
@@ -58,7 +58,7 @@ class _Services(Collector):
             labels=["robot", "service", "name"],
         )  # fmt: skip
         viewers = GaugeMetricFamily("helios_event_viewers", "open event streams", labels=["robot"])
-        for robot, served in self._fleet.robots.items():
+        for robot, served in self._robots.robots.items():
             status = served.live.status()
             ready.add_metric([robot], float(status.ready))
             stopped.add_metric([robot], float(status.stopped))
@@ -86,7 +86,7 @@ class RequestMetrics:
         began_s = time.perf_counter()
 
         def count(status: int) -> None:
-            route = getattr(scope.get("route"), "path", "other")
+            route = route_pattern(scope)
             method = scope["method"] if route != "other" else "any"
             self._metrics.requests.labels(method, route, str(status)).inc()
             self._metrics.seconds.labels(method, route).observe(time.perf_counter() - began_s)
@@ -101,3 +101,20 @@ class RequestMetrics:
         except Exception:
             count(500)
             raise
+
+
+def route_pattern(scope: Scope) -> str:
+    """The full path of the route that took a request, such as `/v1/tasks/{id}`; `other`: none did.
+
+    FastAPI leaves the route of an included router in the scope, whose path lacks the prefix that
+    the router was included with.
+    """
+    path = getattr(scope.get("route"), "path", None)
+    if path is None:
+        return "other"
+    root = ""
+    if "robot" in scope.get("path_params", {}):
+        root = ROBOT_ROOT
+    elif scope["path"].startswith(f"{API_ROOT}/"):
+        root = API_ROOT
+    return path if path.startswith(root) else root + path

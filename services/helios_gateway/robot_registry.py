@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
 
-from fastapi import Depends
 from helios_core.bus import Bus
-from starlette.requests import HTTPConnection
 
 from helios_gateway.bus_listener import BusListener
-from helios_gateway.error_responses import NotFound
+
+API_ROOT = "/v1"  # below it is the first robot
+ROBOT_ROOT = "/v1/robots/{robot}"  # below it is the robot of this name
 
 
 @dataclass(frozen=True)
 class Served:
-    """One robot."""
+    """One robot: its bus, and what the gateway keeps of it."""
 
     bus: Bus
     live: BusListener
@@ -24,23 +23,12 @@ class Served:
 
 @dataclass(frozen=True)
 class RobotRegistry:
-    """By name, the first one is meant where none is named."""
+    """Robots by name; the first one is the default."""
 
     robots: Mapping[str, Served]
 
-    @property
-    def first(self) -> Served:
-        return next(iter(self.robots.values()))
-
-    def named(self, name: str) -> Served:
-        """Raises NotFound."""
-        if name not in self.robots:
-            known = ", ".join(self.robots)
-            raise NotFound(f"there is no robot {name[:80]!r} here; there are: {known}")
-        return self.robots[name]
-
     def reasons(self) -> list[str]:
-        """Why a task could not start now, on any of them."""
+        """Why a task could not start now, for every robot; empty when it could on all."""
         several = len(self.robots) > 1
         return [
             f"{name}: {reason}" if several else reason
@@ -51,12 +39,3 @@ class RobotRegistry:
     def close(self) -> None:
         for served in self.robots.values():
             served.live.close()
-
-
-async def _served(connection: HTTPConnection) -> Served:
-    fleet: RobotRegistry = connection.app.state.fleet
-    name = connection.path_params.get("robot")
-    return fleet.first if name is None else fleet.named(name)
-
-
-At = Annotated[Served, Depends(_served)]  # the robot that a request is about

@@ -88,11 +88,11 @@ class Gateway:
         buses = {settings.robot: bus}
         buses |= {name: another_bus(name) for name in settings.other_robots}
         self._others = [one for one in buses.values() if one is not bus]
-        self.fleet = RobotRegistry({
+        self.robots = RobotRegistry({
             name: Served(one, BusListener(one, settings)) for name, one in buses.items()
         })  # fmt: skip
         config = uvicorn.Config(
-            create_app(self.fleet, settings, keys),
+            create_app(self.robots, settings, keys),
             log_config=None,
             log_level="warning",
             access_log=False,
@@ -106,7 +106,7 @@ class Gateway:
         self._thread = threading.Thread(
             target=self._serve, args=(listener,), name="http", daemon=True
         )
-        for served in self.fleet.robots.values():
+        for served in self.robots.robots.values():
             served.live.start()
         self._thread.start()
         address = f"http://{f'[{host}]' if ':' in host else host}:{port}/"
@@ -114,7 +114,7 @@ class Gateway:
         health.ready(address)
 
     def close(self) -> None:
-        self.fleet.close()  # first: an open event stream would hold the server up
+        self.robots.close()  # first: an open event stream would hold the server up
         self._server.should_exit = True
         self._thread.join(GRACE_S + 0.5)
         for bus in self._others:

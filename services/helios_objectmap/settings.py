@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Literal
 
+from helios_core.agent_presets import DEFAULT_AGENT
 from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field
 
@@ -15,6 +16,10 @@ class ObjectMapSettings(ServiceSettings):
 
     model_config = service_config("objectmap")
 
+    agent: str = Field(
+        default=DEFAULT_AGENT,
+        description="Agent whose settings replace the defaults of this table (agent_presets).",
+    )
     stride_px: int = Field(
         default=2, ge=1, le=8, description="Every n-th pixel is mapped, both ways."
     )

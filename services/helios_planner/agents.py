@@ -2,8 +2,8 @@
 
 | agent               | takes for true         | object: next place          | goal: next frontier |
 |---------------------|------------------------|-----------------------------|---------------------|
-| helios              | object map, by score   | objective (eq. 8-10)        | highest value       |
-| helios-next         | the best it knows      | objective (eq. 8-10)        | highest value       |
+| helios              | the best it knows      | objective (eq. 8-10)        | highest value       |
+| helios-paper        | object map, by score   | objective (eq. 8-10)        | highest value       |
 | helios-5050         | object map, by score   | the same, half as hopeful   | highest value       |
 | no-global-objective | object map, by score   | receptacles, then frontiers | highest value       |
 | trusting            | whatever is detected   | highest value               | highest value       |
@@ -13,9 +13,9 @@
 | vlfm-unfiltered     | and at an image's side | highest value, kept         | highest value, kept |
 | vlfm-helios-stop    | object map, by score   | highest value, kept         | highest value       |
 
-`helios-next` waits before it acts on what it is not sure of (`acceptance.py`), and its house runs
-with the settings of `helios_core.agent_presets`. The last three are for object navigation (Table
-2); they can do every task.
+`helios` waits before it acts on a doubtful candidate (`acceptance.py`), and has settings of its own
+(`helios_core.agent_presets`). `helios-paper` is the paper's method. The last three are for object
+navigation (Table 2); they can do every task.
 """
 
 from __future__ import annotations
@@ -56,21 +56,19 @@ def _by(rule: FrontierRule) -> Agent:
     return trusting(TrustingBelief, partial(ByRule, rule=rule))
 
 
-_HELIOS = _scoring(global_search.by_objective)
+_PAPER = _scoring(global_search.by_objective)
 
 AGENTS: dict[str, Agent] = {
-    "helios": _HELIOS,
-    "helios-next": _scoring(global_search.by_objective, patient),
-    "helios-5050": replace(_HELIOS, other_share=0.5),
+    "helios": _scoring(global_search.by_objective, patient),
+    "helios-paper": _PAPER,
+    "helios-5050": replace(_PAPER, other_share=0.5),
     "no-global-objective": _scoring(global_search.receptacles_first),
     "trusting": _by(global_search.highest_value),
     "random-frontier": _by(global_search.drawn),
     "homerobot-heuristic": _by(global_search.nearest),
     "vlfm": trusting(VlfmBelief, TargetPursuit),
     "vlfm-unfiltered": trusting(UnfilteredBelief, TargetPursuit),
-    "vlfm-helios-stop": replace(
-        _HELIOS, seek_object=lambda tools, name, _: StopSearch(tools, name)
-    ),
+    "vlfm-helios-stop": replace(_PAPER, seek_object=lambda tools, name, _: StopSearch(tools, name)),
 }
 
 

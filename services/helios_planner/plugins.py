@@ -58,7 +58,7 @@ __all__ = [
 def exploring_by(rule: ExplorationRule, *, trusts_detector: bool = False) -> Agent:
     """An agent that goes where a rule says, and is else as one of ours.
 
-    As `helios`: it acts on the scores of the object map, and the rule chooses among candidate
+    As `helios-paper`: it acts on the scores of the object map, and the rule chooses among candidate
     receptacles and frontiers while the object is sought, among frontiers while the goal is sought.
     With trusts_detector as `trusting`: it acts on what is detected, and the rule chooses among
     frontiers.

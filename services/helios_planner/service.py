@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 import threading
@@ -10,7 +11,7 @@ import uuid
 from collections import deque
 
 from helios_core import proto as pb
-from helios_core.agent_presets import AGENT_NAMES
+from helios_core.agent_presets import AGENT_NAMES, same_settings
 from helios_core.bus import Bus
 from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.health import Health
@@ -33,6 +34,7 @@ from helios_core.topics import (
     ROBOT_DESCRIPTION,
     SUBMIT,
     VOCABULARY,
+    settings_method,
 )
 
 from helios_planner.agents import agent_named, fault_of
@@ -55,6 +57,7 @@ log = logging.getLogger(__name__)
 MOST_PRIORITY = 100
 PULSE_S = 5.0
 MEND_S = 1.0  # between two tries to keep what could not be kept
+SETTINGS_S = 1.0
 VOCABULARY_S = 1.5  # longest wait at submission; the worker asks again with patience
 
 
@@ -178,7 +181,31 @@ class PlannerService:
                 "HELIOS_PLANNER_AGENTS_OF_TASKS=any"
             )
         agent_named(name)
+        self._check_started_for(name)
         return name
+
+    def _check_started_for(self, agent: str) -> None:
+        """Raises Conflict where the planner or the object map runs with the settings of another
+        agent. An agent of another package runs with any."""
+        if agent not in AGENT_NAMES:
+            return
+        started = {"planner": self._settings.agent, "objectmap": self._agent_of_object_map()}
+        for service, other in started.items():
+            if other and not same_settings(agent, other):
+                raise Conflict(
+                    f"the {service} was started with the settings of agent {other!r}; agent "
+                    f"{agent!r} needs its own: start the services with helios up --agent {agent}, "
+                    f"or submit the task for agent {other!r}"
+                )
+
+    def _agent_of_object_map(self) -> str:
+        """The agent that the object map was started for; empty where it does not answer."""
+        try:
+            reply = self._bus.call(settings_method("objectmap"), pb.Empty(), SETTINGS_S)
+            return str(json.loads(reply.json)["agent"]["value"])
+        except (Unavailable, DeadlineExceeded, ValueError, KeyError, TypeError) as error:
+            log.info("the object map does not say for which agent it was started: %s", error)
+            return ""
 
     def get(self, request: pb.TaskRequest) -> pb.Task:
         return task_to_proto(self._registry.known(request.id))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
-from helios_core.agent_presets import AGENT_NAMES
+from helios_core.agent_presets import AGENT_NAMES, DEFAULT_AGENT
 from helios_core.errors import InvalidInput
 from helios_core.plugins import AGENTS, find
 from helios_core.settings import ServiceSettings, service_config
@@ -64,7 +64,7 @@ class Settings(ServiceSettings):
     )
 
     agent: Annotated[str, AfterValidator(_agent)] = Field(
-        default="helios",
+        default=DEFAULT_AGENT,
         description="who decides, unless a task says so: one of docs/explanation/planner.md, "
         "or package:agent of your own",
     )
@@ -90,7 +90,7 @@ class Settings(ServiceSettings):
         default=3.0, gt=0, le=30, description="longest wait for its answer at submission"
     )
 
-    # --- Table 3 of the paper ---
+    # --- Table 3 of the paper; agents may have other values (helios_core.agent_presets) ---
     alpha_d: float = Field(
         default=0.001, ge=0, description="weight of a metre in the objective (eq. 8, 10)"
     )

@@ -1,9 +1,9 @@
-"""The agents by name, and settings of the services that an agent's house runs with, where they are
-not the defaults.
+"""The agents by name, and the settings of the services that each of them needs.
 
-An agent decides in the planner, but what it may rely on is made in the maps. `helios-next` has what
-goes beyond the paper (what it is worth: docs/results): the detector's weak detections count too,
-evidence is weighed by sides and with hindsight, and things are held against their usual size.
+An agent decides in the planner, but relies on what the maps hold. `helios` has settings of its own
+that go beyond the paper (docs/results has the figures): it uses the detector's weak detections,
+weighs evidence by viewing sectors and with past views, and compares objects with the usual size of
+their class. Every other agent runs with the defaults, which are the paper's values.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Literal, get_args
 
 AgentName = Literal[
     "helios",
-    "helios-next",
+    "helios-paper",
     "helios-5050",
     "no-global-objective",
     "trusting",
@@ -24,10 +24,11 @@ AgentName = Literal[
     "vlfm-helios-stop",
 ]
 AGENT_NAMES: tuple[str, ...] = get_args(AgentName)  # those of the planner itself
+DEFAULT_AGENT: AgentName = "helios"
 
 Value = bool | int | float | str
 
-_NEXT: dict[str, Value] = {
+_HELIOS: dict[str, Value] = {
     "planner.od_a": 0.2,
     "planner.od_g": 0.2,
     "planner.od_b": 0.2,
@@ -42,9 +43,24 @@ _NEXT: dict[str, Value] = {
     "objectmap.size_agreement": "large",
 }
 
-AGENT_SETTINGS: Mapping[str, Mapping[str, Value]] = {"helios-next": _NEXT}
+AGENT_SETTINGS: Mapping[str, Mapping[str, Value]] = {"helios": _HELIOS}
 
 
 def settings_for(agent: str) -> Mapping[str, Value]:
     """By "service.setting"; none for an agent that runs with the defaults."""
     return AGENT_SETTINGS.get(agent, {})
+
+
+def service_settings(service: str, agent: str) -> dict[str, Value]:
+    """The settings of one service for an agent, by name."""
+    own = f"{service}."
+    return {
+        name.removeprefix(own): value
+        for name, value in settings_for(agent).items()
+        if name.startswith(own)
+    }
+
+
+def same_settings(one: str, other: str) -> bool:
+    """Whether two agents run with the same settings, so that services can serve both."""
+    return settings_for(one) == settings_for(other)

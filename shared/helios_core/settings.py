@@ -7,7 +7,8 @@
 Flag `--cell-m 0.05`, variable `HELIOS_MAP2D_CELL_M=0.05`, or in the file that `--config FILE` or
 `HELIOS_CONFIG` names: `[map2d]` `cell_m = 0.05`. Its table `[all]` holds what every service has
 (router, robot, log_level), where the service's own says nothing. Nothing else in a service reads
-the environment. What names no setting is refused (`settings_names`).
+the environment. A service with a setting `agent` takes what is left unsaid from that agent's preset
+(`agent_presets`). What names no setting is refused (`settings_names`).
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from pydantic_settings import (
     SettingsConfigDict,
 )
 
+from helios_core.agent_presets import service_settings
 from helios_core.errors import InvalidInput
 from helios_core.name_rules import robot_name, robot_names
 from helios_core.settings_spelling import OF_ALL, check_tables, check_variables, no_setting
@@ -106,7 +108,7 @@ class ServiceSettings(BaseSettings):
         """From the command line, the environment and the file. Exits 2 with a sentence if wrong."""
         args = list(sys.argv[1:] if argv is None else argv)
         try:
-            return CliApp.run(cls, cli_args=args)
+            return CliApp.run(cls, cli_args=args)._with_preset()
         except ValidationError as error:
             wrong = "; ".join(cls._said(e) for e in error.errors())
             print(f"helios-{cls.service_name()}: wrong setting: {wrong}", file=sys.stderr)
@@ -115,6 +117,12 @@ class ServiceSettings(BaseSettings):
         except (OSError, ValueError) as error:
             print(f"helios-{cls.service_name()}: cannot read settings: {error}", file=sys.stderr)
         sys.exit(2)
+
+    def _with_preset(self) -> Self:
+        """With what the service's agent needs, where neither flag, variable nor file says else."""
+        agent = getattr(self, "agent", "")
+        preset = service_settings(self.service_name(), agent).items()
+        return self.model_copy(update={k: v for k, v in preset if k not in self.model_fields_set})
 
     @classmethod
     def _said(cls, error: ErrorDetails) -> str:

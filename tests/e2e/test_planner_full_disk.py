@@ -78,7 +78,7 @@ def test_a_task_that_ended_on_a_full_disk_moves_nothing_after_the_planner_died(
         assert "no task is taken now" in refused(house, instruction)
 
         house.post(f"/v1/tasks/{id}/cancel")
-        wait_until(lambda: "told as cancelled" in house.task(id)["message"], 30, "it has ended")
+        wait_until(lambda: "told as cancelled" in house.task(id)["message"], 90, "it has ended")
         steps, pose = house.task(id)["steps"], house.get("/v1/robot")["state"]["pose"]
         old = house.pid("planner")
         os.kill(old, signal.SIGKILL)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+from helios_core.task_states import TaskState
 
 from helios_client.commands.shared_options import (
     GatewayAddress,
@@ -33,7 +34,6 @@ NoWait = Annotated[
     bool, typer.Option("--no-wait", help="print the task's id and end; the task goes on")
 ]
 TASKS_TO_TRY = 5
-TaskState = Literal["queued", "running", "paused", "succeeded", "failed", "cancelled"]
 
 
 @app.command()

@@ -80,7 +80,7 @@ def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
         robot="replay", router_port=free_port(), state_dir=job.out, detector=job.detector,
         source=job.source, limit=pace.limit, from_s=pace.from_s, to_s=pace.to_s, rate=pace.rate,
         topics=pace.topics or None, contexts=job.context is None, strict=pace.strict,
-        lockstep=not pace.free_running, ack_timeout_s=job.patience_s,
+        lockstep=not pace.free_running, ack_timeout_s=job.patience_s, agent="helios-paper",
     )  # fmt: skip
     job = replace(job, patience_s=job.patience_s + known.longest_wait_s)
     specs = stack.specs()

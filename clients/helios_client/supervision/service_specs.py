@@ -7,8 +7,6 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from helios_core.agent_presets import settings_for
-
 from helios_client.supervision.child_process import ProcessSpec
 
 LOOPBACK = "127.0.0.1"
@@ -93,7 +91,12 @@ class ServiceSpecs:
             )
         kept = self.state_dir if self.port is not None else None  # a replay starts from nothing
         out.append(
-            self._service("objectmap", "helios_objectmap", state_dir=kept and kept / "objectmap")
+            self._service(
+                "objectmap",
+                "helios_objectmap",
+                state_dir=kept and kept / "objectmap",
+                agent=self.agent,
+            )
         )
         out.append(self._service("map2d", "helios_map2d", state_dir=kept and kept / "map2d"))
         if self.port is not None:
@@ -120,18 +123,12 @@ class ServiceSpecs:
 
     def _service(self, name: str, module: str, **flags: object) -> ProcessSpec:
         argv = ["--router", self.router, "--robot", self.name]
-        for flag, value in (self._of_agent(name) | flags).items():
+        for flag, value in flags.items():
             if value is True:
                 argv.append(f"--{flag.replace('_', '-')}")
             elif value is not None:
                 argv += [f"--{flag.replace('_', '-')}", str(value)]
         return ProcessSpec(name, _python(module, *argv))
-
-    def _of_agent(self, service: str) -> dict[str, object]:
-        """Settings of a service that the agent's house runs with."""
-        settings = settings_for(self.agent).items() if self.agent else ()
-        own = f"{service}."
-        return {k.removeprefix(own): value for k, value in settings if k.startswith(own)}
 
 
 def _python(module: str, *args: str) -> tuple[str, ...]:

@@ -12,8 +12,8 @@ from helios_eval.report.requested_episodes import Identity
 # The order in which agents are shown; others stand between, by name.
 FIRST = (
     "ground-truth-walker",
-    "helios-next",
     "helios",
+    "helios-paper",
     "helios-5050",
     "no-global-objective",
     "trusting",
@@ -25,10 +25,10 @@ FIRST = (
 LAST = ("random-frontier",)
 # Agents of the paper, and those that show what can be had at most and at least; all others are
 # ideas beyond the paper.
-KNOWN = frozenset((*FIRST, *LAST)) - {"helios-next"}
+KNOWN = frozenset((*FIRST, *LAST)) - {"helios"}
 REFERENCES = {  # of a benchmark: the first that was run
-    "ovmm": ("helios", "trusting"),
-    "objectnav": ("vlfm-helios-stop", "helios", "vlfm"),
+    "ovmm": ("helios-paper", "trusting"),
+    "objectnav": ("vlfm-helios-stop", "helios-paper", "vlfm"),
 }
 
 MOST_NAMED = 2  # settings of an arm, in its label

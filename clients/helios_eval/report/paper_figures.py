@@ -100,7 +100,7 @@ TABLE_1 = Table(
             for name, agent, figures in (
                 ("Trusting agent", "trusting", TRUSTING),
                 ("W/o global search objective", "no-global-objective", NO_GLOBAL),
-                ("HELIOS", "helios", HELIOS),
+                ("HELIOS", "helios-paper", HELIOS),
             )
         ),
     ),
@@ -130,10 +130,10 @@ TABLE_4 = Table(
         Row("Trusting agent with ground truth",
             _figures("57.5±1.4 56.5±1.4 44.7±1.4 20.9±1.2 12.8±1.0"),
             agent="trusting", semantics="ground-truth"),
-        Row("HELIOS", HELIOS[None], agent="helios"),
+        Row("HELIOS", HELIOS[None], agent="helios-paper"),
         Row("HELIOS with ground truth",
             _figures("66.3±1.4 58.3±1.4 53.4±1.4 29.8±1.3 21.0±1.2"),
-            agent="helios", semantics="ground-truth"),
+            agent="helios-paper", semantics="ground-truth"),
     ),
 )  # fmt: skip
 TABLE_5 = Table(
@@ -146,7 +146,7 @@ TABLE_5 = Table(
         for picks in PICKS
         for name, agent, figures in (
             ("50-50", "helios-5050", FIFTY),
-            ("Optimistic (HELIOS)", "helios", HELIOS),
+            ("Optimistic (HELIOS)", "helios-paper", HELIOS),
         )
     ),
 )
@@ -191,7 +191,7 @@ def _sweep(number: int, picks: int | None) -> Table:
         figures = {k[1]: _figures(v) for k, v in _SWEEPS[picks].items() if k[0] == key}
         figures[DEFAULTS[key]] = HELIOS[picks]
         rows += [
-            Row(f"{name} = {value:g}", figures[value], name, "helios", picks=picks,
+            Row(f"{name} = {value:g}", figures[value], name, "helios-paper", picks=picks,
                 setting=(key, value))
             for value in sorted(figures)
         ]  # fmt: skip
@@ -232,13 +232,14 @@ def _of(metric: str, claim: str, where: str, top: tuple[str, str], bottom: tuple
 
 RELATIONS: tuple[Relation, ...] = (
     *(
-        _of(m, "HELIOS over the trusting agent", "Table 1", ("helios", _NOISY),
+        _of(m, "HELIOS over the trusting agent", "Table 1", ("helios-paper", _NOISY),
             ("trusting", _NOISY), HELIOS[None], TRUSTING[None])
         for m in ("FindObj", "Pick", "SR")
     ),
     *(
         _of(m, "HELIOS over HELIOS without global search objective", "Table 1",
-            ("helios", _NOISY), ("no-global-objective", _NOISY), HELIOS[None], NO_GLOBAL[None])
+            ("helios-paper", _NOISY), ("no-global-objective", _NOISY),
+            HELIOS[None], NO_GLOBAL[None])
         for m in ("FindObj", "Pick", "SR")
     ),
     *(
@@ -248,11 +249,11 @@ RELATIONS: tuple[Relation, ...] = (
     ),
     *(
         _of(m, "HELIOS, noisy over ground-truth semantics", "Table 4",
-            ("helios", _NOISY), ("helios", _TRUE), HELIOS[None], _GT["helios"])
+            ("helios-paper", _NOISY), ("helios-paper", _TRUE), HELIOS[None], _GT["helios-paper"])
         for m in ("FindObj", "Pick", "SR")
     ),
     _of("SR", "HELIOS over the trusting agent, both with ground-truth semantics", "Table 4",
-        ("helios", _TRUE), ("trusting", _TRUE), _GT["helios"], _GT["trusting"]),
+        ("helios-paper", _TRUE), ("trusting", _TRUE), _GT["helios-paper"], _GT["trusting"]),
     *(
         _of(m, "VLFM with the stop decision of HELIOS over VLFM", "Table 2",
             ("vlfm-helios-stop", _NOISY), ("vlfm", _NOISY), _T2["vlfm-helios-stop"], _T2["vlfm"],

@@ -43,21 +43,21 @@ class Question:
 
 QUESTIONS = (
     Question("Primary claim: HELIOS above the trusting agent",
-             ("helios", NOISY), ("trusting", NOISY), ("Pick", "SR")),
-    Question("Beyond the paper: helios-next above HELIOS",
-             ("helios-next", NOISY), ("helios", NOISY), ("Pick", "SR")),
+             ("helios-paper", NOISY), ("trusting", NOISY), ("Pick", "SR")),
+    Question("Beyond the paper: helios above the paper's method",
+             ("helios", NOISY), ("helios-paper", NOISY), ("Pick", "SR")),
     Question("The global search objective: HELIOS above HELIOS without it (Table 1)",
-             ("helios", NOISY), ("no-global-objective", NOISY), ("FindObj", "Pick", "SR")),
+             ("helios-paper", NOISY), ("no-global-objective", NOISY), ("FindObj", "Pick", "SR")),
     Question("HELIOS above the trusting agent, both with ground-truth semantics (Table 4)",
-             ("helios", TRUE), ("trusting", TRUE), ("Pick", "SR")),
+             ("helios-paper", TRUE), ("trusting", TRUE), ("Pick", "SR")),
     Question("Information gain of an optimistic measurement above 50-50 (Table 5)",
-             ("helios", NOISY), ("helios-5050", NOISY), ("Pick", "SR")),
+             ("helios-paper", NOISY), ("helios-5050", NOISY), ("Pick", "SR")),
     Question("VLFM with the stop decision of HELIOS above VLFM (Table 2)",
              ("vlfm-helios-stop", NOISY), ("vlfm", NOISY), ("SR", "SPL"), "objectnav"),
 )  # fmt: skip
 LEVELS = (  # of SR: what the project wants of its own method
-    ("HELIOS with ground-truth semantics", ("helios", TRUE), 0.6),
-    ("HELIOS with the noise of the preset", ("helios", NOISY), 0.35),
+    ("HELIOS with ground-truth semantics", ("helios-paper", TRUE), 0.6),
+    ("HELIOS with the noise of the preset", ("helios-paper", NOISY), 0.35),
 )
 
 
@@ -82,7 +82,7 @@ def section(arms: Sequence[Arm]) -> Section | None:
                 group = f"The same at {noise}"
                 bars.append(_row(rows, question, metric, first, second, group, noise))
     levels, ideas = _levels(arms), _ideas(arms)
-    plain = plain_arm(arms, "ovmm", "helios", NOISY)
+    plain = plain_arm(arms, "ovmm", "helios-paper", NOISY)
     alone = plain is not None and bool(_own_settings(plain))
     if alone:
         unanswered.append(
@@ -194,7 +194,7 @@ def _levels(arms: Sequence[Arm]) -> Table | None:
 
 def _ideas(arms: Sequence[Arm]) -> Table | None:
     """What is not the paper's, against the paper's method under the same noise."""
-    base = plain_arm(arms, "ovmm", "helios", NOISY)
+    base = plain_arm(arms, "ovmm", "helios-paper", NOISY)
     if base is None or _own_settings(base):
         return None
     rows = Rows()

@@ -1,10 +1,10 @@
 """Which way of weighing evidence tells true things from false ones, over the same frames.
 
     python -m helios_eval.studies.evidence_rules --out runs/map-study --seed0 100 --homes 40 \\
-        --arm helios --arm helios-next --arm "helios-next named_from=0.25 size_agreement=on"
+        --arm helios-paper --arm helios --arm "helios named_from=0.25 size_agreement=on"
 
-`helios` searches each home once without ever picking; what its noisy detector said goes into one
-object map for each arm: an agent, with its settings and those that are given. At the end each arm
+`helios-paper` searches each home once without ever picking. What its noisy detector said goes into
+one object map for each arm: an agent, with its settings and those that are given. At the end each arm
 says which thing it would pick, by its agent's rule, and what it believes of the furniture.
 
 Prints a row for each arm. "Picks": homes in which the chosen thing is one that the task means (in
@@ -42,7 +42,7 @@ from helios_eval.episodes.episode_record import Belief
 from helios_eval.studies.recorded_walk import Walk, believed, walk
 
 ROLES = ("object", "start", "goal")
-RULES = {"helios": paper, "helios-next": patient}  # agents that have a map of their own
+RULES = {"helios-paper": paper, "helios": patient}  # agents that have a map of their own
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Outcome:
 
 
 def arm_of(text: str) -> Arm:
-    """`"helios-next size_agreement=on"`: an agent, and settings that differ. Raises WrongUse."""
+    """`"helios size_agreement=on"`: an agent, and settings that differ. Raises WrongUse."""
     agent, *assignments = text.split() or [""]
     if agent not in RULES:
         raise UsageError(f"--arm {text!r}: begin with an agent, {' or '.join(RULES)}")
@@ -159,7 +159,7 @@ def _arguments() -> argparse.ArgumentParser:
     )  # fmt: skip
     parser.add_argument(
         "--arm", dest="arms", action="append", metavar="AGENT SETTING=VALUE …",
-        help="may be repeated  [default: helios, helios-next]",
+        help="may be repeated  [default: helios-paper, helios]",
     )  # fmt: skip
     parser.add_argument("--preset", default="ovmm-v1", help="kind of homes")
     parser.add_argument("--seed0", type=int, default=100, help="first home")
@@ -175,7 +175,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     numba.set_num_threads(1)  # threads that wait for each other beside a renderer take far longer
     rows: dict[str, dict[str, float]] = {}
     try:
-        arms = [arm_of(text) for text in given.arms or ("helios", "helios-next")]
+        arms = [arm_of(text) for text in given.arms or ("helios-paper", "helios")]
         least = {role: min(arm.thresholds[role] for arm in arms) for role in arms[0].thresholds}
         found = {arm.name: Outcome() for arm in arms}
         for seed in range(given.seed0, given.seed0 + given.homes):

@@ -44,7 +44,7 @@ class Walk:
 def walk(
     preset: str, seed: int, max_steps: int, stride_px: int, thresholds: Mapping[Role, float]
 ) -> Walk:
-    """The task of a seed, searched by `helios` without ever picking.
+    """The task of a seed, searched by `helios-paper` without ever picking.
 
     thresholds: of the detector. Frames are kept on the pixels that a map with that stride takes.
     Raises HeliosError.

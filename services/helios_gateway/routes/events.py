@@ -1,4 +1,4 @@
-"""Everything that happens: as server-sent events, and over a WebSocket."""
+"""`/events` and `/events/ws`: all that happens, as server-sent events or over a WebSocket."""
 
 from __future__ import annotations
 
@@ -19,9 +19,16 @@ from starlette.requests import HTTPConnection
 from helios_gateway import message_conversion
 from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import check, secured
-from helios_gateway.error_responses import Forbidden, NotFound, Unauthorized, problem_of, problems
+from helios_gateway.dependencies import AddressedRobot, State
+from helios_gateway.error_responses import (
+    Forbidden,
+    Unauthorized,
+    invalid_as_not_found,
+    problem_of,
+    problems,
+)
 from helios_gateway.event_hub import Event, Wanted, as_sse
-from helios_gateway.robot_registry import At, Served
+from helios_gateway.robot_registry import Served
 from helios_gateway.settings import Settings
 
 TYPES = ("task", "decision", "plan", "robot", "map", "service", "ready")
@@ -32,89 +39,96 @@ Types = Annotated[
 TaskId = Annotated[
     str, Query(max_length=100, description="only of this task, until it has ended; empty: all")
 ]
+router = APIRouter(tags=["events"])
 
 
-def event_routes(prefix: str, settings: Settings) -> APIRouter:
-    """`/events` and `/events/ws`."""
-    routes = APIRouter(prefix=prefix, tags=["events"])
+@router.get(
+    "/events",
+    summary="Everything that happens, as server-sent events",
+    response_class=StreamingResponse,
+    responses={200: {"content": {"text/event-stream": {}}}, **problems(404)},
+    dependencies=secured(Scope.READ),
+)
+async def events(
+    robot: AddressedRobot,
+    state: State,
+    request: Request,
+    types: Types = "",
+    task_id: TaskId = "",
+    last_event_id: Annotated[str | None, Header()] = None,
+) -> StreamingResponse:
+    """Types: `task`, `decision`, `plan`, `robot` (at most 2 a second while it moves),
+    `map` (numbers that rise when a map changes), `service`, `ready`. The data is JSON, of the
+    same form as the other addresses give. Every event has an id; come back with
+    `Last-Event-ID` to get what was missed. Newcomers are given the present state first.
 
-    async def watch(
-        viewer: HTTPConnection, at: Served, last_id: str | None, types: str, task_id: str
-    ) -> AsyncGenerator[Event | None]:
-        """Raises InvalidInput, NotFound, Unavailable."""
-        wanted = Wanted(_types(types), task_id)
-        if not task_id:
-            stream = at.live.events.watch(last_id, wanted)
-        else:
-            stream = at.live.events.watch(last_id, wanted.with_tasks())
-            await anext(stream)  # from here on the task's end is not missed
-            try:
-                first = await anyio.to_thread.run_sync(
-                    _task_event, at, task_id, settings.call_timeout_s
-                )
-            except BaseException:
-                await stream.aclose()
-                raise
-            stream = _until_ended(stream, first, wanted)
-        return _while_allowed(stream, viewer, settings.keepalive_s)
-
-    @routes.get(
-        "/events",
-        summary="Everything that happens, as server-sent events",
-        response_class=StreamingResponse,
-        responses={200: {"content": {"text/event-stream": {}}}, **problems(404)},
-        dependencies=secured(Scope.READ),
+    The same over a WebSocket: `/v1/events/ws?last_event_id=…`, each message
+    `{"id", "type", "data"}`, an empty text as a sign of life."""
+    return StreamingResponse(
+        as_sse(await _watch(request, robot, state.settings, last_event_id, types, task_id)),
+        media_type="text/event-stream",
+        headers={"cache-control": "no-store", "x-accel-buffering": "no"},
     )
-    async def events(
-        at: At,
-        request: Request,
-        types: Types = "",
-        task_id: TaskId = "",
-        last_event_id: Annotated[str | None, Header()] = None,
-    ) -> StreamingResponse:
-        """Types: `task`, `decision`, `plan`, `robot` (at most 2 a second while it moves),
-        `map` (numbers that rise when a map changes), `service`, `ready`. The data is JSON, of the
-        same form as the other addresses give. Every event has an id; come back with
-        `Last-Event-ID` to get what was missed. Newcomers are given the present state first.
 
-        The same over a WebSocket: `/v1/events/ws?last_event_id=…`, each message
-        `{"id", "type", "data"}`, an empty text as a sign of life."""
-        return StreamingResponse(
-            as_sse(await watch(request, at, last_event_id, types, task_id)),
-            media_type="text/event-stream",
-            headers={"cache-control": "no-store", "x-accel-buffering": "no"},
-        )
 
-    @routes.websocket("/events/ws")
-    async def socket(
-        at: At,
-        socket: WebSocket,
-        types: Types = "",
-        task_id: TaskId = "",
-        last_event_id: Annotated[str | None, Query(max_length=100)] = None,
-    ) -> None:
-        try:
-            check(socket, Scope.READ)
-            stream = await watch(socket, at, last_event_id, types, task_id)
-        except HeliosError as error:
-            await socket.send_denial_response(problem_of(error))
-            return
-        await socket.accept()
-        async with contextlib.aclosing(stream), anyio.create_task_group() as group:
+@router.websocket("/events/ws")
+async def socket(
+    robot: AddressedRobot,
+    state: State,
+    socket: WebSocket,
+    types: Types = "",
+    task_id: TaskId = "",
+    last_event_id: Annotated[str | None, Query(max_length=100)] = None,
+) -> None:
+    try:
+        check(socket, Scope.READ)
+        stream = await _watch(socket, robot, state.settings, last_event_id, types, task_id)
+    except HeliosError as error:
+        await socket.send_denial_response(problem_of(error))
+        return
+    await socket.accept()
+    async with contextlib.aclosing(stream), anyio.create_task_group() as group:
 
-            async def leave_when_gone() -> None:
-                while (await socket.receive())["type"] != "websocket.disconnect":
-                    pass  # nothing is expected of a viewer
-                group.cancel_scope.cancel()
-
-            group.start_soon(leave_when_gone)
-            with contextlib.suppress(WebSocketDisconnect):
-                async for event in stream:
-                    await socket.send_text("" if event is None else event.as_json)
-                await socket.close(1001, "no more events")
+        async def leave_when_gone() -> None:
+            while (await socket.receive())["type"] != "websocket.disconnect":
+                pass  # nothing is expected of a viewer
             group.cancel_scope.cancel()
 
-    return routes
+        group.start_soon(leave_when_gone)
+        with contextlib.suppress(WebSocketDisconnect):
+            async for event in stream:
+                await socket.send_text("" if event is None else event.as_json)
+            await socket.close(1001, "no more events")
+        group.cancel_scope.cancel()
+
+
+async def _watch(
+    viewer: HTTPConnection,
+    robot: Served,
+    settings: Settings,
+    last_id: str | None,
+    types: str,
+    task_id: str,
+) -> AsyncGenerator[Event | None]:
+    """The events that a viewer asked for; None is a sign of life.
+
+    Raises InvalidInput, NotFound, Unavailable.
+    """
+    wanted = Wanted(_types(types), task_id)
+    if not task_id:
+        stream = robot.live.events.watch(last_id, wanted)
+    else:
+        stream = robot.live.events.watch(last_id, wanted.with_tasks())
+        await anext(stream)  # from here on the task's end is not missed
+        try:
+            first = await anyio.to_thread.run_sync(
+                _task_event, robot, task_id, settings.call_timeout_s
+            )
+        except BaseException:
+            await stream.aclose()
+            raise
+        stream = _until_ended(stream, first, wanted)
+    return _while_allowed(stream, viewer, settings.keepalive_s)
 
 
 def _types(text: str) -> frozenset[str]:
@@ -125,12 +139,10 @@ def _types(text: str) -> frozenset[str]:
     return types
 
 
-def _task_event(at: Served, task_id: str, timeout_s: float) -> Event:
-    """How the task is now; not of the stream, so without a number."""
-    try:
-        task = at.bus.call(GET_TASK, pb.TaskRequest(id=task_id), timeout_s)
-    except InvalidInput as error:
-        raise NotFound(error.message) from error
+def _task_event(robot: Served, task_id: str, timeout_s: float) -> Event:
+    """An event with the task's present state; without an id, for it is not from the stream."""
+    with invalid_as_not_found():
+        task = robot.bus.call(GET_TASK, pb.TaskRequest(id=task_id), timeout_s)
     model = message_conversion.task(task)
     return Event("", 0, "task", model.model_dump_json(), task_id=task_id, ends_task=model.ended)
 
@@ -138,7 +150,10 @@ def _task_event(at: Served, task_id: str, timeout_s: float) -> Event:
 async def _until_ended(
     stream: AsyncGenerator[Event | None], first: Event, wanted: Wanted
 ) -> AsyncGenerator[Event | None]:
-    """Of a stream that tells of the task, and has begun: what is wanted, until the task ends."""
+    """The wanted events of a started stream, until the task has ended.
+
+    first: the present state of the task.
+    """
     async with contextlib.aclosing(stream):
         yield None
         if wanted(first):
@@ -155,8 +170,10 @@ async def _until_ended(
 async def _while_allowed(
     stream: AsyncGenerator[Event | None], viewer: HTTPConnection, every_s: float
 ) -> AsyncGenerator[Event | None]:
-    """Until the viewer's key is taken away. It is looked at where nothing happens, and every so
-    many seconds where much does."""
+    """The events, until the viewer's key is withdrawn.
+
+    The key is checked at every sign of life, and every `every_s` seconds between events.
+    """
     checked_s = time.monotonic()
     async with contextlib.aclosing(stream):
         async for event in stream:

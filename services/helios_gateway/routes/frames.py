@@ -1,4 +1,4 @@
-"""Frames from outside: one by a form, or many over a WebSocket; each is answered."""
+"""`/frames` and `/frames/ws`: frames from outside, one by a form or many over a WebSocket."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import anyio.to_thread
-from anyio import CapacityLimiter
 from fastapi import APIRouter, File, Form, WebSocket, WebSocketDisconnect
 from helios_core import proto as pb
 from helios_core.errors import HeliosError, InvalidInput
@@ -17,103 +16,102 @@ from starlette.responses import JSONResponse
 
 from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import check, secured
-from helios_gateway.connection_slots import ConnectionSlots
+from helios_gateway.dependencies import AddressedRobot, GatewayState, State
 from helios_gateway.error_responses import Forbidden, Unauthorized, problem, problem_of, problems
-from helios_gateway.request_limits import MOST_LARGE
-from helios_gateway.robot_registry import At, Served
-from helios_gateway.settings import Settings
+from helios_gateway.robot_registry import Served
 from helios_gateway.uploaded_frames import FrameTaken, push_request, read_meta, taken
 
 MOST_SENDERS = 8  # sockets open at the same time
 TURN_S = 12.0  # that the bridge may need for the frames before this one
 FAREWELL_S = 1.0  # that a socket has for hearing why it is closed
 GOING_AWAY, NOT_ALLOWED = 1001, 1008
+router = APIRouter(tags=["frames"])
 
 
-def frame_routes(prefix: str, settings: Settings) -> APIRouter:
-    """`/frames` and `/frames/ws`."""
-    routes = APIRouter(prefix=prefix, tags=["frames"])
-    # Of its own, so that waiting for the maps holds nobody else up.
-    own_threads = CapacityLimiter(MOST_SENDERS + MOST_LARGE)
-    sockets = ConnectionSlots(MOST_SENDERS, "sockets for frames")
+@router.post(
+    "/frames",
+    summary="Give a frame to the maps",
+    responses=problems(409, body=True),
+    dependencies=secured(Scope.OPERATE),
+)
+async def post_frame(
+    robot: AddressedRobot,
+    state: State,
+    meta: Annotated[str, Form(description="JSON: K, T_world_cam, and what else is known")],
+    color: Annotated[bytes, File(description="a JPEG or PNG")],
+    depth: Annotated[
+        bytes | None, File(description="a PNG, one channel of 16 bit, registered to color")
+    ] = None,
+) -> FrameTaken:
+    """For a camera that somebody else carries: `helios up --robot push`. It becomes a keyframe
+    and is answered when the maps have answered it, with what each of them made of it.
 
-    async def give(at: Served, meta: str | bytes, color: bytes, depth: bytes | None) -> FrameTaken:
-        """Raises HeliosError."""
+    `meta` is JSON: `K` (9 numbers) and `T_world_cam` (4 rows of 4); optional `T_world_base`,
+    `stamp_ns`, `depth_scale_m` (0.001), `robot_boot_id`, `world_epoch`, `classes` (what to look
+    for) and `wait_s` (5).
 
-        def call() -> pb.PushReply:
-            known = read_meta(meta)
-            request = push_request(known, color, depth)
-            return at.bus.call(PUSH, request, known.wait_s + TURN_S + settings.call_timeout_s)
+    Many frames go faster over the WebSocket `/v1/frames/ws`: for each frame three messages,
+    the same `meta` as text, then the two files as binary (an empty one: no depth). Each frame
+    is answered by one text: what this address answers, or a problem."""
+    return await _push(robot, state, meta, color, depth)
 
-        return taken(await anyio.to_thread.run_sync(call, limiter=own_threads))
 
-    @routes.post(
-        "/frames",
-        summary="Give a frame to the maps",
-        responses=problems(409, body=True),
-        dependencies=secured(Scope.OPERATE),
-    )
-    async def post_frame(
-        at: At,
-        meta: Annotated[str, Form(description="JSON: K, T_world_cam, and what else is known")],
-        color: Annotated[bytes, File(description="a JPEG or PNG")],
-        depth: Annotated[
-            bytes | None, File(description="a PNG, one channel of 16 bit, registered to color")
-        ] = None,
-    ) -> FrameTaken:
-        """For a camera that somebody else carries: `helios up --robot push`. It becomes a keyframe
-        and is answered when the maps have answered it, with what each of them made of it.
+@router.websocket("/frames/ws")
+async def socket(robot: AddressedRobot, state: State, socket: WebSocket) -> None:
+    try:
+        check(socket, Scope.OPERATE)
+        slot = state.frame_sockets.taken()
+    except HeliosError as error:
+        await socket.send_denial_response(problem_of(error))
+        return
+    with contextlib.suppress(WebSocketDisconnect):
+        with slot:
+            end = await _answer_frames(robot, state, socket)
+        # The slot is free already: a sender that does not read keeps nobody waiting.
+        with contextlib.suppress(TimeoutError, RuntimeError):
+            async with asyncio.timeout(FAREWELL_S):
+                await socket.send_text(_as_text(end.problem))
+                await socket.close(end.code, end.why)
 
-        `meta` is JSON: `K` (9 numbers) and `T_world_cam` (4 rows of 4); optional `T_world_base`,
-        `stamp_ns`, `depth_scale_m` (0.001), `robot_boot_id`, `world_epoch`, `classes` (what to look
-        for) and `wait_s` (5).
 
-        Many frames go faster over the WebSocket `/v1/frames/ws`: for each frame three messages,
-        the same `meta` as text, then the two files as binary (an empty one: no depth). Each frame
-        is answered by one text: what this address answers, or a problem."""
-        return await give(at, meta, color, depth)
+async def _push(
+    robot: Served, state: GatewayState, meta: str | bytes, color: bytes, depth: bytes | None
+) -> FrameTaken:
+    """What the maps made of a frame. Raises HeliosError."""
 
-    @routes.websocket("/frames/ws")
-    async def socket(at: At, socket: WebSocket) -> None:
+    def call() -> pb.PushReply:
+        known = read_meta(meta)
+        request = push_request(known, color, depth)
+        timeout_s = known.wait_s + TURN_S + state.settings.call_timeout_s
+        return robot.bus.call(PUSH, request, timeout_s)
+
+    return taken(await anyio.to_thread.run_sync(call, limiter=state.frame_threads))
+
+
+async def _answer_frames(robot: Served, state: GatewayState, socket: WebSocket) -> _End:
+    """Answers frames until the sender is silent or its key is withdrawn; returns the reason.
+
+    Raises WebSocketDisconnect.
+    """
+    idle_s = state.settings.frame_idle_s
+    await socket.accept()
+    messages = _Messages(socket, idle_s)
+    while True:
         try:
+            frame = await messages.next_frame()
             check(socket, Scope.OPERATE)
-            place = sockets.taken()
+            answer = (await _push(robot, state, *frame)).model_dump_json()
+        except _Silent as silent:
+            return _End.late(str(silent))
+        except (Unauthorized, Forbidden) as error:
+            return _End(problem_of(error), NOT_ALLOWED, "the key is not accepted any more")
         except HeliosError as error:
-            await socket.send_denial_response(problem_of(error))
-            return
-        with contextlib.suppress(WebSocketDisconnect):
-            with place:
-                end = await answer_frames(at, socket)
-            # Its place is free already: whoever does not listen any more keeps nobody waiting.
-            with contextlib.suppress(TimeoutError, RuntimeError):
-                async with asyncio.timeout(FAREWELL_S):
-                    await socket.send_text(_as_text(end.problem))
-                    await socket.close(end.code, end.why)
-
-    async def answer_frames(at: Served, socket: WebSocket) -> _End:
-        """Until the sender falls silent or its key is taken away. Raises WebSocketDisconnect."""
-        await socket.accept()
-        messages = _Messages(socket, settings.frame_idle_s)
-        while True:
-            try:
-                frame = await messages.next_frame()
-                check(socket, Scope.OPERATE)
-                answer = (await give(at, *frame)).model_dump_json()
-            except _Silent as silent:
-                return _End.late(str(silent))
-            except (Unauthorized, Forbidden) as error:
-                return _End(problem_of(error), NOT_ALLOWED, "the key is not accepted any more")
-            except HeliosError as error:
-                answer = _as_text(problem_of(error))
-            try:
-                async with asyncio.timeout(settings.frame_idle_s):
-                    await socket.send_text(answer)
-            except TimeoutError:
-                return _End.late(
-                    f"the answer was not read for {settings.frame_idle_s:g} s; connect again"
-                )
-
-    return routes
+            answer = _as_text(problem_of(error))
+        try:
+            async with asyncio.timeout(idle_s):
+                await socket.send_text(answer)
+        except TimeoutError:
+            return _End.late(f"the answer was not read for {idle_s:g} s; connect again")
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Both maps as one file: saved, and loaded in the place of the present ones."""
+"""`/map.zip` and `/map/ros.zip`: saves both maps to a file, and loads them from one."""
 
 from __future__ import annotations
 
@@ -26,106 +26,103 @@ from helios_core.topics import (
 from helios_gateway import api_map_models
 from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import secured
+from helios_gateway.dependencies import AddressedRobot, State
 from helios_gateway.error_responses import problems
 from helios_gateway.map_archive import MAP2D_SUFFIX, MapFile, packed, unpacked
 from helios_gateway.message_conversion import finite
-from helios_gateway.robot_registry import At, Served
-from helios_gateway.settings import Settings
+from helios_gateway.robot_registry import Served
 
 ZIP = "application/zip"
 FILE_S = 60.0  # a map of a large home is read and checked in seconds
 RESERVED_S = 5 * FILE_S  # longer than the calls of one change of the maps take together
+router = APIRouter(tags=["maps and camera"])
 
 
-def map_file_routes(prefix: str, settings: Settings) -> APIRouter:
-    """`/map.zip` and `/map/ros.zip`."""
-    routes = APIRouter(prefix=prefix, tags=["maps and camera"])
-
-    @routes.get(
-        "/map.zip",
-        summary="Save both maps in one file",
-        response_class=Response,
-        responses={200: {"content": {ZIP: {"schema": {"type": "string", "format": "binary"}}}}}
-        | problems(),
-        dependencies=secured(Scope.READ),
-    )
-    def save(at: At) -> Response:
-        """All that both maps need to go on: `helios map save`."""
-        [map2d] = at.bus.call(SAVE_MAP2D, pb.SaveMap2DRequest(), FILE_S).files
-        objects = at.bus.call(SAVE_OBJECTS, pb.Empty(), FILE_S)
-        data = packed(MapFile(map2d.data, objects.data), at.bus.robot)
-        disposition = 'attachment; filename="map.zip"'
-        return Response(data, media_type=ZIP, headers={"content-disposition": disposition})
-
-    @routes.get(
-        "/map/ros.zip",
-        summary="The occupancy for ROS",
-        response_class=Response,
-        responses={200: {"content": {ZIP: {"schema": {"type": "string", "format": "binary"}}}}}
-        | problems(),
-        dependencies=secured(Scope.READ),
-    )
-    def ros(at: At) -> Response:
-        """`map.pgm` and `map.yaml` as map_server reads them, both of one version:
-        `helios map export --ros`."""
-        files = at.bus.call(SAVE_MAP2D, pb.SaveMap2DRequest(format="ros"), FILE_S).files
-        data = io.BytesIO()
-        with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as together:
-            for file in files:
-                together.writestr(file.name, file.data)
-        disposition = 'attachment; filename="ros.zip"'
-        return Response(
-            data.getvalue(), media_type=ZIP, headers={"content-disposition": disposition}
-        )
-
-    @routes.put(
-        "/map.zip",
-        summary="Load both maps from a file",
-        responses=problems(409, body=True),
-        dependencies=secured(Scope.ADMIN),
-    )
-    def load(
-        at: At,
-        file: Annotated[
-            bytes,
-            Body(
-                media_type=ZIP,
-                description="a map file, as GET /v1/map.zip and `helios map save` give it",
-            ),
-        ],
-    ) -> api_map_models.LoadedMaps:
-        """In the place of the present ones: both, or neither where one is refused. What is
-        at (x, y) in the file must be there in the robot's world, too. Refused while a task is
-        queued or under way; one that comes meanwhile waits. After a 504 which maps are in place is
-        not known: load a file again."""
-        maps = unpacked(file, settings.map_limit_bytes)
-        with no_task(at, "the maps are being loaded", settings.call_timeout_s):
-            objects, ground = _load_both(at, maps)
-        return api_map_models.LoadedMaps(
-            objects=objects.objects, gaussians=objects.gaussians, views=ground.views,
-            known_m2=finite(ground.known_m2), occupied_m2=finite(ground.occupied_m2),
-        )  # fmt: skip
-
-    return routes
+@router.get(
+    "/map.zip",
+    summary="Save both maps in one file",
+    response_class=Response,
+    responses={200: {"content": {ZIP: {"schema": {"type": "string", "format": "binary"}}}}}
+    | problems(),
+    dependencies=secured(Scope.READ),
+)
+def save(robot: AddressedRobot) -> Response:
+    """All that both maps need to go on: `helios map save`."""
+    [map2d] = robot.bus.call(SAVE_MAP2D, pb.SaveMap2DRequest(), FILE_S).files
+    objects = robot.bus.call(SAVE_OBJECTS, pb.Empty(), FILE_S)
+    data = packed(MapFile(map2d.data, objects.data), robot.bus.robot)
+    disposition = 'attachment; filename="map.zip"'
+    return Response(data, media_type=ZIP, headers={"content-disposition": disposition})
 
 
-def _load_both(at: Served, maps: MapFile) -> tuple[pb.ObjectMapLoaded, pb.LoadMap2DReply]:
+@router.get(
+    "/map/ros.zip",
+    summary="The occupancy for ROS",
+    response_class=Response,
+    responses={200: {"content": {ZIP: {"schema": {"type": "string", "format": "binary"}}}}}
+    | problems(),
+    dependencies=secured(Scope.READ),
+)
+def ros(robot: AddressedRobot) -> Response:
+    """`map.pgm` and `map.yaml` as map_server reads them, both of one version:
+    `helios map export --ros`."""
+    files = robot.bus.call(SAVE_MAP2D, pb.SaveMap2DRequest(format="ros"), FILE_S).files
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as together:
+        for file in files:
+            together.writestr(file.name, file.data)
+    disposition = 'attachment; filename="ros.zip"'
+    return Response(data.getvalue(), media_type=ZIP, headers={"content-disposition": disposition})
+
+
+@router.put(
+    "/map.zip",
+    summary="Load both maps from a file",
+    responses=problems(409, body=True),
+    dependencies=secured(Scope.ADMIN),
+)
+def load(
+    robot: AddressedRobot,
+    state: State,
+    file: Annotated[
+        bytes,
+        Body(
+            media_type=ZIP,
+            description="a map file, as GET /v1/map.zip and `helios map save` give it",
+        ),
+    ],
+) -> api_map_models.LoadedMaps:
+    """In the place of the present ones: both, or neither where one is refused. What is
+    at (x, y) in the file must be there in the robot's world, too. Refused while a task is
+    queued or under way; one that comes meanwhile waits. After a 504 which maps are in place is
+    not known: load a file again."""
+    settings = state.settings
+    maps = unpacked(file, settings.map_limit_bytes)
+    with no_task(robot, "the maps are being loaded", settings.call_timeout_s):
+        objects, ground = _load_both(robot, maps)
+    return api_map_models.LoadedMaps(
+        objects=objects.objects, gaussians=objects.gaussians, views=ground.views,
+        known_m2=finite(ground.known_m2), occupied_m2=finite(ground.occupied_m2),
+    )  # fmt: skip
+
+
+def _load_both(robot: Served, maps: MapFile) -> tuple[pb.ObjectMapLoaded, pb.LoadMap2DReply]:
     """Raises HeliosError, and then neither is loaded; DeadlineExceeded where that is not known."""
     named = pb.Map2DFile(name=f"map2d{MAP2D_SUFFIX}", data=maps.map2d)
-    before = at.bus.call(SAVE_OBJECTS, pb.Empty(), FILE_S)
+    before = robot.bus.call(SAVE_OBJECTS, pb.Empty(), FILE_S)
     try:
         file_of_objects = pb.ObjectMapFile(data=maps.objects)
-        objects = _loaded(at.bus, LOAD_OBJECTS, file_of_objects, "the object map")
+        objects = _loaded(robot.bus, LOAD_OBJECTS, file_of_objects, "the object map")
         try:
-            ground = _loaded(at.bus, LOAD_MAP2D, pb.LoadMap2DRequest(files=[named]), "map2d")
+            ground = _loaded(robot.bus, LOAD_MAP2D, pb.LoadMap2DRequest(files=[named]), "map2d")
         except DeadlineExceeded:
             raise  # map2d may yet take its part of the file, and wants the objects with it
         except HeliosError as error:
-            put_back(at.bus, before, error)
+            put_back(robot.bus, before, error)
             raise
         return objects, ground
     finally:
-        at.live.maps.on_change()
+        robot.live.maps.on_change()
 
 
 def _loaded(bus: Bus, method: Method[Req, M], request: Req, whose: str) -> M:
@@ -151,15 +148,15 @@ def put_back(bus: Bus, objects: pb.ObjectMapFile, why: HeliosError) -> None:
 
 
 @contextlib.contextmanager
-def no_task(at: Served, why: str, timeout_s: float) -> Iterator[None]:
-    """While it lasts the planner begins no task; those that come wait, and say why.
+def no_task(robot: Served, why: str, timeout_s: float) -> Iterator[None]:
+    """Keeps the planner from starting a task until the context ends; new tasks wait and say why.
 
-    Raises Conflict while a task is queued or under way.
+    Raises Conflict while a task is queued, running or paused.
     """
     request = pb.ReserveRequest(why=why, for_s=RESERVED_S)
-    token = at.bus.call(RESERVE, request, timeout_s).token
+    token = robot.bus.call(RESERVE, request, timeout_s).token
     try:
         yield
     finally:
         with contextlib.suppress(HeliosError):  # it ends by itself
-            at.bus.call(RESERVE, pb.ReserveRequest(token=token), timeout_s)
+            robot.bus.call(RESERVE, pb.ReserveRequest(token=token), timeout_s)

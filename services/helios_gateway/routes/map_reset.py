@@ -1,4 +1,4 @@
-"""The maps forgotten on purpose: both, or one of them."""
+"""`/map/reset`: empties both maps, or one."""
 
 from __future__ import annotations
 
@@ -12,68 +12,65 @@ from helios_core.topics import RESET_MAP2D, RESET_OBJECTS, SAVE_OBJECTS, Method
 from helios_gateway import api_map_models
 from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import secured
+from helios_gateway.dependencies import AddressedRobot, CallTimeout, Maps
 from helios_gateway.error_responses import problems
-from helios_gateway.robot_registry import At, Served
+from helios_gateway.robot_registry import Served
 from helios_gateway.routes.map_file import FILE_S, no_task, put_back
-from helios_gateway.settings import Settings
 
 Part = Literal["objects", "occupancy"]
 BOTH: tuple[Part, ...] = ("objects", "occupancy")
 METHODS: dict[Part, Method[pb.Empty, pb.Empty]] = {
     "objects": RESET_OBJECTS, "occupancy": RESET_MAP2D,
 }  # fmt: skip
+router = APIRouter(tags=["maps and camera"])
 
 
-def map_reset_routes(prefix: str, settings: Settings) -> APIRouter:
-    """`/map/reset`."""
-    routes = APIRouter(prefix=prefix, tags=["maps and camera"])
-
-    @routes.post(
-        "/map/reset",
-        summary="Forget both maps, or one",
-        responses=problems(409),
-        dependencies=secured(Scope.ADMIN),
-    )
-    def reset(
-        at: At,
-        only: Annotated[
-            Part | None,
-            Query(description="objects, or occupancy with values and past views; default: both"),
-        ] = None,
-    ) -> api_map_models.ResetMaps:
-        """What is kept on the disk is forgotten, too: both, or neither where one cannot be. A new
-        map begins with the next image after an action. Refused while a task is queued or under way;
-        one that comes meanwhile waits. After a 504 which map is empty is not known: ask again."""
-        parts = BOTH if only is None else (only,)
-        with no_task(at, "the maps are being emptied", settings.call_timeout_s):
-            try:
-                if only is None:
-                    _reset_both(at)
-                else:
-                    _reset(at, only)
-            finally:
-                at.live.maps.on_change()
-        return api_map_models.ResetMaps(reset=list(parts))
-
-    return routes
+@router.post(
+    "/map/reset",
+    summary="Forget both maps, or one",
+    responses=problems(409),
+    dependencies=secured(Scope.ADMIN),
+)
+def reset(
+    robot: AddressedRobot,
+    maps: Maps,
+    timeout_s: CallTimeout,
+    only: Annotated[
+        Part | None,
+        Query(description="objects, or occupancy with values and past views; default: both"),
+    ] = None,
+) -> api_map_models.ResetMaps:
+    """What is kept on the disk is forgotten, too: both, or neither where one cannot be. A new
+    map begins with the next image after an action. Refused while a task is queued or under way;
+    one that comes meanwhile waits. After a 504 which map is empty is not known: ask again."""
+    parts = BOTH if only is None else (only,)
+    with no_task(robot, "the maps are being emptied", timeout_s):
+        try:
+            if only is None:
+                _reset_both(robot)
+            else:
+                _reset(robot, only)
+        finally:
+            maps.on_change()
+    return api_map_models.ResetMaps(reset=list(parts))
 
 
-def _reset_both(at: Served) -> None:
+def _reset_both(robot: Served) -> None:
     """Raises HeliosError, and then neither is empty; DeadlineExceeded where that is not known."""
-    before = at.bus.call(SAVE_OBJECTS, pb.Empty(), FILE_S)
-    _reset(at, "objects")
+    before = robot.bus.call(SAVE_OBJECTS, pb.Empty(), FILE_S)
+    _reset(robot, "objects")
     try:
-        _reset(at, "occupancy")
+        _reset(robot, "occupancy")
     except DeadlineExceeded:
         raise  # map2d may yet forget its part
     except HeliosError as error:
-        put_back(at.bus, before, error)
+        put_back(robot.bus, before, error)
         raise
 
 
-def _reset(at: Served, part: Part) -> None:
+def _reset(robot: Served, part: Part) -> None:
     try:
-        at.bus.call(METHODS[part], pb.Empty(), FILE_S)
+        robot.bus.call(METHODS[part], pb.Empty(), FILE_S)
     except DeadlineExceeded as error:
         raise DeadlineExceeded(
             f"{error.message}: whether the map of {part} is empty is not known; wait until "

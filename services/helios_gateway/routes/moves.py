@@ -1,6 +1,6 @@
-"""Moving the robot without pick and place: to a point, home, all over the home.
+"""`/robot/go`, `/robot/explore` and `/robot/home`: tasks that only drive.
 
-Each route submits the sentence that says the same; the answer is the task.
+Each endpoint submits the equivalent instruction and answers with the task.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ import math
 
 from fastapi import APIRouter
 from helios_core import proto as pb
-from helios_core.bus import Bus
 from helios_core.geometry import wrap_angle
 from helios_core.topics import SUBMIT
 
@@ -17,49 +16,44 @@ from helios_gateway import api_models, message_conversion
 from helios_gateway.api_keys import Scope
 from helios_gateway.api_move_models import ExploreRequest, GoRequest
 from helios_gateway.authorization import secured
+from helios_gateway.dependencies import AddressedRobot, CallTimeout
 from helios_gateway.error_responses import problems
-from helios_gateway.robot_registry import At
-from helios_gateway.settings import Settings
 
 EXPLORE, HOME = "explore the home", "return to the start"
+router = APIRouter(prefix="/robot", tags=["robot"], dependencies=secured(Scope.OPERATE))
+REFUSALS = problems(409, body=True)
 
 
-def move_routes(prefix: str, settings: Settings) -> APIRouter:
-    """`/robot/go`, `/robot/explore`, `/robot/home`."""
-    routes = APIRouter(
-        prefix=f"{prefix}/robot", tags=["robot"], dependencies=secured(Scope.OPERATE)
-    )
-    refusals = problems(409, body=True)
+@router.post("/go", status_code=202, summary="Go to a point", responses=REFUSALS)
+def go(robot: AddressedRobot, request: GoRequest, timeout_s: CallTimeout) -> api_models.Task:
+    """Queue a task that drives to a point, also over floor that is not known yet.
 
-    def submitted(bus: Bus, instruction: str, time_limit_s: float | None = None) -> api_models.Task:
-        message = pb.SubmitRequest(instruction=instruction, time_limit_s=time_limit_s or 0.0)
-        return message_conversion.task(bus.call(SUBMIT, message, settings.call_timeout_s))
+    The same as the instruction “go to 3.2, 4.1 facing 90 degrees”. Where the point is out of
+    reach it fails with cause `goal unreachable` and names the nearest place that is not."""
+    message = pb.SubmitRequest(instruction=sentence_to(request))
+    return message_conversion.task(robot.bus.call(SUBMIT, message, timeout_s))
 
-    @routes.post("/go", status_code=202, summary="Go to a point", responses=refusals)
-    def go(at: At, request: GoRequest) -> api_models.Task:
-        """Queue a task that drives to a point, also over floor that is not known yet.
 
-        The same as the instruction “go to 3.2, 4.1 facing 90 degrees”. Where the point is out of
-        reach it fails with cause `goal unreachable` and names the nearest place that is not."""
-        return submitted(at.bus, sentence_to(request))
+@router.post("/explore", status_code=202, summary="Explore the home", responses=REFUSALS)
+def explore(
+    robot: AddressedRobot, request: ExploreRequest, timeout_s: CallTimeout
+) -> api_models.Task:
+    """Queue a task that drives to the nearest border of the known floor, until nothing that
+    can be reached is unknown, or its time is up. The same as “explore the home”."""
+    message = pb.SubmitRequest(instruction=EXPLORE, time_limit_s=request.time_limit_s or 0.0)
+    return message_conversion.task(robot.bus.call(SUBMIT, message, timeout_s))
 
-    @routes.post("/explore", status_code=202, summary="Explore the home", responses=refusals)
-    def explore(at: At, request: ExploreRequest) -> api_models.Task:
-        """Queue a task that drives to the nearest border of the known floor, until nothing that
-        can be reached is unknown, or its time is up. The same as “explore the home”."""
-        return submitted(at.bus, EXPLORE, request.time_limit_s)
 
-    @routes.post("/home", status_code=202, summary="Go back to the start", responses=refusals)
-    def home(at: At) -> api_models.Task:
-        """Queue a task that drives to where the robot started in this world. The same as “return
-        to the start”."""
-        return submitted(at.bus, HOME)
-
-    return routes
+@router.post("/home", status_code=202, summary="Go back to the start", responses=REFUSALS)
+def home(robot: AddressedRobot, timeout_s: CallTimeout) -> api_models.Task:
+    """Queue a task that drives to where the robot started in this world. The same as “return
+    to the start”."""
+    message = pb.SubmitRequest(instruction=HOME)
+    return message_conversion.task(robot.bus.call(SUBMIT, message, timeout_s))
 
 
 def sentence_to(goal: GoRequest) -> str:
-    """The instruction that says the same: millimetres, hundredths of a degree."""
+    """The equivalent instruction, to a millimetre and a hundredth of a degree."""
     facing = ""
     if goal.yaw_rad is not None:
         degrees = math.degrees(wrap_angle(goal.yaw_rad))

@@ -1,4 +1,4 @@
-"""One object in full, rendered, and the Gaussians for other programs."""
+"""`/objects.ply`, `/objects/{id}/...` and `/map/view.png`: objects, exported and rendered."""
 
 from __future__ import annotations
 
@@ -10,189 +10,208 @@ import numpy as np
 from fastapi import APIRouter, Path, Query, Request, Response
 from helios_core import proto as pb
 from helios_core.codec.frames import pinhole_to_proto, transform_to_proto
-from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, Pinhole, camera_on_base, se2_to_se3
-from helios_core.topics import EXPORT_OBJECTS, OBJECT_DETAIL, RENDER_OBJECTS, M, Method, Req
+from helios_core.topics import EXPORT_OBJECTS, OBJECT_DETAIL, RENDER_OBJECTS
 
 from helios_gateway import api_map_models, message_conversion
 from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import secured
 from helios_gateway.cached_responses import NPZ, PNG, Encoded, content_docs, tagged
-from helios_gateway.error_responses import NotFound, problems
+from helios_gateway.dependencies import AddressedRobot, CallTimeout
+from helios_gateway.error_responses import NotFound, invalid_as_not_found, problems
 from helios_gateway.object_viewpoint import camera, look_at
-from helios_gateway.robot_registry import At, Served
-from helios_gateway.settings import Settings
+from helios_gateway.robot_registry import Served
 
 PLY = "application/octet-stream"
 Layer = Literal["color", "depth", "probability", "uncertainty"]
 Metres = Annotated[float, Query(allow_inf_nan=False, ge=-1e6, le=1e6)]
 ObjectId = Annotated[int, Path(ge=1, lt=2**64, description="as /v1/objects gives it")]
+router = APIRouter(tags=["objects"], dependencies=secured(Scope.READ))
 
 
-def object_routes(prefix: str, settings: Settings) -> APIRouter:
-    """`/objects.ply`, `/objects/{id}/…`"""
-    routes = APIRouter(prefix=prefix, tags=["objects"], dependencies=secured(Scope.READ))
+@router.get(
+    "/objects.ply",
+    summary="All Gaussians, as 3D Gaussian splatting tools read them",
+    response_class=Response,
+    responses=content_docs(PLY, "PLY") | problems(404),
+)
+def all_ply(robot: AddressedRobot, request: Request, timeout_s: CallTimeout) -> Response:
+    return _exported(robot, request, timeout_s, "ply")
 
-    def told(at: Served, method: Method[Req, M], request: Req) -> M:
-        try:
-            return at.bus.call(method, request, settings.call_timeout_s)
-        except InvalidInput as error:
-            raise NotFound(error.message) from error
 
-    def export(at: Served, request: Request, format: str, id: int = 0) -> Response:
-        reply = told(at, EXPORT_OBJECTS, pb.ExportRequest(format=format, object_id=id))
-        encoded = Encoded.of(reply.data, PLY, x_gaussians=str(reply.gaussians))
-        return tagged(request, encoded)
+@router.get(
+    "/objects.npz",
+    summary="All Gaussians as arrays",
+    response_class=Response,
+    responses=content_docs(NPZ, "NumPy archive") | problems(404),
+)
+def all_npz(robot: AddressedRobot, request: Request, timeout_s: CallTimeout) -> Response:
+    return _exported(robot, request, timeout_s, "npz")
 
-    def picture(
-        at: Served, request: Request, T_world_cam: Matrix, lens: Pinhole, layer: str, name: str
-    ) -> Response:
-        reply = told(at, RENDER_OBJECTS, pb.RenderRequest(
-            T_world_cam=transform_to_proto(T_world_cam), camera=pinhole_to_proto(lens),
-            layer=layer, class_name=name,
-        ))  # fmt: skip
-        return tagged(request, Encoded.of(reply.png, PNG))
 
-    @routes.get(
-        "/objects.ply",
-        summary="All Gaussians, as 3D Gaussian splatting tools read them",
-        response_class=Response,
-        responses=content_docs(PLY, "PLY") | problems(404),
+@router.get(
+    "/objects/{id}/gaussians.ply",
+    summary="The Gaussians of one object",
+    response_class=Response,
+    responses=content_docs(PLY, "PLY") | problems(404),
+)
+def one_ply(
+    robot: AddressedRobot, request: Request, id: ObjectId, timeout_s: CallTimeout
+) -> Response:
+    return _exported(robot, request, timeout_s, "ply", id)
+
+
+@router.get(
+    "/objects/{id}/gaussians.npz",
+    summary="The Gaussians of one object as arrays",
+    response_class=Response,
+    responses=content_docs(NPZ, "NumPy archive") | problems(404),
+)
+def one_npz(
+    robot: AddressedRobot, request: Request, id: ObjectId, timeout_s: CallTimeout
+) -> Response:
+    return _exported(robot, request, timeout_s, "npz", id)
+
+
+@router.get(
+    "/objects/{id}/points.npz",
+    summary="What a gripper wants of one object: points on its surface, and its upright box",
+    response_class=Response,
+    responses=content_docs(NPZ, "points_m [n, 3], world; box_center_m, box_size_m [3]; box_yaw_rad")
+    | problems(404),
+)
+def points(
+    robot: AddressedRobot, request: Request, id: ObjectId, timeout_s: CallTimeout
+) -> Response:
+    d = _detail(robot, id, timeout_s)
+    stream = io.BytesIO()
+    np.savez(
+        stream, allow_pickle=False,
+        points_m=np.array(d.points_m, np.float32).reshape(-1, 3),
+        box_center_m=[d.box_center_m.x, d.box_center_m.y, d.box_center_m.z],
+        box_size_m=[d.box_size_m.x, d.box_size_m.y, d.box_size_m.z],
+        box_yaw_rad=d.box_yaw_rad,
+    )  # fmt: skip
+    return tagged(request, Encoded.of(stream.getvalue(), NPZ))
+
+
+@router.get("/objects/{id}/detail", summary="One object in full", responses=problems(404))
+def detail(
+    robot: AddressedRobot, id: ObjectId, timeout_s: CallTimeout
+) -> api_map_models.ObjectDetail:
+    """With the history of its score, and the upright box that a gripper wants to know."""
+    return message_conversion.object_detail(_detail(robot, id, timeout_s))
+
+
+@router.get(
+    "/objects/{id}/view.png",
+    summary="What is modelled of one object, as a camera beside it would see it",
+    response_class=Response,
+    responses=content_docs(PNG, "colour, or the layer as grey") | problems(404),
+)
+def view(
+    robot: AddressedRobot,
+    timeout_s: CallTimeout,
+    request: Request,
+    id: ObjectId,
+    layer: Annotated[
+        Layer, Query(description="of its class, for the last two")
+    ] = "color",
+    azimuth_rad: Annotated[
+        float | None,
+        Query(
+            allow_inf_nan=False, ge=-2 * math.pi, le=2 * math.pi,
+            description="where the camera stands, about world z; none: on the robot's side",
+        ),
+    ] = None,
+    size_px: Annotated[int, Query(ge=64, le=1024, description="side of the picture")] = 320,
+) -> Response:  # fmt: skip
+    found = _detail(robot, id, timeout_s).object
+    center_m, size_m = (np.array([v.x, v.y, v.z]) for v in (found.center_m, found.size_m))
+    if not np.isfinite([center_m, size_m]).all():
+        raise NotFound(f"object {id} has no place yet")
+    T_world_cam = look_at(
+        center_m, size_m, _robot_side(robot, center_m) if azimuth_rad is None else azimuth_rad
     )
-    def all_ply(at: At, request: Request) -> Response:
-        return export(at, request, "ply")
+    rendered = _rendered(robot, T_world_cam, camera(size_px), layer, found.class_name, timeout_s)
+    return tagged(request, rendered)
 
-    @routes.get(
-        "/objects.npz",
-        summary="All Gaussians as arrays",
-        response_class=Response,
-        responses=content_docs(NPZ, "NumPy archive") | problems(404),
-    )
-    def all_npz(at: At, request: Request) -> Response:
-        return export(at, request, "npz")
 
-    @routes.get(
-        "/objects/{id}/gaussians.ply",
-        summary="The Gaussians of one object",
-        response_class=Response,
-        responses=content_docs(PLY, "PLY") | problems(404),
-    )
-    def one_ply(at: At, request: Request, id: ObjectId) -> Response:
-        return export(at, request, "ply", id)
+@router.get(
+    "/map/view.png",
+    summary="The object map, as a camera anywhere would see it",
+    response_class=Response,
+    responses=content_docs(PNG, "colour; depth as 16 bit millimetres; or a belief, dark to yellow")
+    | problems(404),
+)
+def view_from(
+    robot: AddressedRobot,
+    timeout_s: CallTimeout,
+    request: Request,
+    x_m: Metres,
+    y_m: Metres,
+    z_m: Annotated[
+        float, Query(allow_inf_nan=False, ge=-1e3, le=1e3, description="height of the camera")
+    ] = 1.3,
+    yaw_rad: Annotated[
+        float, Query(allow_inf_nan=False, ge=-2 * math.pi, le=2 * math.pi,
+                     description="where it looks, about world z from x"),
+    ] = 0.0,
+    down_rad: Annotated[
+        float, Query(allow_inf_nan=False, ge=-math.pi / 2, le=math.pi / 2,
+                     description="how far below the horizon it looks"),
+    ] = 0.4,
+    layer: Annotated[Layer, Query(description="the last two are of a class")] = "color",
+    class_name: Annotated[str, Query(alias="class", max_length=100)] = "",
+    width_px: Annotated[int, Query(ge=16, le=1280)] = 640,
+    height_px: Annotated[int, Query(ge=16, le=1280)] = 480,
+    fov_rad: Annotated[
+        float, Query(ge=0.2, le=2.5, allow_inf_nan=False, description="across the picture"),
+    ] = 1.2,
+) -> Response:  # fmt: skip
+    """From the pose of a frame, or from where no robot ever was."""
+    f = width_px / 2 / math.tan(fov_rad / 2)
+    lens = Pinhole(f, f, (width_px - 1) / 2, (height_px - 1) / 2, width_px, height_px)
+    T_world_cam = camera_on_base(se2_to_se3(x_m, y_m, yaw_rad), z_m, down_rad)
+    rendered = _rendered(robot, T_world_cam, lens, layer, class_name, timeout_s)
+    return tagged(request, rendered)
 
-    @routes.get(
-        "/objects/{id}/gaussians.npz",
-        summary="The Gaussians of one object as arrays",
-        response_class=Response,
-        responses=content_docs(NPZ, "NumPy archive") | problems(404),
-    )
-    def one_npz(at: At, request: Request, id: ObjectId) -> Response:
-        return export(at, request, "npz", id)
 
-    @routes.get(
-        "/objects/{id}/points.npz",
-        summary="What a gripper wants of one object: points on its surface, and its upright box",
-        response_class=Response,
-        responses=content_docs(
-            NPZ, "points_m [n, 3], world; box_center_m, box_size_m [3]; box_yaw_rad"
+def _detail(robot: Served, id: int, timeout_s: float) -> pb.ObjectDetail:
+    """One instance of the object map in full. Raises NotFound for an unknown id."""
+    with invalid_as_not_found():
+        return robot.bus.call(OBJECT_DETAIL, pb.ObjectRequest(object_id=id), timeout_s)
+
+
+def _exported(
+    robot: Served, request: Request, timeout_s: float, format: str, id: int = 0
+) -> Response:
+    """The response with the Gaussians of one object, or of all for id 0. Raises NotFound."""
+    with invalid_as_not_found():
+        reply = robot.bus.call(
+            EXPORT_OBJECTS, pb.ExportRequest(format=format, object_id=id), timeout_s
         )
-        | problems(404),
-    )
-    def points(at: At, request: Request, id: ObjectId) -> Response:
-        d = told(at, OBJECT_DETAIL, pb.ObjectRequest(object_id=id))
-        stream = io.BytesIO()
-        np.savez(
-            stream, allow_pickle=False,
-            points_m=np.array(d.points_m, np.float32).reshape(-1, 3),
-            box_center_m=[d.box_center_m.x, d.box_center_m.y, d.box_center_m.z],
-            box_size_m=[d.box_size_m.x, d.box_size_m.y, d.box_size_m.z],
-            box_yaw_rad=d.box_yaw_rad,
-        )  # fmt: skip
-        return tagged(request, Encoded.of(stream.getvalue(), NPZ))
-
-    @routes.get("/objects/{id}/detail", summary="One object in full", responses=problems(404))
-    def detail(at: At, id: ObjectId) -> api_map_models.ObjectDetail:
-        """With the history of its score, and the upright box that a gripper wants to know."""
-        return message_conversion.object_detail(
-            told(at, OBJECT_DETAIL, pb.ObjectRequest(object_id=id))
-        )
-
-    @routes.get(
-        "/objects/{id}/view.png",
-        summary="What is modelled of one object, as a camera beside it would see it",
-        response_class=Response,
-        responses=content_docs(PNG, "colour, or the layer as grey") | problems(404),
-    )
-    def view(
-        at: At,
-        request: Request,
-        id: ObjectId,
-        layer: Annotated[
-            Layer, Query(description="of its class, for the last two")
-        ] = "color",
-        azimuth_rad: Annotated[
-            float | None,
-            Query(
-                allow_inf_nan=False, ge=-2 * math.pi, le=2 * math.pi,
-                description="where the camera stands, about world z; none: on the robot's side",
-            ),
-        ] = None,
-        size_px: Annotated[int, Query(ge=64, le=1024, description="side of the picture")] = 320,
-    ) -> Response:  # fmt: skip
-        found = told(at, OBJECT_DETAIL, pb.ObjectRequest(object_id=id)).object
-        center_m, size_m = (np.array([v.x, v.y, v.z]) for v in (found.center_m, found.size_m))
-        if not np.isfinite([center_m, size_m]).all():
-            raise NotFound(f"object {id} has no place yet")
-        T_world_cam = look_at(
-            center_m, size_m, _robot_side(at, center_m) if azimuth_rad is None else azimuth_rad
-        )
-        return picture(at, request, T_world_cam, camera(size_px), layer, found.class_name)
-
-    @routes.get(
-        "/map/view.png",
-        summary="The object map, as a camera anywhere would see it",
-        response_class=Response,
-        responses=content_docs(
-            PNG, "colour; depth as 16 bit millimetres; or a belief, dark to yellow"
-        )
-        | problems(404),
-    )
-    def view_from(
-        at: At,
-        request: Request,
-        x_m: Metres,
-        y_m: Metres,
-        z_m: Annotated[
-            float, Query(allow_inf_nan=False, ge=-1e3, le=1e3, description="height of the camera")
-        ] = 1.3,
-        yaw_rad: Annotated[
-            float, Query(allow_inf_nan=False, ge=-2 * math.pi, le=2 * math.pi,
-                         description="where it looks, about world z from x"),
-        ] = 0.0,
-        down_rad: Annotated[
-            float, Query(allow_inf_nan=False, ge=-math.pi / 2, le=math.pi / 2,
-                         description="how far below the horizon it looks"),
-        ] = 0.4,
-        layer: Annotated[Layer, Query(description="the last two are of a class")] = "color",
-        class_name: Annotated[str, Query(alias="class", max_length=100)] = "",
-        width_px: Annotated[int, Query(ge=16, le=1280)] = 640,
-        height_px: Annotated[int, Query(ge=16, le=1280)] = 480,
-        fov_rad: Annotated[
-            float, Query(ge=0.2, le=2.5, allow_inf_nan=False, description="across the picture"),
-        ] = 1.2,
-    ) -> Response:  # fmt: skip
-        """From the pose of a frame, or from where no robot ever was."""
-        f = width_px / 2 / math.tan(fov_rad / 2)
-        lens = Pinhole(f, f, (width_px - 1) / 2, (height_px - 1) / 2, width_px, height_px)
-        T_world_cam = camera_on_base(se2_to_se3(x_m, y_m, yaw_rad), z_m, down_rad)
-        return picture(at, request, T_world_cam, lens, layer, class_name)
-
-    return routes
+    return tagged(request, Encoded.of(reply.data, PLY, x_gaussians=str(reply.gaussians)))
 
 
-def _robot_side(at: Served, center_m: np.ndarray) -> float:
-    """The direction from the object to the robot, radians; 0 where the robot's place is unknown."""
-    state = at.live.robot().state
+def _rendered(
+    robot: Served, T_world_cam: Matrix, lens: Pinhole, layer: str, name: str, timeout_s: float
+) -> Encoded:
+    """The PNG of a layer of the object map, seen by a camera. Raises NotFound for an unknown class.
+
+    T_world_cam: [4, 4]. name: the class of a layer of beliefs.
+    """
+    message = pb.RenderRequest(
+        T_world_cam=transform_to_proto(T_world_cam), camera=pinhole_to_proto(lens),
+        layer=layer, class_name=name,
+    )  # fmt: skip
+    with invalid_as_not_found():
+        return Encoded.of(robot.bus.call(RENDER_OBJECTS, message, timeout_s).png, PNG)
+
+
+def _robot_side(robot: Served, center_m: np.ndarray) -> float:
+    """The direction from a point to the robot, radians; 0 where the robot's pose is unknown."""
+    state = robot.live.robot().state
     if state is None or state.pose is None:
         return 0.0
     return math.atan2(state.pose.y_m - center_m[1], state.pose.x_m - center_m[0])

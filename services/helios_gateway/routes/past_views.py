@@ -1,4 +1,4 @@
-"""Where something was seen: what is believed of that name, and past views that fit the words."""
+"""`/seen` and `/objects/{id}/views`: objects and past views that match a text or an object."""
 
 from __future__ import annotations
 
@@ -16,68 +16,65 @@ from helios_core.topics import RECALL
 from helios_gateway import api_map_models, message_conversion
 from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import secured
+from helios_gateway.dependencies import AddressedRobot, Maps
 from helios_gateway.error_responses import problems
-from helios_gateway.robot_registry import At, Served
+from helios_gateway.robot_registry import Served
 from helios_gateway.routes.objects import ObjectId
 
 RECALL_S = 12.0  # the text model may have to wake up
 MOST_VIEWS = 50  # that are asked of map2d, of which those that show an object are taken
 NEAR_M = 0.4  # beyond its half diagonal
+router = APIRouter(tags=["maps and camera"], dependencies=secured(Scope.READ))
 
 
-def seen_routes(prefix: str) -> APIRouter:
-    """`/seen` and `/objects/{id}/views`."""
-    routes = APIRouter(prefix=prefix, tags=["maps and camera"], dependencies=secured(Scope.READ))
-
-    @routes.get("/seen", summary="Where was something seen?", responses=problems())
-    def seen(
-        at: At,
-        prompt: Annotated[
-            str,
-            Query(min_length=1, max_length=500, description="in words", examples=["a red mug"]),
+@router.get("/seen", summary="Where was something seen?", responses=problems())
+def seen(
+    robot: AddressedRobot,
+    maps: Maps,
+    prompt: Annotated[
+        str,
+        Query(min_length=1, max_length=500, description="in words", examples=["a red mug"]),
+    ],
+    limit: Annotated[int, Query(ge=1, le=50, description="at most so many views")] = 5,
+) -> api_map_models.SeenAnswer:
+    """Objects are those of the object map whose class the words name. Views are asked by the
+    scorer's image-text model, also for what no search ever named. Where it has none (the
+    simulator's scorer, for instance) they are those in which the detector named it while it
+    was sought, and `views_note` says so."""
+    recalled = _recalled(robot, pb.RecallRequest(prompt=prompt, most_places=limit))
+    return api_map_models.SeenAnswer(
+        prompt=prompt,
+        objects=[
+            found
+            for found in sorted(maps.objects().objects, key=lambda o: -(o.score or 0.0))
+            if names(prompt, found.class_name)
         ],
-        limit: Annotated[int, Query(ge=1, le=50, description="at most so many views")] = 5,
-    ) -> api_map_models.SeenAnswer:
-        """Objects are those of the object map whose class the words name. Views are asked by the
-        scorer's image-text model, also for what no search ever named. Where it has none (the
-        simulator's scorer, for instance) they are those in which the detector named it while it
-        was sought, and `views_note` says so."""
-        recalled = _recalled(at, pb.RecallRequest(prompt=prompt, most_places=limit))
-        return api_map_models.SeenAnswer(
-            prompt=prompt,
-            objects=[
-                found
-                for found in sorted(at.live.maps.objects().objects, key=lambda o: -(o.score or 0.0))
-                if names(prompt, found.class_name)
-            ],
-            views=[_view(place) for place in recalled.places],
-            views_asked=recalled.views,
-            views_note=recalled.note,
-        )
-
-    @routes.get(
-        "/objects/{id}/views", summary="Pictures that an object is in", responses=problems(404)
+        views=[_view(place) for place in recalled.places],
+        views_asked=recalled.views,
+        views_note=recalled.note,
     )
-    def object_views(
-        at: At,
-        id: ObjectId,
-        limit: Annotated[int, Query(ge=1, le=50, description="at most so many views")] = 5,
-    ) -> api_map_models.ViewList:
-        """Past views that fit its class where it is, from different sides, best first; kept and
-        asked as `/v1/seen` says."""
-        found = at.live.maps.object(id)
-        asked = pb.RecallRequest(prompt=found.class_name, most_places=MOST_VIEWS)
-        recalled = _recalled(at, asked)
-        near = [place for place in recalled.places if _shows(found, place)]
-        return api_map_models.ViewList(
-            views=[_view(place) for place in near[:limit]], views_note=recalled.note
-        )
 
-    return routes
+
+@router.get("/objects/{id}/views", summary="Pictures that an object is in", responses=problems(404))
+def object_views(
+    robot: AddressedRobot,
+    maps: Maps,
+    id: ObjectId,
+    limit: Annotated[int, Query(ge=1, le=50, description="at most so many views")] = 5,
+) -> api_map_models.ViewList:
+    """Past views that fit its class where it is, from different sides, best first; kept and
+    asked as `/v1/seen` says."""
+    found = maps.object(id)
+    asked = pb.RecallRequest(prompt=found.class_name, most_places=MOST_VIEWS)
+    recalled = _recalled(robot, asked)
+    near = [place for place in recalled.places if _shows(found, place)]
+    return api_map_models.ViewList(
+        views=[_view(place) for place in near[:limit]], views_note=recalled.note
+    )
 
 
 def _shows(found: api_map_models.ObjectInstance, place: pb.SeenPlace) -> bool:
-    """Whether what was seen there is this object, by its place on the ground."""
+    """Whether a place on the ground is within reach of an object."""
     x, y, *_ = found.center_m
     width, depth, *_ = found.size_m
     if None in (x, y, width, depth):
@@ -86,10 +83,10 @@ def _shows(found: api_map_models.ObjectInstance, place: pb.SeenPlace) -> bool:
     return math.hypot(place.x_m - (x or 0.0), place.y_m - (y or 0.0)) <= reach_m
 
 
-def _recalled(at: Served, request: pb.RecallRequest) -> pb.RecallReply:
-    """The past views, or none and why. Objects are told all the same."""
+def _recalled(robot: Served, request: pb.RecallRequest) -> pb.RecallReply:
+    """The past views; where map2d does not answer, none, with the reason as the note."""
     try:
-        return at.bus.call(RECALL, request, RECALL_S)
+        return robot.bus.call(RECALL, request, RECALL_S)
     except HeliosError as error:
         return pb.RecallReply(note=f"past views were not asked: {error.message}")
 

@@ -1,4 +1,4 @@
-"""The robot: how it is, and stop-now."""
+"""`/robot`, `/robot/stop` and `/robot/clear-stop`: the state of the robot, and stop-now."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import contextlib
 import functools
 
 import anyio.to_thread
-from anyio import CapacityLimiter
 from fastapi import APIRouter, Request
 from helios_core import proto as pb
 from helios_core.printable_text import printable
@@ -18,9 +17,8 @@ from starlette.requests import ClientDisconnect
 from helios_gateway import api_models
 from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import secured
+from helios_gateway.dependencies import AddressedRobot, CallTimeout, State
 from helios_gateway.error_responses import problems
-from helios_gateway.robot_registry import At
-from helios_gateway.settings import Settings
 
 BODY_S = 0.2  # that stop-now waits for its reason
 BODY_BYTES = 65536
@@ -29,46 +27,42 @@ STOP_BODY = {
     "required": False,
     "content": {"application/json": {"schema": api_models.StopRequest.model_json_schema()}},
 }
+router = APIRouter(prefix="/robot", tags=["robot"], dependencies=secured(Scope.READ))
 
 
-def robot_routes(prefix: str, settings: Settings) -> APIRouter:
-    """`/robot…`"""
-    routes = APIRouter(prefix=f"{prefix}/robot", tags=["robot"], dependencies=secured(Scope.READ))
-    own_threads = CapacityLimiter(8)  # stop-now never waits behind other requests' threads
+@router.get("", name="robot", summary="How the robot is, and what it is", responses=problems())
+async def get_robot(robot: AddressedRobot) -> api_models.Robot:
+    return robot.live.robot()
 
-    @routes.get("", summary="How the robot is, and what it is", responses=problems())
-    async def robot(at: At) -> api_models.Robot:
-        return at.live.robot()
 
-    @routes.post(
-        "/stop",
-        summary="Stop now",
-        responses=problems(409),
-        openapi_extra={"requestBody": STOP_BODY},
+@router.post(
+    "/stop",
+    summary="Stop now",
+    responses=problems(409),
+    openapi_extra={"requestBody": STOP_BODY},
+)
+async def stop(robot: AddressedRobot, state: State, request: Request) -> api_models.Robot:
+    """Goes to the bridge directly, latches, and refuses every motion until it is cleared.
+    Any key may stop; requests are not counted. No body is refused: of one that cannot be read
+    the reason alone is lost."""
+    message = pb.StopRequest(reason=stop_reason(await _begun(request)))
+    await anyio.to_thread.run_sync(
+        functools.partial(robot.bus.call, STOP, message, state.settings.stop_timeout_s),
+        limiter=state.stop_threads,
     )
-    async def stop(at: At, request: Request) -> api_models.Robot:
-        """Goes to the bridge directly, latches, and refuses every motion until it is cleared.
-        Any key may stop; requests are not counted. No body is refused: of one that cannot be read
-        the reason alone is lost."""
-        message = pb.StopRequest(reason=stop_reason(await _begun(request)))
-        await anyio.to_thread.run_sync(
-            functools.partial(at.bus.call, STOP, message, settings.stop_timeout_s),
-            limiter=own_threads,
-        )
-        return at.live.robot()
+    return robot.live.robot()
 
-    @routes.post(
-        "/clear-stop",
-        summary="Lift stop-now",
-        responses=problems(409, body=True),
-        dependencies=secured(Scope.OPERATE),
-    )
-    def clear_stop(at: At) -> api_models.Robot:
-        """A robot that somebody took must be free again: the answer says who or what holds it."""
-        at.bus.call(CLEAR_STOP, pb.Empty(), settings.call_timeout_s)
-        return at.live.robot()
 
-    return routes
+@router.post(
+    "/clear-stop",
+    summary="Lift stop-now",
+    responses=problems(409, body=True),
+    dependencies=secured(Scope.OPERATE),
+)
+def clear_stop(robot: AddressedRobot, timeout_s: CallTimeout) -> api_models.Robot:
+    """A robot that somebody took must be free again: the answer says who or what holds it."""
+    robot.bus.call(CLEAR_STOP, pb.Empty(), timeout_s)
+    return robot.live.robot()
 
 
 def stop_reason(body: bytes) -> str:

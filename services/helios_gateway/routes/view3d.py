@@ -1,4 +1,4 @@
-"""The 3D view of the Gaussians: viser's page, and the scene that it plays."""
+"""`/view3d` and `/objects.viser`: viser's page, and the 3D scene of the Gaussians that it plays."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from helios_gateway import viewer_scene
 from helios_gateway.api_keys import Scope
 from helios_gateway.authorization import secured
 from helios_gateway.cached_responses import Encoded, content_docs, tagged
+from helios_gateway.dependencies import Maps
 from helios_gateway.error_responses import problems
 from helios_gateway.gaussian_arrays import ColorBy
-from helios_gateway.robot_registry import At
 
 HTML = "text/html"
 # The page is one file with its program in it, which compiles more. It may speak to this gateway
@@ -22,46 +22,40 @@ POLICY = (
     "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; "
     "connect-src 'self' data: blob:; worker-src blob: data:; frame-ancestors 'self'"
 )
+router = APIRouter(tags=["objects"], responses=problems(), dependencies=secured(Scope.READ))
 
 
-def view3d_routes(prefix: str) -> APIRouter:
-    """`/view3d` and `/objects.viser`."""
-    routes = APIRouter(
-        prefix=prefix, tags=["objects"], responses=problems(), dependencies=secured(Scope.READ)
-    )
+@router.get(
+    "/view3d",
+    summary="The page that shows a scene in 3D",
+    response_class=Response,
+    responses=content_docs(HTML, "viser's page"),
+)
+def view3d(request: Request) -> Response:
+    """`?playbackPath=/v1/objects.viser`, and viser's other parameters, such as `darkMode` and
+    `initialCameraPosition=X,Y,Z`. It loads nothing from another host."""
+    out = tagged(request, Encoded.of(viewer_scene.page(), HTML))
+    out.headers["content-security-policy"] = POLICY
+    return out
 
-    @routes.get(
-        "/view3d",
-        summary="The page that shows a scene in 3D",
-        response_class=Response,
-        responses=content_docs(HTML, "viser's page"),
-    )
-    def view3d(request: Request) -> Response:
-        """`?playbackPath=/v1/objects.viser`, and viser's other parameters, such as `darkMode` and
-        `initialCameraPosition=X,Y,Z`. It loads nothing from another host."""
-        out = tagged(request, Encoded.of(viewer_scene.page(), HTML))
-        out.headers["content-security-policy"] = POLICY
-        return out
 
-    @routes.get(
-        "/objects.viser",
-        summary="The Gaussians as a 3D scene",
-        response_class=Response,
-        responses=content_docs(viewer_scene.MEDIA_TYPE, "a scene file of viser"),
-    )
-    def scene(
-        at: At,
-        request: Request,
-        color: Annotated[
-            ColorBy,
-            Query(
-                description="as seen, by the class believed, by its share in the Gaussian, or by "
-                "how little that share is known"
-            ),
-        ] = "color",
-    ) -> Response:
-        """With labels of the instances, over the ground of the map. viser shows it without the
-        gateway, too: https://viser.studio/main/embedded_visualizations/"""
-        return tagged(request, at.live.maps.scene(color))
-
-    return routes
+@router.get(
+    "/objects.viser",
+    summary="The Gaussians as a 3D scene",
+    response_class=Response,
+    responses=content_docs(viewer_scene.MEDIA_TYPE, "a scene file of viser"),
+)
+def scene(
+    maps: Maps,
+    request: Request,
+    color: Annotated[
+        ColorBy,
+        Query(
+            description="as seen, by the class believed, by its share in the Gaussian, or by "
+            "how little that share is known"
+        ),
+    ] = "color",
+) -> Response:
+    """With labels of the instances, over the ground of the map. viser shows it without the
+    gateway, too: https://viser.studio/main/embedded_visualizations/"""
+    return tagged(request, maps.scene(color))

@@ -11,12 +11,12 @@ from helios_core import proto as pb
 from helios_core.codec import action_to_proto
 from helios_core.errors import Conflict, HeliosError, Unavailable
 from helios_core.robot import Action, Forward, Observe, Turn
+from helios_core.task_states import HOLDS_ROBOT
 from helios_core.topics import ACT, LEASE, LIST_TASKS
 
 from helios_gateway.api_models import RobotDescription
 from helios_gateway.robot_registry import Served
 
-UNDER_WAY = ("running", "paused")
 HAND_OVER_S = 1.5  # that who drove before has for a last image and giving the robot back
 MOVE_S = 20.0  # longest time of one move; the bridge stops the robot after it
 KEYFRAME_M, KEYFRAME_RAD = 0.5, math.radians(30)  # driven at most between two keyframes
@@ -43,7 +43,7 @@ def check_may_drive(at: Served, timeout_s: float) -> RobotDescription:
         why = at.live.stop_reason
         raise Conflict(f"the robot is stopped ({why}); clear the stop first")
     for task in at.bus.call(LIST_TASKS, pb.Empty(), timeout_s).tasks:
-        if task.state in UNDER_WAY:
+        if task.state in HOLDS_ROBOT:
             raise Conflict(
                 f"task {task.id} is {task.state} and has the robot; cancel it or wait for its end, "
                 "then drive by hand"

@@ -44,7 +44,7 @@ def creation_mask(depth_m: Float32, rendering: Rendering, detected: Mask, front_
 
 
 def paper_creation_mask(depth_m: Float32, rendering: Rendering, detected: Mask) -> Mask:
-    """Pixels [h, w] that get a new Gaussian by the paper's literal rule."""
+    """Pixels [h, w] that get a new Gaussian by the paper's literal rule (appendix)."""
     valid = detected & (depth_m > 0)
     error_m = np.abs(depth_m - rendering.depth_m)
     return valid & ((error_m > 1.0) | _eroded(valid & (error_m > 0.001)))
@@ -85,7 +85,7 @@ def reobserved(
     agreement_m: float,
     closing_px: int,
 ) -> NDArray[np.bool_]:
-    """Pixels [h, w] whose measured depth agrees with the model, small holes closed.
+    """Pixels [h, w] whose measured depth agrees with the model, small holes closed (appendix).
 
     `rendering` is of the map before the pixels `created` were added; those agree by construction.
     Pixels without a measured depth never count.

@@ -70,7 +70,8 @@ def marginal(
 
 
 def concentration_of(positive: Floats, asked: Floats, prior: float, n_classes: int = 0) -> Floats:
-    """Concentration [n, 1 + C], "other" first. positive: [n, C]; asked: [n], for the class wanted.
+    """Concentration [n, 1 + C] of eq. 2, "other" first. positive: [n, C]; asked: [n], for the class
+    wanted.
 
     What the views that asked for the wanted class did not give to any class is "other", and so is
     the prior of the n_classes, as far as they are more than these.

@@ -55,7 +55,8 @@ class Rates:
 
 
 def kappa_at(project: Project, member: Member, view: View, max_depth_m: float) -> Float32:
-    """Weight that a view gives each Gaussian [n], summed over the pixels it would see it in."""
+    """Weight that a view gives each Gaussian [n], summed over the pixels it would see it in:
+    what Y* of eq. 12 shows of it."""
     projection = project(member.means, member.radius_m, member.opacity, view)
     everywhere = np.zeros((view.height, view.width), np.int32)
     kappa = projection.kappa_sums(everywhere, 1)[:, 0]

@@ -29,7 +29,8 @@ def normalised_gain(gain_nats: float, gaussians: int, norm: GainNorm) -> float:
 
 @dataclass(frozen=True)
 class FirstSeen:
-    """What a candidate was worth when it was first seen: S_a0 * IG_a0, and its centre."""
+    """What a candidate was worth when it was first seen: S_a0 * IG_a0 of eq. 8, and its
+    centre."""
 
     class_score: float
     information_gain: float

@@ -105,8 +105,8 @@ def in_sight(
 def gaze_points(
     candidate: ObjectInstance, reached: Reach, robot: RobotDescription, rules: GazeRules
 ) -> list[GazePoint]:
-    """Gaze points around a candidate, nearest by way first. Free and reachable places only, facing
-    the middle of its ground projection and its highest point."""
+    """Gaze points around a candidate (paper, section 3.2), nearest by way first. Free and reachable
+    places only, facing the middle of its ground projection and its highest point."""
     ground = reached.ground
     outline = outline_of(candidate)
     middle = (outline.min(axis=0) + outline.max(axis=0)) / 2

@@ -17,7 +17,7 @@ def belief(instance: int, correct: bool, class_score: float = 0.6, **figures) ->
 
 def record(seed: int, beliefs: tuple[Belief, ...] = (), **chosen) -> EpisodeRecord:
     facts = {
-        "benchmark": "ovmm", "agent": "helios", "semantics": "noisy", "preset": "ovmm-v1",
+        "benchmark": "ovmm", "agent": "helios-paper", "semantics": "noisy", "preset": "ovmm-v1",
         "seed": seed, "noise": Noise(table="ovmm-v1", digest="0", level=1.0, correlation=None),
         "instruction": "Move the mug from the table to the sofa", "object_class": "mug",
         "find_object": True, "pick": True, "find_receptacle": True, "place": True, "success": True,

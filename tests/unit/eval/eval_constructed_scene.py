@@ -79,7 +79,7 @@ def constructed_scene(**changes) -> Scene:
     mask = (u - 250) ** 2 + (v - 400) ** 2 < 45**2
     table = (v > 420) & (u > 60) & (u < 430)
     facts = {
-        "title": "helios · home 12 of ovmm-v1 · noisy detector",
+        "title": "helios-paper · home 12 of ovmm-v1 · noisy detector",
         "task": pb.Task(
             id="t", instruction="Move the mug from the coffee table to the kitchen counter",
             state="running", phase="find_object", kind="move", max_steps=1250, seeking="mug",

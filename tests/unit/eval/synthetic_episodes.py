@@ -22,7 +22,7 @@ NOISE = Noise(table="synthetic", digest="0" * 64, level=1.0, correlation=None)
 OBJECTS = ("mug", "toy animal", "spray bottle", "book", "sushi mat")
 PLACES = ("kitchen counter", "coffee table", "bed", "shelves", "chest of drawers")
 CHANCES = {  # of FindObj, Pick, FindRec, Place, no collision: each given the one before
-    "helios": (0.86, 0.82, 0.85, 0.80, 0.85),
+    "helios-paper": (0.86, 0.82, 0.85, 0.80, 0.85),
     "trusting": (0.62, 0.55, 0.80, 0.75, 0.80),
     "no-global-objective": (0.80, 0.75, 0.82, 0.78, 0.84),
     "random-frontier": (0.55, 0.45, 0.70, 0.70, 0.75),
@@ -31,7 +31,7 @@ CHANCES = {  # of FindObj, Pick, FindRec, Place, no collision: each given the on
 CAUSES = ("object not found", "wrong object believed", "receptacle not found", "place missed")
 
 
-def episode(seed: int, agent: str = "helios", **changes: Any) -> EpisodeRecord:
+def episode(seed: int, agent: str = "helios-paper", **changes: Any) -> EpisodeRecord:
     """One invented episode; the same arguments give the same one."""
     names = sorted(CHANCES)
     rng = np.random.default_rng([seed, names.index(agent) if agent in names else len(names)])
@@ -60,7 +60,7 @@ def episode(seed: int, agent: str = "helios", **changes: Any) -> EpisodeRecord:
         "message": "The task is done." if place else f"Nothing left to look at for the {thing}.",
         "wall_s": steps * 0.06, "step_ms": float(rng.normal(62, 9)),
         "stage_ms": {k: float(rng.gamma(9, v / 9)) for k, v in STAGES.items()},
-        "beliefs": tuple(_beliefs(rng, steps)) if agent == "helios" else (),
+        "beliefs": tuple(_beliefs(rng, steps)) if agent == "helios-paper" else (),
         "commit": "0000000-dirty", "preset_hash": "1" * 64, "structure_hash": f"{seed:064d}",
     }  # fmt: skip
     return EpisodeRecord(**(values | changes))
@@ -134,9 +134,9 @@ def main(folder: Path) -> None:
 
     episodes = [episode(s, a) for a in CHANCES for s in range(60)]
     episodes += [episode(s, a, semantics="ground-truth")
-                 for a in ("helios", "trusting") for s in range(60)]  # fmt: skip
+                 for a in ("helios-paper", "trusting") for s in range(60)]  # fmt: skip
     write(folder, episodes)
-    run = {"command": "helios eval ovmm --agents helios,trusting (SYNTHETIC: nothing was run)",
+    run = {"command": "helios eval ovmm --agents helios-paper,trusting (SYNTHETIC: nothing was run)",
            "machine": "no machine: synthetic", "started": "never", "wall_s": 0.0}  # fmt: skip
     (folder / "run.json").write_text(json.dumps(run))
     write_report(folder)

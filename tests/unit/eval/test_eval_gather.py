@@ -34,17 +34,17 @@ def paper(tmp_path: Path) -> list[Path]:
     homes = range(8)
     nav = {"benchmark": "objectnav", "shortest_path_m": 3.0}
     return [
-        folder(tmp_path / "noisy", [episode(s, a) for a in ("helios", "trusting") for s in homes]),
+        folder(tmp_path / "noisy", [episode(s, a) for a in ("helios-paper", "trusting") for s in homes]),
         folder(tmp_path / "truth", [episode(s, a, semantics="ground-truth")
-                                    for a in ("helios", "trusting") for s in homes]),
+                                    for a in ("helios-paper", "trusting") for s in homes]),
         folder(tmp_path / "fifty", [episode(s, "helios-5050") for s in homes]),
         folder(tmp_path / "sweeps", [episode(s, settings=SWEPT) for s in homes]),
         folder(tmp_path / "level", [
             episode(s, a, noise=NOISE.model_copy(update={"level": 2.0}))
-            for a in ("helios", "trusting") for s in homes
+            for a in ("helios-paper", "trusting") for s in homes
         ]),
         folder(tmp_path / "nav", [
-            episode(s, a, **nav) for a in ("vlfm", "vlfm-helios-stop", "helios") for s in homes
+            episode(s, a, **nav) for a in ("vlfm", "vlfm-helios-stop", "helios-paper") for s in homes
         ], "helios eval objectnav"),
     ]  # fmt: skip
 
@@ -58,11 +58,11 @@ def test_several_folders_together_make_every_table_and_the_pairs(tmp_path: Path)
     found = {f"{a.label} against {b.label}" for a, b in pairs(arms)}
     assert found >= {
         "helios against trusting",
-        "helios · noise ×2 against trusting · noise ×2",
+        "helios-paper · noise ×2 against trusting · noise ×2",
         "helios against helios-5050",
-        "helios · alpha_cs=0.1 against helios",
+        "helios-paper · alpha_cs=0.1 against helios",
         "vlfm-helios-stop against vlfm",
-        "helios · ground truth against trusting · ground truth",
+        "helios-paper · ground truth against trusting · ground truth",
     }, found  # fmt: skip
     assert len(merge_runs.run(folders)["commands"]) == 6
 
@@ -88,7 +88,7 @@ def test_a_folder_tells_every_command_that_was_given_in_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = Run(
-        "ovmm", ("helios",), ("unlimited",), "noisy", "demo-v1", 1, 0, tmp_path, 1, None, {}
+        "ovmm", ("helios-paper",), ("unlimited",), "noisy", "demo-v1", 1, 0, tmp_path, 1, None, {}
     )
     for setting in ("alpha_d=0.1", "tau_g=0.3", "tau_g=0.3"):  # the last one goes on
         monkeypatch.setattr(sys, "argv", ["helios", "eval", "ovmm", "--set", setting])

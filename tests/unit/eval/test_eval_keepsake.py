@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 KEPT = FailureSnapshot(
-    key="ovmm|helios|noisy|demo-v1|7||{}", agent="helios", semantics="noisy", seed=7,
+    key="ovmm|helios|noisy|demo-v1|7||{}", agent="helios-paper", semantics="noisy", seed=7,
     instruction="Move the mug",
     cause="object not found", message="nowhere",
     occupancy=np.array([[-1, 0, 100], [0, 0, 0]], np.int8), origin_m=(-1.5, 2.0), cell_m=0.025,
@@ -41,9 +41,9 @@ def test_the_failures_of_an_agent_are_those_of_no_other(tmp_path: Path) -> None:
     """Though its name begins as another's does."""
     mine = failure_snapshot.save(tmp_path, KEPT)
     others = [failure_snapshot.save(tmp_path, replace(KEPT, key=name, agent=name))
-              for name in ("helios-next", "helios-ground")]  # fmt: skip
-    assert failure_snapshot.all_of(tmp_path, "helios") == [mine]
-    assert failure_snapshot.all_of(tmp_path, "helios-next") == others[:1]
+              for name in ("helios", "helios-ground")]  # fmt: skip
+    assert failure_snapshot.all_of(tmp_path, "helios-paper") == [mine]
+    assert failure_snapshot.all_of(tmp_path, "helios") == others[:1]
     assert failure_snapshot.all_of(tmp_path) == sorted([mine, *others])
 
 

@@ -31,7 +31,9 @@ from tests.full_disk import refuse_writing
 NOISE = noise_of("ovmm-v1", 1.0, None)
 
 
-def asked(out: Path, episodes: int = 3, agents: tuple[str, ...] = ("helios", "trusting")) -> Run:
+def asked(
+    out: Path, episodes: int = 3, agents: tuple[str, ...] = ("helios-paper", "trusting")
+) -> Run:
     return Run("ovmm", agents, (1, "unlimited"), "noisy", "ovmm-v1", episodes, 0, out, 1, NOISE, {})
 
 
@@ -69,7 +71,7 @@ def quiet() -> Console:
 
 
 def test_home_by_home_and_nothing_twice(stage: Stage, tmp_path: Path) -> None:
-    everything = [(seed, agent) for seed in range(3) for agent in ("helios", "trusting")]
+    everything = [(seed, agent) for seed in range(3) for agent in ("helios-paper", "trusting")]
     assert len(run(asked(tmp_path), quiet())) == 6
     assert stage.played == everything
     assert len(run(asked(tmp_path), quiet())) == 6
@@ -78,10 +80,10 @@ def test_home_by_home_and_nothing_twice(stage: Stage, tmp_path: Path) -> None:
 
 
 def test_what_is_there_in_part_is_completed(stage: Stage, tmp_path: Path) -> None:
-    run(asked(tmp_path, 2, ("helios",)), quiet())
+    run(asked(tmp_path, 2, ("helios-paper",)), quiet())
     stage.played.clear()
     run(asked(tmp_path), quiet())
-    assert stage.played == [(0, "trusting"), (1, "trusting"), (2, "helios"), (2, "trusting")]
+    assert stage.played == [(0, "trusting"), (1, "trusting"), (2, "helios-paper"), (2, "trusting")]
 
 
 def test_a_torn_last_line_is_played_again(stage: Stage, tmp_path: Path) -> None:
@@ -95,8 +97,10 @@ def test_a_torn_last_line_is_played_again(stage: Stage, tmp_path: Path) -> None:
 
 def test_other_settings_are_other_episodes(stage: Stage, tmp_path: Path) -> None:
     """Two benchmarks, presets or settings in one folder stand side by side."""
-    run(asked(tmp_path, 1, ("helios",)), quiet())
-    other = Run("ovmm", ("helios",), (1,), "noisy", "ovmm-v1", 1, 0, tmp_path, 1, NOISE, {"a": 1})
+    run(asked(tmp_path, 1, ("helios-paper",)), quiet())
+    other = Run(
+        "ovmm", ("helios-paper",), (1,), "noisy", "ovmm-v1", 1, 0, tmp_path, 1, NOISE, {"a": 1}
+    )
     run(other, quiet())
     assert len(stage.played) == 2
     rows = json.loads((tmp_path / results.RESULTS).read_text())
@@ -110,7 +114,7 @@ def test_a_setting_that_an_agent_runs_with_anyway_leaves_nothing_to_play(
     stage: Stage, tmp_path: Path
 ) -> None:
     settings = {"planner.tau_g": 0.5, "objectmap.evidence": "hindsight"}
-    agents = ("helios", "helios-next")
+    agents = ("helios-paper", "helios")
     told = Run("ovmm", agents, (1,), "noisy", "ovmm-v1", 2, 0, tmp_path, 1, NOISE, settings)
     played = run(told, quiet())
     assert [tuple(r.settings) for r in played[:2]] == [("objectmap.evidence",), ("planner.tau_g",)]
@@ -141,7 +145,7 @@ def test_a_copy_of_what_is_committed_is_gone_on_from(stage: Stage, tmp_path: Pat
     shutil.copytree(committed, after)
     stage.played.clear()
     assert len(run(asked(after, 3), quiet())) == 6
-    assert stage.played == [(2, "helios"), (2, "trusting")]
+    assert stage.played == [(2, "helios-paper"), (2, "trusting")]
     there = records.read(after)
     assert len(there) == 6
     merge_runs.pack(committed, there, merge_runs.run([after]))  # and so on
@@ -169,9 +173,9 @@ def test_a_run_never_goes_on_from_an_agent_with_other_settings(
 ) -> None:
     run(asked(tmp_path, 1), quiet())
     stage.played.clear()
-    now = service_settings.ran_with("helios")
+    now = service_settings.ran_with("helios-paper")
     assert now["planner.tau_g"] == "0.5"
-    assert service_settings.ran_with("helios-next") != now
+    assert service_settings.ran_with("helios") != now
 
     def changed(_: str) -> dict[str, str]:
         return now | {"planner.is_new": "1"}
@@ -189,8 +193,8 @@ def test_a_run_goes_on_from_another_commit_and_the_report_says_who_played_what(
     stage: Stage, tmp_path: Path
 ) -> None:
     merge_runs.pack(tmp_path, [record(0, noise=NOISE, commit="first")], {})
-    run(asked(tmp_path, 2, ("helios",)), quiet())
-    assert stage.played == [(1, "helios")]
+    run(asked(tmp_path, 2, ("helios-paper",)), quiet())
+    assert stage.played == [(1, "helios-paper")]
     assert "helios 1 by first, 1 by c" in (tmp_path / "report.md").read_text()
 
 
@@ -206,8 +210,8 @@ def test_a_folder_is_for_one_run_at_a_time(stage: Stage, tmp_path: Path) -> None
 
 def test_a_run_that_is_killed_lets_go_of_its_folder(stage: Stage, tmp_path: Path) -> None:
     holds = (
-        "import pathlib, sys, time; from helios_eval import folder\n"
-        "with folder.held(pathlib.Path(sys.argv[1])): print('held', flush=True); time.sleep(600)"
+        "import pathlib, sys, time; from helios_eval import run_folder\n"
+        "with run_folder.held(pathlib.Path(sys.argv[1])): print('held', flush=True); time.sleep(600)"
     )
     command = [sys.executable, "-c", holds, str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:

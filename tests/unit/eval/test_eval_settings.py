@@ -29,25 +29,27 @@ def test_a_default_is_no_setting() -> None:
     found = service_settings.parsed(["alpha_d=0.001", "stop_distances_m=0.5,0.6", "tau_g=0.6"])
     defaults = Settings()
     found["planner.stop_distances_m"] = ",".join(map(str, defaults.stop_distances_m))
-    assert service_settings.that_change("helios", found) == {"planner.tau_g": 0.6}
+    assert service_settings.that_change("helios-paper", found) == {"planner.tau_g": 0.6}
 
 
 def test_what_an_agent_runs_with_anyway_is_no_setting_and_a_default_is_one() -> None:
     found = service_settings.parsed(["evidence=hindsight", "tau_b=0.5"])
-    assert service_settings.that_change("helios-next", found) == {"planner.tau_b": 0.5}
-    assert service_settings.that_change("helios", found) == {"objectmap.evidence": "hindsight"}
+    assert service_settings.that_change("helios", found) == {"planner.tau_b": 0.5}
+    assert service_settings.that_change("helios-paper", found) == {
+        "objectmap.evidence": "hindsight"
+    }
 
 
 def test_of_a_run_that_is_over_what_its_house_ran_with_counts() -> None:
     ran = {"planner.tau_g": "0.6", "planner.stop_distances_m": str((0.5, 0.6))}
     given = {"planner.tau_g": 0.6, "planner.stop_distances_m": "0.5,0.6", "planner.tau_b": 0.5}
-    assert service_settings.that_change("helios", given, ran) == {}
-    assert service_settings.that_change("helios", {"planner.tau_g": 0.5}, ran)
+    assert service_settings.that_change("helios-paper", given, ran) == {}
+    assert service_settings.that_change("helios-paper", {"planner.tau_g": 0.5}, ran)
 
 
 def test_a_setting_of_another_version_is_one_that_changes_something() -> None:
     given = {"planner.gone": 1, "gone.tau_g": 0.5, "planner.alpha_d": -1.0}
-    assert service_settings.that_change("helios", given) == given
+    assert service_settings.that_change("helios-paper", given) == given
 
 
 def test_every_setting_of_an_agent_is_one_of_a_service() -> None:
@@ -74,9 +76,9 @@ def test_a_wrong_setting_is_wrong_use(text: str, words: str) -> None:
 
 
 def test_agents_and_presets_are_known_by_name() -> None:
-    episode_spec.check_agents(["helios", "ground-truth-walker"], "ovmm")
+    episode_spec.check_agents(["helios-paper", "ground-truth-walker"], "ovmm")
     home_presets.check_kind("demo-v1")
-    with pytest.raises(UsageError, match="helios"):
+    with pytest.raises(UsageError, match="helios-paper"):
         episode_spec.check_agents(["hal"], "ovmm")
     with pytest.raises(UsageError, match="walker"):
         episode_spec.check_agents(["ground-truth-walker"], "objectnav")
@@ -85,8 +87,8 @@ def test_agents_and_presets_are_known_by_name() -> None:
 
 
 def test_names_are_taken_in_any_case_each_once() -> None:
-    assert episode_spec.check_agents(["HELIOS", "helios", "Trusting"], "ovmm") == [
-        "helios",
+    assert episode_spec.check_agents(["HELIOS", "helios-paper", "Trusting"], "ovmm") == [
+        "helios-paper",
         "trusting",
     ]
     assert home_presets.check_kind("Demo_V1") == "demo-v1"
@@ -95,12 +97,12 @@ def test_names_are_taken_in_any_case_each_once() -> None:
         correlation=None, sensor="none", assignments=[], max_steps=None,
     )  # fmt: skip
     assert (under.agents, under.semantics, under.preset) == (
-        ("helios",), "ground-truth", "demo-v1"
+        ("helios-paper",), "ground-truth", "demo-v1"
     )  # fmt: skip
 
 
 def test_an_agent_of_another_package_is_loaded_before_anything_is_played() -> None:
-    episode_spec.check_agents(["helios", "helios_examples.left_first:agent"], "ovmm")
+    episode_spec.check_agents(["helios-paper", "helios_examples.left_first:agent"], "ovmm")
     for agent, said in (
         ("helios_examples.left_first:agnet", "did you mean agent"),
         ("surely_not_there:agent", "no package or module"),

@@ -40,7 +40,7 @@ def walked() -> Walk:
 
 def test_an_arm_is_an_agent_with_its_settings_and_those_that_are_given() -> None:
     paper, ours, other = (
-        arm_of(t) for t in ("helios", "helios-next", "helios-next size_agreement=on od_g=0.4")
+        arm_of(t) for t in ("helios-paper", "helios", "helios size_agreement=on od_g=0.4")
     )
     assert (paper.map.evidence, ours.map.evidence) == ("views", "hindsight")
     assert (paper.by_place, ours.by_place) == (False, True)
@@ -51,8 +51,8 @@ def test_an_arm_is_an_agent_with_its_settings_and_those_that_are_given() -> None
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("", "helios or helios-next"),
-        ("trusting", "helios or helios-next"),
+        ("", "helios-paper or helios"),
+        ("trusting", "helios-paper or helios"),
         ("helios voxels=2", "voxels"),
     ],
 )
@@ -61,7 +61,7 @@ def test_what_is_no_arm_is_refused(text: str, says: str) -> None:
         arm_of(text)
 
 
-@pytest.mark.parametrize("agent", ["helios", "helios-next"])
+@pytest.mark.parametrize("agent", ["helios-paper", "helios"])
 def test_what_lies_on_a_start_receptacle_is_picked_before_what_is_surer(agent: str) -> None:
     arm = arm_of(agent)
     table = thing("coffee table", (1.0, 1.0, 0.4), (1.0, 0.6, 0.1), score=0.4)
@@ -83,7 +83,7 @@ def test_an_arm_is_told_apart_from_the_first_home_by_home() -> None:
 
 
 def test_maps_are_told_the_same_frames_and_the_detector_s_thresholds(walked: Walk) -> None:
-    arm = arm_of("helios")
+    arm = arm_of("helios-paper")
     known = believed(walked.seen, arm.map, arm.thresholds)
     again = believed(walked.seen, arm.map, arm.thresholds)
     assert [(o.id, o.score) for o in known] == [(o.id, o.score) for o in again]
@@ -106,10 +106,10 @@ def test_the_command_prints_a_row_for_each_arm(
 ) -> None:
     arguments = ["--out", str(tmp_path), "--preset", "demo-v1", "--seed0", "0", "--homes", "1",
                  "--max-steps", "30"]  # fmt: skip
-    assert main([*arguments, "--arm", "helios", "--arm", "helios size_agreement=large"]) == 0
+    assert main([*arguments, "--arm", "helios-paper", "--arm", "helios size_agreement=large"]) == 0
     printed = capsys.readouterr().out
-    assert "| `helios` | 1 |" in printed
+    assert "| `helios-paper` | 1 |" in printed
     kept = json.loads((tmp_path / "study.json").read_text())
-    assert list(kept) == ["helios", "helios size_agreement=large"]
+    assert list(kept) == ["helios-paper", "helios size_agreement=large"]
     assert main([*arguments, "--arm", "nobody"]) == 1
-    assert "helios or helios-next" in capsys.readouterr().err
+    assert "helios-paper or helios" in capsys.readouterr().err

@@ -62,7 +62,7 @@ def folder(tmp_path_factory):
 def whole(folder):
     """A folder with several agents, both semantics, pictures and run.json; its two reports."""
     episodes = [episode(s, a) for a in CHANCES for s in range(5)]
-    episodes += [episode(s, "helios", semantics="ground-truth", noise=None) for s in range(5)]
+    episodes += [episode(s, "helios-paper", semantics="ground-truth", noise=None) for s in range(5)]
     write(folder, episodes)
     run = {"command": ["helios", "eval", "ovmm", "--out", "a b"], "machine": "a desk",
            "started": "2026-01-02T03:04:05+00:00", "wall_s": 3725.0}  # fmt: skip
@@ -127,10 +127,10 @@ def test_the_markdown_shows_every_drawing_of_the_page_from_a_file_that_needs_no_
 
 
 def test_a_drawing_that_a_later_report_does_not_have_goes(tmp_path):
-    write(tmp_path, [episode(s, a) for s in range(8) for a in ("helios", "trusting")])
+    write(tmp_path, [episode(s, a) for s in range(8) for a in ("helios-paper", "trusting")])
     write_report(tmp_path)
     assert (tmp_path / "drawings" / "answers.svg").exists()
-    write(tmp_path, [episode(s, "helios") for s in range(2)])
+    write(tmp_path, [episode(s, "helios-paper") for s in range(2)])
     write_report(tmp_path)
     assert not (tmp_path / "drawings" / "answers.svg").exists()
 
@@ -163,7 +163,7 @@ def test_hostile_words_stay_words(tmp_path):
               "commit": HOSTILE, "settings": {HOSTILE: HOSTILE}, "stage_ms": {HOSTILE: 1.0},
               "success": False, "noise": NOISE.model_copy(update={"table": HOSTILE}),
               "collided_with": (HOSTILE,)}  # fmt: skip
-    write(tmp_path, [episode(s, a, **wicked) for s in (0, 1) for a in ("helios", "trusting")])
+    write(tmp_path, [episode(s, a, **wicked) for s in (0, 1) for a in ("helios-paper", "trusting")])
     (tmp_path / "run.json").write_text(json.dumps({"command": HOSTILE, "machine": HOSTILE}))
     write_report(tmp_path)
     page = Page((tmp_path / "report.html").read_text())
@@ -182,7 +182,7 @@ def test_one_agent_without_failures_pictures_or_run_json(tmp_path):
     won = {"find_object": True, "pick": True, "find_receptacle": True, "place": True,
            "success": True, "cause": "", "collisions": 0, "stage_ms": {},
            "beliefs": ()}  # fmt: skip
-    write(tmp_path, [episode(s, "helios", **won) for s in range(3)])
+    write(tmp_path, [episode(s, "helios-paper", **won) for s in range(3)])
     write_report(tmp_path)
     markdown = (tmp_path / "report.md").read_text()
     assert "There is one agent only" in markdown
@@ -192,7 +192,7 @@ def test_one_agent_without_failures_pictures_or_run_json(tmp_path):
 
 
 def test_a_single_episode_has_no_error_but_a_report(tmp_path):
-    write(tmp_path, [episode(3, "helios")])
+    write(tmp_path, [episode(3, "helios-paper")])
     write_report(tmp_path)
     assert "nan" not in (tmp_path / "report.md").read_text().lower()
 
@@ -201,7 +201,7 @@ def test_a_single_episode_has_no_error_but_a_report(tmp_path):
 def test_few_homes_give_figures_and_no_verdict(tmp_path, homes):
     won = {"find_object": True, "pick": True, "success": True, "cause": ""}
     lost = {"find_object": False, "pick": False, "success": False, "cause": "stuck"}
-    arms = (("helios", won), ("trusting", lost))
+    arms = (("helios-paper", won), ("trusting", lost))
     write(tmp_path, [episode(s, a, **met) for s in range(homes) for a, met in arms], pictures=False)
     write_report(tmp_path)
     for name in ("report.md", "report.html"):
@@ -213,9 +213,9 @@ def test_few_homes_give_figures_and_no_verdict(tmp_path, homes):
 
 
 def test_a_run_that_was_cut_short_says_what_is_missing(tmp_path):
-    there = [episode(s, a) for s in (0, 1) for a in ("helios", "trusting")]
+    there = [episode(s, a) for s in (0, 1) for a in ("helios-paper", "trusting")]
     write(tmp_path, there[:3], pictures=False)
-    run = {"benchmark": "ovmm", "agents": ["helios", "trusting"], "semantics": "noisy",
+    run = {"benchmark": "ovmm", "agents": ["helios-paper", "trusting"], "semantics": "noisy",
            "preset": "synthetic", "noise": NOISE.model_dump(), "settings": {}, "seed0": 0,
            "episodes": 2}  # fmt: skip
     (tmp_path / "run.json").write_text(json.dumps(run))
@@ -243,7 +243,7 @@ def test_an_episode_that_never_began_is_reported(tmp_path):
     lost = {"cause": "system error", "steps": 0, "step_ms": 0.0, "wall_s": 0.0, "path_m": 0.0,
             "instruction": "", "structure_hash": "", "stage_ms": {}, "success": False,
             "collisions": 0, "beliefs": ()}  # fmt: skip
-    write(tmp_path, [episode(0, "helios", **lost)], pictures=False)
+    write(tmp_path, [episode(0, "helios-paper", **lost)], pictures=False)
     write_report(tmp_path)
     markdown = (tmp_path / "report.md").read_text()
     assert "1 episode ended by a system error" in markdown

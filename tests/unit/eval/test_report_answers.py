@@ -49,7 +49,7 @@ def told(found: Row) -> list[str]:
 
 
 def test_the_primary_claim_has_its_difference_ratio_and_verdict() -> None:
-    tables, words = answered([*wins("helios", 20), *wins("trusting", 8)])
+    tables, words = answered([*wins("helios-paper", 20), *wins("trusting", 8)])
     found = row(tables["Paired differences"], "Primary claim", "SR")
     name, first, second, difference, interval, ratio, n, so = told(found)
     assert (name, first, second, difference) == ("SR", "66.7", "26.7", "+40.0")
@@ -62,14 +62,14 @@ def test_the_primary_claim_has_its_difference_ratio_and_verdict() -> None:
 
 
 def test_who_is_behind_is_said_as_plainly() -> None:
-    tables, _ = answered([*wins("helios", 8), *wins("no-global-objective", 20)])
+    tables, _ = answered([*wins("helios-paper", 8), *wins("no-global-objective", 20)])
     assert told(row(tables["Paired differences"], "The global", "SR"))[-1] == "behind"
     level = {told(r)[0]: told(r)[-1] for r in tables[LEVEL].rows}
     assert level == {"HELIOS with the noise of the preset": "below, not settled"}
 
 
 def test_what_goes_beyond_the_paper_is_a_question_too() -> None:
-    tables, _ = answered([*wins("helios", 8), *wins("helios-next", 20)])
+    tables, _ = answered([*wins("helios-paper", 8), *wins("helios", 20)])
     found = told(row(tables["Paired differences"], "Beyond the paper", "SR"))
     assert (found[1], found[2], found[-1]) == ("66.7", "26.7", "ahead")
 
@@ -79,7 +79,7 @@ LEVEL = "Success rate against what this project wants"
 
 def test_a_part_of_the_homes_is_never_told_as_the_whole() -> None:
     tables, _ = answered(
-        [*wins("helios", 20), *wins("trusting", 8)], order(["helios", "trusting"], 200)
+        [*wins("helios-paper", 20), *wins("trusting", 8)], order(["helios-paper", "trusting"], 200)
     )
     found = row(tables["Paired differences"], "Primary claim", "SR")
     assert (found.cells[6].note, found.cells[7].text) == ("of 200 homes", "ahead, so far")
@@ -89,8 +89,8 @@ def test_a_part_of_the_homes_is_never_told_as_the_whole() -> None:
 def test_a_short_run_against_a_long_one_is_whole_when_it_is() -> None:
     idea = {"planner.new": True}
     tables, _ = answered(
-        [*wins("helios", 20, 40), *wins("helios", 29, settings=idea)],
-        order(["helios"], 200), order(["helios"], HOMES, settings=idea),
+        [*wins("helios-paper", 20, 40), *wins("helios-paper", 29, settings=idea)],
+        order(["helios-paper"], 200), order(["helios-paper"], HOMES, settings=idea),
     )  # fmt: skip
     (found,) = tables[IDEAS].rows
     assert told(found)[0] == "helios · new=True"
@@ -104,7 +104,7 @@ IDEAS = "Ideas beyond the paper, against the paper's method"
 
 def test_settings_alone_are_neither_helios_nor_beside_it() -> None:
     new = {"planner.tau_g": 0.4}
-    tables, said = answered([*wins("helios", 20, settings=new), *wins("helios-next", 22)])
+    tables, said = answered([*wins("helios-paper", 20, settings=new), *wins("helios", 22)])
     assert not tables
     assert "HELIOS without settings of its own" in said
     assert "other settings: Beyond the paper" in said
@@ -113,18 +113,18 @@ def test_settings_alone_are_neither_helios_nor_beside_it() -> None:
 def test_ideas_are_what_the_paper_has_not() -> None:
     swept, new = {"planner.tau_g": 0.3}, {"planner.tau_g": 0.4}
     tables, _ = answered([
-        *wins("helios", 20), *wins("trusting", 8), *wins("helios-next", 22),
-        *wins("helios", 20, settings=swept), *wins("helios", 20, settings=new),
-        *wins("helios", 20, settings={"max_steps": 100}),
+        *wins("helios-paper", 20), *wins("trusting", 8), *wins("helios", 22),
+        *wins("helios-paper", 20, settings=swept), *wins("helios-paper", 20, settings=new),
+        *wins("helios-paper", 20, settings={"max_steps": 100}),
     ])  # fmt: skip
-    assert [told(r)[0] for r in tables[IDEAS].rows] == ["helios-next", "helios · tau_g=0.4"]
+    assert [told(r)[0] for r in tables[IDEAS].rows] == ["helios", "helios · tau_g=0.4"]
 
 
 def test_the_primary_claim_is_asked_again_under_every_other_noise() -> None:
     louder = NOISE.model_copy(update={"level": 2.0})
     tables, _ = answered([
-        *wins("helios", 20), *wins("trusting", 8),
-        *wins("helios", 12, noise=louder), *wins("trusting", 4, noise=louder),
+        *wins("helios-paper", 20), *wins("trusting", 8),
+        *wins("helios-paper", 12, noise=louder), *wins("trusting", 4, noise=louder),
     ])  # fmt: skip
     assert told(row(tables["Paired differences"], "The same at noise ×2", "SR"))[3] == "+26.7"
 
@@ -137,20 +137,22 @@ def test_a_run_of_another_noise_alone_is_not_told_as_that_of_the_preset(
     told_of: str, changed: dict[str, float]
 ) -> None:
     other = NOISE.model_copy(update=changed)
-    tables, _ = answered([*wins("helios", 20, noise=other), *wins("trusting", 8, noise=other)])
+    tables, _ = answered(
+        [*wins("helios-paper", 20, noise=other), *wins("trusting", 8, noise=other)]
+    )
     (group,) = {r.group for r in tables["Paired differences"].rows}
     assert group == f"Primary claim: HELIOS above the trusting agent, {told_of}"
     assert LEVEL not in tables  # what is wanted is wanted under the noise of the preset
 
 
 def test_one_agent_alone_answers_nothing() -> None:
-    assert research_questions.section(arms_of(wins("helios", 3))) is None
+    assert research_questions.section(arms_of(wins("helios-paper", 3))) is None
 
 
 def test_a_drawing_shows_every_agent_before_the_settings_of_one() -> None:
-    records = [*wins("trusting", 1, 2), *wins("helios", 1, 2)]
+    records = [*wins("trusting", 1, 2), *wins("helios-paper", 1, 2)]
     for k in range(5):
-        records += wins("helios", 1, 2, settings={"planner.tau_g": k / 10})
+        records += wins("helios-paper", 1, 2, settings={"planner.tau_g": k / 10})
     shown = drawn(arms_of(records), 3)
-    assert shown[0].label == "helios"
+    assert shown[0].label == "helios-paper"
     assert "trusting" in [arm.label for arm in shown]

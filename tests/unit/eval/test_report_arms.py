@@ -13,16 +13,19 @@ def labels(*settings: dict) -> set[str]:
 def test_a_row_names_two_settings_and_says_how_many_more_there_are() -> None:
     many = {f"planner.{name}": 1 for name in "abcd"}
     assert labels({}, {"planner.a": 1}, many) == {
-        "helios", "helios · a=1", "helios · a=1 · b=1 · 2 more settings"
+        "helios-paper", "helios-paper · a=1", "helios-paper · a=1 · b=1 · 2 more settings"
     }  # fmt: skip
 
 
 def test_one_more_is_named() -> None:
-    assert labels({}, {"x.a": 1, "x.b": 2, "x.c": 3}) == {"helios", "helios · a=1 · b=2 · c=3"}
+    assert labels({}, {"x.a": 1, "x.b": 2, "x.c": 3}) == {
+        "helios-paper",
+        "helios-paper · a=1 · b=2 · c=3",
+    }
 
 
 def test_rows_that_would_be_called_alike_name_all() -> None:
     first = {f"planner.{name}": 1 for name in "abcd"}
     assert labels({}, first, first | {"planner.d": 2}) == {
-        "helios", "helios · a=1 · b=1 · c=1 · d=1", "helios · a=1 · b=1 · c=1 · d=2"
+        "helios-paper", "helios-paper · a=1 · b=1 · c=1 · d=1", "helios-paper · a=1 · b=1 · c=1 · d=2"
     }  # fmt: skip

@@ -16,7 +16,7 @@ LOST = {"success": False, "place": False, "cause": "stuck"}
 
 
 def test_at_most_twelve_pictures_an_agent(tmp_path):
-    write(tmp_path, [episode(s, "helios", **LOST) for s in range(15)])
+    write(tmp_path, [episode(s, "helios-paper", **LOST) for s in range(15)])
     write_report(tmp_path)
     assert (tmp_path / "report.html").read_text().count('alt="Map of the episode') == 12
     assert "12 of 15 failures" in (tmp_path / "report.md").read_text()
@@ -29,7 +29,7 @@ def test_a_picture_stands_with_the_row_that_it_is_of(tmp_path):
         failure_snapshot.save(tmp_path, replace(kept(one), camera_jpeg=jpeg))
     blocks = gallery_section(tmp_path, arms_of([plain, loud])).blocks
     found = {b.title: [p.jpeg for p in b.pictures] for b in blocks if isinstance(b, Gallery)}
-    assert found == {"helios": [b"plain"], "helios · noise ×2": [b"loud"]}
+    assert found == {"helios-paper": [b"plain"], "helios-paper · noise ×2": [b"loud"]}
 
 
 @pytest.mark.parametrize("left", [0, 40, -40])

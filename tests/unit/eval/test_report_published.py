@@ -60,7 +60,7 @@ def tables(episodes) -> dict[str, Table]:
 
 
 def test_agents_that_did_not_run_say_so_and_others_have_no_row_of_ours():
-    table = tables([episode(s, "helios") for s in range(4)])["Table 4"]
+    table = tables([episode(s, "helios-paper") for s in range(4)])["Table 4"]
     assert cells(table, "Trusting agent with ground truth")[1] == "not run"
     assert cells(table, "MoManipVLA")[1] == "paper 23.7"
     assert cells(table, "HELIOS")[-1] == "4"
@@ -68,9 +68,9 @@ def test_agents_that_did_not_run_say_so_and_others_have_no_row_of_ours():
 
 
 def test_sweeps_appear_only_when_they_were_run():
-    plain = [episode(s, "helios") for s in range(4)]
+    plain = [episode(s, "helios-paper") for s in range(4)]
     assert not tables(plain).keys() & {"Table 5", "Table 6"}
-    swept = [episode(s, "helios", settings={"planner.tau_g": 0.3}) for s in range(3)]
+    swept = [episode(s, "helios-paper", settings={"planner.tau_g": 0.3}) for s in range(3)]
     found = tables([*plain, *swept])
     assert cells(found["Table 8"], "τ_g = 0.3")[-1] == "3"
     assert cells(found["Table 8"], "τ_g = 0.5")[-1] == "4"
@@ -80,28 +80,28 @@ def test_sweeps_appear_only_when_they_were_run():
 
 def test_one_table_never_mixes_conditions():
     louder = NOISE.model_copy(update={"level": 2.0})
-    arms = arms_of([episode(0, "helios"), episode(1, "helios"),
+    arms = arms_of([episode(0, "helios-paper"), episode(1, "helios-paper"),
                     episode(0, "trusting", noise=louder)])  # fmt: skip
-    assert plain_arm(arms, "ovmm", "helios", "noisy") is not None
+    assert plain_arm(arms, "ovmm", "helios-paper", "noisy") is not None
     assert plain_arm(arms, "ovmm", "trusting", "noisy") is None
 
 
 def test_labels_say_what_differs_and_no_more():
     louder = NOISE.model_copy(update={"level": 2.0})
-    one = arms_of([episode(0, "helios"), episode(0, "trusting")])
-    assert [a.label for a in one] == ["helios", "trusting"]
-    many = arms_of([episode(0, "helios"), episode(0, "helios", noise=louder),
-                    episode(0, "helios", settings={"a": 1}),
-                    episode(0, "helios", semantics="ground-truth")])  # fmt: skip
+    one = arms_of([episode(0, "helios-paper"), episode(0, "trusting")])
+    assert [a.label for a in one] == ["helios-paper", "trusting"]
+    many = arms_of([episode(0, "helios-paper"), episode(0, "helios-paper", noise=louder),
+                    episode(0, "helios-paper", settings={"a": 1}),
+                    episode(0, "helios-paper", semantics="ground-truth")])  # fmt: skip
     assert {a.label for a in many} == {
-        "helios", "helios · noise ×2", "helios · a=1", "helios · ground truth"
+        "helios-paper", "helios-paper · noise ×2", "helios-paper · a=1", "helios-paper · ground truth"
     }  # fmt: skip
 
 
 def test_a_swept_arm_differs_in_that_setting_alone():
     far, both = {"planner.alpha_d": 0.01}, {"planner.alpha_d": 0.01, "planner.tau_g": 0.3}
     arms = arms_of([episode(0), episode(0, settings=far), episode(0, settings=both)])
-    base = plain_arm(arms, "ovmm", "helios", "noisy")
+    base = plain_arm(arms, "ovmm", "helios-paper", "noisy")
     assert base is not None
     found = swept_arm(arms, base, "alpha_d", 0.01)
     assert found is not None
@@ -110,14 +110,14 @@ def test_a_swept_arm_differs_in_that_setting_alone():
 
 
 def test_pairs_put_what_is_new_first_and_compare_within_a_condition():
-    agents = ("helios", "trusting", "helios-next")
+    agents = ("helios-paper", "trusting", "helios")
     arms = arms_of([episode(0, a, semantics=s) for a in agents for s in ("noisy", "ground-truth")])
     names = {(a.label, b.label) for a, b in pairs(arms)}
-    assert ("helios", "trusting") in names
-    assert ("helios-next", "helios") in names
-    assert ("helios · ground truth", "trusting · ground truth") in names
-    assert ("helios · ground truth", "helios") in names
-    assert ("helios", "trusting · ground truth") not in names
+    assert ("helios-paper", "trusting") in names
+    assert ("helios", "helios-paper") in names
+    assert ("helios-paper · ground truth", "trusting · ground truth") in names
+    assert ("helios-paper · ground truth", "helios-paper") in names
+    assert ("helios-paper", "trusting · ground truth") not in names
 
 
 def test_an_episode_that_never_began_still_counts_against_its_agent():
@@ -162,7 +162,9 @@ def test_few_homes_never_give_a_verdict(homes, won):
     """One home each, both found it: the ratio is 1, the bootstrap's interval [1, 1], and the
     paper's 1.93 is outside of it."""
     met = {"find_object": won, "pick": won, "success": won, "place": won}
-    arms = arms_of([episode(s, a, **met) for s in range(homes) for a in ("helios", "trusting")])
+    arms = arms_of(
+        [episode(s, a, **met) for s in range(homes) for a in ("helios-paper", "trusting")]
+    )
     table = relations(arms)
     assert table is not None
     assert {row.cells[-1].text for row in table.rows} == {"too few homes to tell"}
@@ -171,7 +173,7 @@ def test_few_homes_never_give_a_verdict(homes, won):
 
 def test_homes_that_are_all_alike_give_no_verdict():
     arms = arms_of([episode(s, a, find_object=True, pick=True, success=True)
-                    for s in range(20) for a in ("helios", "trusting")])  # fmt: skip
+                    for s in range(20) for a in ("helios-paper", "trusting")])  # fmt: skip
     table = relations(arms)
     assert table is not None
     assert {row.cells[-1].text for row in table.rows} == {"no home differs"}

@@ -48,7 +48,7 @@ def test_a_film_counts_its_steps_for_a_log_and_for_a_terminal():
     assert "step 81 of at most 500" in told[True]
 
 
-@pytest.mark.parametrize("agent", ["helios", "helios-next"])
+@pytest.mark.parametrize("agent", ["helios-paper", "helios"])
 def test_what_is_filmed_is_what_is_played(tmp_path, monkeypatch, agent):
     """The same house: its planner asks the detector for the same classes above the same scores."""
     asked = []
@@ -67,7 +67,7 @@ def test_what_is_filmed_is_what_is_played(tmp_path, monkeypatch, agent):
     assert played
     assert filmed == played
     weak_too = {round(c.threshold, 2) for c in played[0]} == {0.2}
-    assert weak_too == (agent == "helios-next")
+    assert weak_too == (agent == "helios")
 
 
 def test_a_film_is_of_the_episode_that_the_same_flags_play(tmp_path, monkeypatch):
@@ -77,8 +77,8 @@ def test_a_film_is_of_the_episode_that_the_same_flags_play(tmp_path, monkeypatch
     flags = ["--preset", "demo-v1", "--noise-level", "2", "--sensor", "realistic",
              "--max-steps", "1250", "--set", "tau_g=0.3",
              "--set", "evidence=hindsight"]  # fmt: skip
-    once = ["--agents", "helios-next", "--episodes", "1", "--seed0", "4", "--out", str(tmp_path)]
-    film = ["--agent", "helios-next", "--seed", "4", "--out", str(tmp_path / "film.mp4")]
+    once = ["--agents", "helios", "--episodes", "1", "--seed0", "4", "--out", str(tmp_path)]
+    film = ["--agent", "helios", "--seed", "4", "--out", str(tmp_path / "film.mp4")]
     assert cli.run(["eval", "ovmm", *once, *flags]) == 0
     assert cli.run(["eval", "video", *film, *flags]) == 0
     played, filmed = specs

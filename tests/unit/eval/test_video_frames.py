@@ -158,7 +158,7 @@ def test_the_watcher_tells_once_for_every_keyframe():
     services.serve(OBJECTS, lambda _: pb.ObjectsReply(
         objects=[object_to_proto(thing("mug", 1.0, 2.0, 0.1, 0.4))]))  # fmt: skip
     services.serve(SNAPSHOT, lambda _: pb.MapSnapshot())
-    watcher = Watcher(bus, "helios · home 1", seen.append)
+    watcher = Watcher(bus, "helios-paper · home 1", seen.append)
     services.publish(CONTEXT, pb.SearchContext(id="c", classes=[
         pb.SearchClass(name="mug", role="object", threshold=0.3)]))  # fmt: skip
     for message in ("looking around", "looking around", "going to pick the mug"):
@@ -172,7 +172,7 @@ def test_the_watcher_tells_once_for_every_keyframe():
     assert len(seen) == 2
     scene = seen[-1]
     assert scene.robot == pytest.approx((1.0, 2.0, 0.5))
-    assert (scene.held, scene.map, scene.title) == ("mug", None, "helios · home 1")
+    assert (scene.held, scene.map, scene.title) == ("mug", None, "helios-paper · home 1")
     assert scene.roles == {"mug": "object"}
     assert scene.path_m.tolist() == [[0.0, 0.0], [1.0, 2.0]]
     assert [o.class_name for o in scene.objects] == ["mug"]

@@ -49,7 +49,7 @@ def served() -> dict[str, Served]:
 
 @pytest.fixture(scope="session")
 def app(served: dict[str, Served]) -> FastAPI:
-    """Without keys. One for all tests of a process: its routes take most of a second to make."""
+    """Without keys. One for all tests of a process: its first requests make the routes."""
     return create_app(RobotRegistry(served), PATIENT)
 
 

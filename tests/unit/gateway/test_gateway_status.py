@@ -172,8 +172,15 @@ def test_status_names_every_service_with_restarts_and_pid(
     assert by_name["router"]["state"] == "ready"
 
 
-def test_metrics_count_routes_by_pattern(backend: Backend, client: TestClient) -> None:
-    series = 'helios_http_requests_total{method="GET",route="/v1/tasks/{id}",status="404"} '
+@pytest.mark.parametrize(
+    ("route", "root"), [("/v1", "/v1"), ("/v1/robots/{robot}", "/v1/robots/robot")]
+)
+def test_metrics_count_routes_by_pattern(
+    backend: Backend, client: TestClient, route: str, root: str
+) -> None:
+    series = (
+        f'helios_http_requests_total{{method="GET",route="{route}/tasks/{{id}}",status="404"}} '
+    )
 
     def counted(text: str) -> float:
         """The application, and with it the count, outlives a test."""
@@ -181,7 +188,7 @@ def test_metrics_count_routes_by_pattern(backend: Backend, client: TestClient) -
 
     before = counted(client.get("/metrics").text)
     for id in ("a", "b", "c"):
-        client.get(f"/v1/tasks/{id}")
+        client.get(f"{root}/tasks/{id}")
     text = client.get("/metrics").text
     assert counted(text) - before == 3
     assert 'helios_service_ready{robot="robot",service="map2d"} 1.0' in text

@@ -11,7 +11,9 @@ from helios_client.answer_types import Task
 from helios_core import proto as pb
 from helios_core.errors import Internal
 from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.task_states import ENDED, TASK_STATES, TaskState
 from helios_core.topics import GET_TASK, SUBMIT
+from helios_planner.task import State
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -28,6 +30,33 @@ def is_problem(response, status: int) -> str:
     assert set(body) == {"type", "title", "status", "detail"}
     assert body["status"] == status
     return body["detail"]
+
+
+def test_the_planner_and_the_gateway_spell_the_same_states() -> None:
+    assert [state.value for state in State] == list(TASK_STATES)
+    assert {state.value for state in State if state.ended} == ENDED
+
+
+@pytest.mark.parametrize("state", TASK_STATES)
+def test_every_state_of_a_task_is_told_and_can_be_asked_for(
+    backend: Backend, client: TestClient, state: TaskState
+) -> None:
+    id = client.post("/v1/tasks", json={"instruction": INSTRUCTION}).json()["id"]
+    backend.tasks[id].state = state
+    assert client.get(f"/v1/tasks/{id}").json()["state"] == state
+    for asked in TASK_STATES:
+        found = client.get(f"/v1/tasks?state={asked}").json()["tasks"]
+        assert [task["id"] for task in found] == ([id] if asked == state else [])
+
+
+def test_a_state_that_nobody_knows_is_a_fault_of_the_planner(
+    backend: Backend, client: TestClient
+) -> None:
+    id = client.post("/v1/tasks", json={"instruction": INSTRUCTION}).json()["id"]
+    backend.tasks[id].state = "dancing"
+    assert is_problem(client.get(f"/v1/tasks/{id}"), 500).startswith(
+        "the planner named a state 'dancing'"
+    )
 
 
 def test_a_task_is_accepted_watched_and_cancelled(backend: Backend, client: TestClient) -> None:

@@ -295,11 +295,11 @@ from test_objectmap_exchange import Rig
 from helios_objectmap.service import FILE_NAME
 folder = pathlib.Path(sys.argv[1])
 rig = Rig(folder).look_around()
-rig.service._exchange._kept.write()
+rig.service._kept.write()
 print(rig.mug().id, flush=True)
 while True:
     rig.look_around()
-    rig.service._exchange._kept.write()
+    rig.service._kept.write()
 """
 
 

@@ -71,7 +71,7 @@ def test_every_name_is_one_of_an_agent() -> None:
 
 
 def test_an_agent_that_there_is_not_is_refused_with_the_names() -> None:
-    with pytest.raises(InvalidInput, match=r"choose one of helios, .*trusting"):
+    with pytest.raises(InvalidInput, match=r"choose one of helios-paper, .*trusting"):
         agent_named("clever")
 
 
@@ -101,7 +101,7 @@ def test_the_trusting_agent_picks_what_is_reported_first_even_if_it_is_wrong() -
         return next(a.point_world_m[0] for a in world.log if isinstance(a, Pick))
 
     assert first_pick("trusting") == pytest.approx(2.9, abs=0.05)
-    assert first_pick("helios") == pytest.approx(7.2, abs=0.05)
+    assert first_pick("helios-paper") == pytest.approx(7.2, abs=0.05)
 
 
 def test_after_a_failed_pick_the_place_is_left_alone_and_the_search_goes_on() -> None:
@@ -186,7 +186,7 @@ def test_without_the_objective_no_frontier_is_chosen_while_a_receptacle_is_left(
 
 
 # --- the start receptacle ------------------------------------------------------------------------
-@pytest.mark.parametrize("agent", ["helios", "no-global-objective"])
+@pytest.mark.parametrize("agent", ["helios-paper", "no-global-objective"])
 def test_a_mug_elsewhere_is_picked_only_when_everything_was_searched(agent: AgentName) -> None:
     """The only mug stands on the counter, not on the coffee table it was said to be on."""
     world = flat([coffee_table(), counter(), mug(x=2.9, y=6.5, z=0.95)])
@@ -204,7 +204,7 @@ def test_a_mug_elsewhere_is_picked_only_when_everything_was_searched(agent: Agen
 def test_without_a_start_receptacle_the_first_sure_mug_is_picked() -> None:
     world = flat([coffee_table(), counter(), mug(x=2.9, y=6.5, z=0.95)])
     with pytest.raises(TaskFailed):
-        run(world, "helios", "Move the mug to the sofa", rounds=1)
+        run(world, "helios-paper", "Move the mug to the sofa", rounds=1)
     kinds = [d.do for d in world.decisions]
     assert Do.NOTHING_LEFT not in kinds[: kinds.index(Do.ACT)]
 

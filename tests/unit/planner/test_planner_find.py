@@ -22,7 +22,7 @@ from planner_world import FakeWorld
 NEAR_M = 1.0  # from the box, where object navigation counts
 
 
-def run(world: FakeWorld, text: str, agent: AgentName = "helios") -> str:
+def run(world: FakeWorld, text: str, agent: AgentName = "helios-paper") -> str:
     return Mission(world, parse(text), Settings(agent=agent)).run()
 
 
@@ -33,7 +33,7 @@ def away_m(world: FakeWorld, id: int) -> float:
     return math.hypot(*beyond.clip(0))
 
 
-@pytest.mark.parametrize("agent", ["helios", "trusting"])
+@pytest.mark.parametrize("agent", ["helios-paper", "trusting"])
 @pytest.mark.parametrize(("id", "name"), [(1, "coffee table"), (2, "counter"), (3, "mug")])
 def test_the_robot_stops_near_enough_for_object_navigation(
     agent: AgentName, id: int, name: str
@@ -44,7 +44,7 @@ def test_the_robot_stops_near_enough_for_object_navigation(
     assert world.contacts == 0
 
 
-@pytest.mark.parametrize("agent", ["helios", "trusting"])
+@pytest.mark.parametrize("agent", ["helios-paper", "trusting"])
 def test_what_no_way_leads_near_to_is_shown_from_as_near_as_one_does(
     agent: AgentName, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -72,7 +72,7 @@ def test_what_no_way_leads_near_to_is_shown_from_as_near_as_one_does(
     assert NEAR_M < away_m(world, 4) < 2.2
 
 
-@pytest.mark.parametrize(("agent", "shown"), [("helios", False), ("helios-next", True)])
+@pytest.mark.parametrize(("agent", "shown"), [("helios-paper", False), ("helios", True)])
 def test_the_best_there_is_is_shown_by_the_patient_agent_alone(
     agent: AgentName, shown: bool
 ) -> None:

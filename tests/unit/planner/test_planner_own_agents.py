@@ -157,11 +157,20 @@ def test_an_agent_of_another_package_brings_a_mug(agent: str) -> None:
     assert world.contacts == 0
 
 
-@pytest.mark.parametrize("agent", ["mine_of_the_tutorial:agent", "careful_of_the_tutorial:agent"])
+@pytest.mark.parametrize(
+    "agent",
+    [
+        "mine_of_the_tutorial:agent",
+        "likely_of_the_tutorial:agent",
+        "careful_of_the_tutorial:agent",
+    ],
+)
 def test_what_the_tutorial_shows_brings_a_mug(agent: str, folder: Path) -> None:
     """The blocks of docs/tutorials/your-own-agent.md; the examples of the package are the same."""
-    mine, careful = python_blocks(Path(__file__).parents[3] / "docs/tutorials/your-own-agent.md")
+    page = Path(__file__).parents[3] / "docs/tutorials/your-own-agent.md"
+    mine, likely, careful = python_blocks(page)
     (folder / "mine_of_the_tutorial.py").write_text(mine)
+    (folder / "likely_of_the_tutorial.py").write_text(likely)
     (folder / "careful_of_the_tutorial.py").write_text(careful)
     world = flat([coffee_table(), counter(), mug()])
     run(world, agent)

@@ -16,11 +16,11 @@ from planner_flat import MOVE, coffee_table, counter, flat, mug
 from planner_world import FakeWorld
 
 
-def mission(world: FakeWorld, agent: str = "helios") -> Mission:
+def mission(world: FakeWorld, agent: str = "helios-paper") -> Mission:
     return Mission(world, parse(MOVE), Settings(rounds=1), agent)
 
 
-def cut_off(world: FakeWorld, after: int, agent: str = "helios") -> dict:
+def cut_off(world: FakeWorld, after: int, agent: str = "helios-paper") -> dict:
     """Run until so many actions are done; what was remembered, as it is kept."""
     first = mission(world, agent)
     world.cancel_after = after
@@ -39,7 +39,7 @@ def searched(world: FakeWorld) -> list[int]:
     return [d.chosen.id for d in world.decisions if d.do is Do.SEARCH_RECEPTACLE]
 
 
-@pytest.mark.parametrize("agent", ["helios", "trusting"])
+@pytest.mark.parametrize("agent", ["helios-paper", "trusting"])
 def test_a_mission_goes_on_where_it_was_cut_off(agent: str) -> None:
     world = flat([coffee_table(), counter(), mug()])
     memory = cut_off(world, 60, agent)

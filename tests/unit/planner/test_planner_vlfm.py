@@ -233,7 +233,7 @@ def test_the_stop_decision_never_stops_at_a_score_that_is_too_low() -> None:
 
 
 # --- 50-50 ---------------------------------------------------------------------------------------
-@pytest.mark.parametrize(("agent", "share"), [("helios", 0.0), ("helios-5050", 0.5)])
+@pytest.mark.parametrize(("agent", "share"), [("helios-paper", 0.0), ("helios-5050", 0.5)])
 def test_half_of_what_a_local_search_may_see_is_something_else_and_no_single_view(
     agent: AgentName, share: float
 ) -> None:

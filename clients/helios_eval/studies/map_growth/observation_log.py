@@ -28,13 +28,13 @@ class Seen:
 
 
 def by_helios(preset: str, seed: int, settings: dict[str, Setting]) -> EpisodeSpec:
-    """An episode of the agent `helios` with the preset's noise. Raises InvalidInput without one."""
+    """An episode of `helios-paper` with the preset's noise. Raises InvalidInput without one."""
     noise = noise_of(home_presets.noise_of(preset), 1.0, None)
-    return EpisodeSpec("ovmm", "helios", "noisy", preset, seed, noise, settings)
+    return EpisodeSpec("ovmm", "helios-paper", "noisy", preset, seed, noise, settings)
 
 
 def play(preset: str, seed: int, max_steps: int, stride_px: int) -> list[Seen]:
-    """An episode of the agent `helios` with the preset's noise.
+    """An episode of the agent `helios-paper` with the preset's noise.
 
     Frames are kept on the pixels that a map with that stride takes. Raises HeliosError.
     """

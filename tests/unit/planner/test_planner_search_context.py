@@ -1,0 +1,47 @@
+"""The thresholds of Table 3 by role, and what the value layers ask for."""
+
+from __future__ import annotations
+
+import pytest
+from helios_planner.decisions import global_search
+from helios_planner.decisions.acceptance import paper
+from helios_planner.instruction.parser import parse
+from helios_planner.search.object_search import ObjectSearch
+from helios_planner.search.scored_search import ReceptacleSearch
+from helios_planner.settings import Settings
+from helios_planner.tasks.search_context import search_context
+from planner_rig import Rig
+
+MOVE = "move the mug from the table to the counter"
+
+
+def test_each_role_has_its_own_detector_threshold() -> None:
+    context = search_context("c", parse(MOVE), Settings(od_a=0.1, od_g=0.2, od_b=0.3))
+    assert {(c.name, str(c.role), c.threshold) for c in context.classes} == {
+        ("table", "start_receptacle", 0.1),
+        ("mug", "object", 0.2),
+        ("counter", "goal_receptacle", 0.3),
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "prompts"),
+    [
+        (MOVE, {"pick": "a table ahead", "place": "a counter ahead"}),
+        ("move the mug to the counter", {"pick": "a mug ahead", "place": "a counter ahead"}),
+        ("find the mug", {"pick": "a mug ahead"}),
+        ("go to the counter", {"place": "a counter ahead"}),
+    ],
+)
+def test_the_pick_layer_asks_for_the_start_receptacle_or_else_for_the_object(
+    text: str, prompts: dict[str, str]
+) -> None:
+    context = search_context("c", parse(text), Settings())
+    assert context.prompts == {k: f"Seems like there is {v}" for k, v in prompts.items()}
+
+
+def test_objects_are_judged_by_tau_g_and_goals_by_tau_b() -> None:
+    tools = Rig(tau_g=0.6, tau_b=0.7).tools
+    thing = ObjectSearch(tools, "mug", "table", global_search.by_objective, paper)
+    assert thing.threshold == 0.6
+    assert ReceptacleSearch(tools, "counter", None, paper).threshold == 0.7
