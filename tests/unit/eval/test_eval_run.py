@@ -211,7 +211,8 @@ def test_a_folder_is_for_one_run_at_a_time(stage: Stage, tmp_path: Path) -> None
 def test_a_run_that_is_killed_lets_go_of_its_folder(stage: Stage, tmp_path: Path) -> None:
     holds = (
         "import pathlib, sys, time; from helios_eval import run_folder\n"
-        "with run_folder.held(pathlib.Path(sys.argv[1])): print('held', flush=True); time.sleep(600)"
+        "with run_folder.held(pathlib.Path(sys.argv[1])): print('held', flush=True); "
+        "time.sleep(600)"
     )
     command = [sys.executable, "-c", holds, str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
