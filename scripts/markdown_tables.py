@@ -50,7 +50,9 @@ def sentence(text: str) -> str:
 def plain(text: str) -> str:
     """Text that Markdown shows as it is: `<x>`, `*`, `_` and `[` mean nothing in it."""
     parts = re.split(r"(`[^`]*`)", text)
-    return "".join(p if p.startswith("`") else re.sub(r"([<>*_\[\]\\{}])", r"\\\1", p) for p in parts)
+    return "".join(
+        p if p.startswith("`") else re.sub(r"([<>*_\[\]\\{}])", r"\\\1", p) for p in parts
+    )
 
 
 def _cell(text: str) -> str:

@@ -95,7 +95,12 @@ def _row(param: Any) -> tuple[str, ...]:
     default = told.get("default") or _default(param)
     if param.param_type_name == "argument":
         return code(_metavar(param)), _value(param), default, meaning
-    return ", ".join(map(code, (*param.opts, *param.secondary_opts))), _value(param), default, meaning
+    return (
+        ", ".join(map(code, (*param.opts, *param.secondary_opts))),
+        _value(param),
+        default,
+        meaning,
+    )
 
 
 def _default(param: Any) -> str:

@@ -71,7 +71,9 @@ def details() -> str:
 
 def _operation(method: str, path: str, told: Schema) -> str:
     out = [f"#### {method} {path}\n", plain(sentence(told["summary"])) + "\n"]
-    out += [f"{paragraph}\n" for paragraph in told.get("description", "").split("\n\n") if paragraph]
+    out += [
+        f"{paragraph}\n" for paragraph in told.get("description", "").split("\n\n") if paragraph
+    ]
     if parameters := told.get("parameters"):
         rows = ((code(p["name"]), p["in"], *_field(p["name"], p["schema"], p)) for p in parameters)
         out.append(table(("parameter", "in", "type", "unit", "default", "meaning"), rows))
@@ -131,7 +133,9 @@ def _field(name: str, schema: Schema, told: Schema) -> tuple[str, str, str, str]
     default = "" if told.get("required") else _default(schema)
     meaning = told.get("description") or schema.get("description") or ""
     if (examples := schema.get("examples")) and len(str(examples[0])) < 60:
-        meaning += f"{'; ' if meaning else ''}such as `{json.dumps(examples[0], ensure_ascii=False)}`"
+        meaning += (
+            f"{'; ' if meaning else ''}such as `{json.dumps(examples[0], ensure_ascii=False)}`"
+        )
     return kinds, unit_of(name), default, meaning
 
 

@@ -117,7 +117,13 @@ def _rows(
         meaning = comments.at(*place, *FIELDS, at)
         if field.HasField("oneof_index") and not field.proto3_optional:
             meaning = f"One of `{message.oneof_decl[field.oneof_index].name}`. {meaning}".strip()
-        yield str(field.number), code(field.name), _type(field, message), unit_of(field.name), meaning
+        yield (
+            str(field.number),
+            code(field.name),
+            _type(field, message),
+            unit_of(field.name),
+            meaning,
+        )
 
 
 def _type(field: FieldDescriptorProto, message: DescriptorProto) -> str:

@@ -124,7 +124,11 @@ def _choices_of(meta: Any) -> list[str]:
     """Of a pattern such as ^(a|b)$."""
     pattern = getattr(meta, "pattern", None) or ""
     inner = pattern.removeprefix("^(").removesuffix(")$")
-    return inner.split("|") if "|" in inner and inner.replace("|", "").replace("-", "").isalnum() else []
+    return (
+        inner.split("|")
+        if "|" in inner and inner.replace("|", "").replace("-", "").isalnum()
+        else []
+    )
 
 
 def _bounds(field: FieldInfo) -> str:
