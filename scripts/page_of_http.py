@@ -25,7 +25,7 @@ Schema = dict[str, Any]
 @cache
 def description() -> Schema:
     """The OpenAPI document of a gateway with the default settings."""
-    return create_app(RobotRegistry({}), Settings(_cli_parse_args=False)).openapi()
+    return create_app(RobotRegistry({}), Settings.load([])).openapi()
 
 
 def operations() -> Iterator[tuple[str, str, Schema]]:

@@ -24,12 +24,12 @@ def tables() -> str:
     return "\n".join([
         "Data, below `helios/v1/<robot>/`:\n",
         table(("data", "message", "quality of service"), data),
-        "Methods, below `helios/v1/<robot>/svc/` (`truth`: below `helios/v1/<robot>/truth/svc/`):\n",
+        "Methods, below `helios/v1/<robot>/svc/` (`truth`: `helios/v1/<robot>/truth/svc/`):\n",
         table(("method", "request", "reply"), methods),
     ])  # fmt: skip
 
 
-BLOCK = Block(DOCS / "reference/wire-contract.md", "keys", "scripts/page_of_keys.py", tables)
+BLOCK = Block(DOCS / "reference/wire-contract.md", "keys", "python -m scripts.page_of_keys", tables)
 
 if __name__ == "__main__":
     BLOCK.main()

@@ -122,13 +122,10 @@ def _is_choice(kind: Any) -> bool:
 
 def _choices_of(meta: Any) -> list[str]:
     """Of a pattern such as ^(a|b)$."""
-    pattern = getattr(meta, "pattern", None) or ""
-    inner = pattern.removeprefix("^(").removesuffix(")$")
-    return (
-        inner.split("|")
-        if "|" in inner and inner.replace("|", "").replace("-", "").isalnum()
-        else []
-    )
+    pattern = str(getattr(meta, "pattern", None) or "")
+    choices: list[str] = pattern.removeprefix("^(").removesuffix(")$").split("|")
+    words = "".join(choices).replace("-", "")
+    return choices if len(choices) > 1 and words.isalnum() else []
 
 
 def _bounds(field: FieldInfo) -> str:

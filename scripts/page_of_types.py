@@ -159,7 +159,8 @@ def _default(f: dataclasses.Field) -> str:
     return f"`{f.default!r}`"
 
 
-BLOCK = Block(DOCS / "reference/driver-types.md", "types", "scripts/page_of_types.py", section)
+PAGE = DOCS / "reference/driver-types.md"
+BLOCK = Block(PAGE, "types", "python -m scripts.page_of_types", section)
 
 if __name__ == "__main__":
     BLOCK.main()
