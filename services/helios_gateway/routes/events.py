@@ -54,7 +54,9 @@ async def events(
     request: Request,
     types: Types = "",
     task_id: TaskId = "",
-    last_event_id: Annotated[str | None, Header()] = None,
+    last_event_id: Annotated[
+        str | None, Header(description="go on after the event with this id")
+    ] = None,
 ) -> StreamingResponse:
     """Types: `task`, `decision`, `plan`, `robot` (at most 2 a second while it moves),
     `map` (numbers that rise when a map changes), `service`, `ready`. The data is JSON, of the
@@ -77,7 +79,9 @@ async def socket(
     socket: WebSocket,
     types: Types = "",
     task_id: TaskId = "",
-    last_event_id: Annotated[str | None, Query(max_length=100)] = None,
+    last_event_id: Annotated[
+        str | None, Query(max_length=100, description="go on after the event with this id")
+    ] = None,
 ) -> None:
     try:
         check(socket, Scope.READ)
