@@ -56,6 +56,7 @@ ELSEWHERE = {
     ("scripts/page_of_messages.py", "write_bytes"): (1, SCRATCH),
     ("scripts/generate_proto.py", "write_bytes"): (2, SCRIPT),
     ("scripts/generate_proto.py", "write_text"): (1, SCRIPT),
+    ("scripts/generate_sdk.py", "write_text"): (1, SCRIPT),
     ("scripts/home_pictures.py", "save"): (1, SCRIPT),
 }
 
