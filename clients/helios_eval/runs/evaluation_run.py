@@ -75,7 +75,7 @@ def run(asked: Run, console: Console) -> list[EpisodeRecord]:
     """Play what is missing, then write results and report; the records of this run's episodes.
 
     Whatever ends it, results and report are left of the episodes that are there. Raises Unavailable
-    where nothing can be played or written, WrongUse for a file, InvalidInput for a folder that
+    where nothing can be played or written, UsageError for a file, InvalidInput for a folder that
     holds something else or episodes that cannot be gone on with, Conflict for one into which
     another run plays, and KeyboardInterrupt when it was interrupted.
     """

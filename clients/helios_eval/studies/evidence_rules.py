@@ -77,7 +77,7 @@ class Outcome:
 
 
 def arm_of(text: str) -> Arm:
-    """`"helios size_agreement=on"`: an agent, and settings that differ. Raises WrongUse."""
+    """`"helios size_agreement=on"`: an agent, and settings that differ. Raises UsageError."""
     agent, *assignments = text.split() or [""]
     if agent not in RULES:
         raise UsageError(f"--arm {text!r}: begin with an agent, {' or '.join(RULES)}")

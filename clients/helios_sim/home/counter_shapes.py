@@ -52,25 +52,30 @@ def kitchen_counter(rng: np.random.Generator, palette: Palette) -> Shape:
     b.box((0, depth / 2 - 0.006, height + 0.27), (width, 0.012, 0.54), WHITE)
     side = 1 if rng.random() < 0.5 else -1
     sink_x = side * (width / 2 - 0.38)
-    basin = darker(STEEL, 0.62)
-    b.box((sink_x, -0.01, height + 0.002), (0.52, 0.42, 0.012), STEEL, bevel_m=0.005)
-    b.box((sink_x, -0.01, height + 0.005), (0.44, 0.34, 0.012), basin, bevel_m=0.005)
-    b.tube(
-        [
-            (sink_x, 0.25, height),
-            (sink_x, 0.25, height + 0.2),
-            (sink_x, 0.21, height + 0.26),
-            (sink_x, 0.13, height + 0.27),
-            (sink_x, 0.09, height + 0.22),
-        ],
-        0.012,
-        STEEL,
-    )
+    _sink(b, sink_x, height)
     b.solid("box", (0, 0, height / 2), (width, depth, height))
     b.solid("box", (sink_x, 0.25, height + 0.12), (0.04, 0.04, 0.24))
     length = width - 0.68
     b.surface((-side * (width - length) / 2, 0), (length, depth), height)
     return b.finish((width, depth, height), front)
+
+
+def _sink(b: ShapeBuilder, x: float, height: float) -> None:
+    """A basin in the top and its tap."""
+    basin = darker(STEEL, 0.62)
+    b.box((x, -0.01, height + 0.002), (0.52, 0.42, 0.012), STEEL, bevel_m=0.005)
+    b.box((x, -0.01, height + 0.005), (0.44, 0.34, 0.012), basin, bevel_m=0.005)
+    b.tube(
+        [
+            (x, 0.25, height),
+            (x, 0.25, height + 0.2),
+            (x, 0.21, height + 0.26),
+            (x, 0.13, height + 0.27),
+            (x, 0.09, height + 0.22),
+        ],
+        0.012,
+        STEEL,
+    )
 
 
 def washstand(rng: np.random.Generator, palette: Palette) -> Shape:
@@ -97,6 +102,23 @@ def washstand(rng: np.random.Generator, palette: Palette) -> Shape:
     )
     side = 1 if rng.random() < 0.5 else -1
     x, r = side * (width / 2 - 0.24), 0.19
+    _bowl(b, x, r, height)
+    b.solid("box", (0, 0, height / 2), (width, depth, height))
+    b.solid("cylinder", (x, -0.01, height + 0.055), (2 * r, 2 * r, 0.11))
+    for s in (-1, 1):
+        for t in (-1, 1):
+            b.box(
+                (s * (width / 2 - 0.04), t * (depth / 2 - 0.05), foot / 2),
+                (0.04, 0.04, foot),
+                front,
+            )
+    length = width - 0.46
+    b.surface((-side * (width - length) / 2, 0), (length, depth), height)
+    return b.finish((width, depth, height), front)
+
+
+def _bowl(b: ShapeBuilder, x: float, r: float, height: float) -> None:
+    """A bowl of radius r on the top and its tap."""
     b.lathe(
         [
             (0, 0),
@@ -122,15 +144,3 @@ def washstand(rng: np.random.Generator, palette: Palette) -> Shape:
         0.011,
         STEEL,
     )
-    b.solid("box", (0, 0, height / 2), (width, depth, height))
-    b.solid("cylinder", (x, -0.01, height + 0.055), (2 * r, 2 * r, 0.11))
-    for s in (-1, 1):
-        for t in (-1, 1):
-            b.box(
-                (s * (width / 2 - 0.04), t * (depth / 2 - 0.05), foot / 2),
-                (0.04, 0.04, foot),
-                front,
-            )
-    length = width - 0.46
-    b.surface((-side * (width - length) / 2, 0), (length, depth), height)
-    return b.finish((width, depth, height), front)

@@ -20,8 +20,7 @@ def _padded_seat(
     arm, arm_height = float(rng.uniform(0.14, 0.18)), float(rng.uniform(0.56, 0.62))
     back = 0.2
     b = ShapeBuilder()
-    inner = width - 2 * arm
-    seat_depth = depth - back
+    inner, seat_depth = width - 2 * arm, depth - back
     base_top = seat - 0.14
     seam = darker(cloth, 0.92)
     b.box(
@@ -66,10 +65,29 @@ def _padded_seat(
             segments=2,
             tilt_rad=(-0.1, 0, 0),
         )
+    _cushions(b, rng, palette, cushions, inner, depth / 2 - back, seat)
+    _legs(b, width - 0.14, depth - 0.14, 0.1, 0.022, legs)
+    used = 0.4 if cushions else 0.0
+    lo, hi = -inner / 2 + used, inner / 2 - (used if cushions > 1 else 0.0)
+    b.surface(((lo + hi) / 2, -back / 2 - 0.03), (hi - lo - 0.02, seat_depth - 0.10), seat)
+    return b.finish((width, depth, back_height), cloth)
+
+
+def _cushions(
+    b: ShapeBuilder,
+    rng: np.random.Generator,
+    palette: Palette,
+    cushions: int,
+    inner: float,
+    back_y: float,
+    seat: float,
+) -> None:
+    """Lean against the back, the first one at the left arm."""
     for k in range(cushions):
         side = -1 if k == 0 else 1
+        x = side * (inner / 2 - 0.19)
         b.box(
-            (side * (inner / 2 - 0.19), depth / 2 - back - 0.09, seat + 0.19),
+            (x, back_y - 0.09, seat + 0.19),
             (0.36, 0.12, 0.36),
             palette.accent(rng),
             bevel_m=0.055,
@@ -78,15 +96,9 @@ def _padded_seat(
         )
         b.solid(
             "box",
-            (side * (inner / 2 - 0.19), depth / 2 - back - 0.06, seat + 0.16),
+            (x, back_y - 0.06, seat + 0.16),
             (0.36, 0.18, 0.32),
         )
-    _legs(b, width - 0.14, depth - 0.14, 0.1, 0.022, legs)
-    used = 0.4 if cushions else 0.0
-    lo = -inner / 2 + used
-    hi = inner / 2 - (used if cushions > 1 else 0.0)
-    b.surface(((lo + hi) / 2, -back / 2 - 0.03), (hi - lo - 0.02, seat_depth - 0.10), seat)
-    return b.finish((width, depth, back_height), cloth)
 
 
 def sofa(rng: np.random.Generator, palette: Palette) -> Shape:

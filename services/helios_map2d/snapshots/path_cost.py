@@ -46,20 +46,7 @@ def cost_along(
     much of it is crossed is told. Raises InvalidInput for fewer than two corners, numbers that are
     not finite, or a way that is too long to follow.
     """
-    if corners_m.ndim != 2 or corners_m.shape[1:] != (2,) or len(corners_m) < 2:
-        raise InvalidInput(f"a way has at least two corners x, y; {corners_m.shape} came")
-    at_home = (np.abs(corners_m) <= FARTHEST_M).all(axis=1)  # and finite
-    if not at_home.all():
-        k = int(at_home.argmin())
-        raise InvalidInput(
-            f"corner {k + 1} of the way is {corners_m[k].tolist()}: send finite metres within "
-            f"{FARTHEST_M:g} m"
-        )
-    if not (0 <= radius_m <= WIDEST_M and 0 < comfort_m <= WIDEST_M):
-        raise InvalidInput(
-            f"cannot follow a way with radius {radius_m} m and comfort {comfort_m} m: send a "
-            f"radius and a comfort of up to {WIDEST_M:g} m, the comfort above 0"
-        )
+    _check(corners_m, radius_m, comfort_m)
     samples, steps = sampled(corners_m, snapshot.grid.cell_m)
     cell_m = snapshot.grid.cell_m
     reach = int(np.ceil((radius_m + comfort_m) / cell_m)) + 2
@@ -116,3 +103,20 @@ def sampled(
     ]
     samples = np.vstack([*parts, corners_m[-1:]])
     return samples, np.hypot(*np.diff(samples, axis=0).T)
+
+
+def _check(corners_m: NDArray[np.float64], radius_m: float, comfort_m: float) -> None:
+    if corners_m.ndim != 2 or corners_m.shape[1:] != (2,) or len(corners_m) < 2:
+        raise InvalidInput(f"a way has at least two corners x, y; {corners_m.shape} came")
+    at_home = (np.abs(corners_m) <= FARTHEST_M).all(axis=1)  # and finite
+    if not at_home.all():
+        k = int(at_home.argmin())
+        raise InvalidInput(
+            f"corner {k + 1} of the way is {corners_m[k].tolist()}: send finite metres within "
+            f"{FARTHEST_M:g} m"
+        )
+    if not (0 <= radius_m <= WIDEST_M and 0 < comfort_m <= WIDEST_M):
+        raise InvalidInput(
+            f"cannot follow a way with radius {radius_m} m and comfort {comfort_m} m: send a "
+            f"radius and a comfort of up to {WIDEST_M:g} m, the comfort above 0"
+        )
