@@ -31,12 +31,13 @@ $(VENV)/.kernels: $(VENV)/.installed $(KERNELS)
 demo: install ## a language task in a simulated home: make demo SEED=3
 	$(BIN)/python -m helios_eval.demo --seed $(SEED) --port $(PORT)
 
-lint: $(VENV)/.installed ## format, lint, types, import rules, generated messages
+lint: $(VENV)/.installed ## format, lint, types, import rules, generated files
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 	$(BIN)/python scripts/generate_proto.py --check
+	$(BIN)/python -m scripts.generate_sdk --check
 
 test: install browser lint ## everything that CI runs
 	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder

@@ -1,8 +1,13 @@
 """The documentation site: `make docs` builds it into site/ and fails on each warning."""
 
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # for the scripts
+
 project = "HELIOS"
 author = copyright = "the HELIOS authors, Apache-2.0"
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_copybutton"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_copybutton", "scripts.site_reference"]
 
 html_theme = "furo"
 html_title = "HELIOS"

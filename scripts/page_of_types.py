@@ -1,15 +1,12 @@
-"""Write a driver's types into docs/tutorials/your-own-robot.md; `--check`: are they stale?
+"""Write a driver's types into docs/reference/driver-types.md; `--check`: are they stale?
 
 Names, types and defaults come from the dataclasses; a field without a meaning below is an error.
 """
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import math
-import sys
-from pathlib import Path
 
 from helios_core.geometry import Pinhole
 from helios_core.robot import (
@@ -24,8 +21,8 @@ from helios_core.robot import (
 )
 from helios_core.types import RobotDescription, RobotState
 
-PAGE = Path(__file__).resolve().parent.parent / "docs/tutorials/your-own-robot.md"
-BEGIN, END = "<!-- types: scripts/page_of_types.py -->\n", "<!-- end of types -->\n"
+from scripts.markdown_tables import DOCS, Block
+
 ACTIONS: tuple[type, ...] = (Forward, Turn, Tilt, Pick, Place, Observe)
 UNITS = {"_m": "m", "_rad": "rad", "_ns": "ns"}  # by the end of a name
 SHOWN = {  # types as a reader knows them
@@ -162,21 +159,8 @@ def _default(f: dataclasses.Field) -> str:
     return f"`{f.default!r}`"
 
 
-def fresh(page: str) -> str:
-    """The page with the tables as they should be."""
-    begin, end = page.index(BEGIN) + len(BEGIN), page.index(END)
-    return page[:begin] + "\n" + section() + "\n" + page[end:]
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--check", action="store_true", help="change nothing; exit 1 if stale")
-    page = PAGE.read_text()
-    if not parser.parse_args().check:
-        PAGE.write_text(fresh(page))
-    elif fresh(page) != page:
-        sys.exit(f"the tables of {PAGE.name} are stale; run scripts/page_of_types.py")
-
+PAGE = DOCS / "reference/driver-types.md"
+BLOCK = Block(PAGE, "types", "python -m scripts.page_of_types", section)
 
 if __name__ == "__main__":
-    main()
+    BLOCK.main()

@@ -5,8 +5,11 @@
         task = helios.wait(task.id, timeout_s=300)
         print(task.state, task.message)
 
-The same with `await`: `helios_client.sdk_async.AsyncHelios`. Every call has a deadline. Errors are
-those of `helios_core.errors`: InvalidInput, Unavailable, DeadlineExceeded, Conflict, Internal.
+Every call has a deadline. Errors are those of `helios_core.errors`: InvalidInput, Unavailable,
+DeadlineExceeded, Conflict, Internal.
+
+The same with `await` is `helios_client.sdk_async.AsyncHelios`. Change that file:
+`python -m scripts.generate_sdk` writes this one from it.
 """
 
 from __future__ import annotations
@@ -114,10 +117,7 @@ class Helios:
         return self._do(requests.resume(id))
 
     def wait(
-        self,
-        id: str,
-        timeout_s: float,
-        on_update: Callable[[Task], None] | None = None,
+        self, id: str, timeout_s: float, on_update: Callable[[Task], None] | None = None
     ) -> Task:
         """The task once it has ended; `on_update` is told whenever it changed.
 
@@ -259,7 +259,8 @@ class Helios:
     def ready(self) -> bool:
         """Whether a task submitted now would start; False where nobody answers."""
         try:
-            return self.status()["ready"]
+            status = self.status()
+            return status["ready"]
         except (Unavailable, DeadlineExceeded):
             return False
 

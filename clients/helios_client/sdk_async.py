@@ -1,9 +1,15 @@
-"""The SDK for asyncio: `helios_client.sdk` with `await`.
+"""Python SDK over the HTTP interface, for asyncio.
 
-async with AsyncHelios("http://127.0.0.1:8080") as helios:
-    task = await helios.submit("Find the apple")
-    async for event in helios.events(task_id=task.id):
-        print(event.type, event.data)
+    async with AsyncHelios("http://127.0.0.1:8080") as helios:
+        task = await helios.submit("Move the mug from the coffee table to the kitchen counter")
+        task = await helios.wait(task.id, timeout_s=300)
+        print(task.state, task.message)
+
+Every call has a deadline. Errors are those of `helios_core.errors`: InvalidInput, Unavailable,
+DeadlineExceeded, Conflict, Internal.
+
+`python -m scripts.generate_sdk` writes `helios_client.sdk`, the same without `await`, from this
+file.
 """
 
 from __future__ import annotations
@@ -46,7 +52,7 @@ T = TypeVar("T")
 
 
 class AsyncHelios:
-    """A running HELIOS, for one event loop. Methods are those of `helios_client.sdk.Helios`."""
+    """A running HELIOS. For use in one event loop."""
 
     def __init__(
         self,
@@ -56,6 +62,7 @@ class AsyncHelios:
         key: str | None = None,
         robot: str | None = None,
     ) -> None:
+        """`key`: an API key, where the gateway wants one. `robot`: one of several, by name."""
         self._to = Connection(base_url, timeout_s, key, robot)
         self._http = httpx.AsyncClient(**self._to.options(), transport=transport)
 
@@ -69,7 +76,9 @@ class AsyncHelios:
         priority: int = 0,
         settings: Mapping[str, str | float] | None = None,
     ) -> Task:
-        """Queue a task. Raises InvalidInput when the instruction cannot be understood."""
+        """Queue a task, with a budget of steps and seconds. Of the queued ones a higher priority
+        (-100 to 100) is begun first. `settings`: of the planner, for this task alone, such as
+        alpha_d. Raises InvalidInput when the instruction cannot be understood."""
         return await self._do(requests.submit(
             instruction, max_steps, agent, time_limit_s, priority, settings
         ))  # fmt: skip
@@ -111,7 +120,11 @@ class AsyncHelios:
     async def wait(
         self, id: str, timeout_s: float, on_update: Callable[[Task], None] | None = None
     ) -> Task:
-        """The task once it has ended; `on_update` is told whenever it changed."""
+        """The task once it has ended; `on_update` is told whenever it changed.
+
+        A gateway that is being restarted is waited for, up to `SILENCE_S`. Raises DeadlineExceeded,
+        and Unavailable when nobody answers any more.
+        """
         waiting = WaitedServices(id, timeout_s, SILENCE_S)
         while True:
             try:
@@ -128,7 +141,8 @@ class AsyncHelios:
             await asyncio.sleep(POLL_S)
 
     async def decisions(self, id: str, changes: Sequence[str] = ()) -> tuple[Decision, ...]:
-        """Why the task went as it did, oldest first."""
+        """Why the task went as it did, oldest first; with changes such as "alpha_d=0.01" also what
+        it would have been under these settings, as `recomputed`."""
         return await self._do(requests.decisions(id, changes))
 
     async def vocabulary(self) -> Vocabulary:
@@ -151,7 +165,8 @@ class AsyncHelios:
         return await self._do(requests.found_object(id))
 
     async def seen(self, prompt: str, limit: int = 5) -> Seen:
-        """Where something was seen: believed objects, and at most `limit` past views."""
+        """Where something was seen: believed objects of that name, and at most `limit` past views
+        that fit the words, with pictures."""
         return await self._do(requests.seen(prompt, limit))
 
     async def object_views(self, id: int, limit: int = 5) -> tuple[SeenView, ...]:
@@ -163,11 +178,13 @@ class AsyncHelios:
         return await self._do(requests.save_map())
 
     async def load_map(self, data: bytes) -> LoadedMaps:
-        """Both maps from `save_map`, in the place of the present ones: both, or neither."""
+        """Both maps from `save_map`, in the place of the present ones: both, or neither. Raises
+        InvalidInput for another file, Conflict while a task is under way."""
         return await self._do(requests.load_map(data))
 
     async def reset_map(self, only: Literal["objects", "occupancy"] | None = None) -> ResetMaps:
-        """Forget both maps, or one; see `Helios.reset_map`."""
+        """Forget both maps, or one; what is kept on the disk, too. A new one begins with the next
+        action. Raises Conflict while a task is under way."""
         return await self._do(requests.reset_map(only))
 
     async def map_info(self) -> MapInfo:
@@ -175,11 +192,18 @@ class AsyncHelios:
         return await self._do(requests.map_info())
 
     async def occupancy(self) -> dict[str, NDArray]:
-        """The arrays of the 2D map by name; shapes and units stand at `Helios.occupancy`."""
+        """The arrays of `/v1/map/occupancy.npz`, by name. Of a shape [rows, columns], row 0 the
+        smallest y, column 0 the smallest x: `occupancy` int8 (-1 unknown, 0 free, 100 occupied),
+        `explored` uint8 (1: seen since the search began), `top_m` float32 (m, highest obstacle,
+        0: none). `origin_m` [2] is the corner of the cell [0, 0] and `cell_m` its size, in metres
+        of the world; `trajectory_m` [n, 2]; `robot_pose` [3] x (m), y (m), yaw (rad); `version`;
+        of each frontier `frontier_id`, `_center_m` [n, 2], `_size_m`, `_reachable`."""
         return await self._do(requests.arrays("occupancy"))
 
     async def value_layer(self, layer: str) -> dict[str, NDArray]:
-        """The arrays of one value layer by name; see `Helios.value_layer`."""
+        """The arrays of one value layer, `pick` or `place`: `value` float32, which has no
+        unit, and `explored`, cell by cell as those of `occupancy`; `origin_m`, `cell_m`,
+        `robot_pose`, `version`."""
         return await self._do(requests.arrays(f"value/{layer}"))
 
     async def picture(self, what: str = "occupancy") -> bytes:
@@ -220,8 +244,8 @@ class AsyncHelios:
         return await self._do(requests.drive(forward_m, turn_rad))
 
     def teleop(self) -> AsyncTeleop:
-        """Drive by hand: `async with helios.teleop() as drive: await drive(forward=0.5, for_s=2)`.
-        Raises Conflict, on entering, as `drive` does."""
+        """Drive by hand: `with helios.teleop() as drive: drive(forward=0.5, for_s=2)`. Raises
+        Conflict, on entering, as `drive` does."""
         return AsyncTeleop(self._to)
 
     # --- the whole ----------------------------------------------------------------------------
@@ -236,7 +260,8 @@ class AsyncHelios:
     async def ready(self) -> bool:
         """Whether a task submitted now would start; False where nobody answers."""
         try:
-            return (await self.status())["ready"]
+            status = await self.status()
+            return status["ready"]
         except (Unavailable, DeadlineExceeded):
             return False
 
@@ -247,7 +272,11 @@ class AsyncHelios:
         last_id: str = "",
         silence_s: float = SILENCE_S,
     ) -> AsyncIterator[Event]:
-        """What happens, as it happens; a connection that is lost is taken up again."""
+        """What happens, as it happens: all of it, or these types, or of one task until it ended.
+
+        A connection that is lost is taken up again where it broke off. Raises Unavailable or
+        DeadlineExceeded after so long a silence (the gateway sends signs of life).
+        """
         heard_s = time.monotonic()
         asked = tuple(types)
         while True:

@@ -18,7 +18,7 @@ def held(folder: Path) -> Iterator[None]:
     """Make the folder if need be, and hold it until left; a process that is killed lets go of it.
 
     Two runs at once would play the same episodes. Raises Conflict while another one has the folder,
-    WrongUse where a file is, and Unavailable where nothing can be written.
+    UsageError where a file is, and Unavailable where nothing can be written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -14,17 +14,17 @@ class ObjectInstance(BaseModel):
 
     model_config = ConfigDict(populate_by_name=True)
 
-    id: int
+    id: int = Field(description="stays while the instance lives")
     class_name: str = Field(
         validation_alias="class_name", serialization_alias="class", examples=["mug"]
     )
     center_m: Vector3 = Field(description="middle of its box")
-    size_m: Vector3
+    size_m: Vector3 = Field(description="along the axes of the world")
     score: float | None = Field(description="Ψ, eq. 7: class score less uncertainty")
     class_score: float | None = Field(description="S")
     uncertainty: float | None = Field(description="U")
     views: int = Field(description="distinct viewpoints fused")
-    gaussians: int
+    gaussians: int = Field(description="Gaussians that it consists of")
     probabilities: dict[str, float | None] = Field(
         description="class → mean expected probability", examples=[{"mug": 0.8, "other": 0.2}]
     )
@@ -35,8 +35,8 @@ class ObjectInstance(BaseModel):
 
 
 class ObjectList(BaseModel):
-    objects: list[ObjectInstance]
-    version: int
+    objects: list[ObjectInstance] = Field(description="all instances, or those that were asked for")
+    version: int = Field(description="of the object map")
     gaussians: int = Field(description="of the whole map")
 
 
@@ -44,7 +44,7 @@ class Moment(BaseModel):
     """What was believed of an object after a view that gave it evidence."""
 
     stamp_s: float = Field(description="the robot's clock")
-    views: float | None
+    views: float | None = Field(description="distinct viewpoints fused until then")
     score: float | None = Field(description="Ψ")
     class_score: float | None = Field(description="S")
 
@@ -52,7 +52,7 @@ class Moment(BaseModel):
 class ObjectDetail(BaseModel):
     """One object: all figures, how belief in it went, and its upright box."""
 
-    object: ObjectInstance
+    object: ObjectInstance = Field(description="as in `/v1/objects`")
     history: list[Moment] = Field(description="oldest first; long ones are thinned")
     box_center_m: Vector3 = Field(description="of the upright box, turned to be smallest")
     box_size_m: Vector3 = Field(description="along its own axes; x is the narrow side")
@@ -62,16 +62,18 @@ class ObjectDetail(BaseModel):
 class Frontier(BaseModel):
     """A border of what was seen since the search began."""
 
-    id: int
-    center_m: Vector2
-    size_m: float | None
-    reachable: bool
-    values: dict[str, float | None] = Field(examples=[{"pick": 0.31, "place": 0.12}])
+    id: int = Field(description="stays while the frontier lives")
+    center_m: Vector2 = Field(description="a point of the border, near its middle")
+    size_m: float | None = Field(description="length of the border")
+    reachable: bool = Field(description="the robot can come near")
+    values: dict[str, float | None] = Field(
+        description="of each value layer near it", examples=[{"pick": 0.31, "place": 0.12}]
+    )
 
 
 class FrontierList(BaseModel):
-    version: int
-    frontiers: list[Frontier]
+    version: int = Field(description="of the 2D map")
+    frontiers: list[Frontier] = Field(description="in no order")
 
 
 class MapLayer(BaseModel):
@@ -82,21 +84,21 @@ class MapLayer(BaseModel):
 class MapInfo(BaseModel):
     """The 2D map without its arrays."""
 
-    version: int
+    version: int = Field(description="rises with each change")
     map_id: str = Field(
         description="another one than before: a new map has begun (new world, reset, load), or "
         "map2d was restarted"
     )
-    context_id: str
-    cell_m: float
+    context_id: str = Field(description="the search context that it serves")
+    cell_m: float = Field(description="side of a cell")
     origin_m: Vector2 = Field(description="corner of the lower left cell")
-    width_cells: int
-    height_cells: int
-    explored_m2: float | None
-    occupied_m2: float | None
-    layers: list[MapLayer]
-    robot: RobotPose | None
-    trajectory_m: list[Vector2]
+    width_cells: int = Field(description="along x")
+    height_cells: int = Field(description="along y")
+    explored_m2: float | None = Field(description="ground seen since the search began")
+    occupied_m2: float | None = Field(description="ground that obstacles cover")
+    layers: list[MapLayer] = Field(description="the value layers")
+    robot: RobotPose | None = Field(description="null: not known yet")
+    trajectory_m: list[Vector2] = Field(description="where the robot was, oldest first")
     trajectory_starts: list[int] = Field(
         default=[], description="points that the robot came to unseen: no line leads there"
     )
@@ -106,16 +108,16 @@ class LoadedMaps(BaseModel):
     """What came out of a file of maps."""
 
     known_m2: float | None = Field(description="ground that the 2D map knows")
-    occupied_m2: float | None
+    occupied_m2: float | None = Field(description="ground that obstacles cover")
     views: int = Field(description="past views that can be asked about")
-    objects: int
-    gaussians: int
+    objects: int = Field(description="instances in the object map")
+    gaussians: int = Field(description="Gaussians in the object map")
 
 
 class ResetMaps(BaseModel):
     """Which maps were forgotten."""
 
-    reset: list[Literal["objects", "occupancy"]]
+    reset: list[Literal["objects", "occupancy"]] = Field(description="which maps were forgotten")
 
 
 class SeenView(BaseModel):
@@ -131,14 +133,14 @@ class SeenView(BaseModel):
     center_m: Vector2 = Field(description="where that was; else the middle of what it saw")
     camera: RobotPose | None = Field(description="where the camera stood, and its direction")
     stamp_s: float = Field(description="the robot's clock")
-    frame_id: str
+    frame_id: str = Field(description="names the keyframe")
     jpeg_base64: str = Field(description="a small picture of it")
 
 
 class SeenAnswer(BaseModel):
     """Where something was seen: believed objects of that name, and past views that fit it."""
 
-    prompt: str
+    prompt: str = Field(description="what was asked for")
     objects: list[ObjectInstance] = Field(description="surest first; pictures: /view.png of each")
     views: list[SeenView] = Field(description="best first, of different places")
     views_asked: int = Field(description="of all that were kept")
@@ -157,5 +159,5 @@ class ViewList(BaseModel):
 class MapChange(BaseModel):
     """Event: the 2D map or the object map has a new version."""
 
-    map2d: int
-    objects: int
+    map2d: int = Field(description="version of the 2D map")
+    objects: int = Field(description="version of the object map")

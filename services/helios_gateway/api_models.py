@@ -103,23 +103,23 @@ class Phase(BaseModel):
     """One step of a task on the way to its end."""
 
     name: str = Field(examples=["find_object"])
-    state: Literal["waiting", "active", "done", "failed"]
+    state: Literal["waiting", "active", "done", "failed"] = Field(description="how far it is")
 
 
 class GoalPoint(BaseModel):
     """Where the robot was sent, in the world."""
 
-    x_m: float | None
-    y_m: float | None
+    x_m: float | None = Field(description="metres in the world frame")
+    y_m: float | None = Field(description="metres in the world frame")
     yaw_rad: float | None = Field(description="null: whichever way it comes")
 
 
 class Task(BaseModel):
     """A task and how far it is."""
 
-    id: str
-    instruction: str
-    state: TaskState
+    id: str = Field(description="names the task in every other request")
+    instruction: str = Field(description="the sentence that was submitted")
+    state: TaskState = Field(description="queued, under way (running, paused), or how it ended")
     phase: str = Field(description="find_object, pick, find_receptacle, place, go or explore")
     phases: list[Phase] = Field(description="the phases of a task of this kind, in order")
     message: str = Field(description="what it does now, or why it ended, in one sentence")
@@ -130,7 +130,7 @@ class Task(BaseModel):
     start: str = Field(description="receptacle to take it from", examples=["coffee table"])
     goal: str = Field(description="receptacle to bring it to", examples=["kitchen counter"])
     steps: int = Field(description="steps of the robot so far")
-    max_steps: int
+    max_steps: int = Field(description="it fails after so many steps")
     time_limit_s: float | None = Field(description="seconds from its start; null: none")
     picks: int = Field(description="picks tried so far")
     progress: float | None = Field(description="0 to 1, a rough guide for people; never falls")
@@ -170,18 +170,18 @@ class Candidate(BaseModel):
     """One of the things a decision chose from."""
 
     kind: str = Field(description="object, receptacle, frontier or gaze")
-    name: str
-    position_m: Vector3
+    name: str = Field(description="class of the thing, or which frontier or gaze point")
+    position_m: Vector3 = Field(description="in the world frame")
     terms: dict[str, float | None] = Field(
         description="what it was judged by", examples=[{"class_score": 0.62, "distance_m": 3.1}]
     )
-    chosen: bool
+    chosen: bool = Field(description="the decision took this one")
 
 
 class Recomputed(BaseModel):
     """A decision taken again under other settings, by the same functions."""
 
-    do: str
+    do: str = Field(description="what would have been done")
     why: str = Field(description="one sentence")
     candidates: list[Candidate] = Field(description="with their terms under these settings")
     flips: bool = Field(description="another would have been chosen, or something else done")
@@ -191,18 +191,18 @@ class Recomputed(BaseModel):
 class Decision(BaseModel):
     """What was decided, among what, by which rule and why."""
 
-    task_id: str
-    index: int
-    phase: str
+    task_id: str = Field(description="of which task")
+    index: int = Field(description="its place among the decisions of the task, from 0")
+    phase: str = Field(description="the phase of the task then")
     rule: str = Field(examples=["global_search (eq. 10)", "given up"])
     do: str = Field(
         description="act, look, search_on, search_receptacle, go_to_frontier or nothing_left"
     )
     why: str = Field(description="one sentence")
-    candidates: list[Candidate]
+    candidates: list[Candidate] = Field(description="what was chosen among")
     settings: dict[str, float | None] = Field(description="the values that the rule used")
     made_s: float | None = Field(description="seconds since 1970")
-    context_id: str
+    context_id: str = Field(description="the search context then")
     recomputed: Recomputed | None = Field(
         description="under the settings that were asked for; null: none were"
     )
@@ -215,16 +215,16 @@ class DecisionList(BaseModel):
 class Plan(BaseModel):
     """The path being driven; empty when standing."""
 
-    task_id: str
-    path_m: list[Vector2]
-    goal: RobotPose | None
-    purpose: str
+    task_id: str = Field(description="of which task")
+    path_m: list[Vector2] = Field(description="points in the world frame, from the robot on")
+    goal: RobotPose | None = Field(description="where the path ends; null: nowhere")
+    purpose: str = Field(description="why the robot drives, in a few words")
 
 
 class RobotPose(BaseModel):
-    x_m: float
-    y_m: float
-    yaw_rad: float
+    x_m: float = Field(description="metres in the world frame")
+    y_m: float = Field(description="metres in the world frame")
+    yaw_rad: float = Field(description="counter-clockwise from the world's x axis")
 
 
 class RobotState(BaseModel):
@@ -233,12 +233,12 @@ class RobotState(BaseModel):
     pose: RobotPose | None = Field(description="null: the robot does not know")
     tilt_rad: float | None = Field(description="of the head; positive looks down")
     held: str = Field(description="class of what is held; empty: nothing")
-    moving: bool
+    moving: bool = Field(description="the base moves now")
     stopped: bool = Field(description="stopped until /v1/robot/clear-stop")
     finished: bool = Field(description="a recording has come to its end")
-    message: str
-    robot_boot_id: str
-    world_epoch: int
+    message: str = Field(description="one sentence of the robot for people")
+    robot_boot_id: str = Field(description="another text after each start of the robot")
+    world_epoch: int = Field(description="rises by 1 when localisation jumps; the maps begin anew")
     origin_id: str = Field(
         description="of its poses: where it stays the same, maps outlive a start of the robot; "
         "empty: not known"
@@ -248,18 +248,18 @@ class RobotState(BaseModel):
 class RobotDescription(BaseModel):
     """What the robot is."""
 
-    name: str
-    simulated: bool
-    footprint_radius_m: float | None
-    height_m: float | None
-    reach_m: float | None
-    max_depth_m: float | None
-    camera_height_m: float | None
-    camera_width_px: int
-    camera_height_px: int
-    can_move: bool
-    can_pick: bool
-    can_place: bool
+    name: str = Field(description="as the robot calls itself")
+    simulated: bool = Field(description="it is a simulator")
+    footprint_radius_m: float | None = Field(description="of the circle around the base")
+    height_m: float | None = Field(description="of the whole robot")
+    reach_m: float | None = Field(description="of the arm, level, from the base's centre")
+    max_depth_m: float | None = Field(description="farthest depth that the camera measures")
+    camera_height_m: float | None = Field(description="of the camera above the floor")
+    camera_width_px: int = Field(description="of the camera's image")
+    camera_height_px: int = Field(description="of the camera's image")
+    can_move: bool = Field(description="it drives")
+    can_pick: bool = Field(description="it can pick things up")
+    can_place: bool = Field(description="it can put things down")
     min_forward_m: float | None = Field(description="shortest single move")
     max_forward_m: float | None = Field(description="longest single move ahead")
     max_back_m: float | None = Field(description="longest single move back; 0: it cannot")
@@ -270,28 +270,28 @@ class RobotDescription(BaseModel):
 class Robot(BaseModel):
     connected: bool = Field(description="the bridge is alive")
     state: RobotState | None = Field(description="null: nothing heard yet")
-    description: RobotDescription | None
+    description: RobotDescription | None = Field(description="null: nothing heard yet")
 
 
 class Service(BaseModel):
     """One process of the robot's backend."""
 
     name: str = Field(examples=["map2d"])
-    state: ServiceState
+    state: ServiceState = Field(description="`ready` and `degraded` serve; the others do not")
     reason: str = Field(description="what it waits for, or why it is not ready; empty: all is well")
     restarts: int = Field(description="by the supervisor")
-    pid: int | None
+    pid: int | None = Field(description="process id; null: not known")
 
 
 class Status(BaseModel):
     ready: bool = Field(description="a task submitted now would start")
     stopped: bool = Field(description="stopped until /v1/robot/clear-stop")
     stop_reason: str = Field(description="why it is stopped, as was said then; else empty")
-    services: list[Service]
+    services: list[Service] = Field(description="every service that was heard")
 
 
 class Readiness(BaseModel):
-    ready: bool
+    ready: bool = Field(description="a task submitted now would start")
     stopped: bool = Field(description="the robot is stopped until /v1/robot/clear-stop")
     stop_reason: str = Field(
         default="", description="why a robot is stopped, as was said then; else empty"
@@ -300,16 +300,16 @@ class Readiness(BaseModel):
 
 
 class HealthAnswer(BaseModel):
-    healthy: Literal[True] = True
+    healthy: Literal[True] = Field(default=True, description="the process answers")
 
 
 class Vocabulary(BaseModel):
     """What the detector can look for."""
 
     open: bool = Field(description="any name may be asked for")
-    names: list[str]
-    detector: str
-    scorer: str
+    names: list[str] = Field(description="names that it knows")
+    detector: str = Field(description="which detector")
+    scorer: str = Field(description="which image-text scorer")
 
 
 class SeenName(BaseModel):
@@ -344,7 +344,7 @@ class StopRequest(BaseModel):
 class RobotEntry(BaseModel):
     """One of the robots that this gateway serves."""
 
-    name: str
+    name: str = Field(description="as in `/v1/robots/NAME`")
     connected: bool = Field(description="its bridge is alive")
     ready: bool = Field(description="a task submitted to it now would start")
     stopped: bool = Field(description="the robot is stopped until /v1/robot/clear-stop")
@@ -357,16 +357,16 @@ class RobotList(BaseModel):
 class SettingValue(BaseModel):
     """One setting of a running service."""
 
-    value: JsonValue
-    default: JsonValue
-    description: str
+    value: JsonValue = Field(description="what the service runs with")
+    default: JsonValue = Field(description="what it would be if nobody set it")
+    description: str = Field(description="what it means, with its unit")
 
 
 class ServiceSettings(BaseModel):
     """What a service was started with. Secrets are masked."""
 
-    service: str
-    settings: dict[str, SettingValue]
+    service: str = Field(description="name of the service")
+    settings: dict[str, SettingValue] = Field(description="by name")
 
 
 class SessionRequest(BaseModel):
@@ -374,12 +374,14 @@ class SessionRequest(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    key: str = Field(min_length=1, max_length=200)
+    key: str = Field(description="made with `helios key`", min_length=1, max_length=200)
 
 
 class Session(BaseModel):
     """Whether keys are asked for, and what the one that came may do."""
 
-    required: bool
+    required: bool = Field(description="requests need a key")
     name: str = Field(description="of the key; empty: none came, or none that is known")
-    scope: Literal["read", "operate", "admin"] | None
+    scope: Literal["read", "operate", "admin"] | None = Field(
+        description="what the key may do; null: no known key came"
+    )

@@ -16,8 +16,12 @@ class GoRequest(BaseModel):
         extra="forbid", json_schema_extra={"example": {"x_m": 3.2, "y_m": 4.1, "yaw_rad": 1.57}}
     )
 
-    x_m: float = Field(ge=-MOST_M, le=MOST_M, allow_inf_nan=False)
-    y_m: float = Field(ge=-MOST_M, le=MOST_M, allow_inf_nan=False)
+    x_m: float = Field(
+        description="metres in the world frame", ge=-MOST_M, le=MOST_M, allow_inf_nan=False
+    )
+    y_m: float = Field(
+        description="metres in the world frame", ge=-MOST_M, le=MOST_M, allow_inf_nan=False
+    )
     yaw_rad: float | None = Field(
         default=None,
         ge=-MOST_RAD,

@@ -1,25 +1,33 @@
-"""The state that requests share, and the FastAPI dependencies that pass it to endpoints.
+"""What endpoints depend on: the shared state, the addressed robot, and a key that suffices.
 
 Every dependency is asynchronous: FastAPI runs others in the shared threads, and stop-now must
-never wait for one of those.
+never wait for one of those. A browser cannot send a key with every picture, so `routes/session.py`
+keeps it in a cookie.
 """
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Annotated
 
 from anyio import CapacityLimiter
 from fastapi import Depends
-from starlette.requests import HTTPConnection
+from fastapi.security import HTTPBearer
+from starlette.datastructures import Headers
+from starlette.requests import HTTPConnection, cookie_parser
+from starlette.types import Scope as AsgiScope
 
-from helios_gateway.api_keys import ApiKeys
+from helios_gateway.api_keys import ApiKey, ApiKeys, Scope
 from helios_gateway.connection_slots import ConnectionSlots
-from helios_gateway.error_responses import NotFound
+from helios_gateway.error_responses import Forbidden, NotFound, Unauthorized
 from helios_gateway.map_cache import MapCache
 from helios_gateway.prometheus_metrics import Metrics
 from helios_gateway.robot_registry import RobotRegistry, Served
 from helios_gateway.settings import Settings
+
+COOKIE = "helios_key"
+_bearer = HTTPBearer(auto_error=False, description="an API key; none is asked for on loopback")
 
 
 @dataclass(frozen=True)
@@ -77,3 +85,51 @@ async def _maps(robot: AddressedRobot) -> MapCache:
 
 
 Maps = Annotated[MapCache, Depends(_maps)]  # of the addressed robot
+
+
+# --- keys -----------------------------------------------------------------------------------------
+def key_of(scope: AsgiScope, keys: ApiKeys) -> ApiKey | None:
+    """The key that a request carries as a bearer token or in its cookie; None for no known key."""
+    headers = Headers(scope=scope)
+    kind, _, secret = headers.get("authorization", "").partition(" ")
+    if kind.lower() != "bearer":
+        secret = cookie_parser(headers.get("cookie", "")).get(COOKIE, "")
+    return keys.find(secret.strip()) if secret else None
+
+
+def check(connection: HTTPConnection, needed: Scope) -> None:
+    """Raises Unauthorized for a request without a known key, Forbidden where its scope is too low.
+
+    Nothing is checked where the gateway asks for no keys.
+    """
+    keys = state_of(connection).keys
+    if not keys.required:
+        return
+    key = key_of(connection.scope, keys)
+    if key is None:
+        raise Unauthorized(
+            "no known API key came with the request; send Authorization: Bearer KEY, made with "
+            "helios key"
+        )
+    if key.scope < needed:
+        raise Forbidden(
+            f"the key {key.name!r} may {key.scope.spoken}; this needs one that may "
+            f"{needed.name.lower()}"
+        )
+
+
+def needs(scope: Scope) -> Callable[..., Awaitable[None]]:
+    """A dependency that calls `check`."""
+
+    async def checked(connection: HTTPConnection) -> None:
+        check(connection, scope)
+
+    return checked
+
+
+def secured(scope: Scope) -> list:
+    """`dependencies` of a router or an endpoint that needs a key of this scope.
+
+    The second one only declares the bearer token in the OpenAPI description.
+    """
+    return [Depends(needs(scope)), Depends(_bearer)]

@@ -20,7 +20,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from helios_gateway.api_keys import ApiKeys
 from helios_gateway.api_keys import Scope as KeyScope
-from helios_gateway.authorization import check, key_of
+from helios_gateway.dependencies import check, key_of
 from helios_gateway.error_responses import problem, problem_of
 
 READING = ("GET", "HEAD", "OPTIONS")

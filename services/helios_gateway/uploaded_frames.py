@@ -72,10 +72,10 @@ class MapAnswer(BaseModel):
     """What one map made of a frame."""
 
     map: str = Field(examples=["map2d/occupancy"])
-    accepted: bool
+    accepted: bool = Field(description="the map used the frame")
     reason: str = Field(description="why it was refused; empty where it was not")
     version: int = Field(description="of the map after it")
-    update_ms: float
+    update_ms: float = Field(description="time that the update took")
 
 
 class FrameTaken(BaseModel):

@@ -14,7 +14,6 @@ from fastapi_offline import FastAPIOffline
 from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from helios_gateway import authorization
 from helios_gateway.api_keys import ApiKeys
 from helios_gateway.connection_slots import ConnectionSlots
 from helios_gateway.dependencies import GatewayState
@@ -33,6 +32,7 @@ from helios_gateway.routes import (
     objects,
     past_views,
     robot,
+    session,
     tasks,
     teleop,
     view3d,
@@ -78,7 +78,7 @@ def create_app(robots: RobotRegistry, settings: Settings, keys: ApiKeys | None =
     for root in (API_ROOT, ROBOT_ROOT):
         for router in ROBOT_ROUTERS:
             app.include_router(router, prefix=root, include_in_schema=root == API_ROOT)
-    app.include_router(authorization.router)
+    app.include_router(session.router)
     app.include_router(health.router)
     app.include_router(pages)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")

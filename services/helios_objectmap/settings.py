@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Literal
 
-from helios_core.agent_presets import DEFAULT_AGENT
+from helios_core.agent_presets import DEFAULT_AGENT, AgentSetting
 from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field
 
@@ -16,7 +16,7 @@ class ObjectMapSettings(ServiceSettings):
 
     model_config = service_config("objectmap")
 
-    agent: str = Field(
+    agent: AgentSetting = Field(
         default=DEFAULT_AGENT,
         description="Agent whose settings replace the defaults of this table (agent_presets).",
     )

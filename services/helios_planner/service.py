@@ -39,14 +39,13 @@ from helios_core.topics import (
 
 from helios_planner.agents import agent_named, fault_of
 from helios_planner.decisions.counterfactual import changes_of, recompute
-from helios_planner.instruction.language_model import language_model, parse_with_help
-from helios_planner.instruction.parser import Instruction
+from helios_planner.instruction.language_model import language_model
+from helios_planner.instruction.parser import Instruction, parse_with_help
 from helios_planner.settings import Settings, for_task
 from helios_planner.task import HELD, Cause, State, Task
 from helios_planner.tasks.executor import TaskExecutor
 from helios_planner.tasks.messages import decision_from_proto, recomputed_to_proto, task_to_proto
-from helios_planner.tasks.registry import TaskRegistry, waiting_words
-from helios_planner.tasks.reservation import Reservation
+from helios_planner.tasks.registry import Reservation, TaskRegistry, waiting_words
 from helios_planner.tasks.run_control import PauseControl
 from helios_planner.tasks.search_context import check_able, in_vocabulary
 from helios_planner.tasks.store import Store
@@ -170,7 +169,8 @@ class PlannerService:
 
     def _known_agent(self, said: str) -> str:
         """The agent's name as it is listed; it may be said in any case. Raises InvalidInput for an
-        agent that there is not, or that no task may name."""
+        agent that there is not, or that no task may name, and Conflict for one that needs other
+        settings than the services have."""
         listed = dict.fromkeys((*AGENT_NAMES, *AGENTS.entry_names(), self._settings.agent))
         name = same_name(said, listed) or said
         if self._settings.agents_of_tasks == "listed" and name not in listed:
@@ -181,22 +181,24 @@ class PlannerService:
                 "HELIOS_PLANNER_AGENTS_OF_TASKS=any"
             )
         agent_named(name)
-        self._check_started_for(name)
+        if said := self._started_for_another(name):
+            raise Conflict(said)
         return name
 
-    def _check_started_for(self, agent: str) -> None:
-        """Raises Conflict where the planner or the object map runs with the settings of another
-        agent. An agent of another package runs with any."""
-        if agent not in AGENT_NAMES:
-            return
-        started = {"planner": self._settings.agent, "objectmap": self._agent_of_object_map()}
-        for service, other in started.items():
-            if other and not same_settings(agent, other):
-                raise Conflict(
-                    f"the {service} was started with the settings of agent {other!r}; agent "
-                    f"{agent!r} needs its own: start the services with helios up --agent {agent}, "
-                    f"or submit the task for agent {other!r}"
-                )
+    def _started_for_another(self, agent: str) -> str:
+        """What to do where planner or object map run with other settings than the agent's; empty
+        where an agent's task can run."""
+        started = {"planner": self._settings.agent, "object map": self._agent_of_object_map()}
+        others = {s: a for s, a in started.items() if a and not same_settings(agent, a)}
+        if not others:
+            return ""
+        told = " and ".join(f"the {s} was started for {a!r}" for s, a in others.items())
+        both = set(started.values()) - {""}
+        instead = f", or submit the task for agent {both.pop()!r}" if len(both) == 1 else ""
+        return (
+            f"agent {agent!r} needs other settings: {told}; start the services with helios up "
+            f"--agent {agent}{instead}"
+        )
 
     def _agent_of_object_map(self) -> str:
         """The agent that the object map was started for; empty where it does not answer."""
@@ -324,6 +326,12 @@ class PlannerService:
     def _run(self, id: str) -> None:
         assert self._description is not None
         task = self._registry.known(id)
+        if said := self._started_for_another(task.agent):  # since it was submitted
+            with self._lock:
+                self._holds.pop(id, None)
+                self._cancels.pop(id, None)
+            self._registry.end(id, State.FAILED, said, Cause.SYSTEM_ERROR)
+            return
         began_s = task.started_s or time.time()
         word = "goes on where it was" if task.started_s else "starting"
         state = State.PAUSED if task.on_hold else State.RUNNING

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from helios_core.agent_presets import AGENT_NAMES, DEFAULT_AGENT
+from helios_core.agent_presets import DEFAULT_AGENT, AgentSetting
 from helios_core.errors import InvalidInput
-from helios_core.plugins import AGENTS, find
 from helios_core.settings import ServiceSettings, service_config
-from pydantic import AfterValidator, Field, SecretStr, ValidationError
+from pydantic import Field, SecretStr, ValidationError
 
 PlaceRule = Literal["flat", "paper"]
 # How it decides and when it gives up; not how it moves, nor how long others are waited for.
@@ -21,14 +20,6 @@ OWN = (
     "vlfm_confidence",
 )  # fmt: skip
 MOST = 1e9  # beyond all sense for any of them
-
-
-def _agent(name: str) -> str:
-    """Whether there can be one; it is loaded later."""
-    if name in AGENT_NAMES or find(AGENTS, name) is not None:
-        return name
-    known = ", ".join((*AGENT_NAMES, *AGENTS.entry_names()))
-    raise ValueError(f"there is no such agent; choose one of {known}, or package:agent")
 
 
 class Settings(ServiceSettings):
@@ -63,7 +54,7 @@ class Settings(ServiceSettings):
         default=1250, ge=1, description="actions a task may take, unless it says so"
     )
 
-    agent: Annotated[str, AfterValidator(_agent)] = Field(
+    agent: AgentSetting = Field(
         default=DEFAULT_AGENT,
         description="who decides, unless a task says so: one of docs/explanation/planner.md, "
         "or package:agent of your own",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
+from helios_core.agent_presets import DEFAULT_AGENT
 from helios_core.task_states import ENDED, HOLDS_ROBOT
 
 from helios_planner.instruction.parser import Instruction
@@ -102,7 +103,7 @@ class Task:
     progress: float = 0.0  # never falls
     eta_s: tuple[float, float] | None = None  # it may end in so many seconds: at least, at most
     context_id: str = ""
-    agent: str = "helios"
+    agent: str = DEFAULT_AGENT
     priority: int = 0  # a higher one is begun first
     settings: Mapping[str, str] = field(default_factory=dict)  # of the planner, for it alone
     seen_at_goal: bool | None = None  # after it was placed; None: it was not, or nobody knows

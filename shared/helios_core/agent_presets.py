@@ -9,7 +9,11 @@ their class. Every other agent runs with the defaults, which are the paper's val
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
+
+from pydantic import AfterValidator
+
+from helios_core.plugins import AGENTS, find
 
 AgentName = Literal[
     "helios",
@@ -25,6 +29,17 @@ AgentName = Literal[
 ]
 AGENT_NAMES: tuple[str, ...] = get_args(AgentName)  # those of the planner itself
 DEFAULT_AGENT: AgentName = "helios"
+
+
+def _agent(name: str) -> str:
+    """Whether there can be one; it is loaded later. Raises ValueError."""
+    if name in AGENT_NAMES or find(AGENTS, name) is not None:
+        return name
+    known = ", ".join((*AGENT_NAMES, *AGENTS.entry_names()))
+    raise ValueError(f"there is no such agent; choose one of {known}, or package:agent")
+
+
+AgentSetting = Annotated[str, AfterValidator(_agent)]  # ours, an entry point or package:agent
 
 Value = bool | int | float | str
 

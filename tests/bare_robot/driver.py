@@ -37,74 +37,99 @@ def call(session, method, request, reply_type, timeout_s=30.0):
     return reply_type.FromString(b"".join(parts[i] for i in sorted(parts)))
 
 
+class Heard:
+    """Keyframes and the occupancy map's acknowledgements, by the number of the keyframe."""
+
+    def __init__(self, session):
+        self.keyframes, self.acks, self.news = {}, {}, threading.Condition()
+        self.subscribers = [
+            session.declare_subscriber(f"{ROOT}bridge/keyframe", self._on_keyframe),
+            session.declare_subscriber(f"{ROOT}map2d/ack", self._on_ack),
+        ]
+
+    def _on_keyframe(self, sample):
+        frame = frame_pb2.Frame.FromString(sample.payload.to_bytes())
+        with self.news:
+            self.keyframes[frame.id.seq] = frame
+            self.news.notify_all()
+
+    def _on_ack(self, sample):
+        ack = frame_pb2.Ack.FromString(sample.payload.to_bytes())
+        with self.news:
+            self.acks[ack.id.seq, ack.part] = ack
+            self.news.notify_all()
+
+    def wait_for(self, seq, timeout_s):
+        """Whether the keyframe and its acknowledgement came within that time."""
+        with self.news:
+            return self.news.wait_for(
+                lambda: seq in self.keyframes and (seq, "occupancy") in self.acks, timeout_s
+            )
+
+    def close(self):
+        for subscriber in self.subscribers:
+            subscriber.undeclare()
+
+
+class Driver:
+    """Acts under a lease."""
+
+    def __init__(self, session):
+        self.session = session
+        lease = robot_pb2.LeaseRequest(holder="bare driver")
+        self.token = call(session, "bridge/lease", lease, robot_pb2.LeaseReply).token
+
+    def act(self, id, token=None, **kind):
+        action = robot_pb2.Action(**kind)
+        request = robot_pb2.ActionRequest(
+            action_id=id, lease_token=token or self.token, time_remaining_s=20.0, action=action
+        )
+        return call(self.session, "bridge/act", request, robot_pb2.ActionResult)
+
+    def look_until(self, heard):
+        """Look until a keyframe is heard: the subscriptions take a moment to be known."""
+        deadline_s, k = time.monotonic() + WITHIN_S, 0
+        while time.monotonic() < deadline_s:
+            k += 1
+            look = self.act(f"look {k}", observe=robot_pb2.Action.Observe())
+            if heard.wait_for(look.keyframe.seq, 0.5):
+                return
+        raise TimeoutError("no keyframe was heard")
+
+    def refusal(self):
+        """What is said of an action without a lease."""
+        try:
+            self.act("without a lease", self.token + 1, observe=robot_pb2.Action.Observe())
+        except Refused as error:
+            return error.args[0]
+        return ""
+
+
 def main():
     config = {
         "mode": "client",
         "connect": {"endpoints": [sys.argv[1]]},
         "scouting": {"multicast": {"enabled": False}},
     }
-    keyframes, acks, news = {}, {}, threading.Condition()
-
-    def on_keyframe(sample):
-        frame = frame_pb2.Frame.FromString(sample.payload.to_bytes())
-        with news:
-            keyframes[frame.id.seq] = frame
-            news.notify_all()
-
-    def on_ack(sample):
-        ack = frame_pb2.Ack.FromString(sample.payload.to_bytes())
-        with news:
-            acks[ack.id.seq, ack.part] = ack
-            news.notify_all()
-
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
-        subscribers = [
-            session.declare_subscriber(f"{ROOT}bridge/keyframe", on_keyframe),
-            session.declare_subscriber(f"{ROOT}map2d/ack", on_ack),
-        ]
-        lease = robot_pb2.LeaseRequest(holder="bare driver")
-        token = call(session, "bridge/lease", lease, robot_pb2.LeaseReply).token
-
-        def act(id, token=token, **kind):
-            action = robot_pb2.Action(**kind)
-            request = robot_pb2.ActionRequest(
-                action_id=id, lease_token=token, time_remaining_s=20.0, action=action
-            )
-            return call(session, "bridge/act", request, robot_pb2.ActionResult)
-
-        def seen(seq):
-            return seq in keyframes and (seq, "occupancy") in acks
-
-        deadline_s, k = time.monotonic() + WITHIN_S, 0
-        while True:  # the subscriptions take a moment to be known
-            k += 1
-            look = act(f"look {k}", observe=robot_pb2.Action.Observe())
-            with news:
-                if news.wait_for(lambda: seen(look.keyframe.seq), 0.5):  # noqa: B023
-                    break
-            if time.monotonic() > deadline_s:
-                raise TimeoutError("no keyframe was heard")
-        drive = act("drive", forward=robot_pb2.Action.Forward(distance_m=0.5))
-        again = act("drive", forward=robot_pb2.Action.Forward(distance_m=0.5))
-        turn = act("turn", turn=robot_pb2.Action.Turn(angle_rad=0.4))
-        with news:
-            heard = news.wait_for(lambda: seen(turn.keyframe.seq), WITHIN_S)
-        try:
-            act("without a lease", token=token + 1, observe=robot_pb2.Action.Observe())
-            refused = ""
-        except Refused as error:
-            refused = error.args[0]
-        frame = keyframes.get(turn.keyframe.seq)
+        heard, driver = Heard(session), Driver(session)
+        driver.look_until(heard)
+        drive = driver.act("drive", forward=robot_pb2.Action.Forward(distance_m=0.5))
+        again = driver.act("drive", forward=robot_pb2.Action.Forward(distance_m=0.5))
+        turn = driver.act("turn", turn=robot_pb2.Action.Turn(angle_rad=0.4))
+        seq = turn.keyframe.seq
+        was_heard = heard.wait_for(seq, WITHIN_S)
+        refused = driver.refusal()
         state = call(session, "bridge/get_state", common_pb2.Empty(), robot_pb2.RobotState)
-        for subscriber in subscribers:
-            subscriber.undeclare()
+        heard.close()
+    frame = heard.keyframes.get(seq)
     said = {
         "drive": {"succeeded": drive.succeeded, "moved_m": drive.moved_m},
         "done_once": drive == again,
         "turned_rad": turn.turned_rad,
         "x_m": state.T_world_base.rows[3],
-        "heard": heard,
-        "accepted": acks[turn.keyframe.seq, "occupancy"].accepted if heard else False,
+        "heard": was_heard,
+        "accepted": heard.acks[seq, "occupancy"].accepted if was_heard else False,
         "image": [frame.raw_color.width, frame.raw_color.height] if frame else [],
         "refused": refused,
         "imports_of_helios": [name for name in sys.modules if name.startswith("helios_")],

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from scripts.page_of_keys import PAGE, tables
+from scripts.page_of_keys import BLOCK, tables
 
 
 def test_the_page_names_every_key_with_its_messages() -> None:
-    page = PAGE.read_text()
+    page = BLOCK.page.read_text()
     missing = [row for row in tables().splitlines() if row not in page]
-    assert not missing, "run scripts/page_of_keys.py"
-    assert page.endswith(tables()), "run scripts/page_of_keys.py"
+    assert not missing, f"run {BLOCK.script}"
+    assert BLOCK.fresh(page) == page, f"run {BLOCK.script}"

@@ -6,12 +6,12 @@ from typing import get_args
 
 from helios_core.robot import Action
 
-from scripts.page_of_types import ACTIONS, PAGE, fresh
+from scripts.page_of_types import ACTIONS, BLOCK
 
 
 def test_the_tables_are_as_the_dataclasses_have_it() -> None:
-    page = PAGE.read_text()
-    assert fresh(page) == page, "run scripts/page_of_types.py"
+    page = BLOCK.page.read_text()
+    assert BLOCK.fresh(page) == page, f"run {BLOCK.script}"
 
 
 def test_every_action_has_its_row() -> None:

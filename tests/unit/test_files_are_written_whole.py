@@ -52,10 +52,11 @@ ELSEWHERE = {
     ("clients/helios_sim/assets/asset_pack.py", "write_text"): (2, SCRATCH),
     ("clients/helios_sim/assets/sweethome_library.py", "open"): (1, SCRATCH),
     ("clients/helios_sim/assets/sweethome_library.py", "copyfileobj"): (1, SCRATCH),
-    ("scripts/page_of_keys.py", "write_text"): (1, SCRIPT),
-    ("scripts/page_of_types.py", "write_text"): (1, SCRIPT),
+    ("scripts/markdown_tables.py", "write_text"): (1, SCRIPT),
+    ("scripts/page_of_messages.py", "write_bytes"): (1, SCRATCH),
     ("scripts/generate_proto.py", "write_bytes"): (2, SCRIPT),
     ("scripts/generate_proto.py", "write_text"): (1, SCRIPT),
+    ("scripts/generate_sdk.py", "write_text"): (1, SCRIPT),
     ("scripts/home_pictures.py", "save"): (1, SCRIPT),
 }
 

@@ -23,8 +23,8 @@ BYTES = 32
 def add_key(file: Path, name: str, scope: str) -> str:
     """A new key, its hash added to the file; nobody can read the key from there.
 
-    Raises WrongUse for a name that cannot be read or a folder that is not there, Conflict where the
-    file has a key of that name, InvalidInput where it cannot be used.
+    Raises UsageError for a name that cannot be read or a folder that is not there, Conflict where
+    the file has a key of that name, InvalidInput where it cannot be used.
     """
     if not (name.strip() and name.isprintable()):
         raise UsageError(f"the name of a key is {name!r}; wanted letters that can be read: tablet")

@@ -12,7 +12,7 @@ def port_here(url: str, elsewhere: str) -> int:
     """The port of a URL of this machine; the scheme may be missing.
 
     elsewhere: what follows from another machine, and what to do; HOST in it stands for that one.
-    Raises WrongUse with it for a URL of another machine, and for one that is none.
+    Raises UsageError with it for a URL of another machine, and for one that is none.
     """
     try:
         parts = split_url(url)

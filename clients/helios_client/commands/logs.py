@@ -27,7 +27,7 @@ def log_folder(port: int | None, url: str | None, state: Path | None) -> Path:
     """`STATE/logs` of the `helios up` of this port: the running one, or the last one there.
 
     port, url: as typed; HELIOS_URL counts where neither is. state: goes before both. Raises
-    WrongUse where a URL names another machine.
+    UsageError where a URL names another machine.
     """
     if state is None:
         here, address = chosen_address(port, url)
@@ -53,7 +53,7 @@ def services_in(folder: Path) -> list[str]:
 
 
 def log_file(folder: Path, service: str) -> Path:
-    """The newest log of a service, whose name may be in any case. Raises WrongUse with the names
+    """The newest log of a service, whose name may be in any case. Raises UsageError with the names
     that there are, and Unavailable where there are none."""
     names = services_in(folder)
     found = same_name(service, names)

@@ -21,7 +21,7 @@ OCCUPANCY = "occupancy"
 def export_map(helios: Helios, out: Path, only: str | None) -> list[Path]:
     """`occupancy.png`, `.npz`, and the same for `value-<layer>`; the paths written.
 
-    Raises WrongUse for a layer that is not there, InvalidInput where nothing can be written.
+    Raises UsageError for a layer that is not there, InvalidInput where nothing can be written.
     """
     kinds = (OCCUPANCY, *(layer["name"] for layer in helios.map_info()["layers"]))
     wanted = kinds if only is None else [kind for kind in kinds if plain(only) == plain(kind)]
@@ -62,8 +62,8 @@ def write_views(views: Sequence[SeenView], out: Path) -> list[Path]:
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Whole or not at all. Raises WrongUse where its folder is not there, and InvalidInput where it
-    cannot be written; a file that was there is as it was."""
+    """Whole or not at all. Raises UsageError where its folder is not there, and InvalidInput where
+    it cannot be written; a file that was there is as it was."""
     check_folder_of(path)
     try:
         atomic_file.write_file(path, data)
@@ -84,7 +84,7 @@ def make_folder(folder: Path) -> None:
 
 
 def check_folder_of(file: Path) -> None:
-    """Raises WrongUse where the folder of a file to be written is not there, or the file is a
+    """Raises UsageError where the folder of a file to be written is not there, or the file is a
     folder."""
     if why := atomic_file.refusal(file):
         raise UsageError(why)
@@ -101,7 +101,7 @@ def confirm_reset(address: str, only: str | None) -> None:
 
 
 def read_file(path: Path) -> bytes:
-    """Raises WrongUse where it cannot be read."""
+    """Raises UsageError where it cannot be read."""
     try:
         return path.read_bytes()
     except OSError as error:

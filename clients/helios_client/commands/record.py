@@ -20,7 +20,7 @@ def record(
     url: str | None = None,
 ) -> NoReturn:  # fmt: skip
     """Become the recorder; signals reach it as they are. url: goes before port, as for all
-    commands. Raises Unavailable when no router is named and none is known, WrongUse when the URL
+    commands. Raises Unavailable when no router is named and none is known, UsageError when the URL
     names another machine, whose router cannot be known."""
     if url and router is None and state is None:
         port = port_here(

@@ -41,7 +41,7 @@ Url = Annotated[
 
 
 def chosen_address(port: int | None, url: str | None) -> tuple[int | None, str]:
-    """What `http.address.chosen` makes of the typed options. Raises WrongUse."""
+    """What `http.address.chosen` makes of the typed options. Raises UsageError."""
     from helios_client.http.address import chosen
     from helios_client.usage_errors import UsageError
 
@@ -67,7 +67,7 @@ class GatewayAddress:
 
     @property
     def port_here(self) -> int | None:
-        """The port of this machine; None where a URL names the robot. Raises WrongUse."""
+        """The port of this machine; None where a URL names the robot. Raises UsageError."""
         return chosen_address(self.port, self.url)[0]
 
     @property
@@ -81,7 +81,7 @@ class GatewayAddress:
 
     @property
     def base_url(self) -> str:
-        """Raises WrongUse for an address that is none."""
+        """Raises UsageError for an address that is none."""
         from helios_client.http.address import base_url
 
         return base_url(chosen_address(self.port, self.url)[1])
@@ -135,7 +135,7 @@ def flat(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def named_values(texts: Sequence[str]) -> dict[str, str]:
-    """`["alpha_d=0.01"]` as a mapping. Raises WrongUse."""
+    """`["alpha_d=0.01"]` as a mapping. Raises UsageError."""
     from helios_client.usage_errors import UsageError
 
     out = {}

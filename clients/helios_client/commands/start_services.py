@@ -7,20 +7,105 @@ from typing import Annotated
 
 import typer
 
-from helios_client.commands.shared_options import State, TypedPort, Url, console, flat
-from helios_client.commands.up_options import UpOptions
+from helios_client.commands.shared_options import Port, State, TypedPort, Url, console
 
 app = typer.Typer()
 
 
+RobotKind = Annotated[str, typer.Option(help="sim, replay, spot, bus, push or package:Class")]
+Seed = Annotated[int, typer.Option(help="of the simulated home", min=0)]
+Preset = Annotated[str, typer.Option(help="kind of the simulated home")]
+Furniture = Annotated[
+    str | None,
+    typer.Option(help="of the simulated home: parametric or realistic (helios assets bake)"),
+]
+Detector = Annotated[
+    str | None,
+    typer.Option(
+        help="simulated, ground-truth, onnx:FILE, package:Class or another of "
+        "docs/how-to/models.md  "
+        "[default: simulated for sim]"
+    ),
+]
+Scorer = Annotated[
+    str | None,
+    typer.Option(
+        help="scores images against prompts: lexical, minilm, transformers:ID or "
+        "package:Class  [default: its setting]"
+    ),
+]
+Agent = Annotated[
+    str | None,
+    typer.Option(
+        help="who decides, and what its maps take for true; or package:agent  [default: helios]"
+    ),
+]
+Source = Annotated[
+    Path | None, typer.Option(help="what --robot replay plays: a recording or data set")
+]
+Rate = Annotated[float, typer.Option(help="speed of --robot replay; 0: without waiting", min=0)]
+Record = Annotated[
+    bool, typer.Option("--record", help="record every topic", envvar="HELIOS_RECORD")
+]
+RecordDir = Annotated[
+    Path | None, typer.Option(help="folder of the recordings  [default: STATE/recordings]")
+]
+SpotHost = Annotated[
+    str | None, typer.Option(help="of --robot spot; login: HELIOS_SPOT_USERNAME, …_PASSWORD")
+]
+RouterPort = Annotated[
+    int | None, typer.Option(help="port of the router  [default: a free one]", min=1, max=65535)
+]
+BusName = Annotated[str, typer.Option(help="the robot's name on the bus")]
+
+
 @app.command()
-@flat
-def up(options: UpOptions) -> None:
+def up(
+    robot: RobotKind = "sim",
+    port: Port = 8080,
+    seed: Seed = 0,
+    preset: Preset = "demo-v1",
+    furniture: Furniture = None,
+    state: State = None,
+    detector: Detector = None,
+    scorer: Scorer = None,
+    agent: Agent = None,
+    source: Source = None,
+    rate: Rate = 1.0,
+    record: Record = False,
+    record_dir: RecordDir = None,
+    spot_host: SpotHost = None,
+    router_port: RouterPort = None,
+    name: BusName = "robot",
+) -> None:
     """Start every service on this machine, until Ctrl-C."""
+    from helios_client.replay.input_selection import check_source, default_detector
+    from helios_client.supervision import flag_checks, state_file
+    from helios_client.supervision.service_specs import ServiceSpecs, free_port
     from helios_client.supervision.up import Screen
     from helios_client.supervision.up import up as run_up
 
-    run_up(options.checked(), Screen())
+    robot = flag_checks.check_robot(robot)
+    flag_checks.check_name(name)
+    flag_checks.check_together(robot, spot_host, source)
+    if detector is None:
+        detector = default_detector(robot, source)
+    detector = flag_checks.check_detector(detector)
+    scorer = None if scorer is None else flag_checks.check_scorer(scorer)
+    agent = None if agent is None else flag_checks.check_agent(agent)
+    preset, furniture = flag_checks.check_home(robot, preset, furniture)
+    if source is not None:
+        check_source(source)
+    state_dir = state or state_file.default_state_dir(port)
+    if record and record_dir is None:
+        record_dir = state_dir / "recordings"
+    specs = ServiceSpecs(
+        robot=robot, router_port=router_port or free_port(), state_dir=state_dir, name=name,
+        port=port, seed=seed, preset=preset, furniture=furniture, detector=detector, scorer=scorer,
+        agent=agent, source=source, robot_host=spot_host, rate=rate if robot == "replay" else None,
+        record=record_dir,
+    )  # fmt: skip
+    run_up(specs, Screen())
 
 
 @app.command()

@@ -76,7 +76,7 @@ def seen_tables(found: Seen) -> list[Table | str]:
 
 
 def task_by_name(helios: Helios, id: str) -> Task:
-    """The newest task for `last`, else the one whose id begins so. Raises WrongUse when there is
+    """The newest task for `last`, else the one whose id begins so. Raises UsageError when there is
     none, or more than one."""
     if id.casefold() == "last":
         newest = helios.tasks(limit=1)
@@ -87,7 +87,7 @@ def task_by_name(helios: Helios, id: str) -> Task:
 
 
 def task_by_prefix(helios: Helios, id: str) -> Task:
-    """The task whose id begins so. Raises WrongUse when there is none, or more than one."""
+    """The task whose id begins so. Raises UsageError when there is none, or more than one."""
     id = id.casefold()  # ids are hexadecimal, in small letters
     fitting = [task for task in helios.tasks() if task.id.startswith(id)]
     exact = [task for task in fitting if task.id == id]

@@ -14,7 +14,7 @@ DEFAULT_THRESHOLD = 0.25
 
 
 def watch_list(classes: str, thresholds: str) -> SearchContext:
-    """`"cup,dining table"` and `"cup=0.25"` as a search context. Raises WrongUse."""
+    """`"cup,dining table"` and `"cup=0.25"` as a search context. Raises UsageError."""
     names = [plain(name) for name in classes.split(",")]
     if not all(names):
         raise UsageError(f"--classes is {classes!r}; wanted names with commas between them")

@@ -12,7 +12,7 @@ from helios_client.usage_errors import UsageError
 
 
 def check_source(source: Path) -> None:
-    """Whether there is something to play; what it is is looked at later. Raises WrongUse."""
+    """Whether there is something to play; what it is is looked at later. Raises UsageError."""
     if not source.exists():
         raise UsageError(
             f"there is no data set at {source}; name a recording (.mcap), a data set or a ROS bag"
@@ -20,7 +20,7 @@ def check_source(source: Path) -> None:
 
 
 def default_detector(robot: str, source: Path | None) -> str:
-    """Of `helios up` where none is named. Raises WrongUse where one must be."""
+    """Of `helios up` where none is named. Raises UsageError where one must be."""
     if robot == "sim":
         return "simulated"
     if robot == "replay" and source is not None and _is_recording(source):
@@ -33,7 +33,7 @@ def what_to_seek(
 ) -> tuple[SearchContext | None, str]:
     """(search context, detector) of `helios replay`; None: the searches of the recording.
 
-    Raises WrongUse where a recording would be needed for what is left out.
+    Raises UsageError where a recording would be needed for what is left out.
     """
     recorded = _is_recording(source)
     if classes is None:

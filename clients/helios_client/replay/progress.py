@@ -100,7 +100,7 @@ class Classes:
         self._told: set[str] = set()
 
     def check(self, board: ServiceTable, over: bool, console: Console) -> None:
-        """Tell what is new. over: no search is still to come. Raises WrongUse when none of the
+        """Tell what is new. over: no search is still to come. Raises UsageError when none of the
         classes of any search is known."""
         status = board.status("detector")
         if status is None or status.state != "degraded":

@@ -10,7 +10,7 @@ from pathlib import Path
 from helios_core import plugins
 from helios_core.agent_presets import AGENT_NAMES
 from helios_core.errors import HeliosError, InvalidInput
-from helios_core.name_rules import same_name
+from helios_core.name_rules import robot_name, same_name
 from helios_core.settings_spelling import nearest
 
 from helios_client.supervision.service_specs import RECORDED
@@ -24,13 +24,31 @@ DEFAULT_PRESET = "demo-v1"
 
 
 def check_robot(robot: str) -> str:
-    """The robot as the services know it. Raises WrongUse."""
+    """The robot as the services know it. Raises UsageError."""
     return _check(plugins.ROBOTS, robot, ROBOTS, "")
+
+
+def check_name(name: str) -> None:
+    """Raises UsageError for a name that no robot can have on the bus."""
+    try:
+        robot_name(name)
+    except InvalidInput as error:
+        raise UsageError(f"--name: {error.message}") from error
+
+
+def check_together(robot: str, spot_host: str | None, source: Path | None) -> None:
+    """Raises UsageError for flags that do not belong to this robot, or one that it lacks."""
+    if spot_host is not None and robot != "spot":
+        raise UsageError("--spot-host goes with --robot spot, and only with it")
+    if robot == "replay" and source is None:
+        raise UsageError("--robot replay needs --source, the recording or data set to play")
+    if source is not None and robot != "replay":
+        raise UsageError("--source goes with --robot replay, and only with it")
 
 
 def check_detector(detector: str) -> str:
     """The detector as the services know it: whether there can be such a one, and where it is a
-    file, whether that is there. Raises WrongUse.
+    file, whether that is there. Raises UsageError.
     """
     kind, _, model = detector.partition(":")
     if kind == "onnx":
@@ -41,7 +59,7 @@ def check_detector(detector: str) -> str:
 
 
 def check_scorer(scorer: str) -> str:
-    """The scorer as the services know it. Raises WrongUse."""
+    """The scorer as the services know it. Raises UsageError."""
     kind, _, model = scorer.partition(":")
     if kind == "transformers" and model:
         return scorer
@@ -49,14 +67,14 @@ def check_scorer(scorer: str) -> str:
 
 
 def check_agent(agent: str) -> str:
-    """The agent as the services know it. Raises WrongUse."""
+    """The agent as the services know it. Raises UsageError."""
     return _check(plugins.AGENTS, agent, AGENT_NAMES, "")
 
 
 def check_home(robot: str, preset: str, furniture: str | None) -> tuple[str, str | None]:
     """Preset and furniture as the simulator knows them; realistic furniture must have been baked.
 
-    Raises WrongUse.
+    Raises UsageError.
     """
     if furniture is not None:
         known = same_name(furniture, FURNITURE)
@@ -103,7 +121,7 @@ def _beside(path: Path) -> list[Path]:
 
 
 def _check(kind: plugins.Kind, given: str, ours: tuple[str, ...], more: str) -> str:
-    """The name as it is known: one of ours, or of a package that is there. Raises WrongUse."""
+    """The name as it is known: one of ours, or of a package that is there. Raises UsageError."""
     offered = (*ours, *kind.entry_names())
     if (name := same_name(given, offered)) in ours:
         return name

@@ -64,8 +64,8 @@ def known_agents(benchmark: Benchmark) -> tuple[str, ...]:
 
 
 def check_agents(agents: list[str], benchmark: Benchmark) -> list[str]:
-    """The agents as they are known, each once; their names may be in any case. Raises WrongUse for
-    an agent that is not known, and for one of another package that cannot be loaded."""
+    """The agents as they are known, each once; their names may be in any case. Raises UsageError
+    for an agent that is not known, and for one of another package that cannot be loaded."""
     known, offered = known_agents(benchmark), AGENTS.entry_names()
     out = [same_name(agent, (*known, *offered)) or agent for agent in agents]
     for agent in out:

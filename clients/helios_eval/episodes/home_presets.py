@@ -41,7 +41,7 @@ def noise_of(kind: str) -> str:
 
 
 def check_kind(kind: str) -> str:
-    """The kind as it is known; its name may be in any case. Raises WrongUse for one that is not
+    """The kind as it is known; its name may be in any case. Raises UsageError for one that is not
     known, or whose furniture is not there."""
     known = same_name(kind, KINDS)
     if known is None:

@@ -40,7 +40,7 @@ def checked(
     assignments: Iterable[str],
     max_steps: int | None,
 ) -> Condition:
-    """From the flags of `helios eval`; a table of None is the preset's. Raises WrongUse."""
+    """From the flags of `helios eval`; a table of None is the preset's. Raises UsageError."""
     known_benchmark = next((b for b in get_args(Benchmark) if b == benchmark), None)
     said = same_name(semantics, get_args(Semantics))
     known_semantics = next((s for s in get_args(Semantics) if s == said), None)

@@ -35,7 +35,7 @@ _OURS = frozenset(ServiceSettings.model_fields) | {
 
 
 def parsed(assignments: Iterable[str]) -> dict[str, Setting]:
-    """`["alpha_d=0.01"]` as `{"planner.alpha_d": 0.01}`. Raises WrongUse."""
+    """`["alpha_d=0.01"]` as `{"planner.alpha_d": 0.01}`. Raises UsageError."""
     out: dict[str, Setting] = {}
     for assignment in assignments:
         name, equals, text = assignment.partition("=")

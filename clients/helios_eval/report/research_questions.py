@@ -221,7 +221,7 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
         rows.add([arm.label, *cells, Cell(str(len(mine)), of), so])
     return rows.table(
         "Ideas beyond the paper, against the paper's method",
-        ["idea − helios", *IDEA_METRICS, "n", "so"],
+        ["idea − helios-paper", *IDEA_METRICS, "n", "so"],
         "Difference of the means over the same homes, percent points or the metric's unit, with "
         "the 95 % interval of a paired bootstrap; of collisions and steps less is better. Not "
         f"corrected for the number of ideas: of twenty without effect one would look settled in "

@@ -33,6 +33,7 @@ from helios_eval.runs.process_pool import Outcome, play_all
 from helios_eval.runs.progress import Board
 from helios_eval.runs.results import Picks
 
+_KEPT = ("relabelled",)  # of the file before: what scripts/relabel_agents.py noted
 _LIBRARIES = ("numpy", "mujoco", "numba", "opencv-python-headless", "scipy", "protobuf")
 
 
@@ -74,7 +75,7 @@ def run(asked: Run, console: Console) -> list[EpisodeRecord]:
     """Play what is missing, then write results and report; the records of this run's episodes.
 
     Whatever ends it, results and report are left of the episodes that are there. Raises Unavailable
-    where nothing can be played or written, WrongUse for a file, InvalidInput for a folder that
+    where nothing can be played or written, UsageError for a file, InvalidInput for a folder that
     holds something else or episodes that cannot be gone on with, Conflict for one into which
     another run plays, and KeyboardInterrupt when it was interrupted.
     """
@@ -165,26 +166,30 @@ def note(asked: Run, here: str, began_s: float, wall_s: float | None) -> None:
     before = [c for c in commands_of(former) if c != command]
     plain = asdict(asked) | {"noise": asked.noise.model_dump() if asked.noise else None}
     order = json.loads(json.dumps({key: plain[key] for key in KEYS}))
-    told: dict[str, Any] = plain | {
-        "out": str(asked.out),
-        "asked": [*(o for o in orders_of(former) if o != order), order],
-        "ran_with": former.get("ran_with", {})
-        | {agent: service_settings.ran_with(agent) for agent in asked.agents},
-        "command": command,
-        "commands": [*before, command],
-        "commit": here,
-        "preset_hash": home_presets.digest_of(asked.preset),
-        "noise_hash": asked.noise.digest if asked.noise else None,
-        "machine": machine(),
-        "cores": os.cpu_count(),
-        "versions": {
-            "python": platform.python_version(),
-            "helios-ovmm": version("helios-ovmm"),
-            **{name: version(name) for name in _LIBRARIES},
-        },
-        "started": datetime.fromtimestamp(began_s, UTC).isoformat(timespec="seconds"),
-        "wall_s": None if wall_s is None else round(wall_s, 1),
-    }
+    told: dict[str, Any] = (
+        plain
+        | {k: former[k] for k in _KEPT if k in former}
+        | {
+            "out": str(asked.out),
+            "asked": [*(o for o in orders_of(former) if o != order), order],
+            "ran_with": former.get("ran_with", {})
+            | {agent: service_settings.ran_with(agent) for agent in asked.agents},
+            "command": command,
+            "commands": [*before, command],
+            "commit": here,
+            "preset_hash": home_presets.digest_of(asked.preset),
+            "noise_hash": asked.noise.digest if asked.noise else None,
+            "machine": machine(),
+            "cores": os.cpu_count(),
+            "versions": {
+                "python": platform.python_version(),
+                "helios-ovmm": version("helios-ovmm"),
+                **{name: version(name) for name in _LIBRARIES},
+            },
+            "started": datetime.fromtimestamp(began_s, UTC).isoformat(timespec="seconds"),
+            "wall_s": None if wall_s is None else round(wall_s, 1),
+        }
+    )
     write_file(asked.out / RUN, json.dumps(told, indent=1) + "\n")
 
 

@@ -26,7 +26,7 @@ _PASSING = {"wall_s", "step_ms", "stage_ms", "beliefs", "commit"}
 
 
 def episodes(folders: Sequence[Path]) -> list[EpisodeRecord]:
-    """Of all folders, each once. Raises WrongUse for one of several that holds none, and
+    """Of all folders, each once. Raises UsageError for one of several that holds none, and
     InvalidInput where two say different things of one episode."""
     found: dict[str, tuple[EpisodeRecord, Path]] = {}
     for folder in folders:
@@ -67,7 +67,7 @@ def run(folders: Sequence[Path]) -> dict[str, Any]:
 
 
 def pack(folder: Path, records: Sequence[EpisodeRecord], run: dict[str, Any]) -> None:
-    """Write the small form; the same episodes give the same bytes. Raises WrongUse for the folder
+    """Write the small form; the same episodes give the same bytes. Raises UsageError for the folder
     of a run, whose own episodes would hide these."""
     if (folder / EPISODES).exists():
         raise UsageError(f"{folder} holds a run; give another folder with --out")

@@ -4,8 +4,8 @@
         --arm helios-paper --arm helios --arm "helios named_from=0.25 size_agreement=on"
 
 `helios-paper` searches each home once without ever picking. What its noisy detector said goes into
-one object map for each arm: an agent, with its settings and those that are given. At the end each arm
-says which thing it would pick, by its agent's rule, and what it believes of the furniture.
+one object map for each arm: an agent, with its settings and those that are given. At the end each
+arm says which thing it would pick, by its agent's rule, and what it believes of the furniture.
 
 Prints a row for each arm. "Picks": homes in which the chosen thing is one that the task means (in
 brackets: homes won and lost beside the first arm), another, or none. "Best": homes in which the
@@ -77,7 +77,7 @@ class Outcome:
 
 
 def arm_of(text: str) -> Arm:
-    """`"helios size_agreement=on"`: an agent, and settings that differ. Raises WrongUse."""
+    """`"helios size_agreement=on"`: an agent, and settings that differ. Raises UsageError."""
     agent, *assignments = text.split() or [""]
     if agent not in RULES:
         raise UsageError(f"--arm {text!r}: begin with an agent, {' or '.join(RULES)}")

@@ -94,7 +94,7 @@ def arms_of(given: Sequence[str]) -> dict[str, ObjectMapSettings]:
 
 
 def context_of(classes: str, thresholds: str, receptacles: str) -> SearchContext:
-    """Receptacles among the classes are joined over wider voxels. Raises WrongUse."""
+    """Receptacles among the classes are joined over wider voxels. Raises UsageError."""
     context = watch_list(classes, thresholds)
     wide = {name.strip() for name in receptacles.split(",") if name.strip()}
     if unknown := sorted(wide - {c.name for c in context.classes}):

@@ -53,14 +53,25 @@ def video(
     agent = under.agents[0]
     if agent == WALKER:
         raise UsageError(f"{agent} has no maps to film; choose another agent")
-    path = out or Path("runs/video") / f"{agent}-{seed}.mp4"
-    if path.suffix.lower() != ".mp4":
-        raise UsageError(f"--out is {str(path)!r}; a video is written as FILE.mp4")
+    path = _checked_file(out or Path("runs/video") / f"{agent}-{seed}.mp4")
     asked = EpisodeSpec(
-        under.benchmark, agent, under.semantics, under.preset, seed, under.noise,
+        under.benchmark,
+        agent,
+        under.semantics,
+        under.preset,
+        seed,
+        under.noise,
         that_change(agent, under.settings),
-    )  # fmt: skip
+    )
     console = Console()
     with counted(console, f"home {seed}", asked.max_steps) as on_step:
-        outcome = film(asked, path, fps, on_step)
-    console.print(f"{outcome}; written to {path}", highlight=False)
+        told = film(asked, path, fps, on_step)
+    console.print(f"{told}; written to {path}", highlight=False)
+
+
+def _checked_file(path: Path) -> Path:
+    from helios_client.usage_errors import UsageError
+
+    if path.suffix.lower() != ".mp4":
+        raise UsageError(f"--out is {str(path)!r}; a video is written as FILE.mp4")
+    return path

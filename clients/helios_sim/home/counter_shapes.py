@@ -60,6 +60,24 @@ def kitchen_counter(rng: np.random.Generator, palette: Palette) -> Shape:
     return b.finish((width, depth, height), front)
 
 
+def _sink(b: ShapeBuilder, x: float, height: float) -> None:
+    """A basin in the top and its tap."""
+    basin = darker(STEEL, 0.62)
+    b.box((x, -0.01, height + 0.002), (0.52, 0.42, 0.012), STEEL, bevel_m=0.005)
+    b.box((x, -0.01, height + 0.005), (0.44, 0.34, 0.012), basin, bevel_m=0.005)
+    b.tube(
+        [
+            (x, 0.25, height),
+            (x, 0.25, height + 0.2),
+            (x, 0.21, height + 0.26),
+            (x, 0.13, height + 0.27),
+            (x, 0.09, height + 0.22),
+        ],
+        0.012,
+        STEEL,
+    )
+
+
 def washstand(rng: np.random.Generator, palette: Palette) -> Shape:
     width, depth = float(rng.uniform(0.95, 1.15)), float(rng.uniform(0.46, 0.5))
     height, foot = float(rng.uniform(0.80, 0.86)), 0.16
@@ -84,7 +102,7 @@ def washstand(rng: np.random.Generator, palette: Palette) -> Shape:
     )
     side = 1 if rng.random() < 0.5 else -1
     x, r = side * (width / 2 - 0.24), 0.19
-    _round_basin(b, x, r, height)
+    _bowl(b, x, r, height)
     b.solid("box", (0, 0, height / 2), (width, depth, height))
     b.solid("cylinder", (x, -0.01, height + 0.055), (2 * r, 2 * r, 0.11))
     for s in (-1, 1):
@@ -99,26 +117,8 @@ def washstand(rng: np.random.Generator, palette: Palette) -> Shape:
     return b.finish((width, depth, height), front)
 
 
-def _sink(b: ShapeBuilder, sink_x: float, height: float) -> None:
-    """Sink and tap at x on a counter of that height (m)."""
-    basin = darker(STEEL, 0.62)
-    b.box((sink_x, -0.01, height + 0.002), (0.52, 0.42, 0.012), STEEL, bevel_m=0.005)
-    b.box((sink_x, -0.01, height + 0.005), (0.44, 0.34, 0.012), basin, bevel_m=0.005)
-    b.tube(
-        [
-            (sink_x, 0.25, height),
-            (sink_x, 0.25, height + 0.2),
-            (sink_x, 0.21, height + 0.26),
-            (sink_x, 0.13, height + 0.27),
-            (sink_x, 0.09, height + 0.22),
-        ],
-        0.012,
-        STEEL,
-    )
-
-
-def _round_basin(b: ShapeBuilder, x: float, r: float, height: float) -> None:
-    """Basin of radius r and tap at x on a washstand of that height (m)."""
+def _bowl(b: ShapeBuilder, x: float, r: float, height: float) -> None:
+    """A bowl of radius r on the top and its tap."""
     b.lathe(
         [
             (0, 0),

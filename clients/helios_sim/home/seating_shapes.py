@@ -1,6 +1,5 @@
 """Sofa, armchair, bed, bench, chair. Origin on the floor under the middle, +y is the back."""
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -11,8 +10,6 @@ from helios_sim.home.shape_builder import ShapeBuilder
 
 Maker = Callable[[np.random.Generator, Palette], Shape]
 
-BACK_M = 0.2  # thickness of the back of sofa and armchair
-
 
 def _padded_seat(
     rng: np.random.Generator, palette: Palette, width: float, seats: int, cushions: int
@@ -21,10 +18,9 @@ def _padded_seat(
     depth = float(rng.uniform(0.84, 0.92))
     seat, back_height = float(rng.uniform(0.42, 0.46)), float(rng.uniform(0.78, 0.88))
     arm, arm_height = float(rng.uniform(0.14, 0.18)), float(rng.uniform(0.56, 0.62))
-    back = BACK_M
+    back = 0.2
     b = ShapeBuilder()
-    inner = width - 2 * arm
-    seat_depth = depth - back
+    inner, seat_depth = width - 2 * arm, depth - back
     base_top = seat - 0.14
     seam = darker(cloth, 0.92)
     b.box(
@@ -51,64 +47,58 @@ def _padded_seat(
     )
     b.solid("box", (0, (depth - back) / 2, back_height / 2), (width, back, back_height))
     b.solid("box", (0, -back / 2, seat / 2), (inner, seat_depth, seat))
-    _seat_pads(b, seats, inner, (seat_depth, depth / 2 - back), (seat, back_height), cloth)
-    for k in range(cushions):
-        x = (-1 if k == 0 else 1) * (inner / 2 - 0.19)
-        _throw_cushion(b, (x, depth / 2 - back, seat), palette.accent(rng))
-    _legs(b, width - 0.14, depth - 0.14, 0.1, 0.022, legs)
-    used = 0.4 if cushions else 0.0
-    lo = -inner / 2 + used
-    hi = inner / 2 - (used if cushions > 1 else 0.0)
-    b.surface(((lo + hi) / 2, -back / 2 - 0.03), (hi - lo - 0.02, seat_depth - 0.10), seat)
-    return b.finish((width, depth, back_height), cloth)
-
-
-def _seat_pads(
-    b: ShapeBuilder,
-    seats: int,
-    inner: float,
-    along: tuple[float, float],
-    heights: tuple[float, float],
-    cloth: Material,
-) -> None:
-    """A pad to sit on and one to lean on for each seat.
-
-    inner: between the arms; along: depth of the seat, and y of the front of the back; heights: top
-    of the seat and of the back. All in metres.
-    """
-    (seat_depth, back_y), (seat, back_height) = along, heights
     one = inner / seats
     for k in range(seats):
         x = -inner / 2 + (k + 0.5) * one
         b.box(
-            (x, -BACK_M / 2, seat - 0.08),
+            (x, -back / 2, seat - 0.08),
             (one - 0.008, seat_depth + 0.02, 0.16),
             cloth,
             bevel_m=0.04,
             segments=2,
         )
         b.box(
-            (x, back_y + 0.015, seat + (back_height - seat) * 0.48),
+            (x, depth / 2 - back + 0.015, seat + (back_height - seat) * 0.48),
             (one - 0.02, 0.11, (back_height - seat) * 0.92),
             cloth,
             bevel_m=0.045,
             segments=2,
             tilt_rad=(-0.1, 0, 0),
         )
+    _cushions(b, rng, palette, cushions, inner, depth / 2 - back, seat)
+    _legs(b, width - 0.14, depth - 0.14, 0.1, 0.022, legs)
+    used = 0.4 if cushions else 0.0
+    lo, hi = -inner / 2 + used, inner / 2 - (used if cushions > 1 else 0.0)
+    b.surface(((lo + hi) / 2, -back / 2 - 0.03), (hi - lo - 0.02, seat_depth - 0.10), seat)
+    return b.finish((width, depth, back_height), cloth)
 
 
-def _throw_cushion(b: ShapeBuilder, corner: Vec3, cloth: Material) -> None:
-    """A loose cushion that leans in a corner. corner: x, y of the front of the back, seat (m)."""
-    x, y, seat = corner
-    b.box(
-        (x, y - 0.09, seat + 0.19),
-        (0.36, 0.12, 0.36),
-        cloth,
-        bevel_m=0.055,
-        segments=2,
-        tilt_rad=(-0.28, 0, math.copysign(0.06, x)),
-    )
-    b.solid("box", (x, y - 0.06, seat + 0.16), (0.36, 0.18, 0.32))
+def _cushions(
+    b: ShapeBuilder,
+    rng: np.random.Generator,
+    palette: Palette,
+    cushions: int,
+    inner: float,
+    back_y: float,
+    seat: float,
+) -> None:
+    """Lean against the back, the first one at the left arm."""
+    for k in range(cushions):
+        side = -1 if k == 0 else 1
+        x = side * (inner / 2 - 0.19)
+        b.box(
+            (x, back_y - 0.09, seat + 0.19),
+            (0.36, 0.12, 0.36),
+            palette.accent(rng),
+            bevel_m=0.055,
+            segments=2,
+            tilt_rad=(-0.28, 0, side * 0.06),
+        )
+        b.solid(
+            "box",
+            (x, back_y - 0.06, seat + 0.16),
+            (0.36, 0.18, 0.32),
+        )
 
 
 def sofa(rng: np.random.Generator, palette: Palette) -> Shape:

@@ -18,8 +18,7 @@ from starlette.requests import HTTPConnection
 
 from helios_gateway import message_conversion
 from helios_gateway.api_keys import Scope
-from helios_gateway.authorization import check, secured
-from helios_gateway.dependencies import AddressedRobot, State
+from helios_gateway.dependencies import AddressedRobot, State, check, secured
 from helios_gateway.error_responses import (
     Forbidden,
     Unauthorized,
@@ -55,7 +54,9 @@ async def events(
     request: Request,
     types: Types = "",
     task_id: TaskId = "",
-    last_event_id: Annotated[str | None, Header()] = None,
+    last_event_id: Annotated[
+        str | None, Header(description="go on after the event with this id")
+    ] = None,
 ) -> StreamingResponse:
     """Types: `task`, `decision`, `plan`, `robot` (at most 2 a second while it moves),
     `map` (numbers that rise when a map changes), `service`, `ready`. The data is JSON, of the
@@ -78,7 +79,9 @@ async def socket(
     socket: WebSocket,
     types: Types = "",
     task_id: TaskId = "",
-    last_event_id: Annotated[str | None, Query(max_length=100)] = None,
+    last_event_id: Annotated[
+        str | None, Query(max_length=100, description="go on after the event with this id")
+    ] = None,
 ) -> None:
     try:
         check(socket, Scope.READ)

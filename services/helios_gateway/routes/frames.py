@@ -15,8 +15,7 @@ from helios_core.topics import PUSH
 from starlette.responses import JSONResponse
 
 from helios_gateway.api_keys import Scope
-from helios_gateway.authorization import check, secured
-from helios_gateway.dependencies import AddressedRobot, GatewayState, State
+from helios_gateway.dependencies import AddressedRobot, GatewayState, State, check, secured
 from helios_gateway.error_responses import Forbidden, Unauthorized, problem, problem_of, problems
 from helios_gateway.robot_registry import Served
 from helios_gateway.uploaded_frames import FrameTaken, push_request, read_meta, taken

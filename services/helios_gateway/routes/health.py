@@ -15,8 +15,7 @@ from helios_core.topics import settings_method
 
 from helios_gateway import api_models
 from helios_gateway.api_keys import Scope
-from helios_gateway.authorization import secured
-from helios_gateway.dependencies import AddressedRobot, CallTimeout, State
+from helios_gateway.dependencies import AddressedRobot, CallTimeout, State, secured
 from helios_gateway.error_responses import NotFound, problems
 
 ROUTER = "router"

@@ -8,11 +8,11 @@ from fastapi import APIRouter, Path, Query, Request, Response
 
 from helios_gateway import api_map_models
 from helios_gateway.api_keys import Scope
-from helios_gateway.authorization import secured
 from helios_gateway.cached_responses import JPEG, NPZ, PNG, UNCHANGED, content_docs, tagged
-from helios_gateway.dependencies import AddressedRobot, Maps
+from helios_gateway.dependencies import AddressedRobot, Maps, secured
 from helios_gateway.error_responses import problems
 
+LayerName = Annotated[str, Path(description="as `/v1/map` lists it")]
 SizePx = Annotated[int, Query(ge=128, le=4096, description="side of the square picture, pixels")]
 router = APIRouter(
     tags=["maps and camera"],
@@ -72,7 +72,7 @@ def occupancy_npz(maps: Maps, request: Request) -> Response:
     response_class=Response,
     responses=content_docs(PNG, "a picture for people") | problems(404),
 )
-def value_png(maps: Maps, request: Request, layer: str, size_px: SizePx = 900) -> Response:
+def value_png(maps: Maps, request: Request, layer: LayerName, size_px: SizePx = 900) -> Response:
     return tagged(request, maps.picture(layer, size_px))
 
 
@@ -82,7 +82,7 @@ def value_png(maps: Maps, request: Request, layer: str, size_px: SizePx = 900) -
     response_class=Response,
     responses=content_docs(NPZ, "value, explored, origin_m, cell_m") | problems(404),
 )
-def value_npz(maps: Maps, request: Request, layer: str) -> Response:
+def value_npz(maps: Maps, request: Request, layer: LayerName) -> Response:
     return tagged(request, maps.npz(layer))
 
 

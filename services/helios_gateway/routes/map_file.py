@@ -25,8 +25,7 @@ from helios_core.topics import (
 
 from helios_gateway import api_map_models
 from helios_gateway.api_keys import Scope
-from helios_gateway.authorization import secured
-from helios_gateway.dependencies import AddressedRobot, State
+from helios_gateway.dependencies import AddressedRobot, State, secured
 from helios_gateway.error_responses import problems
 from helios_gateway.map_archive import MAP2D_SUFFIX, MapFile, packed, unpacked
 from helios_gateway.message_conversion import finite

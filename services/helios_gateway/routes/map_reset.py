@@ -11,8 +11,7 @@ from helios_core.topics import RESET_MAP2D, RESET_OBJECTS, SAVE_OBJECTS, Method
 
 from helios_gateway import api_map_models
 from helios_gateway.api_keys import Scope
-from helios_gateway.authorization import secured
-from helios_gateway.dependencies import AddressedRobot, CallTimeout, Maps
+from helios_gateway.dependencies import AddressedRobot, CallTimeout, Maps, secured
 from helios_gateway.error_responses import problems
 from helios_gateway.robot_registry import Served
 from helios_gateway.routes.map_file import FILE_S, no_task, put_back

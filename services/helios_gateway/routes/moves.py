@@ -15,8 +15,7 @@ from helios_core.topics import SUBMIT
 from helios_gateway import api_models, message_conversion
 from helios_gateway.api_keys import Scope
 from helios_gateway.api_move_models import ExploreRequest, GoRequest
-from helios_gateway.authorization import secured
-from helios_gateway.dependencies import AddressedRobot, CallTimeout
+from helios_gateway.dependencies import AddressedRobot, CallTimeout, secured
 from helios_gateway.error_responses import problems
 
 EXPLORE, HOME = "explore the home", "return to the start"

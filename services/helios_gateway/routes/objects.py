@@ -15,16 +15,18 @@ from helios_core.topics import EXPORT_OBJECTS, OBJECT_DETAIL, RENDER_OBJECTS
 
 from helios_gateway import api_map_models, message_conversion
 from helios_gateway.api_keys import Scope
-from helios_gateway.authorization import secured
 from helios_gateway.cached_responses import NPZ, PNG, Encoded, content_docs, tagged
-from helios_gateway.dependencies import AddressedRobot, CallTimeout
+from helios_gateway.dependencies import AddressedRobot, CallTimeout, secured
 from helios_gateway.error_responses import NotFound, invalid_as_not_found, problems
 from helios_gateway.object_viewpoint import camera, look_at
 from helios_gateway.robot_registry import Served
 
 PLY = "application/octet-stream"
 Layer = Literal["color", "depth", "probability", "uncertainty"]
-Metres = Annotated[float, Query(allow_inf_nan=False, ge=-1e6, le=1e6)]
+Metres = Annotated[
+    float,
+    Query(allow_inf_nan=False, ge=-1e6, le=1e6, description="of the camera, in the world frame"),
+]
 ObjectId = Annotated[int, Path(ge=1, lt=2**64, description="as /v1/objects gives it")]
 router = APIRouter(tags=["objects"], dependencies=secured(Scope.READ))
 
@@ -162,9 +164,11 @@ def view_from(
                      description="how far below the horizon it looks"),
     ] = 0.4,
     layer: Annotated[Layer, Query(description="the last two are of a class")] = "color",
-    class_name: Annotated[str, Query(alias="class", max_length=100)] = "",
-    width_px: Annotated[int, Query(ge=16, le=1280)] = 640,
-    height_px: Annotated[int, Query(ge=16, le=1280)] = 480,
+    class_name: Annotated[
+        str, Query(alias="class", max_length=100, description="for the last two layers")
+    ] = "",
+    width_px: Annotated[int, Query(ge=16, le=1280, description="of the picture")] = 640,
+    height_px: Annotated[int, Query(ge=16, le=1280, description="of the picture")] = 480,
     fov_rad: Annotated[
         float, Query(ge=0.2, le=2.5, allow_inf_nan=False, description="across the picture"),
     ] = 1.2,

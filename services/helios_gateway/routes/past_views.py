@@ -15,8 +15,7 @@ from helios_core.topics import RECALL
 
 from helios_gateway import api_map_models, message_conversion
 from helios_gateway.api_keys import Scope
-from helios_gateway.authorization import secured
-from helios_gateway.dependencies import AddressedRobot, Maps
+from helios_gateway.dependencies import AddressedRobot, Maps, secured
 from helios_gateway.error_responses import problems
 from helios_gateway.robot_registry import Served
 from helios_gateway.routes.objects import ObjectId

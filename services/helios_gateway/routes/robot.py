@@ -16,8 +16,7 @@ from starlette.requests import ClientDisconnect
 
 from helios_gateway import api_models
 from helios_gateway.api_keys import Scope
-from helios_gateway.authorization import secured
-from helios_gateway.dependencies import AddressedRobot, CallTimeout, State
+from helios_gateway.dependencies import AddressedRobot, CallTimeout, State, secured
 from helios_gateway.error_responses import problems
 
 BODY_S = 0.2  # that stop-now waits for its reason

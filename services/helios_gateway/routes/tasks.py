@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Path, Query
 from helios_core import proto as pb
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.task_states import TaskState
@@ -23,13 +23,13 @@ from helios_core.topics import (
 
 from helios_gateway import api_models, message_conversion
 from helios_gateway.api_keys import Scope
-from helios_gateway.authorization import secured
-from helios_gateway.dependencies import AddressedRobot, CallTimeout, Maps
+from helios_gateway.dependencies import AddressedRobot, CallTimeout, Maps, secured
 from helios_gateway.error_responses import invalid_as_not_found, problems
 from helios_gateway.robot_registry import Served
 from helios_gateway.task_suggestions import suggestions as suggested
 
 router = APIRouter(tags=["tasks"], dependencies=secured(Scope.READ))
+TaskId = Annotated[str, Path(description="as `POST /v1/tasks` gave it")]
 
 
 @router.post(
@@ -72,7 +72,7 @@ def list_tasks(
 
 
 @router.get("/tasks/{id}", summary="One task", responses=problems(404))
-def get_task(robot: AddressedRobot, id: str, timeout_s: CallTimeout) -> api_models.Task:
+def get_task(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_models.Task:
     return message_conversion.task(_of_task(robot, GET_TASK, id, timeout_s))
 
 
@@ -82,7 +82,7 @@ def get_task(robot: AddressedRobot, id: str, timeout_s: CallTimeout) -> api_mode
     responses=problems(404, 409, body=True),
     dependencies=secured(Scope.OPERATE),
 )
-def cancel(robot: AddressedRobot, id: str, timeout_s: CallTimeout) -> api_models.Task:
+def cancel(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_models.Task:
     """The robot comes to rest; a task that has ended stays as it is."""
     return message_conversion.task(_of_task(robot, CANCEL, id, timeout_s))
 
@@ -93,7 +93,7 @@ def cancel(robot: AddressedRobot, id: str, timeout_s: CallTimeout) -> api_models
     responses=problems(404, 409, body=True),
     dependencies=secured(Scope.OPERATE),
 )
-def pause(robot: AddressedRobot, id: str, timeout_s: CallTimeout) -> api_models.Task:
+def pause(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_models.Task:
     """The action that runs is finished, no further one is begun until the task is resumed."""
     return message_conversion.task(_of_task(robot, PAUSE, id, timeout_s))
 
@@ -104,7 +104,7 @@ def pause(robot: AddressedRobot, id: str, timeout_s: CallTimeout) -> api_models.
     responses=problems(404, 409, body=True),
     dependencies=secured(Scope.OPERATE),
 )
-def resume(robot: AddressedRobot, id: str, timeout_s: CallTimeout) -> api_models.Task:
+def resume(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_models.Task:
     return message_conversion.task(_of_task(robot, RESUME, id, timeout_s))
 
 
@@ -112,7 +112,7 @@ def resume(robot: AddressedRobot, id: str, timeout_s: CallTimeout) -> api_models
 def decisions(
     robot: AddressedRobot,
     timeout_s: CallTimeout,
-    id: str,
+    id: TaskId,
     set: Annotated[
         list[str] | None,
         Query(description="take them again under this setting, `alpha_d=0.01`; repeatable"),

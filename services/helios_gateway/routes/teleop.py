@@ -16,8 +16,7 @@ from pydantic import ValidationError
 from starlette.requests import HTTPConnection
 
 from helios_gateway.api_keys import Scope
-from helios_gateway.authorization import check, key_of, secured
-from helios_gateway.dependencies import AddressedRobot, State, state_of
+from helios_gateway.dependencies import AddressedRobot, State, check, key_of, secured, state_of
 from helios_gateway.error_responses import Forbidden, Unauthorized, problem_of, problems
 from helios_gateway.message_conversion import finite, pose_of
 from helios_gateway.request_validation import told

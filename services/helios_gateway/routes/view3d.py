@@ -8,9 +8,8 @@ from fastapi import APIRouter, Query, Request, Response
 
 from helios_gateway import viewer_scene
 from helios_gateway.api_keys import Scope
-from helios_gateway.authorization import secured
 from helios_gateway.cached_responses import Encoded, content_docs, tagged
-from helios_gateway.dependencies import Maps
+from helios_gateway.dependencies import Maps, secured
 from helios_gateway.error_responses import problems
 from helios_gateway.gaussian_arrays import ColorBy
 

@@ -68,9 +68,9 @@ class DriveRequest(BaseModel):
 class DriveResult(BaseModel):
     """What came of one move, as the robot itself measured it."""
 
-    succeeded: bool
+    succeeded: bool = Field(description="the move was finished")
     reason: str = Field(description="one sentence when it failed; else empty")
-    moved_m: float | None
-    turned_rad: float | None
-    collided: bool
+    moved_m: float | None = Field(description="way ahead; below 0: back")
+    turned_rad: float | None = Field(description="above 0: left")
+    collided: bool = Field(description="the robot touched something")
     pose: RobotPose | None = Field(description="where the robot stands now")

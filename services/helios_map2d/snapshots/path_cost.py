@@ -48,49 +48,8 @@ def cost_along(
     """
     _check(corners_m, radius_m, comfort_m)
     samples, steps = sampled(corners_m, snapshot.grid.cell_m)
-    to_edge, unknown = _ground_under(snapshot, samples, radius_m + comfort_m)
-    clearance = np.minimum(to_edge - radius_m, comfort_m)
-    blocked = bool((clearance < 0).any())
-    speed = np.maximum(SLOWEST, clearance / comfort_m)
-    weights = np.zeros(len(samples))  # each sample stands for half a step to either side
-    weights[:-1] += steps / 2
-    weights[1:] += steps / 2
-    return PathCost(
-        samples_m=samples,
-        clearance_m=clearance,
-        length_m=float(steps.sum()),
-        cost_m=float("inf") if blocked else float((weights / speed).sum()),
-        least_clearance_m=float(clearance.min()),
-        unknown_m=float(weights[unknown].sum()),
-        blocked=blocked,
-    )
-
-
-def _check(corners_m: NDArray[np.float64], radius_m: float, comfort_m: float) -> None:
-    """Raises InvalidInput, as `cost_along` says."""
-    if corners_m.ndim != 2 or corners_m.shape[1:] != (2,) or len(corners_m) < 2:
-        raise InvalidInput(f"a way has at least two corners x, y; {corners_m.shape} came")
-    at_home = (np.abs(corners_m) <= FARTHEST_M).all(axis=1)  # and finite
-    if not at_home.all():
-        k = int(at_home.argmin())
-        raise InvalidInput(
-            f"corner {k + 1} of the way is {corners_m[k].tolist()}: send finite metres within "
-            f"{FARTHEST_M:g} m"
-        )
-    if not (0 <= radius_m <= WIDEST_M and 0 < comfort_m <= WIDEST_M):
-        raise InvalidInput(
-            f"cannot follow a way with radius {radius_m} m and comfort {comfort_m} m: send a "
-            f"radius and a comfort of up to {WIDEST_M:g} m, the comfort above 0"
-        )
-
-
-def _ground_under(
-    snapshot: MapSnapshot, samples: NDArray[np.float64], reach_m: float
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Of each sample [n, 2] (m): metres to the nearest obstacle cell's edge [n], exact up to
-    `reach_m`, and whether its cell is unknown [n]."""
     cell_m = snapshot.grid.cell_m
-    reach = int(np.ceil(reach_m / cell_m)) + 2
+    reach = int(np.ceil((radius_m + comfort_m) / cell_m)) + 2
     cells = np.floor(samples / cell_m).astype(np.int64)[:, ::-1]  # world cells
     (row_lo, column_lo), (row_hi, column_hi) = cells.min(axis=0), cells.max(axis=0) + 1
     whole = snapshot.grid.to_world(snapshot.grid.whole)
@@ -110,7 +69,21 @@ def _ground_under(
         at = tuple(local[inside].T)
         to_edge[inside] = np.maximum(0, distance[at] - 0.5) * cell_m
         unknown[inside] = part[at] == UNKNOWN
-    return to_edge, unknown
+    clearance = np.minimum(to_edge - radius_m, comfort_m)
+    blocked = bool((clearance < 0).any())
+    speed = np.maximum(SLOWEST, clearance / comfort_m)
+    weights = np.zeros(len(samples))  # each sample stands for half a step to either side
+    weights[:-1] += steps / 2
+    weights[1:] += steps / 2
+    return PathCost(
+        samples_m=samples,
+        clearance_m=clearance,
+        length_m=float(steps.sum()),
+        cost_m=float("inf") if blocked else float((weights / speed).sum()),
+        least_clearance_m=float(clearance.min()),
+        unknown_m=float(weights[unknown].sum()),
+        blocked=blocked,
+    )
 
 
 def sampled(
@@ -130,3 +103,20 @@ def sampled(
     ]
     samples = np.vstack([*parts, corners_m[-1:]])
     return samples, np.hypot(*np.diff(samples, axis=0).T)
+
+
+def _check(corners_m: NDArray[np.float64], radius_m: float, comfort_m: float) -> None:
+    if corners_m.ndim != 2 or corners_m.shape[1:] != (2,) or len(corners_m) < 2:
+        raise InvalidInput(f"a way has at least two corners x, y; {corners_m.shape} came")
+    at_home = (np.abs(corners_m) <= FARTHEST_M).all(axis=1)  # and finite
+    if not at_home.all():
+        k = int(at_home.argmin())
+        raise InvalidInput(
+            f"corner {k + 1} of the way is {corners_m[k].tolist()}: send finite metres within "
+            f"{FARTHEST_M:g} m"
+        )
+    if not (0 <= radius_m <= WIDEST_M and 0 < comfort_m <= WIDEST_M):
+        raise InvalidInput(
+            f"cannot follow a way with radius {radius_m} m and comfort {comfort_m} m: send a "
+            f"radius and a comfort of up to {WIDEST_M:g} m, the comfort above 0"
+        )

@@ -15,9 +15,6 @@ import urllib.request
 from dataclasses import dataclass
 from http.client import HTTPException
 
-from helios_core.errors import InvalidInput
-
-from helios_planner.instruction.parser import Instruction, NotRead, parse
 from helios_planner.settings import Settings
 
 LONGEST_ANSWER_BYTES = 65_536
@@ -102,27 +99,3 @@ def language_model(settings: Settings) -> LanguageModel | None:
     s = settings
     key = s.llm_key.get_secret_value()
     return LanguageModel(s.llm_url, s.llm_model, key, s.llm_timeout_s) if s.llm_url else None
-
-
-def parse_with_help(text: str, model: LanguageModel | None) -> Instruction:
-    """Read by the grammar; what it does not recognise is said plainly by the model and read again.
-
-    Raises InvalidInput as `parse` does, and says why the model did not help.
-    """
-    try:
-        return parse(text)
-    except NotRead as refusal:
-        if model is None:
-            raise
-        try:
-            sentence = model.plain_sentence(text)
-        except NoHelp as why:
-            raise InvalidInput(
-                f"{refusal.message} (the language model {model.model} did not help: {why})"
-            ) from why
-        try:
-            return parse(sentence)
-        except InvalidInput as again:
-            raise InvalidInput(
-                f"{again.message} (read by the language model {model.model} as “{sentence:.120}”)"
-            ) from again

@@ -14,22 +14,30 @@ from enum import StrEnum
 from helios_core.errors import InvalidInput
 
 from helios_planner.instruction import lexicon
-from helios_planner.instruction.coordinates import HOW, WORD, Point, Written, confirm, find_point
 from helios_planner.instruction.grammar import (
+    EXAMPLE,
     Clause,
     PlacePhrase,
     clauses_of,
-    noun,
-)
-from helios_planner.instruction.lexicon import Place, Verb, length_at
-from helios_planner.instruction.move_commands import WHAT_MOVES, Move, read_move
-from helios_planner.instruction.refusals import (
-    EXAMPLE,
     no_verb,
+    noun,
     refuse_conditions,
     refuse_negation,
     refuse_return,
     short,
+)
+from helios_planner.instruction.language_model import LanguageModel, NoHelp
+from helios_planner.instruction.lexicon import Place, Verb, length_at
+from helios_planner.instruction.move_commands import (
+    HOW,
+    WHAT_MOVES,
+    WORD,
+    Move,
+    Point,
+    Written,
+    confirm,
+    find_point,
+    read_move,
 )
 
 LONGEST = 400
@@ -102,6 +110,30 @@ def parse(text: str) -> Instruction:
     if all(c.verb is Verb.GO for c in clauses):
         return _go_to(clauses, text)
     return _move_or_find(clauses, text)
+
+
+def parse_with_help(text: str, model: LanguageModel | None) -> Instruction:
+    """Read by the grammar; what it does not recognise is said plainly by the model and read again.
+
+    Raises InvalidInput as `parse` does, and says why the model did not help.
+    """
+    try:
+        return parse(text)
+    except NotRead as refusal:
+        if model is None:
+            raise
+        try:
+            sentence = model.plain_sentence(text)
+        except NoHelp as why:
+            raise InvalidInput(
+                f"{refusal.message} (the language model {model.model} did not help: {why})"
+            ) from why
+        try:
+            return parse(sentence)
+        except InvalidInput as again:
+            raise InvalidInput(
+                f"{again.message} (read by the language model {model.model} as “{sentence:.120}”)"
+            ) from again
 
 
 def _sent_to(written: Written, text: str) -> Instruction | None:

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 from helios_core import proto as pb
+from helios_core.agent_presets import DEFAULT_AGENT
 from helios_core.codec import frame_id_to_proto
 from helios_core.types import FrameId
 from numpy.typing import NDArray
 
 from helios_planner.decisions.counterfactual import Recomputed
 from helios_planner.decisions.decision import Candidate, Decision, Do
-from helios_planner.instruction.coordinates import Point
+from helios_planner.instruction.move_commands import Point
 from helios_planner.instruction.parser import Instruction, Kind
 from helios_planner.motion_planning.costmap import Pose2
 from helios_planner.task import Cause, Phase, State, Task
@@ -86,7 +87,7 @@ def task_from_proto(task: pb.Task) -> Task:
         ended_s=task.ended_s,
         progress=task.progress,
         context_id=task.context_id,
-        agent=task.agent or "helios",
+        agent=task.agent or DEFAULT_AGENT,
         priority=task.priority,
         settings=dict(task.settings),
         on_hold=task.on_hold,

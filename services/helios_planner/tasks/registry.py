@@ -6,11 +6,13 @@ import logging
 import math
 import threading
 import time
+import uuid
+from collections.abc import Callable
 
 import numpy as np
 from helios_core import proto as pb
 from helios_core.bus import Bus
-from helios_core.errors import HeliosError, InvalidInput, Unavailable
+from helios_core.errors import Conflict, HeliosError, InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.topics import DECISION, PLAN, TASK, M, Topic
 from helios_core.types import FrameId
@@ -40,6 +42,8 @@ UNPROVEN = (
 )
 NOT_KEPT = "this could not be kept: a planner that is restarted will not know it"
 PLACES = ("frontier", "receptacle")  # candidates that are places to go to and look
+LONGEST_RESERVATION_S = 600.0
+LONGEST_REASON = 200  # letters
 
 
 class TaskRegistry:
@@ -295,6 +299,41 @@ def waiting_words(instruction: Instruction, robot_known: bool, reserved: str = "
     if instruction.unused:
         words += f"; not used: {', '.join(f'“{u}”' for u in instruction.unused)}"
     return words
+
+
+class Reservation:
+    """A time in which no task is begun, since somebody replaces the maps that tasks rely on.
+
+    There is at most one. It ends by itself. Use it under the lock of the planner's queue.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._token, self._why, self._ends_s = "", "", 0.0
+
+    @property
+    def why(self) -> str:
+        """What tasks wait for now; empty for nothing."""
+        return self._why if self._token and self._clock() < self._ends_s else ""
+
+    def begin(self, why: str, for_s: float) -> str:
+        """Its token. Raises InvalidInput, and Conflict while there is another one."""
+        if not (math.isfinite(for_s) and 0 < for_s <= LONGEST_RESERVATION_S):
+            raise InvalidInput(
+                f"for_s is {for_s}; wanted more than 0 and at most {LONGEST_RESERVATION_S:g} s"
+            )
+        if not 0 < len(why) <= LONGEST_REASON:
+            raise InvalidInput(f"why has {len(why)} letters; wanted 1 to {LONGEST_REASON}")
+        if self.why:
+            raise Conflict(f"{self.why} at this moment; try again when that is over")
+        self._token, self._why = uuid.uuid4().hex, why
+        self._ends_s = self._clock() + for_s
+        return self._token
+
+    def end(self, token: str) -> None:
+        """Without effect for one that is over."""
+        if token == self._token:
+            self._token = ""
 
 
 class TaskReporter:

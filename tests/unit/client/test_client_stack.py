@@ -6,24 +6,40 @@ from pathlib import Path
 
 import pytest
 from helios_client.supervision.service_specs import ServiceSpecs
-from helios_core.agent_presets import AGENT_SETTINGS
+from helios_core.agent_presets import AGENT_NAMES, DEFAULT_AGENT, service_settings
+from helios_core.settings import ServiceSettings
+from helios_objectmap.settings import ObjectMapSettings
+from helios_planner.settings import Settings as PlannerSettings
+
+SETTINGS: dict[str, type[ServiceSettings]] = {
+    "planner": PlannerSettings,
+    "objectmap": ObjectMapSettings,
+}
 
 
-def flags_of(service: str, agent: str | None) -> dict[str, str]:
+def flags_of(service: str, agent: str | None) -> list[str]:
     """What the service's process is called with, after `python -m MODULE`."""
     specs = ServiceSpecs("sim", 7447, Path("state"), port=8080, agent=agent).specs()
-    (argv,) = (spec.argv[3:] for spec in specs if spec.name == service)
-    return dict(zip(argv[::2], argv[1::2], strict=True))
+    (flags,) = (spec.argv[3:] for spec in specs if spec.name == service)
+    return list(flags)
 
 
-@pytest.mark.parametrize("agent", AGENT_SETTINGS)
-def test_a_house_runs_with_the_settings_of_its_agent(agent: str) -> None:
-    assert flags_of("planner", agent)["--agent"] == agent
-    for name, value in AGENT_SETTINGS[agent].items():
-        service, field = name.split(".")
-        assert flags_of(service, agent)[f"--{field.replace('_', '-')}"] == str(value)
+@pytest.mark.parametrize("agent", [None, *AGENT_NAMES])
+@pytest.mark.parametrize("service", SETTINGS)
+def test_every_service_starts_with_the_settings_of_the_agent(
+    service: str, agent: str | None
+) -> None:
+    started = SETTINGS[service].load(flags_of(service, agent)).model_dump()
+    plain = SETTINGS[service](**{k: started[k] for k in ("router", "state_dir")}).model_dump()
+    own = service_settings(service, agent or DEFAULT_AGENT)
+    assert started == plain | {"agent": agent or DEFAULT_AGENT} | own
 
 
-def test_without_an_agent_nothing_is_set() -> None:
-    assert "--agent" not in flags_of("planner", None)
-    assert "--evidence" not in flags_of("objectmap", None)
+@pytest.mark.parametrize("service", SETTINGS)
+def test_a_slip_in_an_agents_name_is_refused_by_every_service(
+    service: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        SETTINGS[service].load(["--agent", "heliso"])
+    assert ended.value.code == 2
+    assert "choose one of helios, helios-paper" in capsys.readouterr().err

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from helios_core.agent_presets import service_settings
 from helios_core.settings import RobotNames, ServiceSettings, service_config
 from pydantic import Field, SecretStr
 
@@ -32,6 +33,50 @@ def test_a_flag_wins_over_the_environment_and_that_over_the_file(
     loaded = Settings.load(["--cell-m", "0.3"])
     assert loaded.cell_m == 0.3
     assert loaded.robot == "spot"
+
+
+def test_what_an_agent_needs_holds_where_nobody_says_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A flag wins over the environment, that over the file, that over the agent's preset, and that
+    over the default."""
+
+    class Planner(ServiceSettings):
+        model_config = service_config("planner")
+
+        agent: str = "helios"
+        tau_g: float = 0.5
+
+    file = tmp_path / "helios.toml"
+    file.write_text("[planner]\ntau_g = 0.1\n")
+    preset = service_settings("planner", "helios")["tau_g"]
+    assert Planner.load(["--agent", "helios-paper"]).tau_g == 0.5
+    assert Planner.load([]).tau_g == preset != 0.5
+    monkeypatch.setenv("HELIOS_CONFIG", str(file))
+    assert Planner.load([]).tau_g == 0.1
+    monkeypatch.setenv("HELIOS_PLANNER_TAU_G", "0.2")
+    assert Planner.load([]).tau_g == 0.2
+    assert Planner.load(["--tau-g", "0.3"]).tau_g == 0.3
+    assert Planner.load(["--tau-g", "0.5"]).tau_g == 0.5  # the default, since it was said
+
+
+@pytest.mark.parametrize("where", ["flag", "variable", "file"])
+def test_the_agent_whose_preset_holds_may_be_named_anywhere(
+    where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Planner(ServiceSettings):
+        model_config = service_config("planner")
+
+        agent: str = "helios-paper"
+        tau_g: float = 0.5
+
+    (tmp_path / "helios.toml").write_text("[planner]\nagent = 'helios'\n")
+    flags = ["--agent", "helios"] if where == "flag" else []
+    if where == "variable":
+        monkeypatch.setenv("HELIOS_PLANNER_AGENT", "helios")
+    if where == "file":
+        monkeypatch.setenv("HELIOS_CONFIG", str(tmp_path / "helios.toml"))
+    assert Planner.load(flags).tau_g == service_settings("planner", "helios")["tau_g"]
 
 
 @pytest.mark.parametrize("joined", [False, True])

@@ -136,7 +136,7 @@ def main(folder: Path) -> None:
     episodes += [episode(s, a, semantics="ground-truth")
                  for a in ("helios-paper", "trusting") for s in range(60)]  # fmt: skip
     write(folder, episodes)
-    run = {"command": "helios eval ovmm --agents helios-paper,trusting (SYNTHETIC: nothing was run)",
+    run = {"command": "helios eval ovmm --agents helios-paper (SYNTHETIC: nothing was run)",
            "machine": "no machine: synthetic", "started": "never", "wall_s": 0.0}  # fmt: skip
     (folder / "run.json").write_text(json.dumps(run))
     write_report(folder)

@@ -66,7 +66,7 @@ def test_settings_are_named_by_noise_and_by_what_differs():
     ])  # fmt: skip
     assert len(groups) == 4
     assert "noise ×1, no-objective, table ovmm-v1, objectmap.prior=default" in groups
-    assert "noise ×1, helios, table ovmm-v1, objectmap.prior=2.0" in groups
+    assert "noise ×1, helios-paper, table ovmm-v1, objectmap.prior=2.0" in groups
 
 
 def test_rows_tell_a_calibrated_setting_from_an_overconfident_one():
@@ -170,7 +170,7 @@ def test_wrong_folders_are_refused(tmp_path):
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
         append(tmp_path / name, record(7, (belief(1, True),)))
-    with pytest.raises(InvalidInput, match="seed 7 of helios lies in"):
+    with pytest.raises(InvalidInput, match="seed 7 of helios-paper lies in"):
         calibration([tmp_path / "a", tmp_path / "b"], tmp_path / "out")
     with pytest.raises(InvalidInput, match="no group has 20 beliefs"):
         calibration([tmp_path / "a"], tmp_path / "out")

@@ -32,19 +32,21 @@ def folder(path: Path, episodes: list[EpisodeRecord], command: str = "helios eva
 def paper(tmp_path: Path) -> list[Path]:
     """A folder for each table, as docs/results/README.md has them, in few homes."""
     homes = range(8)
+    both = ("helios-paper", "trusting")
+    stops = ("vlfm", "vlfm-helios-stop", "helios-paper")
     nav = {"benchmark": "objectnav", "shortest_path_m": 3.0}
     return [
-        folder(tmp_path / "noisy", [episode(s, a) for a in ("helios-paper", "trusting") for s in homes]),
+        folder(tmp_path / "noisy", [episode(s, a) for a in both for s in homes]),
         folder(tmp_path / "truth", [episode(s, a, semantics="ground-truth")
-                                    for a in ("helios-paper", "trusting") for s in homes]),
+                                    for a in both for s in homes]),
         folder(tmp_path / "fifty", [episode(s, "helios-5050") for s in homes]),
         folder(tmp_path / "sweeps", [episode(s, settings=SWEPT) for s in homes]),
         folder(tmp_path / "level", [
             episode(s, a, noise=NOISE.model_copy(update={"level": 2.0}))
-            for a in ("helios-paper", "trusting") for s in homes
+            for a in both for s in homes
         ]),
         folder(tmp_path / "nav", [
-            episode(s, a, **nav) for a in ("vlfm", "vlfm-helios-stop", "helios-paper") for s in homes
+            episode(s, a, **nav) for a in stops for s in homes
         ], "helios eval objectnav"),
     ]  # fmt: skip
 
@@ -57,10 +59,10 @@ def test_several_folders_together_make_every_table_and_the_pairs(tmp_path: Path)
         assert any(title.startswith(f"Table {number}:") for title in titles), titles
     found = {f"{a.label} against {b.label}" for a, b in pairs(arms)}
     assert found >= {
-        "helios against trusting",
+        "helios-paper against trusting",
         "helios-paper · noise ×2 against trusting · noise ×2",
-        "helios against helios-5050",
-        "helios-paper · alpha_cs=0.1 against helios",
+        "helios-paper against helios-5050",
+        "helios-paper · alpha_cs=0.1 against helios-paper",
         "vlfm-helios-stop against vlfm",
         "helios-paper · ground truth against trusting · ground truth",
     }, found  # fmt: skip
@@ -102,7 +104,7 @@ def test_an_episode_that_went_differently_in_two_folders_is_named(tmp_path: Path
     same = folder(tmp_path / "same", [episode(1, wall_s=9.0, commit="another")])
     assert len(merge_runs.episodes([one, same])) == 2
     other = folder(tmp_path / "other", [episode(1, steps=3)])
-    with pytest.raises(InvalidInput, match="seed 1 of helios went differently"):
+    with pytest.raises(InvalidInput, match="seed 1 of helios-paper went differently"):
         merge_runs.episodes([one, other])
 
 

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 KEPT = FailureSnapshot(
-    key="ovmm|helios|noisy|demo-v1|7||{}", agent="helios-paper", semantics="noisy", seed=7,
+    key="ovmm|helios-paper|noisy|demo-v1|7||{}", agent="helios-paper", semantics="noisy", seed=7,
     instruction="Move the mug",
     cause="object not found", message="nowhere",
     occupancy=np.array([[-1, 0, 100], [0, 0, 0]], np.int8), origin_m=(-1.5, 2.0), cell_m=0.025,
@@ -28,7 +28,7 @@ KEPT = FailureSnapshot(
 def test_a_keepsake_comes_back_as_it_was(tmp_path: Path) -> None:
     path = failure_snapshot.save(tmp_path, KEPT)
     assert path.parent == tmp_path / "failed"
-    assert path.name.startswith("helios-noisy-7-")
+    assert path.name.startswith("helios-paper-noisy-7-")
     assert failure_snapshot.all_of(tmp_path) == [path]
     back = failure_snapshot.load(path)
     np.testing.assert_array_equal(back.occupancy, KEPT.occupancy)

@@ -195,7 +195,7 @@ def test_a_run_goes_on_from_another_commit_and_the_report_says_who_played_what(
     merge_runs.pack(tmp_path, [record(0, noise=NOISE, commit="first")], {})
     run(asked(tmp_path, 2, ("helios-paper",)), quiet())
     assert stage.played == [(1, "helios-paper")]
-    assert "helios 1 by first, 1 by c" in (tmp_path / "report.md").read_text()
+    assert "helios-paper 1 by first, 1 by c" in (tmp_path / "report.md").read_text()
 
 
 # --- the folder -----------------------------------------------------------------------------------

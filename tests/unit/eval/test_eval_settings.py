@@ -87,13 +87,13 @@ def test_agents_and_presets_are_known_by_name() -> None:
 
 
 def test_names_are_taken_in_any_case_each_once() -> None:
-    assert episode_spec.check_agents(["HELIOS", "helios-paper", "Trusting"], "ovmm") == [
+    assert episode_spec.check_agents(["HELIOS-Paper", "helios-paper", "Trusting"], "ovmm") == [
         "helios-paper",
         "trusting",
     ]
     assert home_presets.check_kind("Demo_V1") == "demo-v1"
     under = checked(
-        ["Helios"], "ovmm", semantics="Ground-Truth", preset="DEMO-v1", table=None, level=1.0,
+        ["Helios-Paper"], "ovmm", semantics="Ground-Truth", preset="DEMO-v1", table=None, level=1.0,
         correlation=None, sensor="none", assignments=[], max_steps=None,
     )  # fmt: skip
     assert (under.agents, under.semantics, under.preset) == (

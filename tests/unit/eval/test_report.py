@@ -223,7 +223,7 @@ def test_a_run_that_was_cut_short_says_what_is_missing(tmp_path):
     markdown = (tmp_path / "report.md").read_text()
     assert "Not complete: 1 of the 4 episodes" in markdown
     assert re.search(r"trusting .*\*\*1\*\* \(of 2\)", markdown)
-    assert "the same homes (helios 2, trusting 1; 1 home in common)" in markdown
+    assert "the same homes (helios-paper 2, trusting 1; 1 home in common)" in markdown
     write(tmp_path, there, pictures=False)
     write_report(tmp_path)
     markdown = (tmp_path / "report.md").read_text()

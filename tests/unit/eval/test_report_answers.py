@@ -93,7 +93,7 @@ def test_a_short_run_against_a_long_one_is_whole_when_it_is() -> None:
         order(["helios-paper"], 200), order(["helios-paper"], HOMES, settings=idea),
     )  # fmt: skip
     (found,) = tables[IDEAS].rows
-    assert told(found)[0] == "helios · new=True"
+    assert told(found)[0] == "helios-paper · new=True"
     assert (told(found)[-2], found.cells[-2].note) == (str(HOMES), "")
     assert "SR better" in told(found)[-1]
     assert "so far" not in told(found)[-1]
@@ -117,7 +117,7 @@ def test_ideas_are_what_the_paper_has_not() -> None:
         *wins("helios-paper", 20, settings=swept), *wins("helios-paper", 20, settings=new),
         *wins("helios-paper", 20, settings={"max_steps": 100}),
     ])  # fmt: skip
-    assert [told(r)[0] for r in tables[IDEAS].rows] == ["helios", "helios · tau_g=0.4"]
+    assert [told(r)[0] for r in tables[IDEAS].rows] == ["helios", "helios-paper · tau_g=0.4"]
 
 
 def test_the_primary_claim_is_asked_again_under_every_other_noise() -> None:

@@ -27,5 +27,7 @@ def test_one_more_is_named() -> None:
 def test_rows_that_would_be_called_alike_name_all() -> None:
     first = {f"planner.{name}": 1 for name in "abcd"}
     assert labels({}, first, first | {"planner.d": 2}) == {
-        "helios-paper", "helios-paper · a=1 · b=1 · c=1 · d=1", "helios-paper · a=1 · b=1 · c=1 · d=2"
-    }  # fmt: skip
+        "helios-paper",
+        "helios-paper · a=1 · b=1 · c=1 · d=1",
+        "helios-paper · a=1 · b=1 · c=1 · d=2",
+    }

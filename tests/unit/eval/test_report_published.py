@@ -94,8 +94,11 @@ def test_labels_say_what_differs_and_no_more():
                     episode(0, "helios-paper", settings={"a": 1}),
                     episode(0, "helios-paper", semantics="ground-truth")])  # fmt: skip
     assert {a.label for a in many} == {
-        "helios-paper", "helios-paper · noise ×2", "helios-paper · a=1", "helios-paper · ground truth"
-    }  # fmt: skip
+        "helios-paper",
+        "helios-paper · noise ×2",
+        "helios-paper · a=1",
+        "helios-paper · ground truth",
+    }
 
 
 def test_a_swept_arm_differs_in_that_setting_alone():

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import pytest
 from fastapi.testclient import TestClient
 from helios_client.answer_types import Task
 from helios_core import proto as pb
 from helios_core.errors import Internal
+from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.task_states import ENDED, TASK_STATES, TaskState
 from helios_core.topics import GET_TASK, SUBMIT
+from helios_planner.service import PlannerService
+from helios_planner.settings import Settings as PlannerSettings
 from helios_planner.task import State
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -192,6 +196,21 @@ def test_a_service_that_is_away_is_a_503_and_a_fault_of_its_own_a_500(
     MemoryBus(hub).serve(SUBMIT, fault)
     response = client.post("/v1/tasks", json={"instruction": INSTRUCTION})
     assert is_problem(response, 500) == "the planner's disk is full"
+
+
+def test_a_task_for_an_agent_that_nothing_was_started_for_is_a_409_with_the_command(
+    hub: MemoryHub, client: TestClient, tmp_path: Path
+) -> None:
+    settings = PlannerSettings(state_dir=tmp_path, agent="helios")
+    planner = PlannerService(MemoryBus(hub), settings, Health())
+    try:
+        asked = {"instruction": INSTRUCTION, "agent": "helios-paper"}
+        detail = is_problem(client.post("/v1/tasks", json=asked), 409)
+        assert "helios up --agent helios-paper" in detail
+        assert "or submit the task for agent 'helios'" in detail
+        assert client.get("/v1/tasks").json()["tasks"] == []
+    finally:
+        planner.close()
 
 
 def test_a_late_answer_is_a_504(hub: MemoryHub, backend: Backend, client: TestClient) -> None:

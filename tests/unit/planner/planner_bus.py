@@ -32,7 +32,8 @@ def lose_patience_soon(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def hasty(state_dir: Path, **settings: Any) -> Settings:
     """Settings of a planner that waits for nobody for long."""
-    return Settings(state_dir=state_dir, ack_timeout_s=0.4, away_s=0.4, **settings)
+    given = {"agent": "helios-paper", **settings}  # its settings are the defaults
+    return Settings(state_dir=state_dir, ack_timeout_s=0.4, away_s=0.4, **given)
 
 
 @pytest.fixture

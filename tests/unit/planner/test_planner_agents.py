@@ -71,7 +71,7 @@ def test_every_name_is_one_of_an_agent() -> None:
 
 
 def test_an_agent_that_there_is_not_is_refused_with_the_names() -> None:
-    with pytest.raises(InvalidInput, match=r"choose one of helios-paper, .*trusting"):
+    with pytest.raises(InvalidInput, match=r"choose one of helios, helios-paper, .*trusting"):
         agent_named("clever")
 
 

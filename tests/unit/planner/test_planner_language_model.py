@@ -9,7 +9,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 from helios_core.errors import InvalidInput
-from helios_planner.instruction.language_model import LanguageModel, parse_with_help
+from helios_planner.instruction.language_model import LanguageModel
+from helios_planner.instruction.parser import parse_with_help
 from helios_planner.settings import Settings
 from pydantic import SecretStr, ValidationError
 

@@ -120,7 +120,7 @@ def test_with_nothing_left_to_search_what_is_held_is_put_where_it_is_likeliest_t
     doubtful = counter()
     doubtful.rate = 0.4
     world = flat([coffee_table(), doubtful, mug()])
-    said = Mission(world, parse(MOVE), Settings()).run()
+    said = Mission(world, parse(MOVE), Settings(agent="helios-paper")).run()
     assert world.released is world.things[3]
     assert "no surer counter was found than this one (0." in said
     (at_last,) = [d for d in world.decisions if d.settings.get("threshold") == ANY_SCORE]
@@ -139,11 +139,11 @@ def test_with_nothing_left_to_search_the_likeliest_thing_is_brought_unless_only_
         return flat([coffee_table(), counter(), doubtful])
 
     bold, shy = world(), world()
-    said = Mission(bold, parse(MOVE), Settings()).run()
+    said = Mission(bold, parse(MOVE), Settings(agent="helios-paper")).run()
     assert bold.released is bold.things[3]
     assert "no surer mug was found than this one (0." in said
     with pytest.raises(TaskFailed) as failure:
-        Mission(shy, parse(MOVE), Settings(pick_at_last=1, rounds=1)).run()
+        Mission(shy, parse(MOVE), Settings(agent="helios-paper", pick_at_last=1, rounds=1)).run()
     assert failure.value.cause is Cause.OBJECT_NOT_FOUND
     assert shy.picks == 0
 
@@ -152,7 +152,11 @@ def test_who_is_asked_to_find_a_thing_shows_no_doubtful_one() -> None:
     doubtful = mug()
     doubtful.rate = 0.4
     with pytest.raises(TaskFailed) as failure:
-        Mission(flat([coffee_table(), doubtful]), parse("find the mug"), Settings(rounds=1)).run()
+        Mission(
+            flat([coffee_table(), doubtful]),
+            parse("find the mug"),
+            Settings(agent="helios-paper", rounds=1),
+        ).run()
     assert failure.value.cause is Cause.OBJECT_NOT_FOUND
 
 
@@ -160,7 +164,9 @@ def test_who_is_sent_to_a_place_does_not_settle_for_another() -> None:
     doubtful = counter()
     doubtful.rate = 0.4
     with pytest.raises(TaskFailed) as failure:
-        Mission(flat([doubtful]), parse("go to the counter"), Settings(rounds=1)).run()
+        Mission(
+            flat([doubtful]), parse("go to the counter"), Settings(agent="helios-paper", rounds=1)
+        ).run()
     assert failure.value.cause is Cause.RECEPTACLE_NOT_FOUND
 
 

@@ -8,7 +8,7 @@ import pytest
 from helios_core import proto as pb
 from helios_core.errors import Conflict, InvalidInput
 from helios_core.topics import CANCEL, RESERVE, TASK
-from helios_planner.tasks.reservation import LONGEST_S, Reservation
+from helios_planner.tasks.registry import LONGEST_RESERVATION_S, Reservation
 from planner_bus import Start, ended, submit, task
 
 from tests.support import wait_until
@@ -60,7 +60,9 @@ def test_a_reservation_that_is_not_ended_ends_by_itself() -> None:
     assert reservation.why == "b"
 
 
-@pytest.mark.parametrize("for_s", [0.0, -1.0, float("nan"), float("inf"), LONGEST_S + 1])
+@pytest.mark.parametrize(
+    "for_s", [0.0, -1.0, float("nan"), float("inf"), LONGEST_RESERVATION_S + 1]
+)
 def test_a_reservation_without_a_sensible_end_is_refused(for_s: float) -> None:
     with pytest.raises(InvalidInput, match="for_s is"):
         Reservation().begin("a", for_s)

@@ -9,9 +9,7 @@ from helios_bridge.driver_loading import load_driver
 from helios_bridge.settings import Settings as BridgeSettings
 from helios_core.errors import InvalidInput
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.settings import ServiceSettings
 from helios_spot.settings import SpotSettings
-from pydantic import SecretStr
 
 
 @pytest.fixture(autouse=True)
@@ -75,14 +73,3 @@ def test_the_bridge_knows_spot_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HELIOS_SPOT_PASSWORD", "hunter2")
     settings = BridgeSettings(driver="spot", address="127.0.0.1")
     assert isinstance(load_driver(settings, MemoryBus(MemoryHub())), SpotDriver)
-
-
-def test_the_page_lists_every_setting_with_its_default() -> None:
-    page = (Path(__file__).parents[3] / "docs" / "how-to" / "spot.md").read_text()
-    for name, field in SpotSettings.model_fields.items():
-        if name in ServiceSettings.model_fields:
-            continue
-        hidden = isinstance(field.default, SecretStr) or field.default in (None, "")
-        default = "" if hidden else f"`{field.default}`"
-        row = f"| `{name}` | {default} | {field.description} |"
-        assert row in page, f"docs/how-to/spot.md lacks the row {row}"

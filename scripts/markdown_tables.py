@@ -1,0 +1,85 @@
+"""What the generated pages share: tables, units by name, and blocks kept in a committed page."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+# Ends of names, the longest first: `speed_m_s` is not in seconds.
+UNITS = {
+    "_per_cell": "1/cell", "_rad_s": "rad/s", "_per_m": "1/m", "_per_s": "1/s", "_m_s": "m/s",
+    "_cells": "cells", "_bytes": "bytes", "_steps": "steps", "_views": "views", "_rad": "rad",
+    "_min": "min", "_m2": "m²", "_ms": "ms", "_ns": "ns", "_mm": "mm", "_hz": "Hz", "_px": "px",
+    "_mb": "MB", "_m": "m", "_s": "s",
+}  # fmt: skip
+
+
+def unit_of(name: str) -> str:
+    """The unit that a name ends with; empty: none."""
+    return next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table, without the columns that are empty in each row."""
+    body = [[_cell(cell) for cell in row] for row in rows]
+    kept = [i for i, name in enumerate(head) if not body or any(row[i] for row in body) or not name]
+    lines = [[head[i] for i in kept], ["---"] * len(kept)]
+    lines += [[row[i] for i in kept] for row in body]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+def code(text: str) -> str:
+    """As code within Markdown; empty text stays empty."""
+    return f"`{text}`" if text else ""
+
+
+def sentence(text: str) -> str:
+    """With a capital at its start, unless a name stands there, and a full stop at its end."""
+    text = " ".join(text.split())
+    first = text.split(" ")[0].rstrip(":,;")
+    if first.isalpha() and first.islower():
+        text = text[0].upper() + text[1:]
+    return text if not text or text[-1] in ".!?…" else f"{text}."
+
+
+def plain(text: str) -> str:
+    """Text that Markdown shows as it is: `<x>`, `*`, `_` and `[` mean nothing in it."""
+    parts = re.split(r"(`[^`]*`)", text)
+    return "".join(
+        p if p.startswith("`") else re.sub(r"([<>*_\[\]\\{}])", r"\\\1", p) for p in parts
+    )
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A generated part of a committed page, between two marks that name its script."""
+
+    page: Path
+    name: str  # what it holds, in the marks
+    script: str
+    made: Callable[[], str]
+
+    def fresh(self, page: str) -> str:
+        """The page with the block as it should be. Raises ValueError without the marks."""
+        begin, end = f"<!-- {self.name}: {self.script} -->\n", f"<!-- end of {self.name} -->\n"
+        start, stop = page.index(begin) + len(begin), page.index(end)
+        return f"{page[:start]}\n{self.made()}\n{page[stop:]}"
+
+    def main(self) -> None:
+        """Write it; with `--check` exit 1 if the page is stale."""
+        parser = argparse.ArgumentParser(description=f"Write the {self.name} into {self.page.name}")
+        parser.add_argument("--check", action="store_true", help="change nothing; exit 1 if stale")
+        page = self.page.read_text()
+        if not parser.parse_args().check:
+            self.page.write_text(self.fresh(page))
+        elif self.fresh(page) != page:
+            sys.exit(f"the {self.name} of {self.page.name} are stale; run {self.script}")

@@ -1,0 +1,47 @@
+"""Sphinx extension: writes the long parts of the reference when the site is built.
+
+A page holds a mark such as `<!-- written by make docs: settings -->`; the part takes its place.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+from sphinx.application import Sphinx
+from sphinx.errors import ExtensionError
+
+from scripts import page_of_commands, page_of_http, page_of_messages, page_of_sdk, page_of_settings
+
+MARK = re.compile(r"<!-- written by make docs: (\S+) -->\n")
+PARTS: dict[str, tuple[str, Callable[[], str]]] = {  # name -> page that holds the mark, its maker
+    "settings": ("reference/settings", page_of_settings.page),
+    "options": ("reference/command-line", page_of_commands.options),
+    "errors": ("reference/http-api", page_of_http.errors),
+    "details": ("reference/http-api", page_of_http.details),
+    "messages": ("reference/wire-contract", page_of_messages.messages),
+    "methods": ("reference/python-sdk", page_of_sdk.methods),
+}
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    app.connect("source-read", _write)
+    app.connect("env-get-outdated", lambda *_: sorted({page for page, _ in PARTS.values()}))
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _write(app: Sphinx, page: str, source: list[str]) -> None:
+    source[0] = written(page, source[0])
+
+
+def written(page: str, text: str) -> str:
+    """The page with its parts. Raises ExtensionError for a mark that is missing or unknown."""
+    wanted = {name for name, (of, _) in PARTS.items() if of == page}
+    found = MARK.findall(text)
+    if sorted(found) != sorted(wanted):
+        raise ExtensionError(
+            f"{page} has marks for {found}, wanted one for each of {sorted(wanted)}; write "
+            "<!-- written by make docs: NAME --> where the part belongs"
+        )
+    return MARK.sub(lambda mark: PARTS[mark[1]][1](), text)

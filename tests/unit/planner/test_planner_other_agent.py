@@ -1,0 +1,100 @@
+"""A task for an agent that the services were not started for is refused with what helps."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from helios_core import proto as pb
+from helios_core.errors import Conflict
+from helios_core.health import Health
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import LIST_TASKS, settings_method
+from helios_planner.service import PlannerService
+from planner_bus import Start, ended, hasty, submit
+from planner_flat import flat_with_mug
+from planner_peers import Peers
+
+OWN = "helios_examples.left_first:agent"
+
+
+def object_map_for(peers: Peers, told: str) -> None:
+    """An object map whose settings are this JSON."""
+    peers.bus.serve(settings_method("objectmap"), lambda _: pb.SettingsReply(json=told))
+
+
+def started_for(agent: str) -> str:
+    return json.dumps({"agent": {"value": agent}})
+
+
+@pytest.mark.parametrize("started", ["helios", "helios-paper"])
+def test_the_refusal_names_the_command_and_the_agent_that_can_have_the_task(
+    started: str, start: Start
+) -> None:
+    other = "helios-paper" if started == "helios" else "helios"
+    _, bus, peers = start(agent=started)
+    object_map_for(peers, started_for(started))
+    with pytest.raises(Conflict) as refusal:
+        submit(bus, agent=other)
+    assert refusal.value.message == (
+        f"agent '{other}' needs other settings: the planner was started for '{started}' and the "
+        f"object map was started for '{started}'; start the services with helios up --agent "
+        f"{other}, or submit the task for agent '{started}'"
+    )
+    assert not bus.call(LIST_TASKS, pb.Empty(), 5).tasks
+    assert submit(bus, agent=started).agent == started
+
+
+def test_an_object_map_that_was_started_for_another_agent_than_the_planner_is_named(
+    start: Start,
+) -> None:
+    _, bus, peers = start(agent="helios")
+    object_map_for(peers, started_for("helios-paper"))
+    with pytest.raises(
+        Conflict, match=r"the object map was started for .*'helios-paper'"
+    ) as refusal:
+        submit(bus)
+    assert "or submit" not in refusal.value.message  # no agent can have it
+    assert "the planner was" not in refusal.value.message
+
+
+@pytest.mark.parametrize("agent", ["trusting", "vlfm", "helios-5050", OWN])
+def test_agents_with_the_same_settings_serve_one_another(agent: str, start: Start) -> None:
+    _, bus, peers = start(agent="helios-paper", agents_of_tasks="any")
+    object_map_for(peers, started_for(agent))
+    assert submit(bus, agent=agent).agent == agent
+
+
+def test_an_agent_of_another_package_runs_with_the_defaults(start: Start) -> None:
+    _, bus, _ = start(agent="helios", agents_of_tasks="any")
+    with pytest.raises(Conflict, match=f"helios up --agent {OWN}"):
+        submit(bus, agent=OWN)
+
+
+def test_a_task_that_waited_while_the_planner_was_started_for_another_agent_fails_with_the_words(
+    tmp_path: Path,
+) -> None:
+    """It had no robot yet, so it was still queued when its planner died."""
+    hub = MemoryHub()
+    died = PlannerService(MemoryBus(hub), hasty(tmp_path, agent="helios"), Health())
+    id = submit(MemoryBus(hub)).id
+    hub = MemoryHub()
+    again = PlannerService(MemoryBus(hub), hasty(tmp_path, agent="helios-paper"), Health())
+    Peers(hub, flat_with_mug())
+    try:
+        told = ended(MemoryBus(hub), id)
+        assert (told.state, told.cause, told.steps) == ("failed", "system error", 0)
+        assert "helios up --agent helios" in told.message
+        assert submit(MemoryBus(hub)).agent == "helios-paper"
+    finally:
+        again.close()
+        died.close()
+
+
+@pytest.mark.parametrize("told", ["", "no JSON", "[]", "{}", '{"agent": 3}', '{"agent": {}}'])
+def test_an_object_map_that_does_not_say_its_agent_refuses_nothing(told: str, start: Start) -> None:
+    """One of an older release, or one that is away; the planner's own settings still count."""
+    _, bus, peers = start(agent="helios")
+    object_map_for(peers, told)
+    assert submit(bus).agent == "helios"
